@@ -1,0 +1,13 @@
+"""Thermal bias of precise instruments: learn it from a log, remove it, and find what is still missing."""
+
+from .estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
+from .records import RecordError, RecordWarning
+
+__version__ = "0.1.0"
+__all__ = [
+    "DiffusiveFeatures",
+    "DynamicBiasRegressor",
+    "MergedRidge",
+    "RecordError",
+    "RecordWarning",
+]

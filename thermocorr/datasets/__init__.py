@@ -1,0 +1,17 @@
+"""Records to try things on: simulated by heat conduction with a known truth, and measured ones."""
+
+from ._devices import Device
+from ._heat import HeatStack, Layer
+from ._real import list_real_records, load_real_record
+from ._simulated import make_record
+from ._voltage import load_voltage_reference
+
+__all__ = [
+    "Device",
+    "HeatStack",
+    "Layer",
+    "list_real_records",
+    "load_real_record",
+    "load_voltage_reference",
+    "make_record",
+]

@@ -1,0 +1,238 @@
+"""Simulated records with a known truth, for tests, examples and benchmarks."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, NamedTuple, overload
+
+import numpy as np
+import pandas as pd
+
+from ._checks import check_choice, check_float, check_int
+from ._climate import TEMPERATURES, air_pressure, outdoor_humidity, room_humidity, supply_voltage
+from ._compose import coloured_noise as make_coloured_noise
+from ._compose import compose_reading, stream, truth_frame
+from ._devices import DEVICE_NAMES, Device, make_device
+from ._propagate import Array
+
+_BASE = 250.0  # [ppm]
+_SENSITIVITY = 10.0  # [ppm/K]
+_REFERENCE_TEMPERATURES = {"lab": 22.5, "outdoor": 12.0, "chamber": 25.0}  # [degC]
+_PAUSE = 86_400.0  # [s] between runs
+_UNITS = {"temperature": "degC", "humidity": "%", "pressure": "hPa", "supply": "V", "reading": "ppm"}
+
+
+class _Noise(NamedTuple):
+    white: float
+    coloured: tuple[float, float] | None
+
+
+@overload
+def make_record(
+    n: int = ...,
+    *,
+    sampling_period: float = ...,
+    setting: str = ...,
+    device: str = ...,
+    noise: float = ...,
+    coloured_noise: tuple[float, float] | None = ...,
+    nonlinearity: float = ...,
+    initial_offset: float = ...,
+    irregular: float = ...,
+    gaps: int = ...,
+    runs: int = ...,
+    start: str | pd.Timestamp = ...,
+    seed: int = ...,
+    return_truth: Literal[False] = ...,
+) -> pd.DataFrame: ...
+@overload
+def make_record(
+    n: int = ...,
+    *,
+    sampling_period: float = ...,
+    setting: str = ...,
+    device: str = ...,
+    noise: float = ...,
+    coloured_noise: tuple[float, float] | None = ...,
+    nonlinearity: float = ...,
+    initial_offset: float = ...,
+    irregular: float = ...,
+    gaps: int = ...,
+    runs: int = ...,
+    start: str | pd.Timestamp = ...,
+    seed: int = ...,
+    return_truth: Literal[True],
+) -> tuple[pd.DataFrame, pd.DataFrame]: ...
+def make_record(
+    n: int = 20_000,
+    *,
+    sampling_period: float = 60.0,
+    setting: str = "lab",
+    device: str = "layered",
+    noise: float = 0.2,
+    coloured_noise: tuple[float, float] | None = None,
+    nonlinearity: float = 0.0,
+    initial_offset: float = 0.0,
+    irregular: float = 0.0,
+    gaps: int = 0,
+    runs: int = 1,
+    start: str | pd.Timestamp = "2024-03-04",
+    seed: int = 0,
+    return_truth: bool = False,
+) -> pd.DataFrame | tuple[pd.DataFrame, pd.DataFrame]:
+    """Make a record of a simulated device, by heat conduction through its layers.
+
+    Parameters
+    ----------
+    n : int, default=20000
+        Number of rows of each run.
+    sampling_period : float, default=60.0
+        Time between samples [s]. Typical are 60 s in the lab, 600 s outdoors and 30 s in the chamber.
+    setting : {"lab", "outdoor", "chamber"}, default="lab"
+        Days, weekends and air conditioning; season, weather and days; a staircase of ramps and plateaus.
+    device : {"slab", "plate", "layered", "box"}, default="layered"
+        Block of resin (half an hour), ceramic plate (minutes), package with a base behind insulation (a
+        minute and an hour), instrument in a lagged box (minutes and hours).
+    noise : float, default=0.2
+        Standard deviation of the white noise [ppm]; the static sensitivity is 10 ppm/K.
+    coloured_noise : tuple of (float, float), optional
+        Standard deviation [ppm] and correlation time [s] of an autoregressive noise of first order.
+    nonlinearity : float, default=0.0
+        Curvature of the sensitivity to the innermost layer [1/K]; it makes static curvature and lag products.
+    initial_offset : float, default=0.0
+        Temperature of the device above that of the air when a run starts [K]; 0.0 is equilibrium.
+    irregular : float, default=0.0
+        Jitter of the sample times, as a share of a step, in [0.0, 1.0).
+    gaps : int, default=0
+        Number of gaps in each run. The device goes on following the air in a gap.
+    runs : int, default=1
+        Number of runs, a day apart, each with its own history and start; more than one adds the column "run".
+    start : str or Timestamp, default="2024-03-04"
+        Time of the first sample.
+    seed : int, default=0
+        Seed. Climate, noise, each recorded column and the sample times have their own streams, so that for
+        example another `noise` leaves the temperature as it was.
+    return_truth : bool, default=False
+        Whether to return the parts of the reading as well.
+
+    Returns
+    -------
+    record : DataFrame of shape (n * runs, 5 or 6)
+        Columns temperature [degC], humidity [%], pressure [hPa], supply [V] and reading [ppm], and run (1,
+        2, ...) if `runs` is above 1; a DatetimeIndex named "time". Humidity, pressure and supply play no
+        part in the reading. In the chamber they are those of the room around it.
+    truth : DataFrame of shape (n * runs, 3 or more)
+        Only if `return_truth`. Columns noise_free, device, one per further contribution, and noise [ppm];
+        noise_free + noise is the reading. `truth.attrs` holds "noise" [ppm], "base" [ppm] and "device", a
+        dictionary with the layers, "time_constants" [s] and "lag_coefficients" [ppm/K] of the device.
+    """
+    who = "make_record"
+    n, gaps, runs, seed = (
+        check_int(who, label, value, low)
+        for label, value, low in (("n", n, 2), ("gaps", gaps, 0), ("runs", runs, 1), ("seed", seed, 0))
+    )
+    sampling_period = check_float(who, "sampling_period", sampling_period, "(0.0, inf)")
+    check_choice(who, "setting", setting, tuple(TEMPERATURES))
+    check_choice(who, "device", device, DEVICE_NAMES)
+    noises = _Noise(check_float(who, "noise", noise, "[0.0, inf)"), _checked_coloured(coloured_noise))
+    nonlinearity = check_float(who, "nonlinearity", nonlinearity, "(-inf, inf)")
+    initial_offset = check_float(who, "initial_offset", initial_offset, "(-inf, inf)")
+    irregular = check_float(who, "irregular", irregular, "[0.0, 1.0)")
+    if gaps > n - 1:
+        raise ValueError(
+            f"The 'gaps' parameter of make_record must be at most n - 1 = {n - 1}. Got {gaps} instead."
+        )
+
+    body = make_device(
+        device,
+        sensitivity=_SENSITIVITY,
+        nonlinearity=nonlinearity,
+        reference_temperature=_REFERENCE_TEMPERATURES[setting],
+    )
+    records, truths, first = [], [], pd.Timestamp(start)
+    for run in range(runs):
+        grid, kept = _sample_times(stream(seed, run, "times"), n, sampling_period, irregular, gaps)
+        columns, parts = _simulate_run(body, setting, grid, first, noises, initial_offset, seed, run)
+        index = pd.DatetimeIndex(first + pd.to_timedelta(grid[kept], unit="s"), name="time")
+        labels = {"run": np.full(n, run + 1)} if runs > 1 else {}
+        records.append(
+            pd.DataFrame({**labels, **{name: column[kept] for name, column in columns.items()}}, index)
+        )
+        truths.append(truth_frame({name: part[kept] for name, part in parts.items()}, index, {}))
+        first = index[-1].round("s") + pd.Timedelta(seconds=_PAUSE)
+    record, truth = pd.concat(records), pd.concat(truths)
+    record.attrs = {
+        "units": dict(_UNITS),
+        "noise": noises.white,
+        "reading": "reading",
+        "temperature": "temperature",
+        "description": f"Simulated {device!r} device, setting {setting!r}.",
+    }
+    truth.attrs = {"noise": noises.white, "base": _BASE, "device": body.parameters()}
+    return (record, truth) if return_truth else record
+
+
+def _simulate_run(
+    device: Device,
+    setting: str,
+    time: Array,
+    start: pd.Timestamp,
+    noises: _Noise,
+    initial_offset: float,
+    seed: int,
+    run: int,
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Columns of one run and the parts of its reading, at every time of the grid [s]."""
+    clock = (start - start.normalize()).total_seconds()
+    air = TEMPERATURES[setting](stream(seed, run, "temperature"), time, start.weekday(), clock)
+    humidity_rng = stream(seed, run, "humidity")
+    if setting == "outdoor":
+        humidity = outdoor_humidity(humidity_rng, time, air)
+    else:
+        room = air if setting == "lab" else np.full_like(air, _REFERENCE_TEMPERATURES["lab"])
+        humidity = room_humidity(humidity_rng, time, room)
+    columns = {
+        "temperature": air,
+        "humidity": humidity,
+        "pressure": air_pressure(stream(seed, run, "pressure"), time),
+        "supply": supply_voltage(stream(seed, run, "supply"), time),
+    }
+    contributions: dict[str, Array] = {}
+    if noises.coloured is not None:
+        rng = stream(seed, run, "coloured_noise")
+        contributions["coloured_noise"] = make_coloured_noise(rng, time, *noises.coloured)
+    white = noises.white * stream(seed, run, "noise").standard_normal(time.size)
+    response = device.respond(time, air, initial_offset)
+    columns["reading"], parts = compose_reading(response, contributions, white, _BASE)
+    return columns, parts
+
+
+def _sample_times(
+    rng: np.random.Generator, n: int, sampling_period: float, irregular: float, gaps: int
+) -> tuple[Array, np.ndarray[Any, np.dtype[np.intp]]]:
+    """Draw the times of all samples, gaps filled [s], and the positions of the n that are kept."""
+    lost = np.zeros(n, dtype=np.intp)
+    if gaps:
+        before = rng.choice(np.arange(1, n), gaps, replace=False)
+        lost[before] = rng.integers(max(5, n // 200), max(10, n // 50), gaps, endpoint=True)
+    kept = np.arange(n) + np.cumsum(lost)
+    steps = np.arange(kept[-1] + 1, dtype=float)
+    if irregular:
+        steps += irregular * rng.uniform(-0.5, 0.5, steps.size)
+    times = np.round(sampling_period * (steps - steps[0]), 6)
+    return times, kept
+
+
+def _checked_coloured(value: Any) -> tuple[float, float] | None:
+    if value is None:
+        return None
+    try:
+        deviation, correlation_time = value
+    except (TypeError, ValueError):
+        raise ValueError(
+            "The 'coloured_noise' parameter of make_record must be None or a tuple (standard deviation "
+            f"[ppm], correlation time [s]). Got {value!r} instead."
+        ) from None
+    return (
+        check_float("make_record", "coloured_noise[0]", deviation, "[0.0, inf)"),
+        check_float("make_record", "coloured_noise[1]", correlation_time, "(0.0, inf)"),
+    )

@@ -1,0 +1,106 @@
+"""One walk through a record: every effect fills its columns of each block, states handed on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..records import BLOCK_ROWS, Block, History, Record, Segment, SegmentStart
+from .protocol import Effect
+
+
+class Walked(NamedTuple):
+    """Columns of one block."""
+
+    block: Block
+    columns: np.ndarray
+    """Shape (n, p), Fortran order; the walk does not touch it again."""
+    states: list[Any]
+    """State of each effect after the block."""
+
+
+def own_starts(record: Record) -> dict[int, SegmentStart]:
+    """Starts of a record that is being fitted: each segment is its own."""
+    return {key: SegmentStart(key, record.stamp(segment.start), None) for key, segment in enumerate(record.segments)}
+
+
+def walk(
+    effects: Sequence[Effect],
+    record: Record,
+    *,
+    zero: float | None = None,
+    starts: dict[int, SegmentStart] | None = None,
+    states: dict[int, list[Any]] | None = None,
+    size: int = BLOCK_ROWS,
+    extra: int = 0,
+) -> Iterator[Walked]:
+    """Columns of all effects, block by block in time order.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+        Learned effects.
+    record : Record
+        What to walk through.
+    zero, starts : see `Record.blocks`
+        How the record hangs on the fitted one.
+    states : dict of segment number -> list of states
+        Where to start; segments that are not in it start afresh.
+    size : int
+        Rows of a block.
+    extra : int
+        Free columns to leave on either side of the effects' own: 1 makes room for the leading 1 and the reading.
+    """
+    widths = [len(effect.names()) for effect in effects]
+    width = sum(widths)
+    current: list[Any] = []
+    for block in record.blocks(size, zero, starts):
+        if block.start == record.segments[block.segment].start:
+            current = list((states or {}).get(block.segment) or [None] * len(effects))
+        columns = np.empty((len(block), width + 2 * extra), order="F")
+        at = extra
+        for i, (effect, n_columns) in enumerate(zip(effects, widths, strict=True)):
+            part, current[i] = effect.columns(block, current[i])
+            part = np.asarray(part)
+            if part.shape != (len(block), n_columns) and not (part.ndim == 1 and n_columns == 1):
+                raise ValueError(
+                    f"{type(effect).__name__}.columns returned an array of shape {part.shape} for {len(block)} rows and "
+                    f"{n_columns} names. Return one row per sample and one column per name."
+                )
+            columns[:, at : at + n_columns] = part.reshape(len(block), n_columns)
+            at += n_columns
+        yield Walked(block, columns, current)
+
+
+def needed_columns(effects: Sequence[Effect]) -> list[Any]:
+    """Recorded columns that the effects read beside the temperature."""
+    return list(dict.fromkeys(name for effect in effects for name in effect.inputs()))
+
+
+def resume(
+    effects: Sequence[Effect], history: History, record: Record
+) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
+    """Tie a new record to the fitted one, and find the states with which its segments start."""
+    record, starts, replay = history.locate(record)
+    states: dict[int, list[Any]] = {}
+    for number, row in replay.items():
+        key = starts[number].key
+        if row is None:
+            states[number] = list(history.end_states[key])
+        else:
+            states[number] = _replay(effects, history, key, row)
+    return record, starts, states
+
+
+def _replay(effects: Sequence[Effect], history: History, key: int, row: int) -> list[Any]:
+    """States after the kept rows of fitted segment `key` that come before `row`."""
+    kept = history.record
+    segment = kept.segments[key]
+    part = Record(kept.times, kept.temperature_name, kept.columns, (Segment(segment.start, row, segment.run),))
+    start = {0: SegmentStart(key, kept.stamp(segment.start), None)}
+    states: list[Any] = []
+    for step in walk(effects, part, zero=history.zero, starts=start):
+        states = step.states
+    return states

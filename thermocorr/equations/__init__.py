@@ -1,0 +1,19 @@
+"""Floor 0: equations, on numpy and scipy alone. Start reading in `lags`."""
+
+from .lags import LagState, decay_and_gain, decays, equilibrium, lag_differences, paper_form
+from .leastsquares import RidgeSolution, TriangularFactor, solve_ridge
+from .statistics import moving_average, reduction_db
+
+__all__ = [
+    "LagState",
+    "RidgeSolution",
+    "TriangularFactor",
+    "decay_and_gain",
+    "decays",
+    "equilibrium",
+    "lag_differences",
+    "moving_average",
+    "paper_form",
+    "reduction_db",
+    "solve_ridge",
+]

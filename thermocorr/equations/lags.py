@@ -1,0 +1,177 @@
+"""First-order thermal lags: the recursion that everything else rests on, eqs. (17) (19) (25).
+
+A body of time constant ``tau`` follows the ambient temperature T by ``tau d(lagged)/dt = T - lagged``:
+eq. (17) in its unit-gain form. As printed, (17) and (25) have the steady state ``T tau`` [K s], from which
+(19) subtracts T [K]; the unit-gain form (``lagged = psi / tau``, steady state T) is the temperature that the
+paper plots. Linear fits span the same space either way; penalties, coefficients and products do not.
+
+The recursion runs on ``d = lagged - T`` itself, eq. (19) [K]: no reference temperature, no cancellation, and
+the same line for regular and irregular steps.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg.blas import dtbsv
+
+Floats = NDArray[np.float64]
+Hold = Literal["first_order", "zero_order"]
+
+
+class LagState(NamedTuple):
+    """What the lags carry from one sample, block or partition to the next."""
+
+    lag_difference: Floats
+    """``lag_difference[j]`` is lagged - T of time constant j at the last sample [K]."""
+    temperature: float
+    """Temperature at the last sample [K or degC]."""
+
+
+_SMALL_STEP = 0.01
+"""Step over time constant below which the series of the gain replaces the exponential."""
+
+
+def equilibrium(temperature: float, time_constants: ArrayLike) -> LagState:
+    """State of a device that has been at `temperature` for ever: no lag difference."""
+    return LagState(np.zeros(np.size(time_constants)), float(temperature))
+
+
+def decay_and_gain(steps: Floats, time_constant: float, hold: Hold = "first_order") -> tuple[Floats, Floats]:
+    """Factors a, g of one step: ``d_next = a d - g (T_next - T)``, eq. (25) written for d = lagged - T.
+
+    Parameters
+    ----------
+    steps : array of shape (n,)
+        Time from the previous sample to this one [s].
+    time_constant : float
+        [s].
+    hold : {"first_order", "zero_order"}
+        Temperature between samples: a straight line, or the earlier value. Both are exact for what they assume.
+
+    Returns
+    -------
+    decay, gain : arrays of shape (n,)
+        ``a = exp(-dt/tau)``; ``g = (1 - a) tau/dt`` for the first-order hold, 1 for the zero-order hold.
+    """
+    ratio = steps / time_constant
+    small = ratio < _SMALL_STEP  # here 1 - exp(-ratio) would lose digits, and its series needs no exponential
+    if small.all():
+        gain = _series_gain(ratio)
+        decay = 1.0 - ratio * gain
+    else:
+        decay = np.exp(-ratio)
+        gain = (1.0 - decay) / ratio
+        if small.any():
+            gain[small] = _series_gain(ratio[small])
+            decay[small] = 1.0 - ratio[small] * gain[small]
+    return decay, gain if hold == "first_order" else np.ones_like(decay)
+
+
+def _series_gain(ratio: Floats) -> Floats:
+    """(1 - exp(-r))/r for r < 0.01, to the last digit: 1 - r/2! + r^2/3! - ..."""
+    gain = np.full_like(ratio, 1.0)
+    for term in (6.0, 5.0, 4.0, 3.0, 2.0):
+        gain *= ratio
+        gain *= -1.0 / term
+        gain += 1.0
+    return gain
+
+
+def lag_differences(
+    temperature: Floats,
+    steps: Floats,
+    time_constants: Floats,
+    state: LagState | None = None,
+    *,
+    hold: Hold = "first_order",
+) -> tuple[Floats, LagState]:
+    """Lag differences Psi_j = lagged_j - T of eq. (19), state in, state out.
+
+    Parameters
+    ----------
+    temperature : array of shape (n,)
+        Ambient temperature at each sample [K or degC].
+    steps : array of shape (n,)
+        ``steps[k]`` is the time from the sample before k to sample k [s], > 0. ``steps[0]`` reaches back to the
+        sample that `state` describes; without a state it is not used.
+    time_constants : array of shape (J,)
+        [s], > 0.
+    state : LagState, optional
+        Where the previous block ended. None starts in equilibrium with ``temperature[0]``.
+    hold : {"first_order", "zero_order"}
+        Temperature between samples.
+
+    Returns
+    -------
+    lag_difference : array of shape (n, J), Fortran order
+        ``lag_difference[k, j]`` is what a body of time constant j feels at sample k, less T [K].
+    state : LagState
+        To continue with the next block: the result is the same to the last bit however a record is cut.
+    """
+    n, n_lags = len(temperature), len(time_constants)
+    if n == 0:
+        return np.empty((0, n_lags), order="F"), state or equilibrium(np.nan, time_constants)
+    if state is None:
+        state = equilibrium(temperature[0], time_constants)
+        steps = np.concatenate((np.ones(1), steps[1:]))  # T has not moved before sample 0: any step will do
+    change = np.empty(n)
+    change[0] = temperature[0] - state.temperature
+    np.subtract(temperature[1:], temperature[:-1], out=change[1:])
+
+    # The recursion is a unit lower bidiagonal system, solved in place column by column; row 0 is the state.
+    regular = n > 1 and bool((steps[1:] == steps[1]).all())
+    columns = np.empty((n + 1, n_lags), order="F")
+    band = np.empty((2, n + 1), order="F")  # row 1 is the subdiagonal, - a
+    for j, time_constant in enumerate(time_constants):
+        column = columns[:, j]
+        if regular:
+            decay, gain = decay_and_gain(steps[:2], time_constant, hold)
+            band[1, 1:n] = -decay[1]
+            np.multiply(change[1:], -gain[1], out=column[2:])
+        else:
+            decay, gain = decay_and_gain(steps, time_constant, hold)
+            np.negative(decay[1:], out=band[1, 1:n])
+            np.multiply(change[1:], -gain[1:], out=column[2:])
+        band[1, 0] = -decay[0]
+        column[0] = state.lag_difference[j]
+        column[1] = -gain[0] * change[0]
+        dtbsv(1, band, column, lower=1, diag=1, overwrite_x=1)  # d[k] = a[k] d[k-1] - g[k] (T[k] - T[k-1])
+    result = columns[1:]
+    return result, LagState(result[-1].copy(), float(temperature[-1]))
+
+
+def paper_form(lag_difference: Floats, temperature: Floats, time_constants: Floats) -> Floats:
+    """Columns of eqs. (19) (25) as printed: psi [K s] less T [K], for comparison only.
+
+    ``psi = tau lagged`` satisfies ``psi[k+1] = exp(-dt/tau) psi[k] + (1 - exp(-dt/tau)) tau T[k]`` under the
+    zero-order hold. Shapes as in `lag_differences`.
+    """
+    T = temperature[:, None]
+    return np.asfortranarray((lag_difference + T) * time_constants - T)
+
+
+def decays(elapsed: Floats, time_constants: Floats) -> Floats:
+    """Start-up columns exp(-t/tau_j) of eq. (18) for an unknown initial temperature field.
+
+    Parameters
+    ----------
+    elapsed : array of shape (n,)
+        Time since the start of the segment [s].
+    time_constants : array of shape (J,)
+        [s].
+
+    Returns
+    -------
+    array of shape (n, J), Fortran order
+        Dimensionless, 1 at the start of the segment; exactly 0 below 1e-20, where denormals would begin to cost.
+    """
+    columns = np.empty((len(elapsed), len(time_constants)), order="F")
+    for j, time_constant in enumerate(time_constants):
+        exponent = elapsed / -time_constant
+        with np.errstate(under="ignore"):
+            np.exp(exponent, out=columns[:, j])
+        columns[exponent < -46.0, j] = 0.0
+    return columns

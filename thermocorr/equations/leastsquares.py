@@ -1,0 +1,124 @@
+"""Ridge least squares by merged triangular factors, eqs. (11)-(13) and (30)-(32).
+
+The paper solves ``(Q'Q + eps I)^-1 Q'U``; forming Q'Q squares the condition number, and with neighbouring time
+constants every digit is lost. Here the rows of ``[1 | Q | U]`` are swept, block by block, into one small triangle R
+with ``R'R`` equal to the cross products. Two triangles merge into one, so blocks, folds, files and machines can be
+treated apart and joined at the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack, qr
+
+Floats = NDArray[np.float64]
+
+_PANEL = 16  # columns that LAPACK reflects at once
+RANK_TOLERANCE = 1e-13
+"""Singular values of the unit-column triangle below this share of the largest carry no information."""
+
+class TriangularFactor:
+    """Upper triangle R of the rows seen so far: ``R'R = [1 Q U]' [1 Q U]``.
+
+    Parameters
+    ----------
+    n_columns : int
+        Columns of one row, the leading 1 and the trailing reading included.
+    """
+
+    def __init__(self, n_columns: int) -> None:
+        self.r: Floats = np.zeros((n_columns, n_columns), order="F")
+        self.n_rows = 0
+
+    def update(self, rows: Floats) -> TriangularFactor:
+        """Sweep in `rows`, an array of shape (n, n_columns); a Fortran-ordered float64 array is overwritten."""
+        self._sweep(rows)
+        self.n_rows += len(rows)
+        return self
+
+    def merge(self, *others: TriangularFactor) -> TriangularFactor:
+        """Take in all that the other factors have seen; they stay as they are."""
+        for other in others:
+            self._sweep(other.r.copy(order="F"))
+            self.n_rows += other.n_rows
+        return self
+
+    def _sweep(self, rows: Floats) -> None:
+        if len(rows):
+            panel = min(_PANEL, self.r.shape[1])
+            self.r, _, _, info = lapack.dtpqrt(0, panel, self.r, rows, overwrite_a=1, overwrite_b=1)
+            if info:  # pragma: no cover - only for arguments of wrong shape
+                raise ValueError(f"dtpqrt refused its argument {-info}.")
+
+    def select(self, columns: Iterable[int]) -> TriangularFactor:
+        """Factor of some of the columns, in the order given, without another look at the data."""
+        part = TriangularFactor(0)
+        part.r = np.asfortranarray(np.triu(qr(self.r[:, list(columns)], mode="r")[0][: len(list(columns))]))
+        part.n_rows = self.n_rows
+        return part
+
+    def rows(self, columns: Iterable[int] | None = None) -> Floats:
+        """R itself, or some columns of it: as good as all rows for every sum of squares."""
+        return self.r if columns is None else self.r[:, list(columns)]
+
+    @classmethod
+    def merged(cls, factors: Iterable[TriangularFactor]) -> TriangularFactor:
+        """One factor of everything that `factors` have seen."""
+        factors = list(factors)
+        return cls(factors[0].r.shape[1]).merge(*factors)
+
+
+@dataclass(frozen=True)
+class RidgeSolution:
+    """Coefficients of eq. (32) and what is needed to judge them."""
+
+    intercept: float
+    coef: Floats
+    """Shape (p,): one per column of Q, in units of U per unit of the column."""
+    residual_sum_of_squares: float
+    rank: int
+    n_rows: int
+    scale: Floats
+    """Shape (p,): standard deviation of each column over the rows."""
+    inverse_triangle: Floats
+    """Shape (p, rank): ``inverse_triangle @ inverse_triangle.T`` is (Q'Q + penalty)^-1 of the centred columns."""
+
+
+def solve_ridge(factor: TriangularFactor, alpha: float = 0.0) -> RidgeSolution:
+    """Ridge least squares from a triangle whose first column is 1 and whose last is the reading, eq. (13).
+
+    Minimises ``sum (U - U0 - Q b)^2 + alpha sum (scale_j b_j)^2``: the intercept is free and each coefficient is
+    penalised on the scale of its column's standard deviation, so that `alpha` means the same in any unit (the penalty
+    of ``sklearn.linear_model.Ridge`` behind a ``StandardScaler``). Columns that depend on others get the smallest
+    coefficients that fit (minimum norm in the scaled columns).
+    """
+    r = factor.r
+    p = r.shape[1] - 2
+    centred = r[1:, 1:-1]  # the first row holds the means: below it, the columns are centred
+    target = r[1:, -1]
+    norms = np.sqrt(np.einsum("ij,ij->j", centred, centred))
+    magnitude = np.sqrt(np.einsum("ij,ij->j", r[:, 1:-1], r[:, 1:-1]))
+    alive = norms > RANK_TOLERANCE * magnitude  # a constant column is the intercept's business
+    safe = np.where(alive, norms, 1.0)
+    unit = np.where(alive, centred / safe, 0.0)
+    n = max(factor.n_rows, 1)
+    if alpha > 0:
+        unit = np.vstack((unit, np.sqrt(alpha / n) * np.eye(p)))
+        target = np.concatenate((target, np.zeros(p)))
+    if p:
+        left, singular, right = np.linalg.svd(unit, full_matrices=False)
+        keep = singular > RANK_TOLERANCE * max(singular[0], np.finfo(float).tiny)
+        inverse = (right[keep].T / singular[keep]) / safe[:, None]
+        coef = inverse @ (left[:, keep].T @ target)
+        rank = int(keep.sum())
+    else:
+        inverse, coef, rank = np.zeros((0, 0)), np.zeros(0), 0
+    rest = r[1:, -1] - centred @ coef
+    intercept = (r[0, -1] - r[0, 1:-1] @ coef) / r[0, 0] if r[0, 0] else 0.0
+    return RidgeSolution(
+        float(intercept), coef, float(rest @ rest), rank, factor.n_rows, norms / np.sqrt(n), inverse
+    )

@@ -1,0 +1,302 @@
+"""`DiffusiveFeatures`: the paper's matrix Q as a scikit-learn transformer, built from effects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from ..effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLag
+from ..effects.protocol import Effect
+from ..effects.stream import Walked, needed_columns, own_starts, resume, walk
+from ..effects.wrap import EffectsParameters, as_effects
+from ..records import BLOCK_ROWS, History, Layout, Record, RecordError, read_record, seconds_of
+from ..records.record import SegmentStart
+
+LAYOUT_CONSTRAINTS: dict[str, Any] = {
+    "temperature": "no_validation",
+    "time": "no_validation",
+    "run": "no_validation",
+    "sampling_period": "no_validation",
+    "max_gap": "no_validation",
+}
+THERMAL_CONSTRAINTS: dict[str, Any] = {
+    "degree": [Interval(Integral, 0, 9, closed="both")],
+    "products": ["boolean"],
+    "reference_temperature": [Interval(Real, None, None, closed="neither"), StrOptions({"mean"})],
+    "initial_state": [StrOptions({"equilibrium", "zero", "fit"})],
+    "hold": [StrOptions({"first_order", "zero_order"})],
+    "effects": ["array-like", Effect],
+    **LAYOUT_CONSTRAINTS,
+}
+
+
+class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
+    """Columns of the diffusive model, eqs. (19)-(23): T^i, lag differences, start-up decays, products.
+
+    Time is part of the data. Rows that follow on the fitted record in time (the test fold of a `TimeSeriesSplit`,
+    tomorrow's log) continue its lags; rows that repeat it reproduce its columns; anything else starts afresh by
+    `initial_state`.
+
+    Parameters
+    ----------
+    time_constants : sequence, default (60, 600, 3600)
+        Time constants of the lags: seconds, or anything pandas reads as a time span ("15 min").
+    degree : int, default 1
+        Highest power of T - T0 in the static law, eq. (3); 0 leaves the static law out.
+    products : bool, default False
+        Add the products Psi_j Psi_k of eq. (21).
+    effects : list, default ()
+        Further effects or scikit-learn transformers, alone or as (name, effect) pairs.
+    reference_temperature : float or "mean", default "mean"
+        T0, in the unit of the temperature.
+    initial_state : {"fit", "equilibrium", "zero"}, default "fit"
+        Device at the start of a segment: at rest with the first temperature plus fitted decay columns, eq. (18); at
+        rest; or at the reference temperature.
+    hold : {"first_order", "zero_order"}, default "first_order"
+        Temperature between samples: a straight line, or the earlier value as in eq. (25). Both are exact.
+    form : {"unit_gain", "paper"}, default "unit_gain"
+        "paper" gives eqs. (17) (19) (25) as printed, with psi in K s, for comparison.
+    temperature : str or int, optional
+        Column of the ambient temperature; by default the one called "temperature", else the first.
+    time : str, optional
+        Column of times (dates, or seconds); by default the index.
+    run : str, optional
+        Column that labels runs; each run is a segment.
+    sampling_period : float or time span, optional
+        Time between rows [s], for data without times.
+    max_gap : float or time span, optional
+        A longer step starts a new segment. By default temperature is taken as a straight line across gaps.
+
+    Attributes
+    ----------
+    effects_ : list of (str, Effect)
+        The parts, learned.
+    reference_temperature_ : float
+    time_constants_ : ndarray of shape (J,)
+        [s].
+    n_features_in_, feature_names_in_ : as in scikit-learn
+
+    Raises
+    ------
+    RecordError
+        For a record that cannot be used; the message says what was found, where, and what to do.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from thermocorr import DiffusiveFeatures
+    >>> hours = pd.timedelta_range(0, periods=4, freq="1h")
+    >>> room = pd.DataFrame({"temperature": [20.0, 21.0, 21.0, 21.0]}, index=hours)
+    >>> lags = DiffusiveFeatures(["2 h"], initial_state="equilibrium").set_output(transform="pandas")
+    >>> lags.fit_transform(room).round(3)
+                     temperature  lag[7200 s]
+    0 days 00:00:00        -0.75        0.000
+    0 days 01:00:00         0.25       -0.787
+    0 days 02:00:00         0.25       -0.477
+    0 days 03:00:00         0.25       -0.290
+    """
+
+    _parameter_constraints: dict[str, Any] = {
+        "time_constants": "no_validation",
+        "form": [StrOptions({"unit_gain", "paper"})],
+        **THERMAL_CONSTRAINTS,
+    }
+
+    def __init__(
+        self,
+        time_constants: Any = (60.0, 600.0, 3600.0),
+        degree: int = 1,
+        *,
+        products: bool = False,
+        effects: Any = (),
+        reference_temperature: Any = "mean",
+        initial_state: str = "fit",
+        hold: str = "first_order",
+        form: str = "unit_gain",
+        temperature: Any = None,
+        time: Any = None,
+        run: Any = None,
+        sampling_period: Any = None,
+        max_gap: Any = None,
+    ):
+        self.time_constants = time_constants
+        self.degree = degree
+        self.products = products
+        self.effects = effects
+        self.reference_temperature = reference_temperature
+        self.initial_state = initial_state
+        self.hold = hold
+        self.form = form
+        self.temperature = temperature
+        self.time = time
+        self.run = run
+        self.sampling_period = sampling_period
+        self.max_gap = max_gap
+
+    def fit(self, X: Any, y: Any = None) -> DiffusiveFeatures:
+        """Learn the reference temperature, the segments and the states at their ends.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+        y : ignored
+        """
+        record = self.learn(X)
+        self.remember(record, [states for states in self._end_states(self.walk_fitted(record))])
+        return self
+
+    def fit_transform(self, X: Any, y: Any = None, **fit_params: Any) -> np.ndarray:
+        """Fit, and return the columns of the fitted record, in one pass."""
+        record = self.learn(X)
+        columns, ends = self._collect(record, self.walk_fitted(record))
+        self.remember(record, ends)
+        return columns
+
+    def transform(self, X: Any) -> np.ndarray:
+        """Columns for a record, shape (n_rows, n_columns_out); NaN in rows without a temperature."""
+        record, starts, states = self.resume(X)
+        return self._collect(record, self.walk_resumed(record, starts, states))[0]
+
+    def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
+        """Names of the columns: ``temperature``, ``temperature^2``, ``lag[900 s]``, ``decay[900 s]``, ..."""
+        check_is_fitted(self, "effects_")
+        return np.array([name for _, effect in self.effects_ for name in effect.names()], dtype=object)
+
+    # What the estimators above use: the same steps, without materialising the matrix.
+
+    def learn(self, X: Any, y: Any = None) -> Record:
+        """Check parameters and record, let every effect learn its constants; returns the validated record."""
+        self._validate_params()
+        X = self._check_columns(X, reset=True)
+        further = as_effects(self.effects)
+        record = read_record(X, self._layout(), y=y, needed=needed_columns([effect for _, effect in further]))
+        self.effects_ = [*self._thermal_part(), *((name, _copy(effect)) for name, effect in further)]
+        for _, effect in self.effects_:
+            effect.learn(record)
+        first = next((e for _, e in self.effects_ if isinstance(e, StaticPolynomial)))
+        self.reference_temperature_ = first.reference_temperature_
+        lags = next((e for _, e in self.effects_ if isinstance(e, ThermalLag)), None)
+        self.time_constants_ = np.zeros(0) if lags is None else lags.time_constants_
+        return record
+
+    def walk_fitted(self, record: Record, size: int = BLOCK_ROWS, extra: int = 0) -> Iterator[Walked]:
+        """Columns of the record that is being fitted, block by block."""
+        return walk(self.effect_list(), record, starts=own_starts(record), size=size, extra=extra)
+
+    def walk_resumed(
+        self, record: Record, starts: dict[int, SegmentStart], states: dict[int, list[Any]]
+    ) -> Iterator[Walked]:
+        """Columns of a record tied to the fitted one, block by block."""
+        return walk(self.effect_list(), record, zero=self.history_.zero, starts=starts, states=states)
+
+    def resume(
+        self, X: Any, y: Any = None
+    ) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
+        """Validate a new record and tie it to the fitted one."""
+        check_is_fitted(self, "history_")
+        X = self._check_columns(X, reset=False)
+        effects = self.effect_list()
+        record = read_record(X, self._layout(), y=y, needed=needed_columns(effects), quiet=True)
+        return resume(effects, self.history_, record)
+
+    def remember(self, record: Record, end_states: list[list[Any]]) -> None:
+        """Keep what ties later rows to this record."""
+        max_gap = None if self.max_gap is None else seconds_of(self.max_gap, "max_gap")
+        self.history_ = History.of(record, end_states, max_gap)
+
+    def effect_list(self) -> list[Effect]:
+        """The learned effects without their names."""
+        return [effect for _, effect in self.effects_]
+
+    def memory(self) -> float:
+        """Longest time constant of any effect [s]."""
+        return max((effect.memory() for effect in self.effect_list()), default=0.0)
+
+    def _thermal_part(self) -> list[tuple[str, Effect]]:
+        parts: list[tuple[str, Effect]] = [
+            ("static_polynomial", StaticPolynomial(self.degree, self.reference_temperature))
+        ]
+        time_constants = self.time_constants
+        if time_constants is None or np.size(time_constants) == 0:
+            return parts
+        lag = ThermalLag(time_constants, self.hold, self.initial_state, self.form, self.reference_temperature)
+        parts.append(("thermal_lag", lag))
+        if self.initial_state == "fit":
+            parts.append(("initial_transient", InitialTransient(time_constants)))
+        if self.products:
+            parts.append(("lag_products", LagProducts(time_constants, self.hold, self.initial_state)))
+        return parts
+
+    def _layout(self) -> Layout:
+        return Layout(self.temperature, self.time, self.run, self.sampling_period, self.max_gap)
+
+    def _check_columns(self, X: Any, reset: bool) -> Any:
+        return check_columns(self, X, reset)
+
+    def _collect(self, record: Record, steps: Iterator[Walked]) -> tuple[np.ndarray, list[list[Any]]]:
+        columns: np.ndarray | None = None
+        ends: list[list[Any]] = []
+        for step in steps:
+            if columns is None:
+                shape = (record.n_rows, step.columns.shape[1])
+                whole = record.n_used == record.n_rows
+                columns = np.empty(shape, order="F") if whole else np.full(shape, np.nan, order="F")
+            columns[step.block.rows] = step.columns
+            _keep_end(ends, step)
+        assert columns is not None  # a record has at least one segment
+        return columns, ends
+
+    def _end_states(self, steps: Iterator[Walked]) -> list[list[Any]]:
+        ends: list[list[Any]] = []
+        for step in steps:
+            _keep_end(ends, step)
+        return ends
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True  # NaN ends a segment; its row gets NaN
+        return tags
+
+
+def _keep_end(ends: list[list[Any]], step: Walked) -> None:
+    if step.block.stop == step.block.record.segments[step.block.segment].stop:
+        ends.append(list(step.states))
+
+
+def _copy(effect: Effect) -> Effect:
+    """An unlearned copy, so that the user's object stays as it was given."""
+    from sklearn.base import clone
+
+    return clone(effect)  # type: ignore[no-any-return]
+
+
+def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
+    """scikit-learn's checks of X for frames (names and number) and arrays (shape, dtype, infinities)."""
+    if isinstance(X, pd.Series):
+        raise RecordError(
+            "X is a Series. Reshape your data: pass a DataFrame, for example with X.to_frame(), whose columns are the "
+            "temperature and whatever else was recorded."
+        )
+    if isinstance(X, pd.DataFrame):
+        if X.shape[1] == 0:
+            raise RecordError(
+                f"Found array with 0 feature(s) (shape={X.shape}) while a minimum of 1 is required: the data have no "
+                "columns. The temperature is needed."
+            )
+        if len(X) == 0:
+            raise RecordError("The data have 0 rows. Check the file, or the selection that made them.")
+        if all(isinstance(name, str) for name in X.columns) or not reset:
+            validate_data(estimator, X, skip_check_array=True, reset=reset)
+        else:
+            validate_data(estimator, X, skip_check_array=True, reset=reset)
+        return X
+    return validate_data(
+        estimator, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan", accept_sparse=False
+    )

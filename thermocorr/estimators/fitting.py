@@ -1,0 +1,123 @@
+"""From a walk through a record to coefficients and their standard errors, without the whole matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..effects.stream import Walked
+from ..equations import RidgeSolution, TriangularFactor, solve_ridge
+from ..records import BLOCK_ROWS, Record, RecordError
+
+N_CHUNKS = 20
+"""Stretches of time whose factors are kept apart for standard errors."""
+
+
+@dataclass
+class Swept:
+    """Triangular factors of a record, in chunks of time, and the states at the end of each segment."""
+
+    chunks: list[TriangularFactor]
+    end_states: list[list[Any]]
+    reading_offset: float
+    """Subtracted from every reading before it was swept in, so that its digits are kept."""
+
+    def total(self) -> TriangularFactor:
+        """One factor of all rows."""
+        return TriangularFactor.merged(self.chunks)
+
+
+def block_rows(n_used: int, n_chunks: int = N_CHUNKS) -> int:
+    """Rows of a block such that a record has about `n_chunks` of them, or full blocks where it is long."""
+    return int(np.clip(-(-n_used // n_chunks), 64, BLOCK_ROWS))
+
+
+def reading_offset(record: Record) -> float:
+    """A reading from the record, near all the others."""
+    assert record.reading is not None
+    for start in range(0, record.n_rows, BLOCK_ROWS):
+        part = np.asarray(record.reading[start : start + BLOCK_ROWS], float)
+        finite = part[np.isfinite(part)]
+        if len(finite):
+            return float(finite[len(finite) // 2])
+    raise RecordError(
+        f"All {record.n_rows} readings are missing (NaN). Check the name of the reading's column and the file."
+    )
+
+
+def sweep(
+    record: Record,
+    steps: Iterator[Walked],
+    n_chunks: int = N_CHUNKS,
+    keep: Callable[[Walked], None] | None = None,
+) -> Swept:
+    """Sweep ``[1 | Q | U]`` of a record into factors, in chunks of equal numbers of rows.
+
+    `steps` walks with ``extra=1``: a free column on either side for the 1 and the reading, which is taken from the
+    record. Rows without a reading are left out. `keep` is called with each block before it is swept in.
+    """
+    assert record.reading is not None
+    offset = reading_offset(record)
+    chunks: list[TriangularFactor] = []
+    ends: list[list[Any]] = []
+    done, last = 0, -1
+    for step in steps:
+        block, rows = step.block, step.columns
+        reading = np.asarray(record.reading[block.rows], float) - offset
+        rows[:, 0] = 1.0
+        rows[:, -1] = reading
+        if keep is not None:
+            keep(step)
+        if block.stop == record.segments[block.segment].stop:
+            ends.append(list(step.states))
+        chunk = min(int((done + len(block) / 2) * n_chunks / record.n_used), n_chunks - 1)
+        done += len(block)
+        if chunk != last:
+            chunks.append(TriangularFactor(rows.shape[1]))
+            last = chunk
+        if np.isnan(reading.sum()):
+            rows = np.asfortranarray(rows[np.isfinite(reading)])
+        chunks[-1].update(rows)
+    return Swept(chunks, ends, offset)
+
+
+def require_rows(n_readings: int, n_columns: int, what: str = "model") -> None:
+    """Refuse a record that is too short for its model."""
+    if n_readings <= n_columns + 1:
+        plural = "1 sample" if n_readings == 1 else f"{n_readings} samples"
+        raise RecordError(
+            f"The record is too short: {plural} with a reading, and the {what} has {n_columns + 1} coefficients. Record "
+            "longer, or choose fewer time_constants and a lower degree."
+        )
+
+
+def standard_errors(swept: Swept, solution: RidgeSolution, alpha: float) -> np.ndarray:
+    """Standard errors of (U0, coefficients), true for residuals that stay correlated for less than a chunk.
+
+    Delete-a-block jackknife over the chunks of time (Kuensch 1989, Annals of Statistics 17, 1217), never below the
+    white-noise formula. Shape (1 + p,).
+    """
+    white = _white_errors(swept, solution)
+    chunks = [chunk for chunk in swept.chunks if chunk.n_rows]
+    if len(chunks) < 4:
+        return white
+    estimates = []
+    for left_out in range(len(chunks)):
+        rest = TriangularFactor.merged(chunk for i, chunk in enumerate(chunks) if i != left_out)
+        part = solve_ridge(rest, alpha)
+        estimates.append(np.concatenate(([part.intercept], part.coef)))
+    spread = np.var(np.array(estimates), axis=0) * (len(chunks) - 1)
+    return np.maximum(np.sqrt(spread), white)
+
+
+def _white_errors(swept: Swept, solution: RidgeSolution) -> np.ndarray:
+    n, p = solution.n_rows, len(solution.coef)
+    variance = solution.residual_sum_of_squares / max(n - solution.rank - 1, 1)
+    coef = np.sqrt(variance * np.einsum("ij,ij->i", solution.inverse_triangle, solution.inverse_triangle))
+    top = swept.total().r[0]
+    means = top[1 : p + 1] / top[0]
+    through = solution.inverse_triangle.T @ means
+    return np.concatenate(([np.sqrt(variance * (1.0 / n + through @ through))], coef))

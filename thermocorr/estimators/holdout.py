@@ -1,0 +1,65 @@
+"""Held-out residuals by blocks of time: the figure that a user may believe."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+
+from ..records.read import numeric_reading
+
+MIN_BLOCK = 8
+"""Rows below which a block of time says nothing."""
+
+
+def time_blocks(n_rows: int, n_blocks: int) -> list[slice]:
+    """Contiguous blocks of nearly equal numbers of rows, in the order of the rows."""
+    edges = np.linspace(0, n_rows, min(n_blocks, max(n_rows // MIN_BLOCK, 2)) + 1).astype(int)
+    return [slice(int(low), int(high)) for low, high in pairwise(edges)]
+
+
+def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5) -> np.ndarray:
+    """Residuals of each block of time under a model that was fitted, time constants and all, without its readings.
+
+    The lags run through the whole record (temperature is known everywhere), so no block starts with unknown states.
+    Rows that the model flags (no reading, washout of an unknown start) are NaN.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+        Cloned for each block.
+    X, y : as for `DynamicBiasRegressor.fit`
+    n_blocks : int
+        Number of blocks.
+
+    Returns
+    -------
+    array of shape (n_rows,)
+        Measured minus modelled reading, in the unit of y.
+    """
+    reading = np.array(numeric_reading(y, X), float)
+    result = np.full(len(reading), np.nan)
+    for block in time_blocks(len(reading), n_blocks):
+        known = reading.copy()
+        known[block] = np.nan
+        if np.isfinite(known).any():
+            fitted = clone(model).fit(X, known)
+            result[block] = reading[block] - fitted.predict(X)[block]
+            result[block][_unknown_start(fitted, block, len(reading))] = np.nan
+    return result
+
+
+def _unknown_start(fitted: Any, block: slice, n_rows: int) -> np.ndarray:
+    """Rows of a left-out block that still feel a start-up whose decay columns had no readings to learn from."""
+    record = fitted.features_.history_.record
+    washed = np.zeros(block.stop - block.start, bool)
+    elapsed_rows = int(np.ceil(fitted.washout_ / max(fitted.features_.history_.usual_step, 1e-12)))
+    stride = n_rows / max(record.n_rows, 1)
+    for segment in record.segments:
+        start = round(segment.start * stride)
+        if block.start <= start < block.stop:
+            length = min(elapsed_rows, (block.stop - start) // 2)
+            washed[start - block.start : start - block.start + length] = True
+    return washed

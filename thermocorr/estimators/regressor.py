@@ -1,0 +1,321 @@
+"""`DynamicBiasRegressor`: features, ridge and the choice of time constants in one scikit-learn regressor."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.pipeline import Pipeline
+from sklearn.utils._param_validation import Interval
+from sklearn.utils.validation import check_is_fitted
+
+from ..effects.protocol import Effect
+from ..effects.thermal import column_text
+from ..effects.wrap import EffectsParameters
+from ..equations import solve_ridge
+from ..records import Record, SegmentStart, seconds_of
+from ..records.read import numeric_reading
+from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
+from .fitting import block_rows, require_rows, standard_errors, sweep
+from .reading import Reading, check_plausible, check_range
+from .ridge import MergedRidge
+from .tables import coefficient_table, equation_text
+from .threads import one_blas_thread
+
+WASHOUT_TIME_CONSTANTS = 3.0
+"""An unknown start is felt for this many of the longest time constant: 5 % of it is left then."""
+
+
+class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
+    """Learns how temperature moves a reading, late, and removes it: the model of eqs. (21)-(24).
+
+    Parameters
+    ----------
+    temperature : str or int, optional
+        Column of the ambient temperature; by default the one called "temperature", else the first.
+    time_constants : "auto", int, or sequence, default "auto"
+        Sequence: the time constants, in seconds or anything pandas reads as a time span ("15 min"). A number: how many
+        to choose. "auto": choose their number too. The choice is by cross-validation on blocks of time.
+    degree : int, default 2
+        Highest power of T - T0 in the static law, eq. (3).
+    effects : list, default ()
+        Further effects or scikit-learn transformers, alone or as (name, effect) pairs.
+    products : bool, default False
+        Add the products Psi_j Psi_k of eq. (21).
+    alpha : float, default 0.0
+        Ridge penalty on coefficients times their columns' standard deviation, eps of eq. (13).
+    cv : int, default 5
+        Number of blocks of time in the search for time constants.
+    reference_temperature, initial_state, hold, time, run, sampling_period, max_gap : see `DiffusiveFeatures`
+    washout : float, time span or "auto", default "auto"
+        How long rows are flagged after a start that the fit does not know [s]; "auto" is three times the longest time
+        constant.
+
+    Attributes
+    ----------
+    time_constants_ : ndarray of shape (J,)
+        [s].
+    coef_ : ndarray of shape (n_columns,)
+    intercept_ : float
+        U0, the reading at the reference temperature, device at rest.
+    pipeline_ : Pipeline
+        The fitted `DiffusiveFeatures` and `MergedRidge`.
+    search_ : TimeConstantSearch or None
+        How the time constants were chosen.
+    residual_std_ : float
+        Standard deviation of the residuals of the fitted record, in the unit of y.
+    temperature_range_ : tuple of float
+        Lowest and highest temperature of the fitted rows.
+    washout_ : float
+        [s].
+    notes_ : tuple of str
+        What the user should know about the record's quality.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from thermocorr import DynamicBiasRegressor
+    >>> minutes = pd.timedelta_range(0, periods=2000, freq="1min")
+    >>> room = pd.DataFrame({"temperature": 23 + np.sin(np.arange(2000) / 150.0)}, index=minutes)
+    >>> late = room["temperature"].shift(60).bfill()
+    >>> model = DynamicBiasRegressor(time_constants=["30 min", "2 h"], degree=1).fit(room, 10 + 0.001 * late)
+    >>> bool(abs(model.predict(room) - 10 - 0.001 * late).max() < 1e-4)
+    True
+    """
+
+    _parameter_constraints: dict[str, Any] = {
+        **THERMAL_CONSTRAINTS,
+        "time_constants": "no_validation",
+        "alpha": [Interval(Real, 0, None, closed="left")],
+        "cv": [Interval(Integral, 2, None, closed="left")],
+        "washout": "no_validation",
+    }
+
+    def __init__(
+        self,
+        temperature: Any = None,
+        time_constants: Any = "auto",
+        degree: int = 2,
+        *,
+        effects: Any = (),
+        products: bool = False,
+        alpha: float = 0.0,
+        cv: int = 5,
+        reference_temperature: Any = "mean",
+        initial_state: str = "fit",
+        hold: str = "first_order",
+        time: Any = None,
+        run: Any = None,
+        sampling_period: Any = None,
+        max_gap: Any = None,
+        washout: Any = "auto",
+    ):
+        self.temperature = temperature
+        self.time_constants = time_constants
+        self.degree = degree
+        self.effects = effects
+        self.products = products
+        self.alpha = alpha
+        self.cv = cv
+        self.reference_temperature = reference_temperature
+        self.initial_state = initial_state
+        self.hold = hold
+        self.time = time
+        self.run = run
+        self.sampling_period = sampling_period
+        self.max_gap = max_gap
+        self.washout = washout
+
+    def fit(self, X: Any, y: Any) -> DynamicBiasRegressor:
+        """Learn the bias from a record.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Temperature and whatever else was recorded.
+        y : array-like of shape (n_rows,)
+            Readings; rows with NaN are left out of the fit, not of the lags.
+
+        Raises
+        ------
+        RecordError
+            For a record that cannot be used; the message says what was found, where, and what to do.
+        """
+        self._validate_params()
+        if y is None:
+            raise ValueError("This DynamicBiasRegressor requires y to be passed, but the target y is None.")
+        with one_blas_thread():
+            features, record = self._choose(X, y)
+            reading = Reading.of(X, y, record)
+            require_rows(reading.n_readings, len(features.get_feature_names_out()))
+            check_plausible(record, reading)
+            self._swept = sweep(record, features.walk_fitted(record, block_rows(record.n_used), extra=1))
+            self._solution = solve_ridge(self._swept.total(), self.alpha)
+        features.remember(record, self._swept.end_states)
+        ridge = MergedRidge(self.alpha).take(self._solution, self._swept.reading_offset)
+        self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
+        self.reading_ = reading
+        self.notes_ = record.notes
+        self.washout_ = (
+            WASHOUT_TIME_CONSTANTS * features.memory()
+            if self.washout == "auto"
+            else seconds_of(self.washout, "washout")
+        )
+        self.n_features_in_ = features.n_features_in_
+        if hasattr(features, "feature_names_in_"):
+            self.feature_names_in_ = features.feature_names_in_
+        return self
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Modelled reading, eq. (22), shape (n_rows,); NaN in rows without a temperature."""
+        return self._contributions(X)[1].sum(axis=1) + self.intercept_
+
+    def bias(self, X: Any) -> Any:
+        """What `correct` takes away: modelled reading less U0 (and less effects that are to be kept)."""
+        parts = self._contributions(X)[1]
+        removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
+        return like(X, parts[:, removed].sum(axis=1), "bias")
+
+    def correct(self, X: Any, y: Any) -> Any:
+        """Corrected reading: reading minus bias, eq. (24). A Series where X is a DataFrame."""
+        bias = self.bias(X)
+        return like(X, numeric_reading(y, X) - np.asarray(bias), "corrected")
+
+    def residuals(self, X: Any, y: Any) -> Any:
+        """Measured minus modelled reading. A Series where X is a DataFrame."""
+        return like(X, numeric_reading(y, X) - self.predict(X), "residual")
+
+    def contributions(self, X: Any) -> pd.DataFrame:
+        """What each effect adds to U0, in the unit of y: one column per effect."""
+        parts = self._contributions(X)[1]
+        labels = [effect.label() for effect in self.features_.effect_list()]
+        return pd.DataFrame(parts, columns=labels, index=X.index if isinstance(X, pd.DataFrame) else None)
+
+    def flags(self, X: Any, y: Any = None) -> Any:
+        """Why a row deserves no trust: "no temperature", "no reading", "washout", "outside fitted range", or ""."""
+        with one_blas_thread():
+            record, starts, _ = self.features_.resume(X)
+        return like(X, self._flags(record, starts, y, X), "flag")
+
+    def evaluate(self, X: Any, y: Any) -> pd.DataFrame:
+        """Everything about a record in one frame: corrected, model, residual, flag; rows as they came."""
+        reading = numeric_reading(y, X)
+        record, parts, starts = self._contributions(X)
+        removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
+        model = parts.sum(axis=1) + self.intercept_
+        return pd.DataFrame(
+            {
+                "corrected": reading - parts[:, removed].sum(axis=1),
+                "model": model,
+                "residual": reading - model,
+                "flag": self._flags(record, starts, y, X),
+            },
+            index=X.index if isinstance(X, pd.DataFrame) else None,
+        )
+
+    def coef_table(self) -> pd.DataFrame:
+        """Coefficient, unit and standard error of every column.
+
+        Standard errors stay true for residuals that are correlated in time (delete-a-block jackknife), as long as
+        they forget within a twentieth of the record.
+        """
+        check_is_fitted(self, "pipeline_")
+        with one_blas_thread():
+            errors = standard_errors(self._swept, self._solution, self.alpha)
+        return coefficient_table(self.features_.effect_list(), self._all_coefficients(), errors, self.reading_)
+
+    def equation(self) -> str:
+        """The fitted formula as text."""
+        check_is_fitted(self, "pipeline_")
+        temperature = column_text(self.features_.history_.record.temperature_name)
+        return equation_text(
+            self.features_.effect_list(), self._all_coefficients(), self.reading_, temperature, self.reference_temperature_
+        )
+
+    def with_effect(self, effect: Effect) -> DynamicBiasRegressor:
+        """An unfitted copy of this model with one more effect."""
+        model = clone(self)
+        return model.set_params(effects=[*model.effects, effect])  # type: ignore[return-value]
+
+    @property
+    def features_(self) -> DiffusiveFeatures:
+        """The fitted features of `pipeline_`."""
+        check_is_fitted(self, "pipeline_")
+        return self.pipeline_[0]  # type: ignore[no-any-return]
+
+    @property
+    def coef_(self) -> np.ndarray:
+        """Coefficients of `pipeline_`, shape (n_columns,)."""
+        return self.pipeline_[1].coef_  # type: ignore[no-any-return]
+
+    @property
+    def intercept_(self) -> float:
+        """U0: reading at the reference temperature, device at rest."""
+        return self.pipeline_[1].intercept_  # type: ignore[no-any-return]
+
+    @property
+    def residual_std_(self) -> float:
+        """Standard deviation of the residuals of the fitted record, in the unit of y."""
+        return self.pipeline_[1].residual_std_  # type: ignore[no-any-return]
+
+    @property
+    def time_constants_(self) -> np.ndarray:
+        """Time constants of the lags [s]."""
+        return self.features_.time_constants_
+
+    @property
+    def reference_temperature_(self) -> float:
+        """T0."""
+        return self.features_.reference_temperature_
+
+    def _choose(self, X: Any, y: Any) -> tuple[DiffusiveFeatures, Record]:
+        features = self._features(self.time_constants)
+        return features, features.learn(X, y)
+
+    def _features(self, time_constants: Any) -> DiffusiveFeatures:
+        names = set(DiffusiveFeatures._get_param_names()) & set(self._get_param_names()) - {"time_constants"}
+        return DiffusiveFeatures(time_constants, **{name: getattr(self, name) for name in names})
+
+    def _contributions(self, X: Any) -> tuple[Record, np.ndarray, dict[int, SegmentStart]]:
+        """Contribution of each effect at each row, shape (n_rows, n_effects)."""
+        features = self.features_
+        effects, coef = features.effect_list(), self.coef_
+        edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
+        with one_blas_thread():
+            record, starts, states = features.resume(X)
+            check_range(self.reading_, record)
+            parts = np.full((record.n_rows, len(effects)), np.nan)
+            for step in features.walk_resumed(record, starts, states):
+                for i, (low, high) in enumerate(pairwise(edges)):
+                    parts[step.block.rows, i] = step.columns[:, low:high] @ coef[low:high]
+        return record, parts, starts
+
+    def _all_coefficients(self) -> np.ndarray:
+        return np.concatenate(([self.intercept_], self.coef_))
+
+    def _flags(self, record: Record, starts: dict[int, SegmentStart], y: Any, X: Any) -> np.ndarray:
+        flags = np.full(record.n_rows, "no temperature", dtype=object)
+        low, high = self.reading_.temperature_range
+        for block in record.blocks(starts=starts, zero=self.features_.history_.zero):
+            T = block.temperature
+            part = np.where((T < low) | (T > high), "outside fitted range", "").astype(object)
+            if block.segment_key is None:
+                part[block.elapsed < self.washout_] = "washout"
+            flags[block.rows] = part
+        if y is not None:
+            flags[np.isnan(numeric_reading(y, X)) & (flags != "no temperature")] = "no reading"
+        return flags
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True  # NaN in the temperature ends a segment
+        return tags
+
+
+def like(X: Any, values: np.ndarray, name: str) -> Any:
+    """Values as a Series beside a DataFrame, as an array beside an array."""
+    return pd.Series(values, index=X.index, name=name) if isinstance(X, pd.DataFrame) else values

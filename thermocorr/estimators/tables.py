@@ -1,0 +1,68 @@
+"""A fitted model in words and numbers: table of coefficients, equation as text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from ..effects.protocol import Effect
+from .reading import Reading
+
+
+def coefficient_table(
+    effects: Sequence[Effect],
+    coefficients: np.ndarray,
+    errors: np.ndarray,
+    reading: Reading,
+) -> pd.DataFrame:
+    """One row per column of the model, U0 first; index is the column's name."""
+    names, kinds, units = ["U0"], ["reference reading"], [reading.unit]
+    for effect in effects:
+        names += effect.names()
+        kinds += [effect.label()] * len(effect.names())
+        units += [_per(reading, unit) for unit in effect.units()]
+    return pd.DataFrame(
+        {"effect": kinds, "coefficient": coefficients, "unit": units, "standard_error": errors},
+        index=pd.Index(names, name="column"),
+    )
+
+
+def _per(reading: Reading, unit: str) -> str:
+    degree = {"degF": "degF"}.get(reading.temperature_unit, "K")
+    unit = unit.replace("K", degree)
+    top = reading.unit or "1"
+    if not unit:
+        return reading.unit
+    return f"{top}/{unit}" if " " not in unit else f"{top}/({unit})"
+
+
+def equation_text(
+    effects: Sequence[Effect], coefficients: np.ndarray, reading: Reading, temperature: str, reference: float
+) -> str:
+    """The fitted formula as text: what adds to the reading, and what the names mean."""
+    unit = f" {reading.unit}" if reading.unit else ""
+    lines = [f"{reading.name} = {coefficients[0]:.10g}{unit}"]
+    at = 1
+    lags = decays = False
+    for effect in effects:
+        for name in effect.names():
+            term = name.replace(temperature, f"({temperature} - {reference:.6g})", 1) if at_static(effect) else name
+            value = coefficients[at]
+            lines.append(f"    {'-' if value < 0 else '+'} {abs(value):.6g} * {term}")
+            lags |= "lag[" in name
+            decays |= "decay[" in name
+            at += 1
+    if lags:
+        lines.append(
+            f"lag[tau] = lagged - {temperature}, where tau d(lagged)/dt = {temperature} - lagged"
+        )
+    if decays:
+        lines.append("decay[tau] = exp(-t/tau) since the start of its segment, zero elsewhere")
+    return "\n".join(lines)
+
+
+def at_static(effect: Effect) -> bool:
+    """Whether an effect's columns are powers of T - T0."""
+    return effect.kind == "static_polynomial"

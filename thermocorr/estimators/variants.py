@@ -1,0 +1,200 @@
+"""`compare_variants`: the paper's table, static/dynamic x linear/nonlinear, for any record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+
+from ..equations import moving_average, reduction_db
+from ..records.read import numeric_reading
+from .holdout import held_out_residuals, time_blocks
+from .regressor import DynamicBiasRegressor
+
+_TITLES = {
+    "std": "std",
+    "std_smoothed": "std, smoothed",
+    "reduction_db": "reduction [dB]",
+    "dynamic_vs_static_db": "dynamic vs static [dB]",
+    "held_out_rms": "held-out rms",
+    "held_out_rms_smoothed": "held-out rms, smoothed",
+    "held_out_reduction_db": "held-out reduction [dB]",
+    "held_out_dynamic_vs_static_db": "held-out dynamic vs static [dB]",
+}
+
+
+@dataclass(frozen=True)
+class VariantComparison:
+    """Result of `compare_variants`: figures, models and residuals; prints as the paper's table."""
+
+    table: pd.DataFrame
+    models: dict[str, DynamicBiasRegressor]
+    """Fitted on the whole record."""
+    residuals: pd.DataFrame
+    """Residuals of the fitted record, one column per variant."""
+    held_out_residuals: pd.DataFrame
+    unit: str
+    window: int
+    """Samples of the moving average."""
+    n_blocks: int
+
+    def frame(self) -> pd.DataFrame:
+        """The figures: one row per variant."""
+        return self.table.copy()
+
+    def caption(self) -> str:
+        """What the columns mean."""
+        unit = f" Standard deviations in {self.unit}." if self.unit else ""
+        return (
+            f"Smoothed: moving average of {self.window} samples. Reduction: smoothed, against the reading before "
+            f"correction; negative is good. Held out: {self.n_blocks} blocks of time, each predicted by a model that was "
+            f"fitted without it, offset included.{unit}"
+        )
+
+    def formatted(self) -> pd.DataFrame:
+        """The figures as text, four digits or a tenth of a decibel."""
+        text = pd.DataFrame(index=self.table.index)
+        for name, title in _TITLES.items():
+            digits = "{:.1f}" if name.endswith("_db") else "{:.4g}"
+            text[title] = ["" if np.isnan(v) else digits.format(v) for v in self.table[name]]
+        return text
+
+    def __str__(self) -> str:
+        text = self.formatted()
+        two = [text.iloc[:, :4], text.iloc[:, 4:]]
+        return "\n\n".join([*(part.to_string() for part in two), self.caption()])
+
+    def to_html(self) -> str:
+        """The table as HTML, caption included."""
+        table = self.formatted().to_html(border=0, classes="thermocorr-variants")
+        return f"{table}\n<p>{self.caption()}</p>"
+
+    def _repr_html_(self) -> str:
+        return self.to_html()
+
+    def to_latex(self) -> str:
+        """The table as a LaTeX tabular with booktabs rules; the caption is a comment above it."""
+        text = self.formatted()
+        head = " & ".join(["", *text.columns]) + r" \\"
+        rows = [" & ".join([str(name), *(f"${v}$" if v else "" for v in row)]) + r" \\" for name, row in zip(text.index, text.to_numpy(), strict=True)]
+        body = "\n".join([r"\toprule", head, r"\midrule", *rows, r"\bottomrule"])
+        columns = "l" + "r" * text.shape[1]
+        return f"% {self.caption()}\n\\begin{{tabular}}{{{columns}}}\n{body}\n\\end{{tabular}}\n"
+
+
+def compare_variants(
+    X: Any,
+    y: Any,
+    *,
+    model: DynamicBiasRegressor | None = None,
+    temperature: Any = None,
+    time_constants: Any = 6,
+    degree: int = 2,
+    products: bool = False,
+    window: int = 25,
+    n_blocks: int = 5,
+    **options: Any,
+) -> VariantComparison:
+    """Compare static and dynamic, linear and nonlinear corrections of one record: the paper's table.
+
+    Parameters
+    ----------
+    X, y : as for `DynamicBiasRegressor.fit`
+    model : DynamicBiasRegressor, optional
+        Where all further options come from; or give them here by name:
+    temperature, time_constants, **options : see `DynamicBiasRegressor`
+        By default six time constants are chosen, as in the paper.
+    degree : int, default 2
+        Degree of the nonlinear static law.
+    products : bool, default False
+        Add a fifth variant with the products of eq. (21).
+    window : int, default 25
+        Samples of the moving average, eqs. (9) (26).
+    n_blocks : int, default 5
+        Blocks of time for the held-out figures. Each is predicted by a model whose coefficients and time constants
+        were found without it.
+
+    Returns
+    -------
+    VariantComparison
+        ``print`` it, or take ``frame()``, ``to_html()``, ``to_latex()``, ``models``, ``residuals``.
+    """
+    if model is None:
+        model = DynamicBiasRegressor(temperature, time_constants, **options)
+    dynamic = clone(model)
+    variants = {
+        "static linear": clone(dynamic).set_params(time_constants=(), degree=1, products=False),
+        "static nonlinear": clone(dynamic).set_params(time_constants=(), degree=degree, products=False),
+        "dynamic linear": clone(dynamic).set_params(degree=1, products=False),
+        "dynamic nonlinear": clone(dynamic).set_params(degree=degree, products=False),
+    }
+    if products:
+        variants["dynamic nonlinear with products"] = clone(dynamic).set_params(degree=degree, products=True)
+    reading = np.array(numeric_reading(y, X), float)
+    raw = reading - np.nanmean(reading)
+    before = float(np.nanstd(raw))
+    blocks = time_blocks(len(reading), n_blocks)
+    inside: dict[str, np.ndarray] = {}
+    outside: dict[str, np.ndarray] = {}
+    fitted: dict[str, DynamicBiasRegressor] = {}
+    for name, variant in variants.items():
+        fitted[name] = variant.fit(X, y)
+        inside[name] = np.asarray(variant.residuals(X, y))
+        outside[name] = held_out_residuals(variant, X, y, n_blocks=n_blocks)
+    rows = {"before correction": {"std": before, "std_smoothed": _std(_smooth(raw, [slice(None)], window))}}
+    for name in variants:
+        rows[name] = _figures(name, inside, outside, before, blocks, window)
+    index = X.index if isinstance(X, pd.DataFrame) else None
+    return VariantComparison(
+        pd.DataFrame.from_dict(rows, orient="index", columns=list(_TITLES)).rename_axis("variant"),
+        fitted,
+        pd.DataFrame(inside, index=index),
+        pd.DataFrame(outside, index=index),
+        fitted["static linear"].reading_.unit,
+        window,
+        len(blocks),
+    )
+
+
+def _figures(
+    name: str,
+    inside: dict[str, np.ndarray],
+    outside: dict[str, np.ndarray],
+    before: float,
+    blocks: list[slice],
+    window: int,
+) -> dict[str, float]:
+    smooth, held = _smooth(inside[name], [slice(None)], window), _smooth(outside[name], blocks, window)
+    figures = {
+        "std": _std(inside[name]),
+        "std_smoothed": _std(smooth),
+        "reduction_db": reduction_db(_std(smooth), before),
+        "held_out_rms": _rms(outside[name]),
+        "held_out_rms_smoothed": _rms(held),
+        "held_out_reduction_db": reduction_db(_rms(held), before),
+    }
+    static = name.replace("dynamic", "static").removesuffix(" with products")
+    if static != name:
+        figures["dynamic_vs_static_db"] = reduction_db(
+            figures["std_smoothed"], _std(_smooth(inside[static], [slice(None)], window))
+        )
+        figures["held_out_dynamic_vs_static_db"] = reduction_db(
+            figures["held_out_rms_smoothed"], _rms(_smooth(outside[static], blocks, window))
+        )
+    return figures
+
+
+def _smooth(values: np.ndarray, blocks: list[slice], window: int) -> np.ndarray:
+    """Moving average inside each block: it must not reach over a joint."""
+    return np.concatenate([moving_average(values[block], window) for block in blocks])
+
+
+def _std(values: np.ndarray) -> float:
+    return float(np.nanstd(values))
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.nanmean(values**2)))

@@ -1,0 +1,23 @@
+"""What is raised and warned about records: what was found, where, and what to do."""
+
+from __future__ import annotations
+
+
+class RecordError(ValueError):
+    """The record cannot be used as it is; the message names the place and the remedy."""
+
+
+class RecordWarning(UserWarning):
+    """The record can be used, but its user should know something first."""
+
+
+def listing(names: object, limit: int = 8) -> str:
+    """Names for a message: ``'a', 'b', 'c' and 3 more``."""
+    items = [repr(name) for name in names]  # type: ignore[attr-defined]
+    shown = ", ".join(items[:limit])
+    return shown if len(items) <= limit else f"{shown} and {len(items) - limit} more"
+
+
+def times_word(count: int, noun: str) -> str:
+    """``1 gap``, ``3 gaps``."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -1,0 +1,197 @@
+"""What a fitted record leaves behind, so that later rows can be tied to it in time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import RecordError
+from .record import Record, Segment, SegmentStart
+from .times import Kind, Times
+
+HISTORY_ROWS = 1 << 17
+"""Rows kept of a fitted record. Longer records are thinned; the state at their end is exact all the same."""
+
+State = Any
+
+
+@dataclass(frozen=True)
+class History:
+    """Times and columns of the fitted record (thinned beyond `HISTORY_ROWS`) and its states at each segment's end."""
+
+    kind: Kind
+    zero: float
+    """Stamp of the first fitted row."""
+    record: Record
+    """The kept rows: segments are numbered as in the fitted record."""
+    end_states: tuple[State, ...]
+    n_fitted: int
+    """Rows of the fitted record."""
+    stride: int
+    usual_step: float
+    max_gap: float | None
+
+    @classmethod
+    def of(cls, record: Record, end_states: Sequence[State], max_gap: float | None) -> History:
+        """Keep what later rows need of a record that has just been walked through."""
+        stride = max(1, -(-record.n_used // HISTORY_ROWS))
+        kept, segments, at = [], [], 0
+        for start, stop, run in record.segments:
+            rows = np.unique(np.append(np.arange(start, stop, stride), stop - 1))
+            kept.append(rows)
+            segments.append(Segment(at, at + len(rows), run))
+            at += len(rows)
+        order = np.concatenate(kept)
+        rows = order if record.order is None else record.order[order]
+        times, ticks = record.times, record.times.ticks
+        if ticks is None:
+            thin = Times(len(rows), "seconds", times.seconds(rows))
+        else:
+            thin = Times(len(rows), times.kind, ticks[rows].copy(), times.per_second)
+        columns = {name: np.array(values[rows], np.float64) for name, values in record.columns.items()}
+        small = Record(thin, record.temperature_name, columns, tuple(segments))
+        return cls(
+            times.kind,
+            record.first_stamp(),
+            small,
+            tuple(end_states),
+            record.n_rows,
+            stride,
+            record.usual_step(),
+            max_gap,
+        )
+
+    def between(self, later: float, earlier: float) -> float:
+        """Difference of two stamps [s]."""
+        return self.record.times.between(later, earlier)
+
+    def locate(self, record: Record) -> tuple[Record, dict[int, SegmentStart], dict[int, int | None]]:
+        """Tie the segments of `record` to the fitted ones.
+
+        Rows that repeat the fitted record get the states they had; rows that follow it continue from its end (or from
+        the last fitted row before them); any other segment starts afresh.
+
+        Returns
+        -------
+        record : Record
+            The same, with row numbers that follow on the fitted ones where rows have no times of their own.
+        starts : dict
+            Segment number -> `SegmentStart`; segments that start afresh are not in it.
+        replay : dict
+            Segment number -> kept row up to which the fitted record must be replayed for the state, or None for the
+            state at the end of the fitted segment.
+        """
+        if self.kind != record.times.kind:
+            raise RecordError(
+                f"The fitted record has times of kind {self.kind!r}, these rows have {record.times.kind!r}. Give both the "
+                "same kind of time (dates with or without zone, time spans, seconds, or none at all)."
+            )
+        if self.kind == "rows":
+            record = self._place_rows(record)
+        starts: dict[int, SegmentStart] = {}
+        replay: dict[int, int | None] = {}
+        seen: set[object] = set()
+        for number, segment in enumerate(record.segments):
+            first_of_run = segment.run not in seen
+            seen.add(segment.run)
+            self._tie(record, number, segment, first_of_run, starts, replay)
+        return record, starts, replay
+
+    def _tie(
+        self,
+        record: Record,
+        number: int,
+        segment: Segment,
+        first_of_run: bool,
+        starts: dict[int, SegmentStart],
+        replay: dict[int, int | None],
+    ) -> None:
+        stamp = record.stamp(segment.start)
+        key = self._segment_before(stamp, segment.run)
+        if key is None:
+            return
+        start, stop, _ = self.record.segments[key]
+        zero = self.record.stamp(start)
+        row = self._first_row_at_or_after(key, stamp)
+        if row == stop:  # after the fitted segment
+            step = self.between(stamp, self.record.stamp(stop - 1))
+            if first_of_run and (self.max_gap is None or step <= self.max_gap):
+                starts[number], replay[number] = SegmentStart(key, zero, step), None
+            return
+        if self.record.stamp(row) == stamp:  # a fitted row, unless another log counts its time from the same zero
+            if all(
+                record.columns[name][record.row(segment.start)] == values[row]
+                for name, values in self.record.columns.items()
+            ):
+                if row == start:
+                    starts[number] = SegmentStart(key, zero, None)
+                else:
+                    step = self.between(stamp, self.record.stamp(row - 1))
+                    starts[number], replay[number] = SegmentStart(key, zero, step), row
+            return
+        step = self.between(stamp, self.record.stamp(row - 1))
+        hole = self.between(self.record.stamp(row), self.record.stamp(row - 1))
+        if self.stride > 1 or hole > 1.5 * self.usual_step:  # rows that were left out of the fit
+            starts[number], replay[number] = SegmentStart(key, zero, step), row
+
+    def _segment_before(self, stamp: float, run: object) -> int | None:
+        """The fitted segment of this run that starts last among those that start no later than `stamp`."""
+        best, best_stamp = None, -np.inf
+        for key, segment in enumerate(self.record.segments):
+            first = self.record.stamp(segment.start)
+            same_run = segment.run == run or run is None or segment.run is None
+            if same_run and best_stamp <= first <= stamp:
+                best, best_stamp = key, first
+        return best
+
+    def _first_row_at_or_after(self, key: int, stamp: float) -> int:
+        low, high, _ = self.record.segments[key]
+        while low < high:
+            middle = (low + high) // 2
+            if self.record.stamp(middle) < stamp:
+                low = middle + 1
+            else:
+                high = middle
+        return low
+
+    def _place_rows(self, record: Record) -> Record:
+        """Rows without times: those that repeat fitted rows are these, others follow directly on the fitted ones."""
+        first_row = self._find_rows(record)
+        times = record.times
+        placed = Times(times.n, times.kind, None, times.per_second, times.period, first_row)
+        return Record(
+            placed,
+            record.temperature_name,
+            record.columns,
+            record.segments,
+            record.order,
+            record.reading,
+            record.notes,
+        )
+
+    def _find_rows(self, record: Record) -> int:
+        first = record.segments[0]
+        kept = {name: values for name, values in self.record.columns.items()}
+        numbers = np.round(self.record.times.seconds(slice(0, self.record.n_rows)) / record.times.period).astype(int)
+        candidates: NDArray[np.intp] = np.arange(len(numbers))
+        for name, values in kept.items():
+            candidates = candidates[values[candidates] == record.columns[name][first.start]]
+        for candidate in candidates[:64]:
+            if self._repeats(record, int(numbers[candidate]) - first.start, numbers):
+                return int(numbers[candidate]) - first.start
+        return self.n_fitted
+
+    def _repeats(self, record: Record, first_row: int, numbers: NDArray[np.intp]) -> bool:
+        inside = (numbers >= first_row) & (numbers < first_row + record.n_rows)
+        rows = numbers[inside] - first_row
+        if self.stride == 1 and first_row + record.n_rows <= self.n_fitted:
+            expected = sum(s.stop - s.start for s in record.segments)
+            if len(rows) != expected:
+                return False
+        return len(rows) > 0 and all(
+            np.array_equal(record.columns[name][rows], values[inside]) for name, values in self.record.columns.items()
+        )

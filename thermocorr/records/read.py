@@ -1,0 +1,335 @@
+"""From what users hold (frames, arrays) to a validated `Record`."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .errors import RecordError, RecordWarning, listing, times_word
+from .record import Record, Segment
+from .times import Times, seconds_of, times_from
+
+_CHUNK = 1 << 18  # rows looked at together, so that checks need no memory of the record's size
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where things stand in the user's data. None means: look for it (see `read_record`)."""
+
+    temperature: object = None
+    time: object = None
+    run: object = None
+    sampling_period: object = None
+    max_gap: object = None
+
+
+def read_record(
+    X: Any,
+    layout: Layout,
+    *,
+    y: Any = None,
+    needed: Sequence[object] = (),
+    quiet: bool = False,
+) -> Record:
+    """Validate a record and find its times and segments.
+
+    Parameters
+    ----------
+    X : DataFrame or array of shape (n_rows, n_columns)
+        Times come from the column `layout.time`, else from a DatetimeIndex or TimedeltaIndex, else rows are
+        `sampling_period` apart. The temperature is the column `layout.temperature`, else the one called
+        "temperature", else the first.
+    layout : Layout
+        Names of special columns and limits.
+    y : array-like of shape (n_rows,), optional
+        Readings; NaN where there is none.
+    needed : sequence of column names
+        Further columns that must be numbers. A NaN in one of them, or in the temperature, ends a segment.
+    quiet : bool
+        Do not warn about the record's quality (it is noted in `Record.notes` all the same).
+
+    Raises
+    ------
+    RecordError
+        For what cannot be used: the message says what was found, where, and what to do.
+    """
+    frame = isinstance(X, pd.DataFrame)
+    n = len(X)
+    name = temperature_column(X, layout, quiet)
+    columns: dict[object, NDArray[Any]] = {}
+    for column in dict.fromkeys((name, *needed)):
+        columns[column] = numeric_column(X, column, "temperature" if column == name else "column")
+    notes: list[str] = []
+    times = _times(X, layout, frame, n, notes)
+    runs, order = _runs(X, layout, times)
+    reading = None if y is None else numeric_reading(y, X)
+    segments = _segments(times, runs, order, list(columns.values()), layout, notes)
+    if not segments:
+        raise RecordError(
+            f"No row has a number in every needed column ({listing(columns)}): all {n} rows have a missing value. "
+            "Check the columns' names and the file they come from."
+        )
+    record = Record(times, name, columns, tuple(segments), order, reading, tuple(notes))
+    if not quiet:
+        for note in notes:
+            warnings.warn(note, RecordWarning, stacklevel=4)
+    return record
+
+
+def temperature_column(X: Any, layout: Layout, quiet: bool = False) -> object:
+    """Name (frames) or number (arrays) of the temperature column."""
+    wanted = layout.temperature
+    if not isinstance(X, pd.DataFrame):
+        count = X.shape[1]
+        if wanted is None:
+            return 0
+        if not isinstance(wanted, int | np.integer) or not 0 <= wanted < count:
+            raise RecordError(
+                f"temperature={wanted!r} is not a column of an array with {count} columns. Give its number, "
+                f"0 to {count - 1}, or pass a DataFrame with named columns."
+            )
+        return int(wanted)
+    special = {layout.time, layout.run} - {None}
+    if wanted is None:
+        candidates = [column for column in X.columns if column not in special]
+        if "temperature" in candidates or not candidates:
+            return "temperature"
+        if len(candidates) > 1 and not quiet:
+            warnings.warn(
+                f"No column is called 'temperature': the first one, {candidates[0]!r}, is taken. Say which of "
+                f"{listing(candidates)} it is with temperature=...",
+                RecordWarning,
+                stacklevel=5,
+            )
+        return candidates[0]
+    return wanted
+
+
+def numeric_column(X: Any, column: object, role: str = "column") -> NDArray[Any]:
+    """A column as numbers: a view where the data allow it. NaN marks missing values; infinities are refused."""
+    if isinstance(X, pd.DataFrame):
+        if column not in X.columns:
+            raise RecordError(
+                f"There is no {role} {column!r} in the data. Its columns are {listing(X.columns)}. "
+                f"Name one of them{' with temperature=...' if role == 'temperature' else ''}."
+            )
+        values: Any = X[column]
+        if values.ndim != 1:
+            raise RecordError(f"The name {column!r} stands over {values.shape[1]} columns. Give columns unique names.")
+    else:
+        values = X[:, column]
+    return as_numbers(values, f"{role.capitalize()} {column!r}")
+
+
+def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
+    """Readings as numbers, row by row beside X."""
+    if isinstance(y, pd.DataFrame):
+        if y.shape[1] != 1:
+            raise RecordError(f"y has {y.shape[1]} columns ({listing(y.columns)}). Pass one, such as y[{y.columns[0]!r}].")
+        y = y.iloc[:, 0]
+    if isinstance(y, pd.Series) and isinstance(X, pd.DataFrame):
+        stamped = isinstance(X.index, pd.DatetimeIndex | pd.TimedeltaIndex)
+        if stamped and type(y.index) is type(X.index) and len(y) == len(X) and not y.index.equals(X.index):
+            row = int(np.argmax(np.asarray(y.index != X.index)))
+            raise RecordError(
+                f"X and y have different times: in row {row}, X has {X.index[row]} and y has {y.index[row]}. "
+                "Align them first, for example with y.reindex(X.index)."
+            )
+    values = as_numbers(y if isinstance(y, pd.Series) else np.asarray(y), "The reading y")
+    if values.ndim == 2 and values.shape[1] == 1:
+        values = values[:, 0]
+    if values.ndim != 1:
+        raise RecordError(f"y must be one column of readings. Got an array of shape {values.shape} instead.")
+    if len(values) != len(X):
+        raise RecordError(f"X has {len(X)} rows and y has {len(values)}. Each row needs one reading (NaN where none).")
+    return values
+
+
+def as_numbers(values: Any, what: str) -> NDArray[Any]:
+    """Numbers with NaN for missing ones; text, complex numbers, dates and infinities are refused by row."""
+    dtype = values.dtype
+    if pd.api.types.is_complex_dtype(dtype):
+        raise RecordError(f"{what} holds complex numbers. Complex data not supported: pass real numbers.")
+    if pd.api.types.is_datetime64_any_dtype(dtype) or pd.api.types.is_timedelta64_dtype(dtype):
+        raise RecordError(f"{what} holds times ({dtype}) where numbers are needed. Is it the time column? Pass time=...")
+    if not pd.api.types.is_numeric_dtype(dtype):
+        values = _parse_numbers(values, what)
+    if isinstance(values, pd.Series):
+        values = (
+            values.to_numpy() if isinstance(values.dtype, np.dtype) else values.to_numpy(dtype=float, na_value=np.nan)
+        )
+    for start in range(0, len(values), _CHUNK):
+        chunk = values[start : start + _CHUNK]
+        if not np.isfinite(chunk.sum(dtype=float)) and np.isinf(chunk).any():
+            row = start + int(np.isinf(chunk).argmax())
+            raise RecordError(
+                f"{what} contains infinity in row {row}. Replace it by NaN if there is no value, or by the right one."
+            )
+    return values  # type: ignore[no-any-return]
+
+
+def _parse_numbers(values: Any, what: str) -> NDArray[Any]:
+    series = pd.Series(values)
+    for row, value in enumerate(series.head(1000)):  # pandas would coerce dicts and lists without a word
+        if isinstance(value, dict | list | tuple | set):
+            raise TypeError(f"{what}: argument must be a string or a number, row {row} holds {value!r}.")
+    numbers = pd.to_numeric(series, errors="coerce")
+    bad = (numbers.isna() & series.notna()).to_numpy()
+    if bad.any():
+        row = int(bad.argmax())
+        raise RecordError(
+            f"{what} is not a number in row {row}: {series.iloc[row]!r} ({times_word(int(bad.sum()), 'such row')} in "
+            "all). Remove units and text from the data, or convert it with pandas.to_numeric(..., errors='coerce')."
+        )
+    return numbers.to_numpy(dtype=float, na_value=np.nan)  # type: ignore[no-any-return]
+
+
+def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Times:
+    if layout.time is not None:
+        if not frame or layout.time not in X.columns:
+            found = f"Its columns are {listing(X.columns)}" if frame else "An array has no named columns"
+            raise RecordError(f"There is no time column {layout.time!r} in the data. {found}. Name one with time=...")
+        return times_from(X[layout.time], f"The time column {layout.time!r}")
+    if frame and isinstance(X.index, pd.DatetimeIndex | pd.TimedeltaIndex):
+        if layout.sampling_period is not None:
+            notes.append("The data have times of their own: sampling_period is not used.")
+        return times_from(X.index, "The index")
+    if layout.sampling_period is None:
+        notes.append(
+            "The data have no times: rows are taken as 1 s apart, so time constants count in samples. "
+            "Pass sampling_period=..., time=<column>, or a DataFrame with a DatetimeIndex."
+        )
+        return Times(n, "rows")
+    return Times(n, "rows", period=seconds_of(layout.sampling_period, "sampling_period"))
+
+
+def _runs(X: Any, layout: Layout, times: Times) -> tuple[NDArray[Any] | None, NDArray[np.intp] | None]:
+    """Run codes in time order, and that order where runs are interleaved."""
+    if layout.run is None:
+        return None, None
+    if not isinstance(X, pd.DataFrame):
+        if not isinstance(layout.run, int | np.integer) or not 0 <= layout.run < X.shape[1]:
+            raise RecordError(f"run={layout.run!r} is not a column of an array with {X.shape[1]} columns.")
+        labels = pd.Series(X[:, layout.run])
+    elif layout.run not in X.columns:
+        raise RecordError(
+            f"There is no run column {layout.run!r} in the data. Its columns are {listing(X.columns)}. "
+            "Name one with run=..."
+        )
+    else:
+        labels = X[layout.run]
+    missing = labels.isna().to_numpy()
+    if missing.any():
+        raise RecordError(f"The run column {layout.run!r} is empty in row {missing.argmax()}. Label every row.")
+    codes, names = pd.factorize(labels)
+    order = None
+    if (np.diff(codes) < 0).any():
+        if times.ticks is None:
+            raise RecordError(
+                "Runs are interleaved and rows have no times. Sort the rows by run, or name a time column with time=..."
+            )
+        order = np.argsort(codes, kind="stable")
+        codes = codes[order]
+    return np.asarray(names, dtype=object)[codes], order
+
+
+def _segments(
+    times: Times,
+    runs: NDArray[Any] | None,
+    order: NDArray[np.intp] | None,
+    columns: list[NDArray[Any]],
+    layout: Layout,
+    notes: list[str],
+) -> list[Segment]:
+    """Cut where the run changes, where a gap exceeds max_gap, and around rows with missing values."""
+    n = times.n
+    cuts = [np.zeros(1, np.intp)]
+    if runs is not None:
+        cuts.append(np.flatnonzero(runs[1:] != runs[:-1]) + 1)
+    starts_run = set(np.concatenate(cuts).tolist())
+    if times.ticks is not None:
+        cuts.append(_check_steps(times, order, starts_run, layout, notes))
+    gone: list[NDArray[np.intp]] = []
+    for start in range(0, n, _CHUNK):
+        rows = slice(start, min(start + _CHUNK, n)) if order is None else order[start : start + _CHUNK]
+        if any(np.isnan(column[rows].sum(dtype=float)) for column in columns):
+            bad = np.zeros(len(columns[0][rows]), bool)
+            for column in columns:
+                bad |= np.isnan(column[rows])
+            gone.append(np.flatnonzero(bad) + start)
+    missing = np.concatenate(gone) if gone else np.zeros(0, np.intp)
+    edges = np.unique(np.concatenate((*cuts, missing, missing + 1, [n])))
+    lost = np.isin(edges[:-1], missing)
+    segments = [
+        Segment(int(start), int(stop), None if runs is None else runs[start])
+        for start, stop, skip in zip(edges[:-1], edges[1:], lost, strict=True)
+        if not skip
+    ]
+    if len(missing):
+        first = int(missing[0]) if order is None else int(order[missing[0]])
+        notes.append(
+            f"{times_word(len(missing), 'row')} of {n} have a missing value, the first is row {first}. Each such stretch "
+            "ends a segment, after which the lags start anew. Short ones can be filled first, for example with "
+            "X.interpolate(limit=5)."
+        )
+    return segments
+
+
+def _check_steps(
+    times: Times,
+    order: NDArray[np.intp] | None,
+    starts_run: set[int],
+    layout: Layout,
+    notes: list[str],
+) -> NDArray[np.intp]:
+    """Refuse times that stand still or go back; return where gaps longer than max_gap end."""
+    n = times.n
+    max_gap = None if layout.max_gap is None else seconds_of(layout.max_gap, "max_gap")
+    found, wide, usual = [], [], None
+    for start in range(0, n - 1, _CHUNK):
+        stop = min(start + _CHUNK + 1, n)
+        rows = slice(start, stop) if order is None else order[start:stop]
+        steps = times.steps(rows)[1:]
+        inside = np.ones(len(steps), bool)
+        inside[[k - 1 - start for k in starts_run if start < k < stop]] = False
+        bad = inside & (steps <= 0)
+        if bad.any():
+            _refuse_order(times, order, start + 1 + int(bad.argmax()), layout)
+        if usual is None:
+            usual = float(np.median(steps[inside])) if inside.any() else None
+        if usual is not None:
+            gaps = np.flatnonzero(inside & (steps > (10 * usual if max_gap is None else max_gap)))
+            found.extend((gaps + start + 1).tolist())
+            wide.extend(steps[gaps].tolist())
+    if max_gap is not None:
+        return np.asarray(found, np.intp)
+    if found:
+        first = found[0] - 1 if order is None else int(order[found[0] - 1])
+        notes.append(
+            f"Sampling has {times_word(len(found), 'gap')}, the first after row {first} ({wide[0]:.5g} s where "
+            f"{usual:.5g} s is usual). Temperature is taken as a straight line across. Pass max_gap={3 * (usual or 1):.5g} "
+            "to start a new segment there."
+        )
+    return np.zeros(0, np.intp)
+
+
+def _refuse_order(times: Times, order: NDArray[np.intp] | None, k: int, layout: Layout) -> None:
+    row, before = (k, k - 1) if order is None else (int(order[k]), int(order[k - 1]))
+    hint = (
+        "Sort the rows by time; if the log holds several runs, name their column with run=...; local times without a "
+        "zone step back when summer time ends."
+        if layout.run is None
+        else "Sort the rows of each run by time."
+    )
+    if times.stamp(row) == times.stamp(before):
+        raise RecordError(
+            f"Two rows have the same time {times.label(row)}: rows {before} and {row}. Drop or average duplicates, for "
+            "example with X[~X.index.duplicated()]; if the log holds several runs, name their column with run=..."
+        )
+    raise RecordError(f"Time goes backward at row {row}: {times.label(row)} follows {times.label(before)}. {hint}")

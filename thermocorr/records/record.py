@@ -1,0 +1,169 @@
+"""A validated log: times, segments and columns, read in blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .times import Floats, Rows, Times
+
+BLOCK_ROWS = 8192
+"""Rows of one block: large enough to keep Python out of the way, small enough to stay in the cache."""
+
+
+class Segment(NamedTuple):
+    """A stretch without a gap: rows ``start:stop`` in the record's time order."""
+
+    start: int
+    stop: int
+    run: object = None
+
+
+@dataclass(frozen=True)
+class Block:
+    """Consecutive rows of one segment, as every effect sees them."""
+
+    record: Record
+    segment: int
+    """Number of the segment in its record."""
+    start: int
+    stop: int
+    begins: bool
+    """True where the segment begins here, so that there is no earlier sample."""
+    steps: Floats
+    """``steps[k]`` is the time from the sample before k to sample k [s]; ``steps[0]`` is 1 where the segment begins."""
+    zero: float
+    """Stamp from which `seconds` counts: the first row of the fitted record."""
+    segment_zero: float
+    """Stamp from which `elapsed` counts: the first row of the (fitted) segment."""
+    segment_key: int | None
+    """Number of the fitted segment that this block belongs to, None for a new one."""
+
+    def __len__(self) -> int:
+        return self.stop - self.start
+
+    @property
+    def rows(self) -> Rows:
+        """Where the rows stand in the user's record."""
+        return self.record.rows(self.start, self.stop)
+
+    @property
+    def seconds(self) -> Floats:
+        """Time since the first row of the fitted record [s], shape (n,)."""
+        return self.record.times.seconds(self.rows, self.zero)
+
+    @property
+    def elapsed(self) -> Floats:
+        """Time since the start of the segment [s], shape (n,)."""
+        return self.record.times.seconds(self.rows, self.segment_zero)
+
+    @property
+    def temperature(self) -> Floats:
+        """Ambient temperature, shape (n,)."""
+        return self[self.record.temperature_name]
+
+    def __getitem__(self, column: object) -> Floats:
+        """A recorded column, shape (n,), contiguous float64."""
+        return np.ascontiguousarray(self.record.columns[column][self.rows], dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Record:
+    """What `read_record` makes of the user's data. The arrays are views of the user's, never written to."""
+
+    times: Times
+    temperature_name: object
+    columns: Mapping[object, NDArray[Any]]
+    segments: tuple[Segment, ...]
+    order: NDArray[np.intp] | None = None
+    """``order[k]`` is the user's row that comes k-th in time order; None when rows already stand in order."""
+    reading: NDArray[Any] | None = None
+    notes: tuple[str, ...] = field(default=())
+    """What the user should know about the record's quality, one sentence each."""
+
+    @property
+    def n_rows(self) -> int:
+        """Rows of the user's record, those outside any segment included."""
+        return self.times.n
+
+    @property
+    def n_used(self) -> int:
+        """Rows inside segments."""
+        return sum(segment.stop - segment.start for segment in self.segments)
+
+    def rows(self, start: int, stop: int) -> Rows:
+        """The user's rows for a stretch in time order."""
+        return slice(start, stop) if self.order is None else self.order[start:stop]
+
+    def row(self, k: int) -> int:
+        """The user's row that comes k-th in time order."""
+        return k if self.order is None else int(self.order[k])
+
+    def stamp(self, k: int) -> float:
+        """Absolute time of the row that comes k-th in time order."""
+        return self.times.stamp(self.row(k))
+
+    def duration(self, segment: Segment) -> float:
+        """First to last sample of a segment [s]."""
+        return self.times.between(self.stamp(segment.stop - 1), self.stamp(segment.start))
+
+    def usual_step(self) -> float:
+        """Median step inside segments [s]; 1 for a record without two consecutive rows. Long records are sampled."""
+        parts = []
+        longest = sorted(self.segments, key=lambda s: s.start - s.stop)[:16]
+        for start, stop, _ in longest:
+            if stop - start > 1:
+                parts.append(self.times.steps(self.rows(start, min(stop, start + 65_536)))[1:])
+        return float(np.median(np.concatenate(parts))) if parts else 1.0
+
+    def first_stamp(self) -> float:
+        """Absolute time of the first row inside a segment."""
+        return self.stamp(self.segments[0].start) if self.segments else 0
+
+    def blocks(
+        self,
+        size: int = BLOCK_ROWS,
+        zero: float | None = None,
+        starts: Mapping[int, SegmentStart] | None = None,
+    ) -> Iterator[Block]:
+        """Blocks of at most `size` rows in time order.
+
+        `zero` is the stamp from which seconds count (this record's first by default); `starts` ties segments,
+        by number, to those of the fitted record.
+        """
+        zero = self.first_stamp() if zero is None else zero
+        for number, segment in enumerate(self.segments):
+            known = (starts or {}).get(number)
+            segment_zero = self.stamp(segment.start) if known is None else known.segment_zero
+            for start in range(segment.start, segment.stop, size):
+                stop = min(start + size, segment.stop)
+                begins = start == segment.start
+                steps = self.times.steps(self.rows(start, stop), None if begins else self.row(start - 1))
+                if known is not None and begins and known.step is not None:
+                    steps[0] = known.step
+                yield Block(
+                    self,
+                    number,
+                    start,
+                    stop,
+                    begins and (known is None or known.step is None),
+                    steps,
+                    zero,
+                    segment_zero,
+                    None if known is None else known.key,
+                )
+
+
+class SegmentStart(NamedTuple):
+    """How a segment of a new record hangs on one of the fitted record."""
+
+    key: int
+    """Number of the fitted segment that it belongs to."""
+    segment_zero: float
+    """Stamp of that segment's first sample."""
+    step: float | None
+    """Time since the sample whose state it continues [s]; None where it starts afresh."""

@@ -1,0 +1,157 @@
+"""Times of a record: from an index, a column or a sampling period to seconds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .errors import RecordError
+
+Floats = NDArray[np.float64]
+Rows = slice | NDArray[np.intp]
+Kind = Literal["datetime", "datetime with time zone", "timedelta", "seconds", "rows"]
+_NS = 1_000_000_000
+_UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": _NS}
+
+
+@dataclass(frozen=True)
+class Times:
+    """Time stamps of `n` rows, read block by block: nothing of the size of the record is copied.
+
+    ``ticks`` are integers (`per_second` of them in a second), floats in seconds, or None for rows that are
+    `period` seconds apart, the first of them being row number `first_row` of its log.
+    """
+
+    n: int
+    kind: Kind
+    ticks: NDArray[Any] | None = None
+    per_second: int = 1
+    period: float = 1.0
+    first_row: int = 0
+
+    def steps(self, rows: Rows, before: int | None = None) -> Floats:
+        """Time from the row before to each of `rows` [s]; ``steps[0]`` reaches back to row `before` (1 s if None)."""
+        if self.ticks is None:
+            count = rows.stop - rows.start if isinstance(rows, slice) else len(rows)
+            steps = np.full(count, self.period)
+            if not isinstance(rows, slice):
+                steps[1:] = np.diff(rows) * self.period
+            return steps
+        ticks = self.ticks[rows]
+        steps = np.empty(len(ticks))
+        np.divide(ticks[1:] - ticks[:-1], self.per_second, out=steps[1:])
+        steps[0] = 1.0 if before is None else (ticks[0] - self.ticks[before]) / self.per_second
+        return steps
+
+    def seconds(self, rows: Rows, origin: float = 0) -> Floats:
+        """Seconds since `origin`, which is what `stamp` gives for the row that counts as zero."""
+        if self.ticks is None:
+            number = np.arange(rows.start, rows.stop) if isinstance(rows, slice) else rows
+            return np.asarray((number + self.first_row) * self.period - origin, float)
+        if self.kind == "seconds":
+            return np.asarray(self.ticks[rows] - origin, float)
+        whole, rest = divmod(int(origin), _NS // self.per_second)
+        return np.asarray((self.ticks[rows] - whole) / self.per_second - rest / _NS, float)
+
+    def stamp(self, row: int) -> float:
+        """Absolute time of a row: nanoseconds for dates and spans (exact integer), seconds otherwise."""
+        if self.ticks is None:
+            return (row + self.first_row) * self.period
+        if self.kind == "seconds":
+            return float(self.ticks[row])
+        return int(self.ticks[row]) * (_NS // self.per_second)
+
+    def between(self, later: float, earlier: float) -> float:
+        """Difference of two stamps [s]."""
+        return (later - earlier) / (_NS if self.kind.startswith(("datetime", "timedelta")) else 1)
+
+    def label(self, row: int) -> str:
+        """A row's time as a person writes it."""
+        if self.ticks is None:
+            return f"{self.stamp(row):.10g} s"
+        if self.kind == "seconds":
+            return f"{self.ticks[row]:.10g} s"
+        if self.kind == "timedelta":
+            return str(pd.Timedelta(int(self.stamp(row)), unit="ns"))
+        return str(pd.Timestamp(int(self.stamp(row))))
+
+
+def times_from(values: pd.Index | pd.Series, where: str) -> Times:
+    """Times of an index or a column: dates, spans, seconds, or text that pandas reads as dates.
+
+    Raises RecordError for missing or unreadable times, naming the first.
+    """
+    if isinstance(values, pd.Index):
+        values = values.to_series(index=range(len(values)))
+    n = len(values)
+    dtype: Any = values.dtype
+    if pd.api.types.is_bool_dtype(dtype):
+        raise RecordError(f"{where} holds true/false where times are needed. Give dates, time spans or seconds.")
+    if pd.api.types.is_numeric_dtype(dtype):
+        seconds = values.to_numpy(dtype=float, na_value=np.nan)
+        _refuse_missing(~np.isfinite(seconds), where)
+        return Times(n, "seconds", seconds)
+    if not (pd.api.types.is_datetime64_any_dtype(dtype) or pd.api.types.is_timedelta64_dtype(dtype)):
+        values = _parse(values, where)
+        dtype = values.dtype
+    _refuse_missing(values.isna().to_numpy(), where)
+    kind: Kind = "timedelta" if pd.api.types.is_timedelta64_dtype(dtype) else "datetime"
+    if isinstance(dtype, pd.DatetimeTZDtype):
+        kind, unit = "datetime with time zone", dtype.unit
+        values = values.dt.tz_convert("UTC").dt.tz_localize(None)
+    else:
+        unit = np.datetime_data(dtype)[0]
+    return Times(n, kind, values.to_numpy().view("i8"), _UNITS[unit])
+
+
+def _refuse_missing(missing: NDArray[np.bool_], where: str) -> None:
+    if missing.any():
+        raise RecordError(
+            f"{where} has no time in {missing.sum()} of {len(missing)} rows, the first is row {missing.argmax()}. "
+            "Every row needs its time: drop these rows or fill their times."
+        )
+
+
+def _parse(values: pd.Series[Any], where: str) -> pd.Series[Any]:
+    """Text to dates; all zones become UTC, so that summer time cannot fold an hour."""
+    text = values.astype("string")
+    numbers = pd.to_numeric(text, errors="coerce")
+    if len(values) and numbers.notna().all():
+        raise RecordError(
+            f"{where} holds numbers written as text, such as {values.iloc[0]!r}. Convert it to float (seconds) first."
+        )
+    zoned = bool(text.str.contains(r"(?:Z|[+-]\d{2}:?\d{2})$", regex=True, na=False).any())
+    parsed = pd.to_datetime(text, errors="coerce", format="ISO8601", utc=zoned)
+    bad = (parsed.isna() & text.notna()).to_numpy()
+    if bad.any():
+        row = int(bad.argmax())
+        raise RecordError(
+            f"{where} cannot be read as a time in row {row}: {values.iloc[row]!r}. Write dates as "
+            "2024-05-31T14:00:00, convert other forms with pandas.to_datetime(..., format=...), or give seconds as "
+            "numbers."
+        )
+    return parsed
+
+
+def seconds_of(value: object, name: str) -> float:
+    """A time span in seconds: a number, or anything that pandas reads as a span ('15 min', Timedelta).
+
+    Raises ValueError in the words of scikit-learn's parameter checks.
+    """
+    if isinstance(value, int | float | np.number) and not isinstance(value, bool):
+        seconds = float(value)
+    else:
+        try:
+            seconds = pd.Timedelta(value).total_seconds()  # type: ignore[arg-type]
+        except (ValueError, TypeError):
+            seconds = float("nan")
+    if not (np.isfinite(seconds) and seconds > 0):
+        raise ValueError(
+            f"The {name!r} parameter must be a positive time: seconds, or a span such as '15 min'. "
+            f"Got {value!r} instead."
+        )
+    return seconds
