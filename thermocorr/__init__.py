@@ -1,6 +1,13 @@
 """Thermal bias of precise instruments: learn it from a log, remove it, and find what is still missing."""
 
-from .estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
+from .estimators import (
+    DiffusiveFeatures,
+    DynamicBiasRegressor,
+    MergedRidge,
+    VariantComparison,
+    compare_variants,
+    held_out_residuals,
+)
 from .records import RecordError, RecordWarning
 
 __version__ = "0.1.0"
@@ -10,4 +17,7 @@ __all__ = [
     "MergedRidge",
     "RecordError",
     "RecordWarning",
+    "VariantComparison",
+    "compare_variants",
+    "held_out_residuals",
 ]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..equations import LagState, decays, lag_differences, paper_form
-from ..records import Block, Record, seconds_of
+from ..records import BLOCK_ROWS, Block, Record, Segment, seconds_of
 from .protocol import Effect, time_text
 
 
@@ -167,6 +167,7 @@ class InitialTransient(Effect):
         for key, segment in enumerate(record.segments):
             limit = self.longest_share * record.duration(segment)
             chosen = time_constants[time_constants <= limit]
+            chosen = chosen[chosen > _first_reading(record, segment)]  # what is over before can't be known
             if len(chosen) == 0 or segment.stop - segment.start <= 2 * len(chosen):
                 continue
             self.decays_[key], self.first_column_[key] = chosen, at
@@ -192,6 +193,18 @@ class InitialTransient(Effect):
             at = self.first_column_[block.segment_key]
             result[:, at : at + len(taus)] = decays(block.elapsed, taus)  # eq. (18)
         return result, state
+
+
+def _first_reading(record: Record, segment: Segment) -> float:
+    """Time from the start of a segment to its first reading [s]; infinite where it has none."""
+    if record.reading is None:
+        return 0.0
+    for start in range(segment.start, segment.stop, BLOCK_ROWS):
+        rows = record.rows(start, min(start + BLOCK_ROWS, segment.stop))
+        known = np.isfinite(np.asarray(record.reading[rows], float))
+        if known.any():
+            return record.times.between(record.stamp(start + int(known.argmax())), record.stamp(segment.start))
+    return np.inf
 
 
 class LagProducts(Effect):

@@ -1,7 +1,16 @@
 """Floor 3: estimators in scikit-learn's manner."""
 
 from .features import DiffusiveFeatures
+from .holdout import held_out_residuals
 from .regressor import DynamicBiasRegressor
 from .ridge import MergedRidge
+from .variants import VariantComparison, compare_variants
 
-__all__ = ["DiffusiveFeatures", "DynamicBiasRegressor", "MergedRidge"]
+__all__ = [
+    "DiffusiveFeatures",
+    "DynamicBiasRegressor",
+    "MergedRidge",
+    "VariantComparison",
+    "compare_variants",
+    "held_out_residuals",
+]

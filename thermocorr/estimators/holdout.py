@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -20,7 +21,9 @@ def time_blocks(n_rows: int, n_blocks: int) -> list[slice]:
     return [slice(int(low), int(high)) for low, high in pairwise(edges)]
 
 
-def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5) -> np.ndarray:
+def held_out_residuals(
+    model: Any, X: Any, y: Any, *, n_blocks: int = 5, progress: Callable[[str], None] | None = None
+) -> np.ndarray:
     """Residuals of each block of time under a model that was fitted, time constants and all, without its readings.
 
     The lags run through the whole record (temperature is known everywhere), so no block starts with unknown states.
@@ -33,6 +36,8 @@ def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5) -> np.n
     X, y : as for `DynamicBiasRegressor.fit`
     n_blocks : int
         Number of blocks.
+    progress : callable, optional
+        Called with a line of text before each fit.
 
     Returns
     -------
@@ -41,7 +46,10 @@ def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5) -> np.n
     """
     reading = np.array(numeric_reading(y, X), float)
     result = np.full(len(reading), np.nan)
-    for block in time_blocks(len(reading), n_blocks):
+    blocks = time_blocks(len(reading), n_blocks)
+    for number, block in enumerate(blocks):
+        if progress is not None:
+            progress(f"held-out block {number + 1} of {len(blocks)}")
         known = reading.copy()
         known[block] = np.nan
         if np.isfinite(known).any():

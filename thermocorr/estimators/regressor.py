@@ -313,6 +313,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True  # NaN in the temperature ends a segment
+        tags.regressor_tags.poor_score = True  # of many columns it uses one, unless effects name others
         return tags
 
 

@@ -69,5 +69,5 @@ class MergedRidge(RegressorMixin, BaseEstimator):
     def predict(self, X: Any) -> np.ndarray:
         """Modelled readings, shape (n_rows,)."""
         check_is_fitted(self)
-        X = validate_data(self, X, reset=False, dtype=np.float64, ensure_all_finite="allow-nan")
+        X = validate_data(self, X, reset=False, dtype=np.float64)
         return X @ self.coef_ + self.intercept_  # type: ignore[no-any-return]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -96,6 +97,7 @@ def compare_variants(
     products: bool = False,
     window: int = 25,
     n_blocks: int = 5,
+    progress: Callable[[str], None] | None = None,
     **options: Any,
 ) -> VariantComparison:
     """Compare static and dynamic, linear and nonlinear corrections of one record: the paper's table.
@@ -116,6 +118,8 @@ def compare_variants(
     n_blocks : int, default 5
         Blocks of time for the held-out figures. Each is predicted by a model whose coefficients and time constants
         were found without it.
+    progress : callable, optional
+        Called with a line of text before each fit.
 
     Returns
     -------
@@ -140,10 +144,14 @@ def compare_variants(
     inside: dict[str, np.ndarray] = {}
     outside: dict[str, np.ndarray] = {}
     fitted: dict[str, DynamicBiasRegressor] = {}
+    tell = progress or (lambda text: None)
     for name, variant in variants.items():
+        tell(f"{name}: fitting")
         fitted[name] = variant.fit(X, y)
         inside[name] = np.asarray(variant.residuals(X, y))
-        outside[name] = held_out_residuals(variant, X, y, n_blocks=n_blocks)
+        outside[name] = held_out_residuals(
+            variant, X, y, n_blocks=n_blocks, progress=lambda text, name=name: tell(f"{name}: {text}")
+        )
     rows = {"before correction": {"std": before, "std_smoothed": _std(_smooth(raw, [slice(None)], window))}}
     for name in variants:
         rows[name] = _figures(name, inside, outside, before, blocks, window)

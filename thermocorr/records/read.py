@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from sklearn.utils import column_or_1d
 
 from .errors import RecordError, RecordWarning, listing, times_word
 from .record import Record, Segment
@@ -143,7 +144,7 @@ def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
             )
     values = as_numbers(y if isinstance(y, pd.Series) else np.asarray(y), "The reading y")
     if values.ndim == 2 and values.shape[1] == 1:
-        values = values[:, 0]
+        values = column_or_1d(values, warn=True)
     if values.ndim != 1:
         raise RecordError(f"y must be one column of readings. Got an array of shape {values.shape} instead.")
     if len(values) != len(X):

@@ -1,0 +1,118 @@
+"""`thermocorr analyze`: from a log to the table, the corrected log and the fitted model."""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import pandas as pd
+
+from ..datasets import load_voltage_reference
+from ..estimators import DynamicBiasRegressor, compare_variants
+from ..records import RecordError, RecordWarning
+from .files import prepare_folder, read_log, require_column, write_corrected, write_model
+
+TIME_NAMES = ("time", "timestamp", "datetime", "date", "time_s")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `thermocorr analyze`."""
+    parser.add_argument("log", nargs="?", help="CSV or Parquet file; without one, the built-in voltage reference is analysed")
+    columns = parser.add_argument_group("columns of the log")
+    columns.add_argument("--temperature", metavar="COLUMN", help="ambient temperature (default: temperature)")
+    columns.add_argument("--reading", metavar="COLUMN", help="what the instrument shows")
+    columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds (default: time, timestamp, ...)")
+    columns.add_argument("--run", metavar="COLUMN", help="labels of runs; each starts anew")
+    columns.add_argument("--sampling-period", metavar="SPAN", help="time between rows of a log without times, such as 15s")
+    columns.add_argument("--max-gap", metavar="SPAN", help="a longer step starts a new segment, such as 10min")
+    model = parser.add_argument_group("model")
+    model.add_argument(
+        "--time-constants",
+        metavar="N|auto|LIST",
+        default="6",
+        help="how many to choose (default 6, as in the paper), auto, or a list such as 60,15min,2h",
+    )
+    model.add_argument("--degree", type=int, default=2, metavar="N", help="degree of the static law (default 2)")
+    model.add_argument("--products", action="store_true", help="add the products of lags, eq. (21)")
+    model.add_argument("--window", type=int, default=25, metavar="N", help="samples of the moving average (default 25)")
+    model.add_argument("--blocks", type=int, default=5, metavar="N", help="blocks of time for held-out figures (default 5)")
+    parser.add_argument("--out", metavar="FOLDER", help="where to write corrected.csv and the fitted model")
+    parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
+
+
+def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> None:
+    """Do it: `say` prints results, `progress` shows what is being done."""
+    folder = None if options.out is None else prepare_folder(options.out)
+    log, index, model, reading = _load(options)
+    X, y = log.drop(columns=reading), log[reading]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", RecordWarning)
+        comparison = compare_variants(
+            X,
+            y,
+            model=model,
+            degree=options.degree,
+            products=options.products,
+            window=options.window,
+            n_blocks=options.blocks,
+            progress=None if options.quiet else progress,
+        )
+    best = list(comparison.models.values())[-1]
+    say(f"{best.reading_.n_readings} readings of {reading!r}, temperature {best.temperature!r}\n")
+    for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
+        say(f"Note: {note}\n")
+    say(f"{comparison}\n")
+    say(f"Time constants of the last model: {', '.join(f'{tau:.4g} s' for tau in best.time_constants_)}")
+    if folder is not None:
+        written = [write_corrected(folder, log, best.evaluate(X, y), index), *write_model(folder, best)]
+        say(f"Written: {', '.join(str(path) for path in written)}")
+
+
+def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasRegressor, str]:
+    """The log, whether its index is to be written, the unfitted model, and the reading's column."""
+    time_constants = parse_time_constants(options.time_constants)
+    if options.log is None:
+        if options.reading or options.temperature or options.time or options.run:
+            raise RecordError("Columns are named but no log is given. Put the log's file name after 'analyze'.")
+        log = load_voltage_reference()
+        return log, True, DynamicBiasRegressor("temperature", time_constants, options.degree), "voltage"
+    log = read_log(options.log)
+    reading = require_column(log, options.reading, "reading", ("reading",))
+    temperature = require_column(log, options.temperature, "temperature", ("temperature",))
+    if reading == temperature:
+        raise RecordError(f"--reading and --temperature both name {reading!r}. The reading is what the instrument shows.")
+    run = None if options.run is None else require_column(log, options.run, "run")
+    stamped = isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex)
+    time = None
+    if options.sampling_period is None and not (stamped and options.time is None):
+        time = require_column(log, options.time, "time", tuple(n for n in TIME_NAMES if n not in (reading, temperature)))
+    elif options.time is not None:
+        raise RecordError("Give --time or --sampling-period, not both.")
+    layout: dict[str, Any] = {
+        "time": time,
+        "run": run,
+        "sampling_period": number_or_span(options.sampling_period),
+        "max_gap": number_or_span(options.max_gap),
+    }
+    return log, stamped, DynamicBiasRegressor(temperature, time_constants, options.degree, **layout), reading
+
+
+def number_or_span(text: str | None) -> Any:
+    """Seconds as a number, anything else as it stands."""
+    if text is None:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def parse_time_constants(text: str) -> Any:
+    """``6`` is how many to choose, ``auto`` is auto, ``60,15min,2h`` is a list; ``3600s`` is a list of one."""
+    if text == "auto":
+        return "auto"
+    if text.isdigit():
+        return int(text)
+    return [number_or_span(part.strip()) for part in text.split(",") if part.strip()]
