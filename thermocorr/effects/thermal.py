@@ -124,10 +124,11 @@ class ThermalLag(Effect):
 
     def columns(self, block: Block, state: LagState | None) -> tuple[np.ndarray, LagState]:
         """Lag differences [K]."""
-        T = block.temperature
+        T, steps = block.temperature, block.steps
         if state is None and self.initial_state == "zero":
+            steps = np.concatenate((np.zeros(1), steps[1:]))  # the first sample is the start itself
             state = LagState(np.full(len(self.time_constants_), self.reference_temperature_ - T[0]), float(T[0]))
-        Psi, state = lag_differences(T, block.steps, self.time_constants_, state, hold=self.hold)  # eq. (19)
+        Psi, state = lag_differences(T, steps, self.time_constants_, state, hold=self.hold)  # eq. (19)
         return (Psi if self.form == "unit_gain" else paper_form(Psi, T, self.time_constants_)), state
 
     def memory(self) -> float:
@@ -212,14 +213,15 @@ class LagProducts(Effect):
 
     kind = "lag_products"
 
-    def __init__(self, time_constants: Sequence[Any] = (), hold: str = "first_order", initial_state: str = "fit"):
+    def __init__(self, time_constants: Sequence[Any] = (), hold: str = "first_order", initial_state: str = "fit", reference_temperature: float | str = "mean"):
         self.time_constants = time_constants
         self.hold = hold
         self.initial_state = initial_state
+        self.reference_temperature = reference_temperature
 
     def learn(self, record: Record) -> None:
         """Convert time constants to seconds."""
-        self.lags_ = ThermalLag(self.time_constants, self.hold, self.initial_state)
+        self.lags_ = ThermalLag(self.time_constants, self.hold, self.initial_state, reference_temperature=self.reference_temperature)
         self.lags_.learn(record)
         n = len(self.lags_.time_constants_)
         self.pairs_ = [(j, k) for j in range(n) for k in range(j, n)]

@@ -63,7 +63,7 @@ def decay_and_gain(steps: Floats, time_constant: float, hold: Hold = "first_orde
         decay = 1.0 - ratio * gain
     else:
         decay = np.exp(-ratio)
-        gain = (1.0 - decay) / ratio
+        gain = np.divide(1.0 - decay, ratio, out=np.ones_like(ratio), where=~small)
         if small.any():
             gain[small] = _series_gain(ratio[small])
             decay[small] = 1.0 - ratio[small] * gain[small]
@@ -112,6 +112,8 @@ def lag_differences(
         To continue with the next block: the result is the same to the last bit however a record is cut.
     """
     n, n_lags = len(temperature), len(time_constants)
+    if state is not None and np.isnan(state.temperature):
+        state = None  # only empty blocks so far
     if n == 0:
         return np.empty((0, n_lags), order="F"), state or equilibrium(np.nan, time_constants)
     if state is None:

@@ -18,7 +18,7 @@ from scipy.linalg import lapack, qr
 Floats = NDArray[np.float64]
 
 _PANEL = 16  # columns that LAPACK reflects at once
-RANK_TOLERANCE = 1e-13
+RANK_TOLERANCE = 1e-11
 """Singular values of the unit-column triangle below this share of the largest carry no information."""
 
 class TriangularFactor:
@@ -56,8 +56,9 @@ class TriangularFactor:
 
     def select(self, columns: Iterable[int]) -> TriangularFactor:
         """Factor of some of the columns, in the order given, without another look at the data."""
+        columns = list(columns)
         part = TriangularFactor(0)
-        part.r = np.asfortranarray(np.triu(qr(self.r[:, list(columns)], mode="r")[0][: len(list(columns))]))
+        part.r = np.asfortranarray(np.triu(qr(self.r[:, columns], mode="r")[0][: len(columns)]))
         part.n_rows = self.n_rows
         return part
 
@@ -102,7 +103,7 @@ def solve_ridge(factor: TriangularFactor, alpha: float = 0.0) -> RidgeSolution:
     target = r[1:, -1]
     norms = np.sqrt(np.einsum("ij,ij->j", centred, centred))
     magnitude = np.sqrt(np.einsum("ij,ij->j", r[:, 1:-1], r[:, 1:-1]))
-    alive = norms > RANK_TOLERANCE * magnitude  # a constant column is the intercept's business
+    alive = norms > 1e-13 * magnitude  # a constant column is the intercept's business
     safe = np.where(alive, norms, 1.0)
     unit = np.where(alive, centred / safe, 0.0)
     n = max(factor.n_rows, 1)

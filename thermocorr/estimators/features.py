@@ -231,7 +231,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         if self.initial_state == "fit":
             parts.append(("initial_transient", InitialTransient(time_constants)))
         if self.products:
-            parts.append(("lag_products", LagProducts(time_constants, self.hold, self.initial_state)))
+            parts.append(("lag_products", LagProducts(time_constants, self.hold, self.initial_state, self.reference_temperature)))
         return parts
 
     def _layout(self) -> Layout:

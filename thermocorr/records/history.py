@@ -49,7 +49,7 @@ class History:
         rows = order if record.order is None else record.order[order]
         times, ticks = record.times, record.times.ticks
         if ticks is None:
-            thin = Times(len(rows), "seconds", times.seconds(rows))
+            thin = Times(len(rows), "rows", rows + times.first_row, period=times.period)
         else:
             thin = Times(len(rows), times.kind, ticks[rows].copy(), times.per_second)
         columns = {name: np.array(values[rows], np.float64) for name, values in record.columns.items()}
@@ -176,13 +176,29 @@ class History:
     def _find_rows(self, record: Record) -> int:
         first = record.segments[0]
         kept = {name: values for name, values in self.record.columns.items()}
-        numbers = np.round(self.record.times.seconds(slice(0, self.record.n_rows)) / record.times.period).astype(int)
+        numbers = self.record.times.ticks
         candidates: NDArray[np.intp] = np.arange(len(numbers))
         for name, values in kept.items():
             candidates = candidates[values[candidates] == record.columns[name][first.start]]
-        for candidate in candidates[:64]:
-            if self._repeats(record, int(numbers[candidate]) - first.start, numbers):
-                return int(numbers[candidate]) - first.start
+        for name, values in kept.items():  # a fingerprint of a few rows more, all candidates at once
+            if self.stride > 1:
+                break
+            for ahead in np.unique(np.geomspace(1, max(first.stop - first.start - 1, 1), 32).astype(int)):
+                if ahead < first.stop - first.start:
+                    there = np.minimum(candidates + ahead, len(values) - 1)
+                    same = values[there] == record.columns[name][first.start + ahead]
+                    candidates = candidates[same | (candidates + ahead >= len(values))]
+        whole = [c for c in candidates if numbers[c] - first.start + record.n_rows <= self.n_fitted]
+        partial = [c for c in candidates if numbers[c] - first.start + record.n_rows > self.n_fitted]
+        for candidate in (*whole[:64], *partial[:64]):
+            first_row = int(numbers[candidate]) - first.start
+            overlap = min(self.n_fitted - first_row, record.n_rows)
+            if overlap < record.n_rows and not any(
+                len(np.unique(values[candidate:])) > 16 for values in kept.values()
+            ):
+                continue  # a few equal temperatures at the end are chance
+            if self._repeats(record, first_row, numbers):
+                return first_row
         return self.n_fitted
 
     def _repeats(self, record: Record, first_row: int, numbers: NDArray[np.intp]) -> bool:

@@ -167,7 +167,9 @@ def as_numbers(values: Any, what: str) -> NDArray[Any]:
         )
     for start in range(0, len(values), _CHUNK):
         chunk = values[start : start + _CHUNK]
-        if not np.isfinite(chunk.sum(dtype=float)) and np.isinf(chunk).any():
+        with np.errstate(invalid="ignore"):
+            total = chunk.sum(dtype=float)
+        if not np.isfinite(total) and np.isinf(chunk).any():
             row = start + int(np.isinf(chunk).argmax())
             raise RecordError(
                 f"{what} contains infinity in row {row}. Replace it by NaN if there is no value, or by the right one."
@@ -197,7 +199,7 @@ def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Tim
             found = f"Its columns are {listing(X.columns)}" if frame else "An array has no named columns"
             raise RecordError(f"There is no time column {layout.time!r} in the data. {found}. Name one with time=...")
         return times_from(X[layout.time], f"The time column {layout.time!r}")
-    if frame and isinstance(X.index, pd.DatetimeIndex | pd.TimedeltaIndex):
+    if frame and (isinstance(X.index, pd.DatetimeIndex | pd.TimedeltaIndex) or (isinstance(X.index.dtype, pd.ArrowDtype) and X.index.dtype.kind in "mM")):
         if layout.sampling_period is not None:
             notes.append("The data have times of their own: sampling_period is not used.")
         return times_from(X.index, "The index")
@@ -225,6 +227,8 @@ def _runs(X: Any, layout: Layout, times: Times) -> tuple[NDArray[Any] | None, ND
         )
     else:
         labels = X[layout.run]
+        if labels.ndim != 1:
+            raise RecordError(f"The run column stands over {labels.shape[1]} columns. Give columns unique names.")
     missing = labels.isna().to_numpy()
     if missing.any():
         raise RecordError(f"The run column {layout.run!r} is empty in row {missing.argmax()}. Label every row.")

@@ -35,6 +35,9 @@ class Times:
 
     def steps(self, rows: Rows, before: int | None = None) -> Floats:
         """Time from the row before to each of `rows` [s]; ``steps[0]`` reaches back to row `before` (1 s if None)."""
+        if self.ticks is not None and self.kind == "rows":
+            numbers = self.ticks[rows]
+            return np.concatenate(([self.period if before is None else (numbers[0] - self.ticks[before]) * self.period], np.diff(numbers) * self.period))
         if self.ticks is None:
             count = rows.stop - rows.start if isinstance(rows, slice) else len(rows)
             steps = np.full(count, self.period)
@@ -51,7 +54,9 @@ class Times:
         """Seconds since `origin`, which is what `stamp` gives for the row that counts as zero."""
         if self.ticks is None:
             number = np.arange(rows.start, rows.stop) if isinstance(rows, slice) else rows
-            return np.asarray((number + self.first_row) * self.period - origin, float)
+            return np.asarray((number + self.first_row - origin) * self.period, float)
+        if self.kind == "rows":
+            return np.asarray((self.ticks[rows] - origin) * self.period, float)
         if self.kind == "seconds":
             return np.asarray(self.ticks[rows] - origin, float)
         whole, rest = divmod(int(origin), _NS // self.per_second)
@@ -60,19 +65,23 @@ class Times:
     def stamp(self, row: int) -> float:
         """Absolute time of a row: nanoseconds for dates and spans (exact integer), seconds otherwise."""
         if self.ticks is None:
-            return (row + self.first_row) * self.period
+            return row + self.first_row
+        if self.kind == "rows":
+            return int(self.ticks[row])
         if self.kind == "seconds":
             return float(self.ticks[row])
         return int(self.ticks[row]) * (_NS // self.per_second)
 
     def between(self, later: float, earlier: float) -> float:
         """Difference of two stamps [s]."""
+        if self.kind == "rows":
+            return (later - earlier) * self.period
         return (later - earlier) / (_NS if self.kind.startswith(("datetime", "timedelta")) else 1)
 
     def label(self, row: int) -> str:
         """A row's time as a person writes it."""
         if self.ticks is None:
-            return f"{self.stamp(row):.10g} s"
+            return f"{self.stamp(row) * self.period:.10g} s"
         if self.kind == "seconds":
             return f"{self.ticks[row]:.10g} s"
         if self.kind == "timedelta":
@@ -87,8 +96,13 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
     """
     if isinstance(values, pd.Index):
         values = values.to_series(index=range(len(values)))
+    if values.ndim != 1:
+        raise RecordError(f"{where} stands over {values.shape[1]} columns. Give columns unique names.")
     n = len(values)
     dtype: Any = values.dtype
+    if isinstance(dtype, pd.ArrowDtype) and dtype.kind in "mM":
+        values = pd.Series(pd.Index(values.array._pa_array.to_pandas()))
+        dtype = values.dtype
     if pd.api.types.is_bool_dtype(dtype):
         raise RecordError(f"{where} holds true/false where times are needed. Give dates, time spans or seconds.")
     if pd.api.types.is_numeric_dtype(dtype):
@@ -124,7 +138,7 @@ def _parse(values: pd.Series[Any], where: str) -> pd.Series[Any]:
         raise RecordError(
             f"{where} holds numbers written as text, such as {values.iloc[0]!r}. Convert it to float (seconds) first."
         )
-    zoned = bool(text.str.contains(r"(?:Z|[+-]\d{2}:?\d{2})$", regex=True, na=False).any())
+    zoned = bool(text.str.contains(r"(?:Z|:\d{2}(?:\.\d+)?[+-]\d{2}|[+-]\d{2}:?\d{2})$", regex=True, na=False).any())
     parsed = pd.to_datetime(text, errors="coerce", format="ISO8601", utc=zoned)
     bad = (parsed.isna() & text.notna()).to_numpy()
     if bad.any():

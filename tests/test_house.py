@@ -1,0 +1,132 @@
+"""The house rules of DESIGN.md that a machine can read: floors, length of files, late imports, docstrings."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+import thermocorr
+
+PACKAGE = Path(thermocorr.__file__).parent
+FILES = sorted(PACKAGE.rglob("*.py"))
+FLOORS = {"equations": 0, "records": 1, "datasets": 1, "effects": 2, "estimators": 3, "judgement": 4, "outside": 5}
+TOP = "thermocorr"
+
+
+def room(module):
+    """The room that a module of the package stands in: thermocorr.effects.thermal -> effects; None for the package."""
+    return module.split(".")[1] if "." in module else None
+
+
+def module_of(path):
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports(tree, path):
+    """(line, full name) of every import, at any depth; ``from .. import x`` counts as an import of ..x."""
+    package = module_of(path).split(".") if path.name == "__init__.py" else module_of(path).split(".")[:-1]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            base = [*base, *(node.module or "").split(".")] if node.module else base
+            if base == [TOP]:  # names of rooms, or of the public interface
+                yield from ((node.lineno, f"{TOP}.{alias.name}") for alias in node.names)
+            else:
+                yield node.lineno, ".".join(base)
+
+
+def parsed(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def at_module_level(tree):
+    """What runs when the module is imported: bodies of functions are left out, and what only type checkers read."""
+    for node in ast.iter_child_nodes(tree):
+        for_checkers = isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
+        if not (for_checkers or isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)):
+            yield node
+            yield from at_module_level(node)
+
+
+def test_every_room_has_a_floor():
+    rooms = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").exists()}
+    assert rooms == set(FLOORS)
+    assert [path.name for path in PACKAGE.glob("*.py")] == ["__init__.py"]
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_of)
+def test_no_floor_imports_a_higher_one(path):
+    own = room(module_of(path))
+    if own is None:
+        return  # thermocorr/__init__.py shows every floor
+    for line, name in imports(parsed(path), path):
+        if name.split(".")[0] != TOP:
+            continue
+        floor = FLOORS.get(room(name), max(FLOORS.values()))  # the package itself stands over every room
+        assert floor <= FLOORS[own], f"{path}:{line}: {own} (floor {FLOORS[own]}) imports {name}"
+
+
+def test_the_reader_of_imports_sees_every_form():
+    code = (
+        "import thermocorr.outside.cli\nfrom ..records import x\nfrom .. import effects\nfrom . import y\n"
+        "def f():\n    from thermocorr import judgement\n    from .z import a\nif True:\n    import numpy.linalg\n"
+    )
+    found = {name for _, name in imports(ast.parse(code), PACKAGE / "equations" / "new.py")}
+    assert found == {
+        "thermocorr.outside.cli",
+        "thermocorr.records",
+        "thermocorr.effects",
+        "thermocorr.equations",
+        "thermocorr.judgement",
+        "thermocorr.equations.z",
+        "numpy.linalg",
+    }
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "equations").rglob("*.py")), ids=module_of)
+def test_equations_need_numpy_and_scipy_alone(path):
+    for line, name in imports(parsed(path), path):
+        top = name.split(".")[0]
+        allowed = {"numpy", "scipy"} | set(sys.stdlib_module_names)
+        assert top in allowed or name.startswith(f"{TOP}.equations"), f"{path}:{line} imports {name}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_of)
+def test_no_file_is_longer_than_500_lines(path):
+    length = len(path.read_text(encoding="utf-8").splitlines())
+    assert length <= 500, f"{path} has {length} lines"
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_of)
+def test_matplotlib_waits_until_something_is_drawn(path):
+    loaded = [node for node in at_module_level(parsed(path)) if isinstance(node, ast.Import | ast.ImportFrom)]
+    for node in loaded:
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [node.module or ""]
+        assert not any(name.split(".")[0] == "matplotlib" for name in names), f"{path}:{node.lineno}"
+
+
+def test_the_reader_of_module_level_sees_classes_and_branches_but_no_functions():
+    code = "class A:\n    import a\ntry:\n    import b\nexcept E:\n    import c\n"
+    code += "def f():\n    import d\nif TYPE_CHECKING:\n    import e\nclass B:\n    def g(self):\n        import h\n"
+    found = [node.names[0].name for node in at_module_level(ast.parse(code)) if isinstance(node, ast.Import)]
+    assert found == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("name", thermocorr.__all__)
+def test_everything_public_exists_and_says_what_it_is(name):
+    thing = getattr(thermocorr, name)
+    own = vars(thing).get("__doc__") if isinstance(thing, type) else thing.__doc__
+    assert own, f"thermocorr.{name} has no docstring of its own"
+    assert len(own.strip()) > 20
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_of)
+def test_every_module_says_what_it_is(path):
+    tree = parsed(path)
+    assert not tree.body or ast.get_docstring(tree)

@@ -1,0 +1,399 @@
+"""Records: times, segments and blocks from what users hold; later rows tied to the fitted ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thermocorr import DiffusiveFeatures, RecordError
+from thermocorr.records import BLOCK_ROWS, Layout, read_record
+
+N = 60
+
+
+def temperatures(n=N, seed=0):
+    return 20.0 + np.cumsum(np.random.default_rng(seed).normal(0.0, 0.05, n))
+
+
+def record_of(X, y=None, **layout):
+    return read_record(X, Layout(**layout), y=y, quiet=True)
+
+
+def spans(record):
+    return [(segment.start, segment.stop) for segment in record.segments]
+
+
+def steps_of(record):
+    """Steps [s] of the whole record in time order; NaN where a segment begins."""
+    return np.concatenate([np.r_[np.nan, b.steps[1:]] if b.begins else b.steps for b in record.blocks(size=7)])
+
+
+# ----------------------------------------------------------------------------------------------------- kinds of times
+
+DATES = pd.date_range("2024-05-31T22:00:00.250", periods=N, freq="15s")
+FORMS = {
+    "DatetimeIndex": (DATES, "datetime"),
+    "DatetimeIndex with zone": (DATES.tz_localize("Asia/Tokyo"), "datetime with time zone"),
+    "TimedeltaIndex": (DATES - DATES[0], "timedelta"),
+    "datetime column": (pd.Series(DATES), "datetime"),
+    "ISO text": (pd.Series(DATES.map(lambda t: t.isoformat())), "datetime"),
+    "ISO text, Z": (pd.Series(DATES.map(lambda t: t.isoformat() + "Z")), "datetime with time zone"),
+    "seconds": (pd.Series(1e6 + 15.0 * np.arange(N)), "seconds"),
+    "whole seconds": (pd.Series(15 * np.arange(N), dtype="Int32"), "seconds"),
+    "datetime objects": (pd.Series(list(DATES.to_pydatetime()), dtype=object), "datetime"),
+    "arrow dates": (pd.Series(DATES.as_unit("ns")).astype("timestamp[ns][pyarrow]"), "datetime"),
+    "arrow dates, UTC": (pd.Series(DATES).astype("timestamp[us, tz=UTC][pyarrow]"), "datetime with time zone"),
+    "arrow index": (pd.Index(pd.Series(DATES.as_unit("us")).astype("timestamp[us][pyarrow]")), "datetime"),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_times_of_every_form_give_the_same_steps(form):
+    times, kind = FORMS[form]
+    T = temperatures()
+    if isinstance(times, pd.Index):
+        record = record_of(pd.DataFrame({"temperature": T}, index=times))
+    else:
+        record = record_of(pd.DataFrame({"temperature": T, "when": times}), time="when")
+    assert record.times.kind == kind
+    assert spans(record) == [(0, N)]
+    assert np.array_equal(steps_of(record), np.r_[np.nan, np.full(N - 1, 15.0)], equal_nan=True)
+    assert record.duration(record.segments[0]) == 15.0 * (N - 1)
+    assert record.usual_step() == 15.0
+    seconds = np.concatenate([block.seconds for block in record.blocks(size=11)])
+    assert np.array_equal(seconds, 15.0 * np.arange(N))
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
+def test_every_unit_of_dates_gives_the_same_seconds(unit, zone):
+    dates = pd.date_range("2024-01-01", periods=N, freq="61s", tz=zone, unit=unit)
+    record = record_of(pd.DataFrame({"temperature": temperatures()}, index=dates))
+    assert np.array_equal(steps_of(record)[1:], np.full(N - 1, 61.0))
+    assert record.stamp(1) - record.stamp(0) == 61 * 10**9
+    assert np.array_equal(next(record.blocks()).elapsed, 61.0 * np.arange(N))
+
+
+@pytest.mark.parametrize("period", [15, 15.0, np.float32(15), "15 s", "0.25min", pd.Timedelta("15s")])
+def test_sampling_period_of_an_array_may_be_a_number_or_a_span(period):
+    record = record_of(temperatures()[:, None], sampling_period=period)
+    assert np.array_equal(steps_of(record)[1:], np.full(N - 1, 15.0))
+    assert record.temperature_name == 0
+
+
+@pytest.mark.parametrize("name", ["sampling_period", "max_gap"])
+@pytest.mark.parametrize("span", [0, -1.0, np.nan, np.inf, "soon", True])
+def test_impossible_time_spans_are_refused(name, span):
+    X = pd.DataFrame({"temperature": temperatures()}, index=None if name == "sampling_period" else DATES)
+    with pytest.raises(ValueError, match=f"{name!r} parameter must be a positive time"):
+        record_of(X, **{name: span})
+
+
+@pytest.mark.parametrize("month", ["2024-03-31", "2024-10-27"])
+@pytest.mark.parametrize("offset", ["+01:00", "+0100", "+01"])
+def test_change_to_or_from_summer_time_is_no_gap_and_no_step_back(month, offset):
+    local = pd.date_range(f"{month}T00:00", periods=N, freq="5min", tz="UTC").tz_convert("Europe/Berlin")
+    X = pd.DataFrame({"temperature": temperatures()}, index=local)
+    assert len({t.utcoffset() for t in local}) == 2
+    assert np.array_equal(steps_of(record_of(X))[1:], np.full(N - 1, 300.0))
+
+    def written(t):
+        text = t.strftime("%Y-%m-%dT%H:%M:%S%z")  # ...+0200; PostgreSQL writes +02, ISO 8601 knows all three
+        return {"+0100": text, "+01:00": f"{text[:-2]}:{text[-2:]}", "+01": text[:-2]}[offset]
+
+    text = record_of(X.assign(when=[written(t) for t in local]), time="when")
+    assert text.times.kind == "datetime with time zone"
+    assert text.stamp(0) == local[0].as_unit("ns").value
+    assert np.array_equal(steps_of(text)[1:], np.full(N - 1, 300.0))
+
+
+def test_local_times_without_a_zone_that_step_back_are_refused_with_the_reason():
+    local = pd.date_range("2024-10-27T00:00", periods=N, freq="5min", tz="UTC").tz_convert("Europe/Berlin")
+    with pytest.raises(RecordError, match=r"Time goes backward at row 12: .*summer time ends"):
+        record_of(pd.DataFrame({"temperature": temperatures()}, index=local.tz_localize(None)))
+
+
+def test_same_time_twice_and_missing_times_are_refused_by_row():
+    X = pd.DataFrame({"temperature": temperatures(), "when": 15.0 * np.arange(N)})
+    X.loc[7, "when"] = X.loc[6, "when"]
+    with pytest.raises(RecordError, match=r"same time 90 s: rows 6 and 7"):
+        record_of(X, time="when")
+    X.loc[7, "when"] = np.nan
+    with pytest.raises(RecordError, match=r"no time in 1 of 60 rows, the first is row 7"):
+        record_of(X, time="when")
+
+
+@pytest.mark.parametrize("role", ["time", "run", "temperature"])
+def test_name_that_stands_over_two_columns_is_refused(role):
+    X = pd.DataFrame({"temperature": temperatures(), "time": np.arange(N), "run": 1})
+    with pytest.raises(RecordError, match="unique names"):
+        record_of(pd.concat((X, X[[role]]), axis=1), time="time", run="run")
+
+
+# ---------------------------------------------------------------------------------------------------------- segments
+
+
+def with_gap(n=N):
+    return np.cumsum(np.r_[0.0, np.full(19, 10.0), 500.0, np.full(n - 21, 12.5)])
+
+
+@pytest.mark.parametrize("max_gap", [60, "1 min", 499.9, 500, None])
+def test_gap_longer_than_max_gap_starts_a_segment_and_a_shorter_one_is_a_long_step(max_gap):
+    record = record_of(pd.DataFrame({"temperature": temperatures(), "t": with_gap()}), time="t", max_gap=max_gap)
+    elapsed = np.concatenate([block.elapsed for block in record.blocks(size=9)])
+    if max_gap in (500, None):
+        assert spans(record) == [(0, N)]
+        assert np.array_equal(elapsed, with_gap())
+        assert np.array_equal(steps_of(record)[1:], np.diff(with_gap()))
+    else:
+        assert spans(record) == [(0, 20), (20, N)]
+        assert np.array_equal(elapsed, np.r_[10.0 * np.arange(20), 12.5 * np.arange(N - 20)])
+    assert ("1 gap, the first after row 19 (500 s" in " ".join(record.notes)) == (max_gap is None)
+
+
+def test_missing_temperature_ends_a_segment_and_missing_reading_does_not():
+    T, y = temperatures(), np.arange(N, dtype=float)
+    T[[0, 10, 11, N - 1]], y[30:40] = np.nan, np.nan
+    X = pd.DataFrame({"temperature": T, "humidity": 40.0, "note": 1.0})
+    X.loc[20, "humidity"] = X.loc[25, "note"] = np.nan  # the note is not needed, but humidity is
+    assert spans(read_record(X, Layout(), needed=["humidity"], quiet=True)) == [(1, 10), (12, 20), (21, N - 1)]
+    record = record_of(X, y=y, sampling_period=1.0)
+    assert spans(record) == [(1, 10), (12, N - 1)]
+    assert record.n_used == N - 4
+    assert record.reading is not None
+    assert np.array_equal(record.reading, y, equal_nan=True)
+    assert "4 rows of 60 have a missing value, the first is row 0" in record.notes[0]
+    with pytest.raises(RecordError, match="No row has a number in every needed column"):
+        record_of(X * np.nan)
+
+
+def test_runs_are_segments_and_gaps_and_missing_values_cut_them_further():
+    T = temperatures()
+    T[45] = np.nan
+    X = pd.DataFrame({"temperature": T, "run": ["a"] * 20 + ["b"] * 20 + ["c"] * 20, "t": np.tile(np.arange(20.0), 3)})
+    X.loc[30:39, "t"] += 100.0
+    record = record_of(X, run="run", time="t", max_gap=50)
+    assert spans(record) == [(0, 20), (20, 30), (30, 40), (40, 45), (46, 60)]
+    assert [segment.run for segment in record.segments] == list("abbcc")
+
+
+def interleaved():
+    """Two runs that were logged at the same time, and each of them alone."""
+    rng = np.random.default_rng(4)
+    t = np.cumsum(rng.uniform(1.0, 9.0, N))
+    X = pd.DataFrame({"temperature": temperatures(), "run": rng.permutation(np.repeat(["b", "a"], N // 2)), "t": t})
+    return X, dict(list(X.groupby("run")))
+
+
+def test_interleaved_runs_are_put_in_order_by_their_times_and_rows_come_back_as_they_came():
+    X, alone = interleaved()
+    record = record_of(X, run="run", time="t")
+    assert [(s.stop - s.start, s.run) for s in record.segments] == [(N // 2, run) for run in X["run"].unique()]
+    for key, segment in enumerate(record.segments):
+        blocks = [block for block in record.blocks(size=8) if block.segment == key]
+        part = alone[segment.run]
+        assert np.array_equal(np.concatenate([block.rows for block in blocks]), part.index)
+        assert np.array_equal(np.concatenate([block.temperature for block in blocks]), part["temperature"])
+        steps = np.concatenate([block.steps for block in blocks])
+        assert np.array_equal(steps[1:], np.diff(part["t"]))
+    model = DiffusiveFeatures([30.0], run="run", time="t", initial_state="equilibrium", reference_temperature=20.0)
+    columns = model.fit_transform(X)
+    for part in alone.values():
+        assert np.array_equal(columns[part.index], model.fit_transform(part))
+    assert np.array_equal(model.fit(X).transform(X), columns)
+
+    with pytest.raises(RecordError, match="interleaved and rows have no times"):
+        record_of(X, run="run")
+    with pytest.raises(RecordError, match=r"run column 'run' is empty in row 3"):
+        record_of(X.assign(run=X["run"].where(X.index != 3)), run="run", time="t")
+
+
+@pytest.mark.parametrize("size", [1, 7, 64, BLOCK_ROWS])
+def test_blocks_cover_every_row_of_the_segments_once(size):
+    T, t = temperatures(), np.cumsum(np.random.default_rng(3).uniform(1.0, 20.0, N))
+    T[[17, 18, 40]] = np.nan
+    before, record = (X := pd.DataFrame({"temperature": T, "t": t})).copy(), record_of(X, time="t")
+    blocks = list(record.blocks(size))
+    pd.testing.assert_frame_equal(X, before)
+    rows = np.concatenate([np.arange(N)[block.rows] for block in blocks])
+    assert np.array_equal(rows, np.flatnonzero(np.isfinite(T)))
+    assert all(len(block) <= size for block in blocks)
+    for block in blocks:
+        start, stop, _ = record.segments[block.segment]
+        assert start <= block.start < block.stop <= stop
+        assert block.begins == (block.start == start)
+        expected = t[block.rows] - np.r_[t[block.start] - 1 if block.begins else t[block.start - 1], t[block.rows][:-1]]
+        # rtol: only the step of 1 s that stands for "none" is computed here, and rounds
+        np.testing.assert_allclose(block.steps, expected, rtol=1e-12)
+        assert np.array_equal(block.elapsed, t[block.rows] - t[start])
+        assert np.array_equal(block.seconds, t[block.rows] - t[0])
+        assert np.array_equal(block.temperature, T[block.rows])
+
+
+# ------------------------------------------------------------------------------------------------------------ columns
+
+WHOLE = np.arange(N) % 9 + 15
+COLUMNS = {
+    "int16": WHOLE.astype("int16"),
+    "float32": WHOLE.astype("float32"),
+    "Float64": pd.array(WHOLE, dtype="Float64"),
+    "Int32": pd.array(WHOLE, dtype="Int32"),
+    "int64[pyarrow]": pd.array(WHOLE, dtype="int64[pyarrow]"),
+    "double[pyarrow]": pd.array(WHOLE, dtype="double[pyarrow]"),
+    "objects": np.array(list(WHOLE), dtype=object),
+    "text": WHOLE.astype(str),
+    "categories": pd.Categorical(WHOLE),
+}
+
+
+@pytest.mark.parametrize("form", COLUMNS)
+def test_columns_of_every_form_become_the_same_numbers(form):
+    X = pd.DataFrame({"temperature": COLUMNS[form]})
+    record = record_of(X, y=X["temperature"])
+    block = next(record.blocks())
+    assert block.temperature.dtype == np.float64
+    assert np.array_equal(block.temperature, WHOLE)
+    assert np.array_equal(np.asarray(record.reading, float), WHOLE)
+    if form not in ("int16", "float32"):  # the other forms have a mark for missing values
+        values = X["temperature"].mask(X.index.isin([4, 50]))
+        assert spans(record_of(values.to_frame())) == [(0, 4), (5, 50), (51, N)]
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        (["21", "22", "warm", "cold"], r"not a number in row 2: 'warm' \(2 such rows in all\)"),
+        ([1.0, np.inf, 2.0, np.nan], r"contains infinity in row 1"),
+        ([1.0, 2.0, -np.inf, np.inf], r"contains infinity in row 2"),
+        ([1j, 0, 0, 0], r"Complex data not supported"),
+        (pd.date_range("2024", periods=4), r"holds times .* where numbers are needed"),
+    ],
+)
+def test_what_is_no_number_is_refused_by_row(values, said):
+    with pytest.raises(RecordError, match=said):
+        record_of(pd.DataFrame({"temperature": values}))
+    with pytest.raises(RecordError, match=said):
+        record_of(pd.DataFrame({"temperature": np.arange(4.0)}), y=pd.Series(values))
+
+
+def test_reading_with_other_times_or_another_length_is_refused():
+    X = pd.DataFrame({"temperature": temperatures()}, index=DATES)
+    with pytest.raises(RecordError, match="X and y have different times: in row 0"):
+        record_of(X, y=pd.Series(1.0, index=DATES + pd.Timedelta("1s")))
+    with pytest.raises(RecordError, match="X has 60 rows and y has 59"):
+        record_of(X, y=np.ones(N - 1))
+
+
+# -------------------------------------------------------------------------------- later rows tied to the fitted record
+
+LONG = 3000
+KINDS = ["dates", "dates with zone", "spans", "seconds"]
+ROWS = ["dates", "15 s", "0.1 s"]  # regular ones, the last two without times
+
+
+def log(kind="dates", regular=True, digits=6, seed=0, n=LONG, run=None):
+    """A log, and the layout to read it with."""
+    T = np.round(temperatures(n, seed), digits)
+    X = pd.DataFrame({"temperature": T} if run is None else {"temperature": T, "run": run})
+    if kind in ("15 s", "0.1 s"):
+        return X, {"sampling_period": kind}
+    t = 15.0 * np.arange(n) if regular else np.cumsum(np.random.default_rng(9).integers(1, 60_000, n) / 1000)
+    if kind == "seconds":
+        return X.assign(t=1e5 + t), {"time": "t"}
+    spans = pd.to_timedelta(np.round(t * 1e3).astype(int), unit="ms")
+    zone = "Europe/Berlin" if kind == "dates with zone" else None
+    return X.set_index(spans if kind == "spans" else pd.Timestamp("2024-03-31", tz=zone) + spans), {}
+
+
+def features(initial_state="fit", **layout):
+    return DiffusiveFeatures(
+        [2.0, 40.0, 90.0], 2, products=True, reference_temperature=20.0, initial_state=initial_state, **layout
+    )
+
+
+@pytest.mark.parametrize("initial_state", ["fit", "equilibrium", "zero"])
+@pytest.mark.parametrize(("kind", "regular"), [*((kind, False) for kind in KINDS), *((kind, True) for kind in ROWS)])
+def test_rows_that_repeat_or_follow_the_fitted_record_get_the_same_bits(kind, regular, initial_state):
+    X, layout = log(kind, regular)
+    whole = features(initial_state, **layout).fit_transform(X)
+    model = features(initial_state, **layout).fit(X[:2000])
+    for start, stop in ((0, 2000), (1, 2000), (700, 1100), (1999, 2000), (2000, LONG), (1500, LONG)):
+        assert np.array_equal(model.transform(X[start:stop]), whole[start:stop]), f"rows {start} to {stop}"
+
+
+@pytest.mark.parametrize("kind", ["dates", "15 s"])
+def test_record_too_long_to_keep_is_repeated_and_followed_all_the_same(kind, monkeypatch):
+    monkeypatch.setattr("thermocorr.records.history.HISTORY_ROWS", 300)
+    X, layout = log(kind)
+    whole = features(**layout).fit_transform(X)
+    model = features(**layout).fit(X[:2000])
+    assert np.array_equal(model.transform(X[:2000]), whole[:2000])
+    assert np.array_equal(model.transform(X[2000:]), whole[2000:])
+    # atol: between kept rows the temperature is a straight line over 7 rows, in which it wanders by 0.05 sqrt(7)
+    np.testing.assert_allclose(model.transform(X[700:1100])[:, 2:5], whole[700:1100, 2:5], rtol=0, atol=0.15)
+
+
+@pytest.mark.parametrize("rows", [slice(1500, 1900), slice(2000, None)])
+@pytest.mark.parametrize("digits", [2, 1, 0])
+@pytest.mark.parametrize("kind", ["dates", "15 s"])
+def test_thermometer_of_few_digits_is_no_obstacle(kind, digits, rows):
+    X, layout = log(kind, digits=digits)
+    X.iloc[2000, 0] = X.iloc[1999, 0]  # the first new temperature is the last fitted one
+    whole = features(**layout).fit_transform(X)
+    assert np.array_equal(features(**layout).fit(X[:2000]).transform(X[rows]), whole[rows])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_rows_after_a_gap_continue_across_it_unless_it_exceeds_max_gap(kind):
+    X, layout = log(kind, regular=False)
+    kept = np.r_[0:1000, 1400:LONG]  # a gap of three hours
+    whole = features(**layout).fit_transform(X.iloc[kept])
+    after = X[1400:]
+    assert np.array_equal(features(**layout).fit(X[:1000]).transform(after), whole[1000:])
+    afresh = features(**layout, max_gap="1 h").fit(X[:1000]).transform(after)
+    alone = features(**layout).fit_transform(after)
+    assert np.array_equal(afresh[:, :5], alone[:, :5])
+    assert not afresh[:, 5:8].any()  # decays belong to the fitted segment
+    between = features(**layout).fit(X.iloc[kept]).transform(X[1200:1400])  # rows that the fit had left out
+    assert np.array_equal(between, features(**layout).fit(X[:1000]).transform(X[1200:1400]))
+
+
+def test_each_run_goes_on_where_it_ended_and_another_one_or_an_earlier_start_begins_afresh():
+    X, layout = log("seconds", run=np.arange(LONG) % 2)
+    whole = features(run="run", **layout).fit_transform(X)
+    model = features(run="run", **layout).fit(X[:2000])
+    assert np.array_equal(model.transform(X[2000:]), whole[2000:])
+    for rows in (X[2001::2].assign(run=7), X[:500:2].assign(t=X["t"] - 9e3)):
+        assert np.array_equal(model.transform(rows)[:, :5], features(**layout).fit_transform(rows)[:, :5])
+        assert not model.transform(rows)[:, 5:11].any()  # decays of either fitted run
+
+
+@pytest.mark.parametrize("kind", ["spans", "seconds"])
+@pytest.mark.parametrize("rows", [slice(0, 500), slice(700, 1100)])
+def test_another_log_with_the_same_relative_times_starts_afresh(kind, rows):
+    (X, layout), other = log(kind), log(kind, seed=7)[0][rows]
+    columns = features(**layout).fit(X).transform(other)
+    assert np.array_equal(columns[:, :5], features(**layout).fit_transform(other)[:, :5])
+    assert not columns[:, 5:8].any()
+
+
+@pytest.mark.parametrize("initial_state", ["fit", "equilibrium", "zero"])
+def test_kind_of_time_makes_no_difference_and_products_are_those_of_the_lags(initial_state):
+    (X, layout), (other, none) = log("15 s"), log("dates")
+    columns = features(initial_state, **layout).fit_transform(X)
+    lags, products = columns[:, 2:5], columns[:, -6:]
+    assert np.array_equal(lags, features(initial_state, **none).fit_transform(other)[:, 2:5])
+    assert np.array_equal(products, np.stack([lags[:, j] * lags[:, k] for j in range(3) for k in range(j, 3)], axis=1))
+    if initial_state == "zero":  # the device starts at T0, lag differences at T0 - T, and nothing has decayed yet
+        assert (lags[0] == 20.0 - X["temperature"][0]).all()
+
+
+@pytest.mark.parametrize(("fitted", "given"), [("dates", "dates with zone"), ("dates", "spans"), ("seconds", "15 s")])
+def test_kinds_of_times_that_differ_are_refused(fitted, given):
+    (X, layout), (other, _) = log(fitted), log(given)
+    model = features(**layout).fit(X)
+    if fitted == "seconds":
+        model, other = model.set_params(time=None, sampling_period=15), other.assign(t=0.0)
+    with pytest.raises(RecordError, match="times of kind"):
+        model.transform(other)
