@@ -32,6 +32,7 @@ THERMAL_CONSTRAINTS: dict[str, Any] = {
     "reference_temperature": [Interval(Real, None, None, closed="neither"), StrOptions({"mean"})],
     "initial_state": [StrOptions({"equilibrium", "zero", "fit"})],
     "hold": [StrOptions({"first_order", "zero_order"})],
+    "longest_decay_share": [Interval(Real, 0, 1, closed="both")],
     "effects": ["array-like", Effect],
     **LAYOUT_CONSTRAINTS,
 }
@@ -61,6 +62,9 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         rest; or at the reference temperature.
     hold : {"first_order", "zero_order"}, default "first_order"
         Temperature between samples: a straight line, or the earlier value as in eq. (25). Both are exact.
+    longest_decay_share : float, default 1.0
+        Decay columns slower than this share of their segment are left out: over the record they look like drift or
+        ageing and would swallow them without a word.
     form : {"unit_gain", "paper"}, default "unit_gain"
         "paper" gives eqs. (17) (19) (25) as printed, with psi in K s, for comparison.
     temperature : str or int, optional
@@ -119,6 +123,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         reference_temperature: Any = "mean",
         initial_state: str = "fit",
         hold: str = "first_order",
+        longest_decay_share: float = 1.0,
         form: str = "unit_gain",
         temperature: Any = None,
         time: Any = None,
@@ -133,6 +138,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         self.reference_temperature = reference_temperature
         self.initial_state = initial_state
         self.hold = hold
+        self.longest_decay_share = longest_decay_share
         self.form = form
         self.temperature = temperature
         self.time = time
@@ -171,12 +177,13 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
 
     # What the estimators above use: the same steps, without materialising the matrix.
 
-    def learn(self, X: Any, y: Any = None) -> Record:
+    def learn(self, X: Any, y: Any = None, quiet: bool = False) -> Record:
         """Check parameters and record, let every effect learn its constants; returns the validated record."""
         self._validate_params()
         X = self._check_columns(X, reset=True)
         further = as_effects(self.effects)
-        record = read_record(X, self._layout(), y=y, needed=needed_columns([effect for _, effect in further]))
+        needed = needed_columns([effect for _, effect in further])
+        record = read_record(X, self._layout(), y=y, needed=needed, quiet=quiet)
         self.effects_ = [*self._thermal_part(), *((name, _copy(effect)) for name, effect in further)]
         for _, effect in self.effects_:
             effect.learn(record)
@@ -229,7 +236,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         lag = ThermalLag(time_constants, self.hold, self.initial_state, self.form, self.reference_temperature)
         parts.append(("thermal_lag", lag))
         if self.initial_state == "fit":
-            parts.append(("initial_transient", InitialTransient(time_constants)))
+            parts.append(("initial_transient", InitialTransient(time_constants, self.longest_decay_share)))
         if self.products:
             parts.append(("lag_products", LagProducts(time_constants, self.hold, self.initial_state, self.reference_temperature)))
         return parts

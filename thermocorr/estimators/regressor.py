@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.pipeline import Pipeline
-from sklearn.utils._param_validation import Interval
+from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from ..effects.protocol import Effect
@@ -23,6 +23,8 @@ from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import block_rows, require_rows, standard_errors, sweep
 from .reading import Reading, check_plausible, check_range
 from .ridge import MergedRidge
+from .search import DECAY_SHARE, POOL_SIZE, TimeConstantChoice
+from .searching import choose_from_record
 from .tables import coefficient_table, equation_text
 from .threads import one_blas_thread
 
@@ -39,17 +41,19 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         Column of the ambient temperature; by default the one called "temperature", else the first.
     time_constants : "auto", int, or sequence, default "auto"
         Sequence: the time constants, in seconds or anything pandas reads as a time span ("15 min"). A number: how many
-        to choose. "auto": choose their number too. The choice is by cross-validation on blocks of time.
+        to choose. "auto": choose their number too. The choice is by forecasting later blocks of time from earlier
+        ones, see `thermocorr.estimators.search`.
     degree : int, default 2
         Highest power of T - T0 in the static law, eq. (3).
     effects : list, default ()
         Further effects or scikit-learn transformers, alone or as (name, effect) pairs.
     products : bool, default False
         Add the products Psi_j Psi_k of eq. (21).
-    alpha : float, default 0.0
-        Ridge penalty on coefficients times their columns' standard deviation, eps of eq. (13).
-    cv : int, default 5
-        Number of blocks of time in the search for time constants.
+    alpha : float or "auto", default "auto"
+        Ridge penalty on coefficients times their columns' standard deviation, eps of eq. (13). "auto" takes the
+        search's (at most 1e-4 per reading), and 0 for given time constants.
+    longest_decay_share : float, default 0.04
+        Start-up decays slower than this share of their segment are left out, see `DiffusiveFeatures`.
     reference_temperature, initial_state, hold, time, run, sampling_period, max_gap : see `DiffusiveFeatures`
     washout : float, time span or "auto", default "auto"
         How long rows are flagged after a start that the fit does not know [s]; "auto" is three times the longest time
@@ -64,8 +68,10 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         U0, the reading at the reference temperature, device at rest.
     pipeline_ : Pipeline
         The fitted `DiffusiveFeatures` and `MergedRidge`.
-    search_ : TimeConstantSearch or None
+    search_ : TimeConstantChoice or None
         How the time constants were chosen.
+    alpha_ : float
+        The ridge penalty used.
     residual_std_ : float
         Standard deviation of the residuals of the fitted record, in the unit of y.
     temperature_range_ : tuple of float
@@ -90,8 +96,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
     _parameter_constraints: dict[str, Any] = {
         **THERMAL_CONSTRAINTS,
         "time_constants": "no_validation",
-        "alpha": [Interval(Real, 0, None, closed="left")],
-        "cv": [Interval(Integral, 2, None, closed="left")],
+        "alpha": [Interval(Real, 0, None, closed="left"), StrOptions({"auto"})],
         "washout": "no_validation",
     }
 
@@ -103,11 +108,11 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         *,
         effects: Any = (),
         products: bool = False,
-        alpha: float = 0.0,
-        cv: int = 5,
+        alpha: float | str = "auto",
         reference_temperature: Any = "mean",
         initial_state: str = "fit",
         hold: str = "first_order",
+        longest_decay_share: float = DECAY_SHARE,
         time: Any = None,
         run: Any = None,
         sampling_period: Any = None,
@@ -120,10 +125,10 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         self.effects = effects
         self.products = products
         self.alpha = alpha
-        self.cv = cv
         self.reference_temperature = reference_temperature
         self.initial_state = initial_state
         self.hold = hold
+        self.longest_decay_share = longest_decay_share
         self.time = time
         self.run = run
         self.sampling_period = sampling_period
@@ -149,14 +154,18 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         if y is None:
             raise ValueError("This DynamicBiasRegressor requires y to be passed, but the target y is None.")
         with one_blas_thread():
-            features, record = self._choose(X, y)
+            self.search_ = self._search(X, y)
+            chosen = self.time_constants if self.search_ is None else self.search_.time_constants
+            features = self._features(chosen)
+            record = features.learn(X, y, quiet=self.search_ is not None)
             reading = Reading.of(X, y, record)
             require_rows(reading.n_readings, len(features.get_feature_names_out()))
             check_plausible(record, reading)
+            self.alpha_ = self._penalty(reading.n_readings)
             self._swept = sweep(record, features.walk_fitted(record, block_rows(record.n_used), extra=1))
-            self._solution = solve_ridge(self._swept.total(), self.alpha)
+            self._solution = solve_ridge(self._swept.total(), self.alpha_)
         features.remember(record, self._swept.end_states)
-        ridge = MergedRidge(self.alpha).take(self._solution, self._swept.reading_offset)
+        ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
         self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
         self.reading_ = reading
         self.notes_ = record.notes
@@ -225,7 +234,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         """
         check_is_fitted(self, "pipeline_")
         with one_blas_thread():
-            errors = standard_errors(self._swept, self._solution, self.alpha)
+            errors = standard_errors(self._swept, self._solution, self.alpha_)
         return coefficient_table(self.features_.effect_list(), self._all_coefficients(), errors, self.reading_)
 
     def equation(self) -> str:
@@ -272,12 +281,33 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         """T0."""
         return self.features_.reference_temperature_
 
-    def _choose(self, X: Any, y: Any) -> tuple[DiffusiveFeatures, Record]:
-        features = self._features(self.time_constants)
-        return features, features.learn(X, y)
+    def _penalty(self, n_readings: int) -> float:
+        if self.alpha != "auto":
+            return float(self.alpha)
+        return 0.0 if self.search_ is None else self.search_.alpha_per_row * n_readings
+
+    def _search(self, X: Any, y: Any) -> TimeConstantChoice | None:
+        """Choose time constants where the user left it to the data; None where they are given."""
+        count = self._count()
+        if count == 0:
+            return None
+        plain = self._features(()).set_params(initial_state="fit")
+        return choose_from_record(plain, X, y, count, self.longest_decay_share)
+
+    def _count(self) -> int | None:
+        """How many time constants to choose: None leaves their number open, 0 means that they are given."""
+        given = self.time_constants
+        if isinstance(given, str) and given == "auto":
+            return None
+        if isinstance(given, bool) or (isinstance(given, Integral) and not 1 <= given <= POOL_SIZE):
+            raise ValueError(
+                f"The 'time_constants' parameter must be 'auto', a number to choose from 1 to {POOL_SIZE}, or a list of "
+                f"times. Got {given!r} instead."
+            )
+        return int(given) if isinstance(given, Integral) else 0
 
     def _features(self, time_constants: Any) -> DiffusiveFeatures:
-        names = set(DiffusiveFeatures._get_param_names()) & set(self._get_param_names()) - {"time_constants"}
+        names = (set(DiffusiveFeatures._get_param_names()) & set(self._get_param_names())) - {"time_constants"}
         return DiffusiveFeatures(time_constants, **{name: getattr(self, name) for name in names})
 
     def _contributions(self, X: Any) -> tuple[Record, np.ndarray, dict[int, SegmentStart]]:
