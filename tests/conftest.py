@@ -1,0 +1,26 @@
+"""Shared records for tests."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from thermocorr.datasets import load_voltage_reference
+
+
+@pytest.fixture(scope="session")
+def voltage():
+    """The built-in voltage reference: (X, y)."""
+    record = load_voltage_reference()
+    return record.drop(columns="voltage"), record["voltage"]
+
+
+@pytest.fixture(scope="session")
+def measured():
+    """Folder of the measured records; skips where it is absent."""
+    folder = Path(os.environ.get("THERMOCORR_RECORDS", Path(__file__).parents[2] / "shared" / "records"))
+    if not folder.is_dir():
+        pytest.skip(f"no folder of measured records at {folder}; name one with THERMOCORR_RECORDS")
+    return folder

@@ -1,0 +1,226 @@
+"""Estimators: scikit-learn's contracts, time order, composition, memory."""
+
+from __future__ import annotations
+
+import pickle
+import tracemalloc
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from sklearn.linear_model import Ridge
+from sklearn.model_selection import GridSearchCV, TimeSeriesSplit, cross_val_score
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import SplineTransformer, StandardScaler
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
+from thermocorr.datasets import make_record
+from thermocorr.effects import Covariate, Effect, LaggedCovariate
+
+TIME_ORDER = "rows are samples in time: shuffled rows are another record, with other lags"
+
+
+def expected_failures(estimator):
+    if isinstance(estimator, MergedRidge):
+        return {}
+    return {"check_methods_sample_order_invariance": TIME_ORDER}
+
+
+@parametrize_with_checks(
+    [
+        DiffusiveFeatures(),
+        MergedRidge(),
+        DynamicBiasRegressor(),
+        DynamicBiasRegressor(time_constants=[2.0, 10.0]),
+        DynamicBiasRegressor(time_constants=2, degree=1),
+    ],
+    expected_failed_checks=expected_failures,
+)
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_scikit_learn_checks(estimator, check):
+    check(estimator)
+
+
+@pytest.fixture(scope="module")
+def lab():
+    record = make_record(4000, seed=3)
+    return record.drop(columns="reading"), record["reading"]
+
+
+def test_lag_model_beats_static_to_the_noise(lab):
+    X, y = lab
+    static = DynamicBiasRegressor(time_constants=()).fit(X, y)
+    dynamic = DynamicBiasRegressor().fit(X, y)
+    noise = y.attrs.get("noise", X.attrs["noise"])
+    assert static.residual_std_ > 2 * noise
+    assert dynamic.residual_std_ < 1.05 * noise  # 4000 rows know their sd to 1.1 %
+
+
+def test_parts_add_up(lab):
+    X, y = lab
+    model = DynamicBiasRegressor(time_constants=["5 min", "2 h"], effects=[Covariate("humidity")]).fit(X, y)
+    parts = model.contributions(X)
+    np.testing.assert_allclose(parts.sum(axis=1) + model.intercept_, model.predict(X), rtol=1e-14)
+    np.testing.assert_allclose(model.correct(X, y), y - model.bias(X), rtol=1e-14)
+    np.testing.assert_allclose(model.residuals(X, y), y - model.predict(X), atol=1e-12)
+    np.testing.assert_allclose(model.pipeline_.predict(X), model.predict(X), rtol=1e-13)
+    assert model.correct(X, y).index.equals(X.index)
+    assert "humidity" in model.coef_table().index
+    assert "humidity" in model.equation()
+
+
+def test_following_rows_continue_and_repeated_rows_repeat(lab):
+    X, y = lab
+    model = DynamicBiasRegressor(time_constants=[300, 7200]).fit(X[:3000], y[:3000])
+    whole = model.predict(X)
+    assert np.array_equal(whole[3000:], model.predict(X[3000:]))
+    assert np.array_equal(whole[700:900], model.predict(X[700:900]))
+    assert not (model.flags(X[3000:]) == "washout").any()
+
+
+def test_other_record_is_flagged_during_washout(lab):
+    X, y = lab
+    model = DynamicBiasRegressor(time_constants=[600], washout="1 h").fit(X, y)
+    earlier = X.copy()
+    earlier.index = earlier.index - pd.Timedelta("900 days")
+    flags = model.flags(earlier)
+    assert (flags[:60] == "washout").all()  # an hour at one minute
+    assert not (flags[60:] == "washout").any()
+    assert (model.contributions(earlier)["initial transient"] == 0).all()  # decays belong to their segment
+
+
+def test_missing_readings_leave_the_fit_but_not_the_lags(lab):
+    X, y = lab
+    holes = y.copy()
+    holes[1000:1500] = np.nan
+    model = DynamicBiasRegressor(time_constants=[300, 7200], initial_state="equilibrium").fit(X, holes)
+    columns = model.pipeline_[0].transform(X)
+    known = np.isfinite(holes.to_numpy())
+    design = np.column_stack((np.ones(known.sum()), columns[known]))
+    expected = np.linalg.lstsq(design, holes[known], rcond=None)[0]
+    np.testing.assert_allclose(model.coef_, expected[1:], rtol=1e-6)
+
+
+def test_grid_search_over_time_constants_scores_as_features_of_the_whole_record(lab):
+    """The trap: restarting lags in every fold. Features computed once on the whole record are the truth."""
+    X, y = lab
+    split = TimeSeriesSplit(4)
+    candidates = [[300.0], [3600.0], [300.0, 7200.0]]
+    common = {"initial_state": "equilibrium", "reference_temperature": 22.0, "degree": 2}
+    search = GridSearchCV(
+        make_pipeline(DiffusiveFeatures(**common), Ridge(1e-6)),
+        {"diffusivefeatures__time_constants": candidates},
+        cv=split,
+        scoring="neg_mean_squared_error",
+    ).fit(X, y)
+    for candidate, score in zip(candidates, search.cv_results_["mean_test_score"], strict=True):
+        Q = DiffusiveFeatures(candidate, **common).fit_transform(X)
+        expected = cross_val_score(Ridge(1e-6), Q, y, cv=split, scoring="neg_mean_squared_error").mean()
+        assert score == pytest.approx(expected, rel=1e-9)
+    own = GridSearchCV(DynamicBiasRegressor(), {"time_constants": candidates}, cv=split).fit(X, y)
+    assert own.best_params_["time_constants"] == candidates[2]
+
+
+def test_arrays_continue_in_cross_validation_too(lab):
+    X, y = lab
+    T = X[["temperature"]].to_numpy()
+    frame = DiffusiveFeatures([600.0], initial_state="equilibrium").fit(X[:3000])
+    array = DiffusiveFeatures([600.0], initial_state="equilibrium", sampling_period=60).fit(T[:3000])
+    np.testing.assert_allclose(array.transform(T[3000:]), frame.transform(X[3000:]), rtol=1e-12, atol=1e-12)
+
+
+def test_ridge_penalty_is_that_of_scaled_columns(lab):
+    X, y = lab
+    Q = DiffusiveFeatures([300, 7200], 2, initial_state="equilibrium").fit_transform(X)
+    ours = MergedRidge(3.0).fit(Q, y)
+    theirs = make_pipeline(StandardScaler(), Ridge(3.0)).fit(Q, y)
+    np.testing.assert_allclose(ours.predict(Q), theirs.predict(Q), rtol=1e-10)
+
+
+def test_paper_form_fits_the_same_readings(lab):
+    X, y = lab
+    fits = [
+        MergedRidge().fit(Q, y).predict(Q)
+        for form in ("unit_gain", "paper")
+        for Q in [DiffusiveFeatures([300, 7200], form=form, hold="zero_order").fit_transform(X)]
+    ]
+    np.testing.assert_allclose(fits[0], fits[1], rtol=1e-9)
+
+
+class Squared(Effect):
+    kind = "squared"
+
+    def __init__(self, column="supply"):
+        self.column = column
+
+    def inputs(self):
+        return [self.column]
+
+    def names(self):
+        return [f"{self.column}^2"]
+
+    def columns(self, block, state):
+        return block[self.column] ** 2, state
+
+
+def test_own_effects_and_transformers_take_part(lab):
+    X, y = lab
+    effects = [("fan", Squared()), ("moist", LaggedCovariate("humidity", ["1 h"])), ("spline", SplineTransformer(4))]
+    model = DynamicBiasRegressor(time_constants=[600], effects=effects).fit(X, y)
+    assert {"supply^2", "humidity lag[3600 s]"} <= set(model.coef_table().index)
+    assert model.get_params()["moist__time_constants"] == ["1 h"]
+    changed = clone(model).set_params(moist__time_constants=[60.0])
+    assert changed.effects[1][1].time_constants == [60.0]
+    np.testing.assert_allclose(model.predict(X[2000:]), model.predict(X)[2000:], rtol=1e-12)
+
+
+def test_pickle_and_set_output(lab):
+    X, y = lab
+    model = DynamicBiasRegressor(time_constants=[600]).fit(X, y)
+    again = pickle.loads(pickle.dumps(model))
+    assert np.array_equal(again.predict(X[100:200]), model.predict(X[100:200]))
+    frame = DiffusiveFeatures([600]).set_output(transform="pandas").fit_transform(X)
+    assert frame.index.equals(X.index)
+    assert list(frame.columns) == ["temperature", "lag[600 s]", "decay[600 s]"]
+
+
+def test_search_does_not_depend_on_units_or_offsets(lab):
+    X, y = lab
+    kelvin = X.assign(temperature=X["temperature"] + 273.15)
+    found = [DynamicBiasRegressor(time_constants=3).fit(frame, values) for frame, values in ((X, y), (kelvin, 1e6 + 10 * y))]
+    np.testing.assert_allclose(found[0].time_constants_, found[1].time_constants_)
+
+
+def test_fit_of_a_long_memory_mapped_record_needs_little_memory(tmp_path):
+    """1e6 rows here; benchmarks/memory.py measures 1e7. A column of the record alone would be 8 MB, the matrix 80 MB."""
+    n = 1_000_000
+    data = np.memmap(tmp_path / "log.bin", np.float64, "w+", shape=(n, 2))
+    t = np.arange(n)
+    data[:, 0] = 23 + np.sin(t / 3000) + 0.3 * np.sin(t / 171)
+    data[:, 1] = np.sin(t / 3000 - 0.1)
+    data.flush()
+    data = np.memmap(tmp_path / "log.bin", np.float64, "r", shape=(n, 2))
+    model = DynamicBiasRegressor(time_constants=np.geomspace(10, 30_000, 6), sampling_period=1.0)
+    tracemalloc.start()
+    model.fit(data[:, :1], data[:, 1])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 32 * 2**20
+
+
+def test_standard_errors_hold_for_correlated_residuals():
+    """Coverage of +- 2 standard errors over 40 seeds: 95 % nominal, 80 % would betray a formula for white noise."""
+    rng = np.random.default_rng(0)
+    n, hits = 4000, 0
+    T = 23 + np.sin(np.arange(n) / 60.0) + 0.5 * np.sin(np.arange(n) / 17.0)
+    for _ in range(40):
+        shocks, noise = rng.normal(size=n), np.empty(n)
+        noise[0] = shocks[0]
+        for k in range(1, n):
+            noise[k] = 0.8 * noise[k - 1] + shocks[k]
+        model = DynamicBiasRegressor(time_constants=[30.0], degree=1, sampling_period=1.0, initial_state="equilibrium")
+        table = model.fit(T[:, None], 2.0 * T + noise).coef_table()
+        hits += abs(table.coefficient["x0"] - 2.0) < 2 * table.standard_error["x0"]
+    assert hits >= 34
