@@ -119,16 +119,12 @@ def test_moisture_is_the_lag_of_humidity_and_nothing_else_changes(reference):
     lag = humidity + lag_differences(humidity, np.array([1.5 * 86_400]), np.full(83_999, 15.0))[:, 0]
     assert np.corrcoef(lag, truth["moisture"])[0, 1] == pytest.approx(1.0, abs=1e-9)
     excess = (record["temperature"] - record["temperature"].mean()).to_numpy()
-    left = residual(
-        np.stack([np.ones_like(excess), excess, excess**2], axis=1), truth["moisture"].to_numpy(), 1
-    )
+    left = residual(np.stack([np.ones_like(excess), excess, excess**2], axis=1), truth["moisture"].to_numpy(), 1)
     assert left.std() == pytest.approx(1e-4, rel=1e-6)
 
 
 def test_unknown_hidden_effect():
-    with pytest.raises(
-        ValueError, match=r"'hidden' parameter of load_voltage_reference .* Got 'dust' instead"
-    ):
+    with pytest.raises(ValueError, match=r"'hidden' parameter of load_voltage_reference .* Got 'dust' instead"):
         load_voltage_reference(hidden="dust")
 
 
@@ -138,16 +134,12 @@ def test_unknown_hidden_effect():
 @pytest.mark.parametrize("setting", ["lab", "outdoor", "chamber"])
 @pytest.mark.parametrize("device", ["slab", "plate", "layered", "box"])
 def test_device_is_its_lag_coefficients(setting, device):
-    record, truth = make_record(
-        1000, setting=setting, device=device, irregular=0.5, seed=4, return_truth=True
-    )
+    record, truth = make_record(1000, setting=setting, device=device, irregular=0.5, seed=4, return_truth=True)
     about = truth.attrs["device"]
     steps = np.diff(record.index) / np.timedelta64(1, "s")
     air = record["temperature"].to_numpy()
     lags = lag_differences(air, np.array(about["time_constants"]), steps)
-    bias = (
-        about["sensitivity"] * (air - about["reference_temperature"]) + lags @ about["lag_coefficients"]
-    )  # (22)
+    bias = about["sensitivity"] * (air - about["reference_temperature"]) + lags @ about["lag_coefficients"]  # (22)
     # Modes below 1e-6 of the whole are not listed; the readings reach a few hundred ppm.
     np.testing.assert_allclose(truth["device"], bias, atol=2e-3)
     np.testing.assert_allclose(truth["noise_free"], truth.attrs["base"] + truth["device"], atol=1e-9)
@@ -169,9 +161,7 @@ def test_runs_have_their_own_history():
     assert not np.allclose(parts[0], parts[1])
     # Each run starts at equilibrium: the bias is the static law of its first sample.
     first = record.groupby("run").head(1)
-    np.testing.assert_allclose(
-        truth.loc[first.index, "device"], 10 * (first["temperature"] - 22.5), atol=1e-9
-    )
+    np.testing.assert_allclose(truth.loc[first.index, "device"], 10 * (first["temperature"] - 22.5), atol=1e-9)
 
 
 def test_parts_have_their_own_streams():
@@ -184,9 +174,7 @@ def test_parts_have_their_own_streams():
 
 
 def test_offset_and_nonlinearity():
-    record, truth = make_record(
-        400, device="slab", initial_offset=2.0, nonlinearity=0.01, seed=9, return_truth=True
-    )
+    record, truth = make_record(400, device="slab", initial_offset=2.0, nonlinearity=0.01, seed=9, return_truth=True)
     start = record["temperature"].iloc[0] + 2.0 - 22.5
     assert truth["device"].iloc[0] == pytest.approx(10 * start + 10 * 0.01 * start**2)
 
@@ -329,6 +317,4 @@ def test_list_of_measured_records():
     assert list(records.index) == [
         "vhd200_resistor", "hp34420a_nanovoltmeter", "oldtown_soil", "dmm_box_heater", "gr1433_resistor",
     ]  # fmt: skip
-    assert (
-        records[["physics", "reading", "temperature", "hidden", "license", "source"]].notna().all(axis=None)
-    )
+    assert records[["physics", "reading", "temperature", "hidden", "license", "source"]].notna().all(axis=None)

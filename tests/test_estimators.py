@@ -124,7 +124,7 @@ def test_grid_search_over_time_constants_scores_as_features_of_the_whole_record(
 
 
 def test_arrays_continue_in_cross_validation_too(lab):
-    X, y = lab
+    X, _ = lab
     T = X[["temperature"]].to_numpy()
     frame = DiffusiveFeatures([600.0], initial_state="equilibrium").fit(X[:3000])
     array = DiffusiveFeatures([600.0], initial_state="equilibrium", sampling_period=60).fit(T[:3000])
@@ -189,12 +189,14 @@ def test_pickle_and_set_output(lab):
 def test_search_does_not_depend_on_units_or_offsets(lab):
     X, y = lab
     kelvin = X.assign(temperature=X["temperature"] + 273.15)
-    found = [DynamicBiasRegressor(time_constants=3).fit(frame, values) for frame, values in ((X, y), (kelvin, 1e6 + 10 * y))]
+    found = [
+        DynamicBiasRegressor(time_constants=3).fit(frame, values) for frame, values in ((X, y), (kelvin, 1e6 + 10 * y))
+    ]
     np.testing.assert_allclose(found[0].time_constants_, found[1].time_constants_)
 
 
 def test_fit_of_a_long_memory_mapped_record_needs_little_memory(tmp_path):
-    """1e6 rows here; benchmarks/memory.py measures 1e7. A column of the record alone would be 8 MB, the matrix 80 MB."""
+    """1e6 rows here; benchmarks/memory.py measures 1e7. The matrix alone would be 80 MB."""
     n = 1_000_000
     data = np.memmap(tmp_path / "log.bin", np.float64, "w+", shape=(n, 2))
     t = np.arange(n)

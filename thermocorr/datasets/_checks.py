@@ -13,8 +13,7 @@ def check_int(function: str, name: str, value: Any, low: int) -> int:
     if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= low:
         return int(value)
     raise ValueError(
-        f"The '{name}' parameter of {function} must be an int in the range [{low}, inf). "
-        f"Got {value!r} instead."
+        f"The '{name}' parameter of {function} must be an int in the range [{low}, inf). Got {value!r} instead."
     )
 
 
@@ -32,8 +31,7 @@ def check_float(function: str, name: str, value: Any, interval: str) -> float:
         if above and below:
             return number
     raise ValueError(
-        f"The '{name}' parameter of {function} must be a float in the range {interval}. "
-        f"Got {value!r} instead."
+        f"The '{name}' parameter of {function} must be a float in the range {interval}. Got {value!r} instead."
     )
 
 
@@ -41,6 +39,4 @@ def check_choice(function: str, name: str, value: Any, choices: Collection[str |
     """Raise ValueError unless `value` is one of `choices`."""
     if value not in choices:
         options = ", ".join(repr(choice) for choice in choices)
-        raise ValueError(
-            f"The '{name}' parameter of {function} must be one of {options}. Got {value!r} instead."
-        )
+        raise ValueError(f"The '{name}' parameter of {function} must be one of {options}. Got {value!r} instead.")

@@ -117,9 +117,7 @@ _STACKS = {"slab": _slab, "plate": _plate, "layered": _layered, "box": _box}
 DEVICE_NAMES = tuple(_STACKS)
 
 
-def make_device(
-    name: str, *, sensitivity: float, nonlinearity: float, reference_temperature: float
-) -> Device:
+def make_device(name: str, *, sensitivity: float, nonlinearity: float, reference_temperature: float) -> Device:
     """Make a device; `nonlinearity` [1/K] is the curvature of its sensitivity to the innermost layer."""
     stack, linear = _STACKS[name]()
     quadratic = {stack.layers[-1].name: nonlinearity} if nonlinearity else {}

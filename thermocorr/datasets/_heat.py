@@ -52,8 +52,7 @@ class Layer:
             value = getattr(self, label)
             if not (np.isfinite(value) and value > 0):
                 raise ValueError(
-                    f"The '{label}' parameter of Layer must be a float in the range (0.0, inf). "
-                    f"Got {value!r} instead."
+                    f"The '{label}' parameter of Layer must be a float in the range (0.0, inf). Got {value!r} instead."
                 )
         if not (np.isfinite(self.contact_resistance) and self.contact_resistance >= 0):
             raise ValueError(
@@ -62,8 +61,7 @@ class Layer:
             )
         if self.cells < 1:
             raise ValueError(
-                f"The 'cells' parameter of Layer must be an int in the range [1, inf). "
-                f"Got {self.cells!r} instead."
+                f"The 'cells' parameter of Layer must be an int in the range [1, inf). Got {self.cells!r} instead."
             )
 
 
@@ -93,9 +91,7 @@ class HeatStack:
         to 1.
     """
 
-    def __init__(
-        self, layers: Sequence[Layer], outer_convection: float, inner_convection: float = 0.0
-    ) -> None:
+    def __init__(self, layers: Sequence[Layer], outer_convection: float, inner_convection: float = 0.0) -> None:
         if not layers:
             raise ValueError("The 'layers' parameter of HeatStack must hold at least one Layer. Got none.")
         if not (np.isfinite(outer_convection) and outer_convection > 0):
@@ -115,9 +111,7 @@ class HeatStack:
         width = np.repeat([layer.thickness / layer.cells for layer in self.layers], cells)
         self.positions: Array = np.cumsum(width) - width / 2
         self.capacities: Array = width * np.repeat([layer.heat_capacity for layer in self.layers], cells)
-        self.conductances: Array = _conductances(
-            self.layers, width, self.outer_convection, self.inner_convection
-        )
+        self.conductances: Array = _conductances(self.layers, width, self.outer_convection, self.inner_convection)
         self.rates, self.modes = _unit_gain_modes(self.capacities, self.conductances)
 
     @property

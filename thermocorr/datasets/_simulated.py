@@ -138,9 +138,7 @@ def make_record(
     initial_offset = check_float(who, "initial_offset", initial_offset, "(-inf, inf)")
     irregular = check_float(who, "irregular", irregular, "[0.0, 1.0)")
     if gaps > n - 1:
-        raise ValueError(
-            f"The 'gaps' parameter of make_record must be at most n - 1 = {n - 1}. Got {gaps} instead."
-        )
+        raise ValueError(f"The 'gaps' parameter of make_record must be at most n - 1 = {n - 1}. Got {gaps} instead.")
 
     body = make_device(
         device,
@@ -154,9 +152,7 @@ def make_record(
         columns, parts = _simulate_run(body, setting, grid, first, noises, initial_offset, seed, run)
         index = pd.DatetimeIndex(first + pd.to_timedelta(grid[kept], unit="s"), name="time")
         labels = {"run": np.full(n, run + 1)} if runs > 1 else {}
-        records.append(
-            pd.DataFrame({**labels, **{name: column[kept] for name, column in columns.items()}}, index)
-        )
+        records.append(pd.DataFrame({**labels, **{name: column[kept] for name, column in columns.items()}}, index))
         truths.append(truth_frame({name: part[kept] for name, part in parts.items()}, index, {}))
         first = index[-1].round("s") + pd.Timedelta(seconds=_PAUSE)
     record, truth = pd.concat(records), pd.concat(truths)

@@ -66,8 +66,8 @@ def walk(
             part = np.asarray(part)
             if part.shape != (len(block), n_columns) and not (part.ndim == 1 and n_columns == 1):
                 raise ValueError(
-                    f"{type(effect).__name__}.columns returned an array of shape {part.shape} for {len(block)} rows and "
-                    f"{n_columns} names. Return one row per sample and one column per name."
+                    f"{type(effect).__name__}.columns returned an array of shape {part.shape} for {len(block)} rows "
+                    f"and {n_columns} names. Return one row per sample and one column per name."
                 )
             columns[:, at : at + n_columns] = part.reshape(len(block), n_columns)
             at += n_columns

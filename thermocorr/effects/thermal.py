@@ -213,7 +213,13 @@ class LagProducts(Effect):
 
     kind = "lag_products"
 
-    def __init__(self, time_constants: Sequence[Any] = (), hold: str = "first_order", initial_state: str = "fit", reference_temperature: float | str = "mean"):
+    def __init__(
+        self,
+        time_constants: Sequence[Any] = (),
+        hold: str = "first_order",
+        initial_state: str = "fit",
+        reference_temperature: float | str = "mean",
+    ):
         self.time_constants = time_constants
         self.hold = hold
         self.initial_state = initial_state
@@ -221,7 +227,9 @@ class LagProducts(Effect):
 
     def learn(self, record: Record) -> None:
         """Convert time constants to seconds."""
-        self.lags_ = ThermalLag(self.time_constants, self.hold, self.initial_state, reference_temperature=self.reference_temperature)
+        self.lags_ = ThermalLag(
+            self.time_constants, self.hold, self.initial_state, reference_temperature=self.reference_temperature
+        )
         self.lags_.learn(record)
         n = len(self.lags_.time_constants_)
         self.pairs_ = [(j, k) for j in range(n) for k in range(j, n)]

@@ -21,6 +21,7 @@ _PANEL = 16  # columns that LAPACK reflects at once
 RANK_TOLERANCE = 1e-11
 """Singular values of the unit-column triangle below this share of the largest carry no information."""
 
+
 class TriangularFactor:
     """Upper triangle R of the rows seen so far: ``R'R = [1 Q U]' [1 Q U]``.
 
@@ -120,6 +121,4 @@ def solve_ridge(factor: TriangularFactor, alpha: float = 0.0) -> RidgeSolution:
         inverse, coef, rank = np.zeros((0, 0)), np.zeros(0), 0
     rest = r[1:, -1] - centred @ coef
     intercept = (r[0, -1] - r[0, 1:-1] @ coef) / r[0, 0] if r[0, 0] else 0.0
-    return RidgeSolution(
-        float(intercept), coef, float(rest @ rest), rank, factor.n_rows, norms / np.sqrt(n), inverse
-    )
+    return RidgeSolution(float(intercept), coef, float(rest @ rest), rank, factor.n_rows, norms / np.sqrt(n), inverse)

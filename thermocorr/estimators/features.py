@@ -155,7 +155,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         y : ignored
         """
         record = self.learn(X)
-        self.remember(record, [states for states in self._end_states(self.walk_fitted(record))])
+        self.remember(record, self._end_states(self.walk_fitted(record)))
         return self
 
     def fit_transform(self, X: Any, y: Any = None, **fit_params: Any) -> np.ndarray:
@@ -203,9 +203,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         """Columns of a record tied to the fitted one, block by block."""
         return walk(self.effect_list(), record, zero=self.history_.zero, starts=starts, states=states)
 
-    def resume(
-        self, X: Any, y: Any = None
-    ) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
+    def resume(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
         """Validate a new record and tie it to the fitted one."""
         check_is_fitted(self, "history_")
         X = self._check_columns(X, reset=False)
@@ -238,7 +236,9 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         if self.initial_state == "fit":
             parts.append(("initial_transient", InitialTransient(time_constants, self.longest_decay_share)))
         if self.products:
-            parts.append(("lag_products", LagProducts(time_constants, self.hold, self.initial_state, self.reference_temperature)))
+            parts.append(
+                ("lag_products", LagProducts(time_constants, self.hold, self.initial_state, self.reference_temperature))
+            )
         return parts
 
     def _layout(self) -> Layout:

@@ -89,8 +89,8 @@ def require_rows(n_readings: int, n_columns: int, what: str = "model") -> None:
     if n_readings <= n_columns + 1:
         plural = "1 sample" if n_readings == 1 else f"{n_readings} samples"
         raise RecordError(
-            f"The record is too short: {plural} with a reading, and the {what} has {n_columns + 1} coefficients. Record "
-            "longer, or choose fewer time_constants and a lower degree."
+            f"The record is too short: {plural} with a reading, and the {what} has {n_columns + 1} coefficients. "
+            "Record longer, or choose fewer time_constants and a lower degree."
         )
 
 
@@ -104,12 +104,16 @@ def standard_errors(swept: Swept, solution: RidgeSolution, alpha: float) -> np.n
     chunks = [chunk for chunk in swept.chunks if chunk.n_rows]
     if len(chunks) < 4:
         return white
-    estimates = []
-    for left_out in range(len(chunks)):
+    norms = np.linalg.norm(swept.total().r[:, 1:-1], axis=0)
+    last = len(norms) + 1
+    estimates = np.tile(np.concatenate(([solution.intercept], solution.coef)), (len(chunks), 1))
+    for left_out, estimate in enumerate(estimates):
         rest = TriangularFactor.merged(chunk for i, chunk in enumerate(chunks) if i != left_out)
-        part = solve_ridge(rest, alpha)
-        estimates.append(np.concatenate(([part.intercept], part.coef)))
-    spread = np.var(np.array(estimates), axis=0) * (len(chunks) - 1)
+        # A start-up decay that only the chunk left out has seen keeps its estimate: the rest cannot say anything on it.
+        seen = np.flatnonzero(np.linalg.norm(rest.r[:, 1:-1], axis=0) > 0.01 * norms) + 1
+        part = solve_ridge(rest.select([0, *seen, last]), alpha)
+        estimate[0], estimate[seen] = part.intercept, part.coef
+    spread = np.var(estimates, axis=0) * (len(chunks) - 1)
     return np.maximum(np.sqrt(spread), white)
 
 

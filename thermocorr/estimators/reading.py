@@ -71,8 +71,8 @@ def check_plausible(record: Record, reading: Reading) -> None:
         )
     if low < -460.0 or high > 5000.0:
         warnings.warn(
-            f"The temperature {record.temperature_name!r} runs from {low:.6g} to {high:.6g}: that is neither degC, K nor "
-            "degF. The fit is valid, but coefficients are per unit of that column. Is it the right one, and converted?",
+            f"The temperature {record.temperature_name!r} runs from {low:.6g} to {high:.6g}: that is neither degC, K "
+            "nor degF. The fit is valid, but coefficients are per unit of that column. Is it the right one?",
             RecordWarning,
             stacklevel=3,
         )
@@ -94,6 +94,6 @@ def check_range(fitted: Reading, record: Record) -> None:
     for offset, said in ((273.15, "kelvin where degC was fitted"), (-273.15, "degC where kelvin was fitted")):
         if abs(median - offset - (low + high) / 2) < span + 20.0 and not low - span <= median <= high + span:
             raise RecordError(
-                f"The temperature is about {median:.6g} here and was {low:.6g} to {high:.6g} in the fitted record: that "
-                f"looks like {said}. Convert {record.temperature_name!r} first."
+                f"The temperature is about {median:.6g} here and was {low:.6g} to {high:.6g} in the fitted record: "
+                f"that looks like {said}. Convert {record.temperature_name!r} first."
             )

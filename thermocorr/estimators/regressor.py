@@ -242,7 +242,11 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         check_is_fitted(self, "pipeline_")
         temperature = column_text(self.features_.history_.record.temperature_name)
         return equation_text(
-            self.features_.effect_list(), self._all_coefficients(), self.reading_, temperature, self.reference_temperature_
+            self.features_.effect_list(),
+            self._all_coefficients(),
+            self.reading_,
+            temperature,
+            self.reference_temperature_,
         )
 
     def with_effect(self, effect: Effect) -> DynamicBiasRegressor:
@@ -301,8 +305,8 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
             return None
         if isinstance(given, bool) or (isinstance(given, Integral) and not 1 <= given <= POOL_SIZE):
             raise ValueError(
-                f"The 'time_constants' parameter must be 'auto', a number to choose from 1 to {POOL_SIZE}, or a list of "
-                f"times. Got {given!r} instead."
+                f"The 'time_constants' parameter must be 'auto', a number to choose from 1 to {POOL_SIZE}, or a list "
+                f"of times. Got {given!r} instead."
             )
         return int(given) if isinstance(given, Integral) else 0
 
@@ -332,7 +336,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         low, high = self.reading_.temperature_range
         for block in record.blocks(starts=starts, zero=self.features_.history_.zero):
             T = block.temperature
-            part = np.where((T < low) | (T > high), "outside fitted range", "").astype(object)
+            part = np.where((low > T) | (high < T), "outside fitted range", "").astype(object)
             if block.segment_key is None:
                 part[block.elapsed < self.washout_] = "washout"
             flags[block.rows] = part

@@ -79,7 +79,7 @@ class TimeConstantChoice:
     penalty: float
     """Penalty of the reference model."""
     forecast_errors: np.ndarray = field(repr=False)
-    """``forecast_errors[f, c, a]``: mean squared error of forecast f with ceiling c and penalty a, in y's unit squared."""
+    """``forecast_errors[f, c, a]``: mean squared error of forecast f, ceiling c, penalty a, in y's unit squared."""
     reference_rms: float = np.nan
     """Residual rms of the reference model, in y's unit."""
     spectrum: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
@@ -162,9 +162,7 @@ def squared_error(factor: TriangularFactor, coefficients: np.ndarray) -> float:
     return float(rest @ rest)
 
 
-def forecast_errors(
-    blocks: Sequence[TriangularFactor], layout: GridLayout, temperature_std: float
-) -> np.ndarray:
+def forecast_errors(blocks: Sequence[TriangularFactor], layout: GridLayout, temperature_std: float) -> np.ndarray:
     """Mean squared forecast errors, shape (forecasts, ceilings, penalties), by forward chaining."""
     n_blocks = len(blocks)
     errors = []
@@ -210,7 +208,9 @@ def project(
     for _ in range(min(count or MAX_COUNT, len(candidates))):
         chosen, best = misfit.best({tuple(sorted((*chosen, new))) for new in candidates if new not in chosen})
         for _ in range(8):
-            swapped = {tuple(sorted({*chosen} - {old} | {new})) for old in chosen for new in candidates if new not in chosen}
+            swapped = {
+                tuple(sorted({*chosen} - {old} | {new})) for old in chosen for new in candidates if new not in chosen
+            }
             if not swapped:
                 break
             other, error = misfit.best(swapped)

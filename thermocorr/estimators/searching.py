@@ -54,7 +54,9 @@ def choose_from_record(
     if reading.n_readings < MIN_ROWS:
         wanted = count if count is not None else 3
         fitting = max(1, min(wanted, (reading.n_readings - n_static - 2) // 4))
-        return TimeConstantChoice(spread(grid, span, fitting), PENALTIES[2], grid, 1 / 3, PENALTIES[2], np.zeros((0, 0, 0)))
+        return TimeConstantChoice(
+            spread(grid, span, fitting), PENALTIES[2], grid, 1 / 3, PENALTIES[2], np.zeros((0, 0, 0))
+        )
     effects, layout = _grid_effects(features, record, static, n_static, grid, span, decay_share)
     steps = walk(effects, record, starts=own_starts(record), size=block_rows(record.n_used, N_BLOCKS), extra=1)
     blocks = sweep(record, steps, N_BLOCKS).chunks

@@ -55,9 +55,7 @@ def equation_text(
             decays |= "decay[" in name
             at += 1
     if lags:
-        lines.append(
-            f"lag[tau] = lagged - {temperature}, where tau d(lagged)/dt = {temperature} - lagged"
-        )
+        lines.append(f"lag[tau] = lagged - {temperature}, where tau d(lagged)/dt = {temperature} - lagged")
     if decays:
         lines.append("decay[tau] = exp(-t/tau) since the start of its segment, zero elsewhere")
     return "\n".join(lines)

@@ -51,8 +51,8 @@ class VariantComparison:
         unit = f" Standard deviations in {self.unit}." if self.unit else ""
         return (
             f"Smoothed: moving average of {self.window} samples. Reduction: smoothed, against the reading before "
-            f"correction; negative is good. Held out: {self.n_blocks} blocks of time, each predicted by a model that was "
-            f"fitted without it, offset included.{unit}"
+            f"correction; negative is good. Held out: {self.n_blocks} blocks of time, each predicted by a model that "
+            f"was fitted without it, offset included.{unit}"
         )
 
     def formatted(self) -> pd.DataFrame:
@@ -80,7 +80,10 @@ class VariantComparison:
         """The table as a LaTeX tabular with booktabs rules; the caption is a comment above it."""
         text = self.formatted()
         head = " & ".join(["", *text.columns]) + r" \\"
-        rows = [" & ".join([str(name), *(f"${v}$" if v else "" for v in row)]) + r" \\" for name, row in zip(text.index, text.to_numpy(), strict=True)]
+        rows = [
+            " & ".join([str(name), *(f"${v}$" if v else "" for v in row)]) + r" \\"
+            for name, row in zip(text.index, text.to_numpy(), strict=True)
+        ]
         body = "\n".join([r"\toprule", head, r"\midrule", *rows, r"\bottomrule"])
         columns = "l" + "r" * text.shape[1]
         return f"% {self.caption()}\n\\begin{{tabular}}{{{columns}}}\n{body}\n\\end{{tabular}}\n"

@@ -19,13 +19,17 @@ TIME_NAMES = ("time", "timestamp", "datetime", "date", "time_s")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `thermocorr analyze`."""
-    parser.add_argument("log", nargs="?", help="CSV or Parquet file; without one, the built-in voltage reference is analysed")
+    parser.add_argument(
+        "log", nargs="?", help="CSV or Parquet file; without one, the built-in voltage reference is analysed"
+    )
     columns = parser.add_argument_group("columns of the log")
     columns.add_argument("--temperature", metavar="COLUMN", help="ambient temperature (default: temperature)")
     columns.add_argument("--reading", metavar="COLUMN", help="what the instrument shows")
     columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds (default: time, timestamp, ...)")
     columns.add_argument("--run", metavar="COLUMN", help="labels of runs; each starts anew")
-    columns.add_argument("--sampling-period", metavar="SPAN", help="time between rows of a log without times, such as 15s")
+    columns.add_argument(
+        "--sampling-period", metavar="SPAN", help="time between rows of a log without times, such as 15s"
+    )
     columns.add_argument("--max-gap", metavar="SPAN", help="a longer step starts a new segment, such as 10min")
     model = parser.add_argument_group("model")
     model.add_argument(
@@ -37,7 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     model.add_argument("--degree", type=int, default=2, metavar="N", help="degree of the static law (default 2)")
     model.add_argument("--products", action="store_true", help="add the products of lags, eq. (21)")
     model.add_argument("--window", type=int, default=25, metavar="N", help="samples of the moving average (default 25)")
-    model.add_argument("--blocks", type=int, default=5, metavar="N", help="blocks of time for held-out figures (default 5)")
+    model.add_argument(
+        "--blocks", type=int, default=5, metavar="N", help="blocks of time for held-out figures (default 5)"
+    )
     parser.add_argument("--out", metavar="FOLDER", help="where to write corrected.csv and the fitted model")
     parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
 
@@ -82,12 +88,16 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
     reading = require_column(log, options.reading, "reading", ("reading",))
     temperature = require_column(log, options.temperature, "temperature", ("temperature",))
     if reading == temperature:
-        raise RecordError(f"--reading and --temperature both name {reading!r}. The reading is what the instrument shows.")
+        raise RecordError(
+            f"--reading and --temperature both name {reading!r}. The reading is what the instrument shows."
+        )
     run = None if options.run is None else require_column(log, options.run, "run")
     stamped = isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex)
     time = None
     if options.sampling_period is None and not (stamped and options.time is None):
-        time = require_column(log, options.time, "time", tuple(n for n in TIME_NAMES if n not in (reading, temperature)))
+        time = require_column(
+            log, options.time, "time", tuple(n for n in TIME_NAMES if n not in (reading, temperature))
+        )
     elif options.time is not None:
         raise RecordError("Give --time or --sampling-period, not both.")
     layout: dict[str, Any] = {

@@ -18,7 +18,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--version", action="version", version=f"thermocorr {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     analyze_parser = commands.add_parser(
-        "analyze", help="compare corrections of a log, write the corrected log and the model", description=analyze.__doc__
+        "analyze",
+        help="compare corrections of a log, write the corrected log and the model",
+        description=analyze.__doc__,
     )
     analyze.add_arguments(analyze_parser)
     analyze_parser.set_defaults(run=analyze.run)

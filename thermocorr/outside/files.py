@@ -31,14 +31,22 @@ def read_log(path: str | Path) -> pd.DataFrame:
         else:
             frame = pd.read_csv(path, low_memory=False)
     except pd.errors.EmptyDataError:
-        raise RecordError(f"{path} is empty: a header line with the columns' names is needed, then one line per sample.") from None
+        raise RecordError(
+            f"{path} is empty: a header line with the columns' names is needed, then one line per sample."
+        ) from None
     except ImportError:
-        raise RecordError(f"{path} is Parquet, which needs pyarrow. Install it with: pip install 'thermocorr[parquet]'") from None
+        raise RecordError(
+            f"{path} is Parquet, which needs pyarrow. Install it with: pip install 'thermocorr[parquet]'"
+        ) from None
     except (pd.errors.ParserError, UnicodeDecodeError, OSError, ValueError) as error:
         reason = " ".join(str(error).split())
-        raise RecordError(f"{path} cannot be read as a table: {reason}. Is it a CSV file with commas, or Parquet?") from None
+        raise RecordError(
+            f"{path} cannot be read as a table: {reason}. Is it a CSV file with commas, or Parquet?"
+        ) from None
     if frame.shape[1] == 1 and isinstance(frame.columns[0], str) and any(c in frame.columns[0] for c in ";\t"):
-        raise RecordError(f"{path} seems to be separated by semicolons or tabs. Save it with commas between its columns.")
+        raise RecordError(
+            f"{path} seems to be separated by semicolons or tabs. Save it with commas between its columns."
+        )
     if len(frame) == 0:
         raise RecordError(f"{path} has a header ({listing(frame.columns)}) but no rows.")
     return frame
@@ -81,7 +89,9 @@ def prepare_folder(path: str | Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RecordError(f"Results cannot be written to {folder}: {error.strerror}. Choose another folder with --out.") from None
+        raise RecordError(
+            f"Results cannot be written to {folder}: {error.strerror}. Choose another folder with --out."
+        ) from None
     return folder
 
 

@@ -87,8 +87,8 @@ class History:
         """
         if self.kind != record.times.kind:
             raise RecordError(
-                f"The fitted record has times of kind {self.kind!r}, these rows have {record.times.kind!r}. Give both the "
-                "same kind of time (dates with or without zone, time spans, seconds, or none at all)."
+                f"The fitted record has times of kind {self.kind!r}, these rows have {record.times.kind!r}. Give both "
+                "the same kind of time (dates with or without zone, time spans, seconds, or none at all)."
             )
         if self.kind == "rows":
             record = self._place_rows(record)
@@ -175,8 +175,9 @@ class History:
 
     def _find_rows(self, record: Record) -> int:
         first = record.segments[0]
-        kept = {name: values for name, values in self.record.columns.items()}
-        numbers = self.record.times.ticks
+        kept = self.record.columns
+        assert self.record.times.ticks is not None
+        numbers: NDArray[np.intp] = self.record.times.ticks
         candidates: NDArray[np.intp] = np.arange(len(numbers))
         for name, values in kept.items():
             candidates = candidates[values[candidates] == record.columns[name][first.start]]
@@ -193,9 +194,7 @@ class History:
         for candidate in (*whole[:64], *partial[:64]):
             first_row = int(numbers[candidate]) - first.start
             overlap = min(self.n_fitted - first_row, record.n_rows)
-            if overlap < record.n_rows and not any(
-                len(np.unique(values[candidate:])) > 16 for values in kept.values()
-            ):
+            if overlap < record.n_rows and not any(len(np.unique(values[candidate:])) > 16 for values in kept.values()):
                 continue  # a few equal temperatures at the end are chance
             if self._repeats(record, first_row, numbers):
                 return first_row

@@ -132,7 +132,9 @@ def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
     """Readings as numbers, row by row beside X."""
     if isinstance(y, pd.DataFrame):
         if y.shape[1] != 1:
-            raise RecordError(f"y has {y.shape[1]} columns ({listing(y.columns)}). Pass one, such as y[{y.columns[0]!r}].")
+            raise RecordError(
+                f"y has {y.shape[1]} columns ({listing(y.columns)}). Pass one, such as y[{y.columns[0]!r}]."
+            )
         y = y.iloc[:, 0]
     if isinstance(y, pd.Series) and isinstance(X, pd.DataFrame):
         stamped = isinstance(X.index, pd.DatetimeIndex | pd.TimedeltaIndex)
@@ -158,7 +160,9 @@ def as_numbers(values: Any, what: str) -> NDArray[Any]:
     if pd.api.types.is_complex_dtype(dtype):
         raise RecordError(f"{what} holds complex numbers. Complex data not supported: pass real numbers.")
     if pd.api.types.is_datetime64_any_dtype(dtype) or pd.api.types.is_timedelta64_dtype(dtype):
-        raise RecordError(f"{what} holds times ({dtype}) where numbers are needed. Is it the time column? Pass time=...")
+        raise RecordError(
+            f"{what} holds times ({dtype}) where numbers are needed. Is it the time column? Pass time=..."
+        )
     if not pd.api.types.is_numeric_dtype(dtype):
         values = _parse_numbers(values, what)
     if isinstance(values, pd.Series):
@@ -190,7 +194,7 @@ def _parse_numbers(values: Any, what: str) -> NDArray[Any]:
             f"{what} is not a number in row {row}: {series.iloc[row]!r} ({times_word(int(bad.sum()), 'such row')} in "
             "all). Remove units and text from the data, or convert it with pandas.to_numeric(..., errors='coerce')."
         )
-    return numbers.to_numpy(dtype=float, na_value=np.nan)  # type: ignore[no-any-return]
+    return numbers.to_numpy(dtype=float, na_value=np.nan)
 
 
 def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Times:
@@ -199,7 +203,10 @@ def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Tim
             found = f"Its columns are {listing(X.columns)}" if frame else "An array has no named columns"
             raise RecordError(f"There is no time column {layout.time!r} in the data. {found}. Name one with time=...")
         return times_from(X[layout.time], f"The time column {layout.time!r}")
-    if frame and (isinstance(X.index, pd.DatetimeIndex | pd.TimedeltaIndex) or (isinstance(X.index.dtype, pd.ArrowDtype) and X.index.dtype.kind in "mM")):
+    if frame and (
+        isinstance(X.index, pd.DatetimeIndex | pd.TimedeltaIndex)
+        or (isinstance(X.index.dtype, pd.ArrowDtype) and X.index.dtype.kind in "mM")
+    ):
         if layout.sampling_period is not None:
             notes.append("The data have times of their own: sampling_period is not used.")
         return times_from(X.index, "The index")
@@ -279,8 +286,8 @@ def _segments(
     if len(missing):
         first = int(missing[0]) if order is None else int(order[missing[0]])
         notes.append(
-            f"{times_word(len(missing), 'row')} of {n} have a missing value, the first is row {first}. Each such stretch "
-            "ends a segment, after which the lags start anew. Short ones can be filled first, for example with "
+            f"{times_word(len(missing), 'row')} of {n} have a missing value, the first is row {first}. Each such "
+            "stretch ends a segment, after which the lags start anew. Short ones can be filled first, for example with "
             "X.interpolate(limit=5)."
         )
     return segments
@@ -316,9 +323,10 @@ def _check_steps(
         return np.asarray(found, np.intp)
     if found:
         first = found[0] - 1 if order is None else int(order[found[0] - 1])
+        advice = 3 * (usual or 1)
         notes.append(
             f"Sampling has {times_word(len(found), 'gap')}, the first after row {first} ({wide[0]:.5g} s where "
-            f"{usual:.5g} s is usual). Temperature is taken as a straight line across. Pass max_gap={3 * (usual or 1):.5g} "
+            f"{usual:.5g} s is usual). Temperature is taken as a straight line across. Pass max_gap={advice:.5g} "
             "to start a new segment there."
         )
     return np.zeros(0, np.intp)

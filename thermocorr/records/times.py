@@ -37,7 +37,8 @@ class Times:
         """Time from the row before to each of `rows` [s]; ``steps[0]`` reaches back to row `before` (1 s if None)."""
         if self.ticks is not None and self.kind == "rows":
             numbers = self.ticks[rows]
-            return np.concatenate(([self.period if before is None else (numbers[0] - self.ticks[before]) * self.period], np.diff(numbers) * self.period))
+            first = 1 if before is None else numbers[0] - self.ticks[before]
+            return np.concatenate(([first], np.diff(numbers))) * self.period
         if self.ticks is None:
             count = rows.stop - rows.start if isinstance(rows, slice) else len(rows)
             steps = np.full(count, self.period)
@@ -95,7 +96,7 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
     Raises RecordError for missing or unreadable times, naming the first.
     """
     if isinstance(values, pd.Index):
-        values = values.to_series(index=range(len(values)))
+        values = values.to_series(index=pd.RangeIndex(len(values)))
     if values.ndim != 1:
         raise RecordError(f"{where} stands over {values.shape[1]} columns. Give columns unique names.")
     n = len(values)
@@ -115,11 +116,10 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
     _refuse_missing(values.isna().to_numpy(), where)
     kind: Kind = "timedelta" if pd.api.types.is_timedelta64_dtype(dtype) else "datetime"
     if isinstance(dtype, pd.DatetimeTZDtype):
-        kind, unit = "datetime with time zone", dtype.unit
+        kind = "datetime with time zone"
         values = values.dt.tz_convert("UTC").dt.tz_localize(None)
-    else:
-        unit = np.datetime_data(dtype)[0]
-    return Times(n, kind, values.to_numpy().view("i8"), _UNITS[unit])
+    ticks = values.to_numpy()
+    return Times(n, kind, ticks.view("i8"), _UNITS[np.datetime_data(ticks.dtype)[0]])
 
 
 def _refuse_missing(missing: NDArray[np.bool_], where: str) -> None:
