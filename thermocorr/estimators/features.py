@@ -104,7 +104,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     0 days 00:00:00        -0.75        0.000
     0 days 01:00:00         0.25       -0.787
     0 days 02:00:00         0.25       -0.477
-    0 days 03:00:00         0.25       -0.290
+    0 days 03:00:00         0.25       -0.289
     """
 
     _parameter_constraints: dict[str, Any] = {

@@ -23,10 +23,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=analyze.__doc__,
     )
     analyze.add_arguments(analyze_parser)
-    analyze_parser.set_defaults(run=analyze.run)
+    analyze_parser.set_defaults(execute=analyze.run)
     options = parser.parse_args(arguments)
     try:
-        options.run(options, print, show_progress)
+        options.execute(options, print, show_progress)
     except (ValueError, TypeError) as error:
         clear_progress()
         print(f"thermocorr: error: {' '.join(str(error).split())}", file=sys.stderr)
