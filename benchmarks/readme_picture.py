@@ -1,6 +1,6 @@
 """Make the README's picture: what static and dynamic corrections leave of the built-in voltage reference.
 
-    pip install . matplotlib && python benchmarks/readme_picture.py docs/voltage_reference.png
+pip install . matplotlib && python benchmarks/readme_picture.py docs/voltage_reference.png
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ def main(path: str) -> None:
     figure, (top, bottom) = plt.subplots(2, 1, sharex=True, figsize=(8, 4.6), layout="constrained")
     top.plot(days[shown], X["temperature"][shown], color="tab:red", lw=0.8)
     top.set_ylabel("room [degC]")
-    for model, label, colour in ((static, "static correction", "tab:orange"), (dynamic, "dynamic correction", "tab:blue")):
+    corrections = ((static, "static correction", "tab:orange"), (dynamic, "dynamic correction", "tab:blue"))
+    for model, label, colour in corrections:
         rest = 1e6 * moving_average(model.residuals(X, y).to_numpy(), 25)
         bottom.plot(days[shown], rest[shown], lw=0.8, color=colour, label=label)
     bottom.set_ylabel("error left [nV]")

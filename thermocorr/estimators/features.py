@@ -299,10 +299,10 @@ def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
             )
         if len(X) == 0:
             raise RecordError("The data have 0 rows. Check the file, or the selection that made them.")
-        if all(isinstance(name, str) for name in X.columns) or not reset:
-            validate_data(estimator, X, skip_check_array=True, reset=reset)
-        else:
-            validate_data(estimator, X, skip_check_array=True, reset=reset)
+        if not X.columns.is_unique:
+            twice = X.columns[X.columns.duplicated()][0]
+            raise RecordError(f"Several columns are called {twice!r}. Give columns unique names.")
+        validate_data(estimator, X, skip_check_array=True, reset=reset)
         return X
     return validate_data(
         estimator, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan", accept_sparse=False

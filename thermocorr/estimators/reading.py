@@ -49,7 +49,11 @@ class Reading:
                     squares += float(part.var()) * len(part) + shift**2 * count * len(part) / total
                     mean += shift * len(part) / total
                     count = total
-        std = float(np.sqrt(squares / count)) if count else np.nan
+        if count == 0:
+            raise RecordError(
+                f"All {record.n_rows} readings are missing (NaN). Check the name of the reading's column and the file."
+            )
+        std = float(np.sqrt(squares / count))
         return cls(
             "reading" if name is None else str(name),
             unit,

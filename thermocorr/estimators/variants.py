@@ -141,8 +141,6 @@ def compare_variants(
     if products:
         variants["dynamic nonlinear with products"] = clone(dynamic).set_params(degree=degree, products=True)
     reading = np.array(numeric_reading(y, X), float)
-    raw = reading - np.nanmean(reading)
-    before = float(np.nanstd(raw))
     blocks = time_blocks(len(reading), n_blocks)
     inside: dict[str, np.ndarray] = {}
     outside: dict[str, np.ndarray] = {}
@@ -155,6 +153,8 @@ def compare_variants(
         outside[name] = held_out_residuals(
             variant, X, y, n_blocks=n_blocks, progress=lambda text, name=name: tell(f"{name}: {text}")
         )
+    raw = reading - np.nanmean(reading)
+    before = float(np.nanstd(raw))
     rows = {"before correction": {"std": before, "std_smoothed": _std(_smooth(raw, [slice(None)], window))}}
     for name in variants:
         rows[name] = _figures(name, inside, outside, before, blocks, window)

@@ -1,0 +1,108 @@
+"""The command `thermocorr analyze`: good runs, and bad ones that end with one sentence."""
+
+from __future__ import annotations
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+
+from thermocorr.datasets import make_record
+from thermocorr.outside.cli import main
+
+
+@pytest.fixture
+def log(tmp_path):
+    record = make_record(1500, seed=5).reset_index()
+    record["time"] = record["time"].dt.strftime("%Y-%m-%dT%H:%M:%S")
+    record.to_csv(tmp_path / "log.csv", index=False)
+    return tmp_path / "log.csv"
+
+
+def analyze(log, *more):
+    return main(["analyze", str(log), "--reading", "reading", "--time-constants", "10min,2h", "--quiet", *more])
+
+
+def test_corrected_log_has_the_same_rows_and_the_model_loads(log, tmp_path, capsys):
+    out = tmp_path / "result"
+    assert analyze(log, "--out", str(out)) == 0
+    printed = capsys.readouterr()
+    assert "dynamic nonlinear" in printed.out
+    assert printed.err == ""
+    before, after = pd.read_csv(log), pd.read_csv(out / "corrected.csv", keep_default_na=False)
+    pd.testing.assert_frame_equal(after[before.columns], before)
+    assert list(after.columns[-4:]) == ["corrected", "model", "residual", "flag"]
+    model = joblib.load(out / "model.joblib")
+    np.testing.assert_allclose(model.predict(before.drop(columns="reading")), after["model"], rtol=1e-12)
+    assert "lag[600 s]" in (out / "model.txt").read_text()
+
+
+def test_parquet_and_runs(log, tmp_path, capsys):
+    pytest.importorskip("pyarrow")
+    frame = pd.read_csv(log, parse_dates=["time"])
+    frame["run"] = np.where(np.arange(len(frame)) < 700, "a", "b")
+    frame.to_parquet(tmp_path / "log.parquet")
+    assert analyze(tmp_path / "log.parquet", "--run", "run", "--out", str(tmp_path / "r")) == 0
+    assert "decay[600 s, a]" in (tmp_path / "r" / "model.txt").read_text()
+
+
+def test_progress_goes_to_standard_error(log, capsys):
+    assert main(["analyze", str(log), "--reading", "reading", "--time-constants", "10min"]) == 0
+    assert "held-out block" in capsys.readouterr().err
+
+
+def changed(log, **columns):
+    frame = pd.read_csv(log).assign(**columns)
+    path = log.with_name("changed.csv")
+    frame.to_csv(path, index=False)
+    return path
+
+
+def written(log, text):
+    path = log.with_name("written.csv")
+    path.write_text(text)
+    return path
+
+
+BAD = {
+    "no such file": (lambda log: (log.with_name("none.csv"),), "no file"),
+    "a folder": (lambda log: (log.parent,), "is a folder"),
+    "empty file": (lambda log: (written(log, ""),), "is empty"),
+    "header only": (lambda log: (written(log, "time,temperature,reading\n"),), "no rows"),
+    "semicolons": (lambda log: (written(log, "time;temperature;reading\n1;2;3\n"),), "semicolons"),
+    "ragged lines": (lambda log: (written(log, "a,b\n1,2\n1,2,3\n"),), "cannot be read as a table"),
+    "not parquet": (lambda log: (log.rename(log.with_suffix(".parquet")),), "cannot be read as a table"),
+    "unknown temperature": (lambda log: (log, "--temperature", "oven"), "no column 'oven'"),
+    "unknown reading": (lambda log: (log, "--reading", "ohms"), "no column 'ohms'"),
+    "unknown time": (lambda log: (log, "--time", "when"), "no column 'when'"),
+    "unknown run": (lambda log: (log, "--run", "run"), "no column 'run'"),
+    "reading is temperature": (lambda log: (log, "--reading", "temperature"), "both name"),
+    "time and period": (lambda log: (log, "--time", "time", "--sampling-period", "1s"), "not both"),
+    "text in reading": (lambda log: (changed(log, reading="n/v"),), "not a number in row 0"),
+    "no readings": (lambda log: (changed(log, reading=np.nan),), "readings are missing"),
+    "constant temperature": (lambda log: (changed(log, temperature=20.0),), "never changes"),
+    "same time in all rows": (lambda log: (changed(log, time="2024-01-01T00:00:00"),), "same time"),
+    "unreadable time": (lambda log: (changed(log, time="yesterday"),), "cannot be read as a time in row 0"),
+    "bad time constants": (lambda log: (log, "--time-constants", "fast"), "positive time"),
+    "bad degree": (lambda log: (log, "--degree", "-3"), "'degree' parameter"),
+    "bad gap": (lambda log: (log, "--max-gap", "wide"), "'max_gap' parameter"),
+    "folder that is a file": (lambda log: (log, "--out", str(log)), "cannot be written"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+@pytest.mark.filterwarnings("ignore:Mean of empty slice", "ignore:Degrees of freedom")
+def test_bad_input_ends_with_one_sentence(case, log, capsys):
+    make, message = BAD[case]
+    path, *more = make(log)
+    assert analyze(path, *more) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert printed.err.startswith("thermocorr: error: ")
+    assert message in printed.err
+
+
+def test_columns_without_a_log_are_refused(capsys):
+    assert main(["analyze", "--reading", "x"]) == 2
+    assert "no log is given" in capsys.readouterr().err
