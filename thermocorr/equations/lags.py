@@ -172,6 +172,9 @@ def decays(elapsed: Floats, time_constants: Floats) -> Floats:
     """
     columns = np.empty((len(elapsed), len(time_constants)), order="F")
     for j, time_constant in enumerate(time_constants):
+        if len(elapsed) and elapsed.min() > 46.0 * time_constant:
+            columns[:, j] = 0.0
+            continue
         exponent = elapsed / -time_constant
         with np.errstate(under="ignore"):
             np.exp(exponent, out=columns[:, j])

@@ -41,7 +41,9 @@ class History:
         stride = max(1, -(-record.n_used // HISTORY_ROWS))
         kept, segments, at = [], [], 0
         for start, stop, run in record.segments:
-            rows = np.unique(np.append(np.arange(start, stop, stride), stop - 1))
+            rows = np.arange(start, stop, stride)
+            if rows[-1] != stop - 1:
+                rows = np.append(rows, stop - 1)
             kept.append(rows)
             segments.append(Segment(at, at + len(rows), run))
             at += len(rows)
