@@ -41,7 +41,7 @@ def residual(columns, reading, blocks):
     left = np.empty_like(reading)
     for rows in np.array_split(np.arange(reading.size), blocks):
         train = np.delete(np.arange(reading.size), rows) if blocks > 1 else rows
-        left[rows] = reading[rows] - scaled[rows] @ np.linalg.lstsq(scaled[train], reading[train])[0]
+        left[rows] = reading[rows] - scaled[rows] @ np.linalg.lstsq(scaled[train], reading[train], rcond=None)[0]
     return left
 
 
@@ -277,7 +277,7 @@ def test_deep_soil_is_almost_pure_diffusion(records_folder):
     record = load_real_record("oldtown_soil", records_folder)
     soil = record[["soil_temp_5cm_degC", "soil_temp_25cm_degC"]].dropna()
     shallow, deep = soil.to_numpy().T
-    steps = np.diff(soil.index) / np.timedelta64(1, "s")
+    steps = soil.index.to_series().diff().dt.total_seconds().to_numpy()[1:]
     lags = lag_differences(shallow, np.geomspace(7200.0, 20 * 86_400.0, 6), steps)
     columns = np.column_stack([np.ones_like(shallow), shallow, shallow**2, lags])
     # Notes on the record, all rows fitted: 0.937 degC static; 0.2765 degC with six lags of a naive script,

@@ -246,7 +246,7 @@ def test_paper_form_spans_the_same_space():
     for columns in (d, paper_form(d, T, tau)):
         matrix = np.column_stack((np.ones(n), T, columns))
         matrix /= np.linalg.norm(matrix, axis=0)
-        fits.append(matrix @ np.linalg.lstsq(matrix, target)[0])
+        fits.append(matrix @ np.linalg.lstsq(matrix, target, rcond=None)[0])
     # atol: the target is 60, the paper's columns are nearly parallel (condition about 1e5), so 60 * 1e5 * eps
     np.testing.assert_allclose(fits[0], fits[1], rtol=0, atol=1e-9)
 

@@ -128,5 +128,5 @@ def _moisture(time: Array, humidity: Array, temperature: Array) -> Array:
     uptake = follow(time, humidity - humidity.mean(), _MOISTURE_TIME_CONSTANT)
     excess = temperature - temperature.mean()
     static = np.stack([np.ones_like(excess), excess, excess**2], axis=1)
-    left = uptake - static @ np.linalg.lstsq(static, uptake)[0]
+    left = uptake - static @ np.linalg.lstsq(static, uptake, rcond=None)[0]
     return np.asarray(_MOISTURE / left.std() * uptake)
