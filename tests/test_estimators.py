@@ -80,6 +80,19 @@ def test_following_rows_continue_and_repeated_rows_repeat(lab):
     assert not (model.flags(X[3000:]) == "washout").any()
 
 
+def test_a_missing_temperature_in_following_rows_ends_what_is_known(lab):
+    """Before the hole the lags continue from the fit; after it nothing is known about the device."""
+    X, y = lab
+    model = DynamicBiasRegressor(time_constants=[600], washout="1 h").fit(X[:3000], y[:3000])
+    after = X[3000:].copy()
+    after.iloc[100, after.columns.get_loc("temperature")] = np.nan
+    flags = model.flags(after)
+    assert not flags[:100].isin(["washout", "no temperature"]).any()
+    assert flags.iloc[100] == "no temperature"
+    assert np.isnan(model.predict(after)[100])
+    assert (flags[101:161] == "washout").all()
+
+
 def test_other_record_is_flagged_during_washout(lab):
     X, y = lab
     model = DynamicBiasRegressor(time_constants=[600], washout="1 h").fit(X, y)

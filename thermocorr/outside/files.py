@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import joblib
 import pandas as pd
@@ -93,8 +92,3 @@ def prepare_folder(path: str | Path) -> Path:
             f"Results cannot be written to {folder}: {error.strerror}. Choose another folder with --out."
         ) from None
     return folder
-
-
-def as_text(value: Any) -> str:
-    """A value in a sentence: numbers with six digits."""
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
