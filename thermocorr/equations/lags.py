@@ -30,8 +30,8 @@ class LagState(NamedTuple):
     """Temperature at the last sample [K or degC]."""
 
 
-_SMALL_STEP = 0.01
-"""Step over time constant below which the series of the gain replaces the exponential."""
+_SMALL_STEP = 0.1
+"""Step over time constant below which a rational approximation replaces the exponential."""
 
 
 def equilibrium(temperature: float, time_constants: ArrayLike) -> LagState:
@@ -44,40 +44,48 @@ def decay_and_gain(steps: Floats, time_constant: float, hold: Hold = "first_orde
 
     Parameters
     ----------
-    steps : array of shape (n,)
+    steps : array
         Time from the previous sample to this one [s].
-    time_constant : float
+    time_constant : float, or array that broadcasts with `steps`
         [s].
     hold : {"first_order", "zero_order"}
         Temperature between samples: a straight line, or the earlier value. Both are exact for what they assume.
 
     Returns
     -------
-    decay, gain : arrays of shape (n,)
+    decay, gain : arrays of the broadcast shape
         ``a = exp(-dt/tau)``; ``g = (1 - a) tau/dt`` for the first-order hold, 1 for the zero-order hold.
     """
     ratio = steps / time_constant
-    small = ratio < _SMALL_STEP  # here 1 - exp(-ratio) would lose digits, and its series needs no exponential
+    small = ratio < _SMALL_STEP  # element by element, so that a value does not depend on its neighbours
     if small.all():
-        gain = _series_gain(ratio)
-        decay = 1.0 - ratio * gain
+        decay, gain = _of_small_steps(ratio)
     else:
         decay = np.exp(-ratio)
-        gain = np.divide(1.0 - decay, ratio, out=np.ones_like(ratio), where=~small)
+        gain = (1.0 - decay) / ratio if ratio.all() else np.divide(1.0 - decay, ratio, out=0 * ratio, where=~small)
         if small.any():
-            gain[small] = _series_gain(ratio[small])
-            decay[small] = 1.0 - ratio[small] * gain[small]
+            decay[small], gain[small] = _of_small_steps(ratio[small])
     return decay, gain if hold == "first_order" else np.ones_like(decay)
 
 
-def _series_gain(ratio: Floats) -> Floats:
-    """(1 - exp(-r))/r for r < 0.01, to the last digit: 1 - r/2! + r^2/3! - ..."""
-    gain = np.full_like(ratio, 1.0)
-    for term in (6.0, 5.0, 4.0, 3.0, 2.0):
-        gain *= ratio
-        gain *= -1.0 / term
-        gain += 1.0
-    return gain
+def _of_small_steps(ratio: Floats) -> tuple[Floats, Floats]:
+    """exp(-r) and (1 - exp(-r))/r for r < 0.1 to the last digits, where 1 - exp(-r) would lose some.
+
+    ``1 - exp(-r) = 2 t/(1 + t)`` with ``t = tanh(r/2)``, whose continued fraction (Abramowitz & Stegun 4.5.70) stops
+    at ``tanh(x)/x = (105 + 10 x^2)/(105 + 45 x^2 + x^4)``: wrong by x^8/1.2e6, below 5e-17 here.
+    """
+    half = 0.5 * ratio
+    square = half * half
+    below = square + 45.0
+    below *= square
+    below += 105.0
+    square *= 10.0
+    square += 105.0
+    half *= square
+    below += half
+    gain = np.divide(square, below, out=square)
+    decay = np.multiply(ratio, gain, out=half)
+    return np.subtract(1.0, decay, out=decay), gain
 
 
 def lag_differences(
@@ -124,22 +132,23 @@ def lag_differences(
     np.subtract(temperature[1:], temperature[:-1], out=change[1:])
 
     # The recursion is a unit lower bidiagonal system, solved in place column by column; row 0 is the state.
-    regular = n > 1 and bool((steps[1:] == steps[1]).all())
     columns = np.empty((n + 1, n_lags), order="F")
     band = np.empty((2, n + 1), order="F")  # row 1 is the subdiagonal, - a
-    for j, time_constant in enumerate(time_constants):
+    regular = n > 1 and bool((steps[1:] == steps[1]).all())
+    first = steps[:2, None] if regular else steps[:1, None]
+    decay, gain = decay_and_gain(first, time_constants, hold)
+    for j in range(n_lags):
         column = columns[:, j]
         if regular:
-            decay, gain = decay_and_gain(steps[:2], time_constant, hold)
-            band[1, 1:n] = -decay[1]
-            np.multiply(change[1:], -gain[1], out=column[2:])
+            band[1, 1:n] = -decay[1, j]
+            np.multiply(change[1:], -gain[1, j], out=column[2:])
         else:
-            decay, gain = decay_and_gain(steps, time_constant, hold)
-            np.negative(decay[1:], out=band[1, 1:n])
-            np.multiply(change[1:], -gain[1:], out=column[2:])
-        band[1, 0] = -decay[0]
+            later_decay, later_gain = decay_and_gain(steps[1:], time_constants[j], hold)
+            np.negative(later_decay, out=band[1, 1:n])
+            np.multiply(change[1:], np.negative(later_gain, out=later_gain), out=column[2:])
+        band[1, 0] = -decay[0, j]
         column[0] = state.lag_difference[j]
-        column[1] = -gain[0] * change[0]
+        column[1] = -gain[0, j] * change[0]
         dtbsv(1, band, column, lower=1, diag=1, overwrite_x=1)  # d[k] = a[k] d[k-1] - g[k] (T[k] - T[k-1])
     result = columns[1:]
     return result, LagState(result[-1].copy(), float(temperature[-1]))

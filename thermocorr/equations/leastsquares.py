@@ -17,7 +17,7 @@ from scipy.linalg import lapack, qr
 
 Floats = NDArray[np.float64]
 
-_PANEL = 16  # columns that LAPACK reflects at once
+_PANEL = 8  # columns that LAPACK reflects at once
 RANK_TOLERANCE = 1e-11
 """Singular values of the unit-column triangle below this share of the largest carry no information."""
 

@@ -35,6 +35,15 @@ def block_rows(n_used: int, n_chunks: int = N_CHUNKS) -> int:
     return int(np.clip(-(-n_used // n_chunks), 64, BLOCK_ROWS))
 
 
+def equal_edges(record: Record, n_chunks: int = N_CHUNKS) -> np.ndarray:
+    """Positions in time order that cut a record into stretches of equal numbers of used rows, ends included."""
+    starts = np.array([segment.start for segment in record.segments])
+    before = np.cumsum([0, *(segment.stop - segment.start for segment in record.segments)])
+    wanted = np.unique(np.arange(1, n_chunks) * record.n_used // n_chunks)
+    segment = np.searchsorted(before, wanted, side="right") - 1
+    return np.unique(np.concatenate(([0], starts[segment] + wanted - before[segment], [record.n_rows])))
+
+
 def reading_offset(record: Record) -> float:
     """A reading from the record, near all the others."""
     assert record.reading is not None
@@ -49,10 +58,10 @@ def reading_offset(record: Record) -> float:
 def sweep(
     record: Record,
     steps: Iterator[Walked],
-    n_chunks: int = N_CHUNKS,
+    edges: np.ndarray,
     keep: Callable[[Walked], None] | None = None,
 ) -> Swept:
-    """Sweep ``[1 | Q | U]`` of a record into factors, in chunks of equal numbers of rows.
+    """Sweep ``[1 | Q | U]`` of a record into factors, one for each stretch of time between two `edges`.
 
     `steps` walks with ``extra=1``: a free column on either side for the 1 and the reading, which is taken from the
     record. Rows without a reading are left out. `keep` is called with each block before it is swept in.
@@ -61,7 +70,6 @@ def sweep(
     offset = reading_offset(record)
     chunks: list[TriangularFactor] = []
     ends: list[list[Any]] = []
-    done, last = 0, -1
     for step in steps:
         block, rows = step.block, step.columns
         reading = np.asarray(record.reading[block.rows], float) - offset
@@ -71,15 +79,23 @@ def sweep(
             keep(step)
         if block.stop == record.segments[block.segment].stop:
             ends.append(list(step.states))
-        chunk = min(int((done + len(block) / 2) * n_chunks / record.n_used), n_chunks - 1)
-        done += len(block)
-        if chunk != last:
-            chunks.append(TriangularFactor(rows.shape[1]))
-            last = chunk
-        if np.isnan(reading.sum()):
-            rows = np.asfortranarray(rows[np.isfinite(reading)])
-        chunks[-1].update(rows)
+        if not chunks:
+            chunks = [TriangularFactor(rows.shape[1]) for _ in edges[1:]]
+        known = np.isfinite(reading) if np.isnan(reading.sum()) else None
+        for chunk, part in _pieces(edges, block.start, block.stop):
+            piece = rows[part] if known is None else rows[part][known[part]]
+            chunks[chunk].update(np.asfortranarray(piece))
     return Swept(chunks, ends, offset)
+
+
+def _pieces(edges: np.ndarray, start: int, stop: int) -> Iterator[tuple[int, slice]]:
+    """The stretches that rows ``start:stop`` fall into, and where each lies within these rows."""
+    chunk = int(np.searchsorted(edges, start, side="right")) - 1
+    low = start
+    while low < stop:
+        high = min(stop, int(edges[chunk + 1]))
+        yield chunk, slice(low - start, high - start)
+        low, chunk = high, chunk + 1
 
 
 def require_rows(n_readings: int, n_columns: int, what: str = "model") -> None:

@@ -20,11 +20,11 @@ from ..equations import solve_ridge
 from ..records import Record, SegmentStart, seconds_of
 from ..records.read import numeric_reading
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
-from .fitting import block_rows, require_rows, standard_errors, sweep
+from .fitting import block_rows, equal_edges, require_rows, standard_errors, sweep
 from .reading import Reading, check_plausible, check_range
 from .ridge import MergedRidge
-from .search import DECAY_SHARE, POOL_SIZE, TimeConstantChoice
-from .searching import choose_from_record
+from .search import SearchSettings, TimeConstantChoice, search
+from .spectrum import DECAY_SHARE, POOL_SIZE
 from .tables import coefficient_table, equation_text
 from .threads import one_blas_thread
 
@@ -161,8 +161,9 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
             reading = Reading.of(X, y, record)
             require_rows(reading.n_readings, len(features.get_feature_names_out()))
             check_plausible(record, reading)
-            self.alpha_ = self._penalty(reading.n_readings)
-            self._swept = sweep(record, features.walk_fitted(record, block_rows(record.n_used), extra=1))
+            self.alpha_ = self._penalty()
+            walked = features.walk_fitted(record, block_rows(record.n_used), extra=1)
+            self._swept = sweep(record, walked, equal_edges(record))
             self._solution = solve_ridge(self._swept.total(), self.alpha_)
         features.remember(record, self._swept.end_states)
         ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
@@ -285,18 +286,18 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         """T0."""
         return self.features_.reference_temperature_
 
-    def _penalty(self, n_readings: int) -> float:
+    def _penalty(self) -> float:
         if self.alpha != "auto":
             return float(self.alpha)
-        return 0.0 if self.search_ is None else self.search_.alpha_per_row * n_readings
+        return 0.0 if self.search_ is None else self.search_.alpha
 
     def _search(self, X: Any, y: Any) -> TimeConstantChoice | None:
         """Choose time constants where the user left it to the data; None where they are given."""
         count = self._count()
         if count == 0:
             return None
-        plain = self._features(()).set_params(initial_state="fit")
-        return choose_from_record(plain, X, y, count, self.longest_decay_share)
+        settings = SearchSettings(count=count, longest_decay_share=self.longest_decay_share)
+        return search(self._features(()), X, y, settings)
 
     def _count(self) -> int | None:
         """How many time constants to choose: None leaves their number open, 0 means that they are given."""

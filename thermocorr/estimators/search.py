@@ -1,67 +1,86 @@
-"""Choice of time constants: a whole spectrum chosen by forecasting, then projected on a few time constants.
-
-1. One pass gives a triangular factor per block of time over ``[1 | static | lags of a log grid | fast decays | U]``.
-2. Reference model: ridge on the whole grid. Its two knobs, penalty and longest time constant, are chosen by forward
-   chaining inside the record: learn the past, forecast what follows, offset included.
-3. The smallest set of time constants whose span reproduces the reference's modelled reading within `TOLERANCE` of its
-   residual variance, by forward greedy steps with exchanges. The target carries no noise: nothing to overfit.
-
-Choosing sets by cross-validation on the readings themselves was tried first; on real records of one temperature sweep
-it picks too many time constants and forecasts badly.
-"""
+"""The search for time constants: one pass over the record, then every question is answered from small factors."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from ..effects import InitialTransient, ThermalLag
+from ..effects.protocol import Effect
+from ..effects.stream import own_starts, walk
+from ..effects.thermal import seconds_array
 from ..equations import TriangularFactor
+from ..records import Record, RecordError
+from .crossvalidation import CrossValidation, Set, count_sets, fewest
+from .features import DiffusiveFeatures
+from .fitting import block_rows, equal_edges, require_rows, sweep
+from .folds import TimeFolds, folds_in_time
+from .reading import Reading, check_plausible
+from .spectrum import (
+    LARGEST_ALPHA,
+    MIN_ROWS,
+    N_BLOCKS,
+    PENALTIES,
+    POOL_SIZE,
+    GridLayout,
+    Reference,
+    log_grid,
+    project,
+    reference_of,
+    spread,
+)
 
-POOL_SIZE = 24
-N_BLOCKS = 20
-DECAY_SHARE = 1 / 25
-"""Decay columns only for time constants up to this share of the record: slower ones look like drift or ageing."""
-CEILINGS = (1 / 3, 1.0)
-"""Longest time constant, as a share of the record."""
-PENALTIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-"""Ridge penalties per row on sd(T) mu, for a grid of `GRID_STEP` in ln(time constant)."""
-GRID_STEP = 0.33
-LEARNED_SHARES = tuple(cut / N_BLOCKS for cut in range(8, 17))
-"""Shares of the record after which a forecast starts."""
-HORIZON = 3 / 7
-"""Length of a forecast over that of its past: learn on 70 %, use on 30 %."""
-TOLERANCE = 0.003
-"""Misfit of the chosen set to the reference, as a share of the reference's residual variance."""
-MAX_COUNT = 8
-LARGEST_ALPHA = 1e-4
-"""Largest ridge penalty per row of the final fit; a record that forecasts better with less keeps its own."""
-MIN_ROWS = 120
-"""With fewer readings nothing is searched: time constants are spread evenly in the logarithm."""
+EXHAUSTIVE_LIMIT = 20_000
+"""Up to this many sets, "auto" tries them all; beyond, forward steps with exchanges."""
+ALPHAS_PER_ROW = (0.0, 1e-8, 1e-6, 1e-4)
+"""Ridge penalties that are tried when none are given, per reading."""
+MAX_DECAY_SEGMENTS = 8
+"""With more segments than this the search leaves start-up decays out."""
 
 
 @dataclass(frozen=True)
-class GridLayout:
-    """Which column of a factor is what."""
+class SearchSettings:
+    """What to search and how; see `TimeConstantSearch`."""
 
-    grid: np.ndarray
-    """Time constants of the log grid [s], increasing."""
-    span: float
-    """Length of the longest segment [s]."""
-    n_free: int
-    """Columns that stand first and are never penalised: 1, the static law, further effects."""
-    decays: Sequence[Sequence[int]]
-    """``decays[i]``: columns of grid member i's decays, one for each segment that has it."""
+    candidates: Any = "auto"
+    method: str = "spectrum"
+    count: int | None = None
+    max_count: int = 6
+    alphas: Any = "auto"
+    cv: Any = 5
+    washout: float | None = None
+    rule: str = "one_standard_error"
+    scoring: str = "neg_root_mean_squared_error"
+    longest_decay_share: float = 1.0
+    n_jobs: int | None = None
+    say: Callable[[str], None] = lambda text: None
 
-    def columns(self, chosen: Sequence[int]) -> list[int]:
-        """Columns of the model with grid members `chosen`, the free ones left out."""
-        lags = [self.n_free + i for i in chosen]
-        return lags + [column for i in chosen for column in self.decays[i]]
 
-    def members(self, ceiling: float) -> np.ndarray:
-        """Grid members up to a share of the span."""
-        return np.flatnonzero(self.grid <= ceiling * self.span * (1 + 1e-9))
+@dataclass(frozen=True)
+class Tried:
+    """One line of the table of candidates."""
+
+    members: Set
+    alpha: float
+    losses: np.ndarray
+    """Shape (n_folds,)."""
+
+
+@dataclass(frozen=True)
+class Factored:
+    """A record, turned into what the search works on: the only pass over the data."""
+
+    record: Record
+    reading: Reading
+    static: list[Effect]
+    layout: GridLayout
+    chunks: list[TriangularFactor]
+    folds: TimeFolds
+    dead: list[list[int]]
+    """Columns that each fold must not use: decays too slow for what it learns from."""
 
 
 @dataclass(frozen=True)
@@ -70,184 +89,202 @@ class TimeConstantChoice:
 
     time_constants: np.ndarray
     """[s]."""
-    alpha_per_row: float
-    """Ridge penalty per row for the final fit."""
+    alpha: float
+    """Ridge penalty for the final fit."""
     grid: np.ndarray
-    """The grid that was searched [s]."""
-    ceiling: float
-    """Longest time constant allowed, as a share of the record."""
-    penalty: float
-    """Penalty of the reference model."""
-    forecast_errors: np.ndarray = field(repr=False)
-    """``forecast_errors[f, c, a]``: mean squared error of forecast f, ceiling c, penalty a, in y's unit squared."""
-    reference_rms: float = np.nan
-    """Residual rms of the reference model, in y's unit."""
-    spectrum: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
-    """Diffusive spectrum mu(tau) of the reference model over the grid, in y's unit per K."""
+    """The time constants that were searched [s]."""
+    tried: tuple[Tried, ...] = ()
+    """The candidates, best first."""
+    chosen: Tried | None = None
+    reference: Reference | None = None
+    factored: Factored | None = None
 
 
-def log_grid(usual_step: float, span: float, size: int = POOL_SIZE) -> np.ndarray:
-    """Time constants from two sampling steps to the length of the record [s]."""
-    low = 2 * usual_step
-    return np.geomspace(low, max(span, 2 * low), size)
-
-
-def spread(grid: np.ndarray, span: float, count: int) -> np.ndarray:
-    """`count` time constants spread evenly in the logarithm up to a third of the record [s]."""
-    return np.geomspace(grid[0], max(span / 3, 1.5 * grid[0]), count)
-
-
-def search_time_constants(
-    blocks: Sequence[TriangularFactor], layout: GridLayout, temperature_std: float, count: int | None = None
-) -> TimeConstantChoice:
-    """Choose time constants from the factors of consecutive blocks of time.
+def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings) -> TimeConstantChoice:
+    """Search time constants for a record.
 
     Parameters
     ----------
-    blocks : sequence of TriangularFactor
-        Blocks of about equal length in time order.
-    layout : GridLayout
-        Which column is what.
-    temperature_std : float
-        Standard deviation of the temperature [K], the scale of the penalty.
-    count : int, optional
-        How many to choose; None chooses their number too.
+    features : DiffusiveFeatures
+        The model without lags: static law and further effects, which stand in every set.
+    X, y : as for `DynamicBiasRegressor.fit`
+    settings : SearchSettings
     """
-    errors = forecast_errors(blocks, layout, temperature_std)
-    c, a = np.unravel_index(int(np.argmin(errors.mean(axis=0))), errors.shape[1:])
-    ceiling, penalty = CEILINGS[c], PENALTIES[a]
-    whole = TriangularFactor.merged(blocks)
-    reference = reference_models(whole, layout, ceiling, [penalty], temperature_std)[0]
-    rss = squared_error(whole, reference)
-    chosen = project(whole, layout, reference, layout.members(ceiling).tolist(), TOLERANCE * rss, count)
+    grid_given = not isinstance(settings.candidates, str)
+    record = features.learn(X, y)
+    reading = Reading.of(X, y, record)
+    static = features.effect_list()
+    require_rows(reading.n_readings, sum(len(effect.names()) for effect in static))
+    check_plausible(record, reading)
+    span = max(record.duration(segment) for segment in record.segments)
+    if reading.n_readings < MIN_ROWS:
+        if settings.method == "spectrum" and not grid_given:
+            return _evenly_spread(record, reading, static, span, settings.count)
+        raise RecordError(
+            f"The record is too short for a search: {reading.n_readings} readings, and {MIN_ROWS} are needed. Record "
+            "longer, or give time_constants."
+        )
+    explicit = _explicit_sets(settings.candidates)
+    if explicit is not None:
+        grid = np.unique(np.concatenate(explicit))
+    elif grid_given:
+        grid = seconds_array(settings.candidates)
+    else:
+        grid = log_grid(record.usual_step(), span, POOL_SIZE)
+    factored = _factors(features, record, reading, static, grid, span, settings)
+    cross = CrossValidation(factored.chunks, factored.folds, factored.layout, factored.dead, settings.scoring)
+    if not cross.prepared(0.0):
+        raise RecordError("No fold has readings both to learn from and to test. Choose other folds with cv=...")
+    if settings.method == "spectrum" and explicit is None:
+        return _by_spectrum(factored, cross, settings)
+    return _by_cross_validation(factored, cross, settings, explicit)
+
+
+def _by_spectrum(factored: Factored, cross: CrossValidation, settings: SearchSettings) -> TimeConstantChoice:
+    """A whole spectrum chosen by forecasting, projected on few time constants: see `spectrum`."""
+    blocks = _in_blocks(factored)
+    reference = reference_of(blocks, factored.layout, temperature_std(factored.record))
+    path = project(TriangularFactor.merged(blocks), factored.layout, reference, settings.count)
+    alpha = min(LARGEST_ALPHA, reference.penalty) * factored.reading.n_readings
+    tried = [Tried(members, alpha, cross.score_sets([members], alpha)[0]) for members in path]
+    chosen = tried[-1] if tried else Tried((), alpha, cross.score_sets([()], alpha)[0])
+    return _choice(factored, tried or [chosen], chosen, reference)
+
+
+def _by_cross_validation(
+    factored: Factored, cross: CrossValidation, settings: SearchSettings, explicit: list[np.ndarray] | None
+) -> TimeConstantChoice:
+    """The set and the ridge penalty with the least error on stretches of time that they did not see."""
+    n = factored.reading.n_readings
+    alphas = sorted(
+        [alpha * n for alpha in ALPHAS_PER_ROW]
+        if isinstance(settings.alphas, str)
+        else np.atleast_1d(np.asarray(settings.alphas, float)).tolist()
+    )
+    grid = factored.layout.grid
+    if explicit is not None:
+        sets = [tuple(np.searchsorted(grid, times).tolist()) for times in explicit]
+        for alpha in alphas:
+            cross.score_sets(sets, alpha)
+            settings.say(f"alpha {alpha:.4g}: {len(sets)} sets done")
+        best = _best_of_each_size(cross, sets, alphas)
+    else:
+        candidates = list(range(len(grid)))
+        most = settings.count or settings.max_count
+        method = settings.method
+        if method == "auto":
+            method = "exhaustive" if count_sets(len(grid), most) <= EXHAUSTIVE_LIMIT else "greedy"
+        if method == "exhaustive":
+            path = cross.exhaustive(candidates, most, alphas[0], settings.say, settings.n_jobs)
+        else:
+            path = cross.greedy(candidates, most, alphas[0], settings.say)
+        if settings.count is not None:
+            path = path[-1:]
+        for alpha in alphas[1:]:
+            cross.score_sets(path, alpha)
+        best = _best_of_each_size(cross, path, alphas)
+    chosen = best[fewest([line.losses for line in best], settings.rule)]
+    tried = [Tried(members, alpha, losses) for (alpha, members), losses in cross.losses.items()]
+    reference = None
+    if explicit is None:
+        reference = reference_of(_in_blocks(factored), factored.layout, temperature_std(factored.record))
+    return _choice(factored, tried, chosen, reference)
+
+
+def _best_of_each_size(cross: CrossValidation, sets: Sequence[Set], alphas: Sequence[float]) -> list[Tried]:
+    best: dict[int, Tried] = {}
+    for members in sets:
+        for alpha in alphas:
+            line = Tried(members, alpha, cross.losses[alpha, members])
+            known = best.get(len(members))
+            if known is None or line.losses.mean() < known.losses.mean():
+                best[len(members)] = line
+    return [best[size] for size in sorted(best)]
+
+
+def _choice(
+    factored: Factored, tried: Sequence[Tried], chosen: Tried, reference: Reference | None
+) -> TimeConstantChoice:
+    grid = factored.layout.grid
+    ordered = sorted(tried, key=lambda line: float(line.losses.mean()))
     return TimeConstantChoice(
-        layout.grid[chosen],
-        min(LARGEST_ALPHA, penalty),
-        layout.grid,
-        ceiling,
-        penalty,
-        errors,
-        float(np.sqrt(rss / whole.n_rows)),
-        reference[layout.n_free : layout.n_free + len(layout.grid)],
+        grid[list(chosen.members)], chosen.alpha, grid, tuple(ordered), chosen, reference, factored
     )
 
 
-def reference_models(
-    factor: TriangularFactor, layout: GridLayout, ceiling: float, penalties: Sequence[float], temperature_std: float
-) -> np.ndarray:
-    """Coefficients of the whole grid for each penalty, shape (len(penalties), columns before the reading).
-
-    Minimises ``|U - A b|^2 + n penalty (sd_T^2 |mu|^2 + |nu|^2)``; the free columns are not penalised, so they drop
-    out with the first rows of R, and one singular value decomposition serves every penalty.
-    """
-    r, free = factor.r, layout.n_free
-    members = layout.members(ceiling)
-    columns = np.array(layout.columns(members.tolist()))
-    step = np.log(layout.grid[1] / layout.grid[0])
-    scale = np.full(len(columns), np.sqrt(step / GRID_STEP))  # a denser grid means the same prior
-    scale[: len(members)] /= temperature_std
-    left, singular, right = np.linalg.svd(r[free:, columns] * scale, full_matrices=False)
-    target = left.T @ r[free:, -1]
-    result = np.zeros((len(penalties), r.shape[1] - 1))
-    for row, penalty in zip(result, penalties, strict=True):
-        shrunk = singular / (singular**2 + factor.n_rows * penalty)
-        row[columns] = scale * (right.T @ (shrunk * target))  # eq. (13)
-        row[:free] = np.linalg.lstsq(r[:free, :free], r[:free, -1] - r[:free, columns] @ row[columns], rcond=1e-13)[0]
-    return result
+def _explicit_sets(candidates: Any) -> list[np.ndarray] | None:
+    """Sets of time constants [s], where the user lists them; None where one pool is given."""
+    if isinstance(candidates, str) or not len(candidates) or np.ndim(candidates[0]) == 0:
+        return None
+    return [seconds_array(times) for times in candidates]
 
 
-def squared_error(factor: TriangularFactor, coefficients: np.ndarray) -> float:
-    """Sum of squares of U - A b, from the triangle alone."""
-    rest = factor.r[:, -1] - factor.r[:, :-1] @ coefficients
-    return float(rest @ rest)
+def _evenly_spread(
+    record: Record, reading: Reading, static: list[Effect], span: float, count: int | None
+) -> TimeConstantChoice:
+    n_static = sum(len(effect.names()) for effect in static)
+    grid = log_grid(record.usual_step(), span)
+    fitting = max(1, min(count if count is not None else 3, (reading.n_readings - n_static - 2) // 4))
+    return TimeConstantChoice(spread(grid, span, fitting), PENALTIES[2] * reading.n_readings, grid)
 
 
-def forecast_errors(blocks: Sequence[TriangularFactor], layout: GridLayout, temperature_std: float) -> np.ndarray:
-    """Mean squared forecast errors, shape (forecasts, ceilings, penalties), by forward chaining."""
-    n_blocks = len(blocks)
-    errors = []
-    learned, done = TriangularFactor(blocks[0].r.shape[1]), 0
-    for cut in sorted({max(1, round(share * n_blocks)) for share in LEARNED_SHARES}):
-        learned.merge(*blocks[done:cut])
-        done = cut
-        future = [block for block in blocks[cut : cut + max(2, round(HORIZON * cut))] if block.n_rows]
-        if not future or learned.n_rows <= 2 * layout.n_free:
-            continue
-        test = TriangularFactor.merged(future)
-        errors.append(
-            [
-                [
-                    squared_error(test, model) / test.n_rows
-                    for model in reference_models(learned, layout, ceiling, PENALTIES, temperature_std)
-                ]
-                for ceiling in CEILINGS
-            ]
-        )
-    return np.array(errors)
+def _factors(
+    features: DiffusiveFeatures,
+    record: Record,
+    reading: Reading,
+    static: list[Effect],
+    grid: np.ndarray,
+    span: float,
+    settings: SearchSettings,
+) -> Factored:
+    """The one pass: a factor for each stretch over ``[1 | static | lags | decays | U]``."""
+    lag = ThermalLag(grid, features.hold, features.initial_state, reference_temperature=features.reference_temperature)
+    with_decays = features.initial_state == "fit" and len(record.segments) <= MAX_DECAY_SEGMENTS
+    transient = InitialTransient(grid, settings.longest_decay_share if with_decays else 0.0)
+    for effect in (lag, transient):
+        effect.learn(record)
+    n_free = 1 + sum(len(effect.names()) for effect in static)
+    decays: list[list[int]] = [[] for _ in grid]
+    owners: list[tuple[int, int, float]] = []  # column, segment, time constant
+    for key, taus in transient.decays_.items():
+        for offset, tau in enumerate(taus):
+            column = n_free + len(grid) + transient.first_column_[key] + offset
+            decays[int(np.searchsorted(grid, tau))].append(column)
+            owners.append((column, key, float(tau)))
+    folds = folds_in_time(record, settings.cv, settings.washout)
+    dead = []
+    for f in range(len(folds)):
+        length = {key: folds.learned_duration(f, record, record.segments[key]) for key in transient.decays_}
+        dead.append([column for column, key, tau in owners if tau > settings.longest_decay_share * length[key]])
+    steps = walk(
+        [*static, lag, transient], record, starts=own_starts(record), size=block_rows(record.n_used), extra=1
+    )
+    chunks = sweep(record, steps, folds.edges).chunks
+    return Factored(record, reading, static, GridLayout(grid, span, n_free, decays), chunks, folds, dead)
 
 
-def project(
-    factor: TriangularFactor,
-    layout: GridLayout,
-    reference: np.ndarray,
-    candidates: Sequence[int],
-    limit: float,
-    count: int | None = None,
-) -> list[int]:
-    """Grid members whose span holds the reference's reading: greedy steps, each followed by exchanges.
-
-    Stops at `count`, or when the misfit (sum of squares) falls below `limit`.
-    """
-    triangle = factor.r[layout.n_free :, :-1]  # below the rows of the free columns, which are in every set
-    target = triangle @ reference
-    norms = np.linalg.norm(triangle, axis=0)
-    misfit = _Misfit(triangle / np.where(norms > 0, norms, 1.0), target, layout)
-    chosen: tuple[int, ...] = ()
-    if count is None and float(target @ target) <= limit:
-        return []
-    for _ in range(min(count or MAX_COUNT, len(candidates))):
-        chosen, best = misfit.best({tuple(sorted((*chosen, new))) for new in candidates if new not in chosen})
-        for _ in range(8):
-            swapped = {
-                tuple(sorted({*chosen} - {old} | {new})) for old in chosen for new in candidates if new not in chosen
-            }
-            if not swapped:
-                break
-            other, error = misfit.best(swapped)
-            if error >= best * (1 - 1e-9) - 1e-12 * misfit.total:
-                break
-            chosen, best = other, error
-        if count is None and misfit.exact(chosen) <= limit:
-            break
-    return list(chosen)
+def _in_blocks(factored: Factored) -> list[TriangularFactor]:
+    """The factors of consecutive stretches, merged to `N_BLOCKS` of equal length."""
+    ends = equal_edges(factored.record, N_BLOCKS)
+    block = np.searchsorted(ends, factored.folds.edges[:-1], side="right") - 1
+    return [
+        TriangularFactor.merged([chunk for chunk, b in zip(factored.chunks, block, strict=True) if b == number])
+        for number in range(len(ends) - 1)
+    ]
 
 
-class _Misfit:
-    """Sums of squares that sets of grid members leave of a target: screened by cross products, confirmed by QR."""
+def with_time_constants(choice: TimeConstantChoice, time_constants: np.ndarray) -> TimeConstantChoice:
+    """The same choice with time constants refined between the grid's."""
+    return replace(choice, time_constants=time_constants)
 
-    def __init__(self, unit: np.ndarray, target: np.ndarray, layout: GridLayout):
-        self.unit, self.target = unit, target
-        self.columns: Callable[[Sequence[int]], list[int]] = layout.columns
-        self.gram, self.moment, self.total = unit.T @ unit, unit.T @ target, float(target @ target)
 
-    def best(self, sets: set[tuple[int, ...]]) -> tuple[tuple[int, ...], float]:
-        """The best of `sets`, all of which are solved in batches of equal width."""
-        by_width: dict[int, list[tuple[int, ...]]] = {}
-        for members in sorted(sets):
-            by_width.setdefault(len(self.columns(members)), []).append(members)
-        winners = []
-        for width, group in by_width.items():
-            columns = np.array([self.columns(members) for members in group])
-            moment = self.moment[columns]
-            matrix = self.gram[columns[:, :, None], columns[:, None, :]] + 1e-11 * np.eye(width)
-            solved = np.linalg.solve(matrix, moment[:, :, None])[:, :, 0]
-            errors = self.total - np.einsum("bi,bi->b", moment, solved)
-            winners.append((float(errors.min()), group[int(errors.argmin())]))
-        error, members = min(winners)
-        return members, error
-
-    def exact(self, members: Sequence[int]) -> float:
-        """The same for one set without forming cross products."""
-        matrix = self.unit[:, self.columns(members)]
-        rest = self.target - matrix @ np.linalg.lstsq(matrix, self.target, rcond=None)[0]
-        return float(rest @ rest)
+def temperature_std(record: Record) -> float:
+    """Standard deviation of the temperature over the rows inside segments [K]."""
+    count, mean, squares = 0, 0.0, 0.0
+    for block in record.blocks():
+        T = block.temperature
+        shift, total = float(T.mean()) - mean, count + len(T)
+        squares += float(T.var()) * len(T) + shift**2 * count * len(T) / total
+        mean += shift * len(T) / total
+        count = total
+    return float(np.sqrt(squares / count))

@@ -1,0 +1,228 @@
+"""Held-out errors of many candidate sets of columns, from two triangles per fold and nothing else.
+
+A fold is a triangle R of what is learned and one of what is tested. Free columns (1, the static law) stand in every
+set: they are eliminated once. Then every column is a short vector of some fifty numbers on either side, and a set is
+solved by modified Gram-Schmidt with the reading as last column, which is as accurate as Householder's QR (Bjoerck 1967,
+BIT 7, 1). Each elimination is applied to the test side too: what is left of the test reading is the test residual, no
+coefficient is ever formed and no sum of squares is a difference of large numbers.
+
+Sets that share their first members share the work: `all_set_errors` walks the tree of all sets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from .leastsquares import Floats, TriangularFactor
+
+Integers = NDArray[np.intp]
+
+_DEPENDENT = 1e-24
+"""A column whose square falls below this share in the elimination depends on those before it."""
+_BATCH = 1 << 18
+"""Numbers worked on at a time: they stay in the cache."""
+
+
+@dataclass(frozen=True)
+class Fold:
+    """One fold, free columns eliminated: a column per row, the reading last but one, a zero column last."""
+
+    learned: Floats
+    """Shape (p + 2, m): columns of unit length on the side that is learned."""
+    tested: Floats
+    """Shape (p + 2, m'): the same combinations of the test rows' columns."""
+    n_tested: int
+
+    @property
+    def n_columns(self) -> int:
+        """p, the columns to choose from; -1 stands for the zero column."""
+        return len(self.learned) - 2
+
+
+def fold_of(
+    learned: TriangularFactor,
+    tested: TriangularFactor,
+    n_free: int,
+    alpha: float = 0.0,
+    dead: Sequence[int] = (),
+) -> Fold:
+    """Eliminate the free columns and set up one fold.
+
+    Parameters
+    ----------
+    learned, tested : TriangularFactor
+        Factors of ``[free | candidates | reading]`` over the rows to learn from and to test on.
+    n_free : int
+        Columns in every set, the 1 first; alpha acts on them too, except on the 1 (as in `solve_ridge`).
+    alpha : float
+        Ridge penalty on coefficients times their columns' standard deviation over the learned rows, eq. (13).
+    dead : sequence of int
+        Columns that this fold must not use.
+    """
+    r = learned.r.copy()
+    r[:, list(dead)] = 0.0
+    if alpha > 0:
+        scale = np.linalg.norm(r[1:, 1:-1], axis=0) / np.sqrt(max(learned.n_rows, 1))
+        penalty = np.zeros((len(scale), r.shape[1]))
+        penalty[:, 1:-1] = np.diag(np.sqrt(alpha) * scale)
+        r = np.linalg.qr(np.vstack((r, penalty)), mode="r")
+    free = solve_free(r, n_free, r[:n_free, n_free:])
+    inner = r[n_free:, n_free:]
+    outer = tested.r[:, n_free:] - tested.r[:, :n_free] @ free
+    norms = np.linalg.norm(inner[:, :-1], axis=0)
+    alive = norms > 1e-13 * np.linalg.norm(r[:, n_free:-1], axis=0)
+    scales = np.append(np.where(alive, 1.0 / np.where(alive, norms, 1.0), 0.0), 1.0)
+    zero = np.zeros((1, len(inner))), np.zeros((1, len(outer)))
+    return Fold(np.vstack(((inner * scales).T, zero[0])), np.vstack(((outer * scales).T, zero[1])), tested.n_rows)
+
+
+def solve_free(r: Floats, n_free: int, right: Floats) -> Floats:
+    """Coefficients of the free columns for given right-hand sides, smallest where they depend on each other."""
+    top = r[:n_free, :n_free]
+    diagonal = np.abs(np.diag(top))
+    if (diagonal > 1e-13 * np.linalg.norm(top, axis=0)).all():
+        return np.asarray(solve_triangular(top, right))
+    return np.asarray(np.linalg.lstsq(top, right, rcond=1e-13)[0])
+
+
+def set_errors(folds: Sequence[Fold], sets: Integers) -> Floats:
+    """Mean squared test error of every set in every fold.
+
+    Parameters
+    ----------
+    folds : sequence of Fold
+    sets : int array of shape (n_sets, k)
+        Columns of each set; -1 fills up.
+
+    Returns
+    -------
+    array of shape (n_sets, n_folds)
+    """
+    errors = np.empty((len(sets), len(folds)))
+    for f, fold in enumerate(folds):
+        size = max(1, _BATCH // ((sets.shape[1] + 1) * (fold.learned.shape[1] + fold.tested.shape[1])))
+        for start in range(0, len(sets), size):
+            batch = np.column_stack((sets[start : start + size], np.full(len(sets[start : start + size]), -2)))
+            a, z = fold.learned[batch], fold.tested[batch]
+            for j in range(sets.shape[1]):
+                _eliminate(a[:, j], a[:, j + 1 :], z[:, j], z[:, j + 1 :])
+            errors[start : start + size, f] = np.einsum("bm,bm->b", z[:, -1], z[:, -1]) / fold.n_tested
+    return errors
+
+
+def _eliminate(a: Floats, later_a: Floats, z: Floats, later_z: Floats) -> None:
+    """Take column a (b, m) out of the later ones (b, k, m), and the same combination on the test side."""
+    square = np.einsum("bm,bm->b", a, a)
+    inverse = np.where(square > _DEPENDENT, 1.0 / np.where(square > _DEPENDENT, square, 1.0), 0.0)
+    share = np.matmul(later_a, a[:, :, None]) * inverse[:, None, None]
+    later_a -= share * a[:, None, :]
+    later_z -= share * z[:, None, :]
+
+
+@dataclass(frozen=True)
+class _Level:
+    """Sets of one size, and the columns that may still enter each of them."""
+
+    sets: Integers
+    """Shape (n, size): groups of each set, increasing."""
+    reading: Floats
+    """Shape (n, m): what a set leaves of the learned reading."""
+    tested: Floats
+    """Shape (n, m'): what it leaves of the tested reading."""
+    owner: Integers
+    """Shape (c,), increasing: set that a candidate may enter; within a set, candidates increase."""
+    group: Integers
+    """Shape (c,): the candidate's group."""
+    a: Floats
+    """Shape (c, g, m): the candidate's learned columns, all columns of its set eliminated."""
+    z: Floats
+    """Shape (c, g, m'): the same on the test side."""
+
+    def part(self, start: int, stop: int) -> _Level:
+        """Sets ``start:stop`` and their candidates."""
+        low, high = np.searchsorted(self.owner, (start, stop))
+        rows, candidates = slice(start, stop), slice(low, high)
+        return _Level(
+            self.sets[rows],
+            self.reading[rows],
+            self.tested[rows],
+            self.owner[candidates] - start,
+            self.group[candidates],
+            self.a[candidates],
+            self.z[candidates],
+        )
+
+
+def all_set_errors(fold: Fold, groups: Integers, max_count: int) -> Iterator[tuple[Integers, Floats]]:
+    """Mean squared test errors of all sets of 1 to `max_count` groups of columns.
+
+    Parameters
+    ----------
+    fold : Fold
+    groups : int array of shape (n_groups, g)
+        Columns that enter together; -1 fills up.
+    max_count : int
+
+    Yields
+    ------
+    sets : int array of shape (n_sets, size)
+        Groups, increasing. Each set comes once.
+    errors : array of shape (n_sets,)
+    """
+    n = len(groups)
+    root = _Level(
+        np.zeros((1, 0), np.intp),
+        fold.learned[-2:-1],
+        fold.tested[-2:-1],
+        np.zeros(n, np.intp),
+        np.arange(n),
+        fold.learned[groups],
+        fold.tested[groups],
+    )
+    waiting = [root]
+    while waiting:
+        level = waiting.pop()
+        level = _grown(level, last=level.sets.shape[1] + 1 == max_count)
+        yield level.sets, np.einsum("nm,nm->n", level.tested, level.tested) / fold.n_tested
+        if len(level.owner):
+            share = max(1, len(level.sets) * _BATCH // (level.a.size + level.z.size))
+            waiting.extend(level.part(start, start + share) for start in range(0, len(level.sets), share))
+
+
+def _grown(level: _Level, last: bool) -> _Level:
+    """Every candidate enters its set."""
+    a, z = level.a.copy(), level.z.copy()
+    reading, tested = level.reading[level.owner], level.tested[level.owner]
+    width = a.shape[1]
+    inverse = np.empty(a.shape[:2])
+    for g in range(width):
+        square = np.einsum("cm,cm->c", a[:, g], a[:, g])
+        inverse[:, g] = np.where(square > _DEPENDENT, 1.0 / np.where(square > _DEPENDENT, square, 1.0), 0.0)
+        for h in range(g + 1, width):
+            _take_out(a[:, g], a[:, h], z[:, g], z[:, h], inverse[:, g])
+        _take_out(a[:, g], reading, z[:, g], tested, inverse[:, g])
+    sets = np.column_stack((level.sets[level.owner], level.group))
+    if last:
+        nothing = np.zeros(0, np.intp)
+        return _Level(sets, reading, tested, nothing, nothing, a[:0], z[:0])
+    ends = np.searchsorted(level.owner, level.owner, side="right")
+    entered = np.arange(len(level.owner))
+    later = ends - entered - 1  # candidates that stand behind the entered one
+    owner = np.repeat(entered, later)
+    candidate = owner + 1 + np.arange(len(owner)) - np.repeat(np.cumsum(later) - later, later)
+    next_a, next_z = a[candidate], z[candidate]
+    for g in range(width):
+        for h in range(width):
+            _take_out(a[owner, g], next_a[:, h], z[owner, g], next_z[:, h], inverse[owner, g])
+    return _Level(sets, reading, tested, owner, level.group[candidate], next_a, next_z)
+
+
+def _take_out(a: Floats, later_a: Floats, z: Floats, later_z: Floats, inverse: Floats) -> None:
+    share = (np.einsum("cm,cm->c", a, later_a) * inverse)[:, None]
+    later_a -= share * a
+    later_z -= share * z

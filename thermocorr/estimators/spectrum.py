@@ -1,0 +1,243 @@
+"""Choice of time constants: a whole spectrum chosen by forecasting, then projected on a few time constants.
+
+1. One pass gives a triangular factor per block of time over ``[1 | static | lags of a log grid | fast decays | U]``.
+2. Reference model: ridge on the whole grid. Its two knobs, penalty and longest time constant, are chosen by forward
+   chaining inside the record: learn the past, forecast what follows, offset included.
+3. The smallest set of time constants whose span reproduces the reference's modelled reading within `TOLERANCE` of its
+   residual variance, by forward greedy steps with exchanges. The target carries no noise: nothing to overfit.
+
+Choosing sets by cross-validation on the readings themselves was tried first; on real records of one temperature sweep
+it picks too many time constants and forecasts badly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..equations import TriangularFactor
+
+POOL_SIZE = 24
+N_BLOCKS = 20
+DECAY_SHARE = 1 / 25
+"""Decay columns only for time constants up to this share of the record: slower ones look like drift or ageing."""
+CEILINGS = (1 / 3, 1.0)
+"""Longest time constant, as a share of the record."""
+PENALTIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+"""Ridge penalties per row on sd(T) mu, for a grid of `GRID_STEP` in ln(time constant)."""
+GRID_STEP = 0.33
+LEARNED_SHARES = tuple(cut / N_BLOCKS for cut in range(8, 17))
+"""Shares of the record after which a forecast starts."""
+HORIZON = 3 / 7
+"""Length of a forecast over that of its past: learn on 70 %, use on 30 %."""
+TOLERANCE = 0.003
+"""Misfit of the chosen set to the reference, as a share of the reference's residual variance."""
+MAX_COUNT = 8
+MAX_EXCHANGES = 8
+LARGEST_ALPHA = 1e-4
+"""Largest ridge penalty per row of the final fit; a record that forecasts better with less keeps its own."""
+MIN_ROWS = 120
+"""With fewer readings nothing is searched: time constants are spread evenly in the logarithm."""
+
+
+@dataclass(frozen=True)
+class GridLayout:
+    """Which column of a factor is what."""
+
+    grid: np.ndarray
+    """Time constants of the log grid [s], increasing."""
+    span: float
+    """Length of the longest segment [s]."""
+    n_free: int
+    """Columns that stand first and are never penalised: 1, the static law, further effects."""
+    decays: Sequence[Sequence[int]]
+    """``decays[i]``: columns of grid member i's decays, one for each segment that has it."""
+
+    def columns(self, chosen: Sequence[int]) -> list[int]:
+        """Columns of the model with grid members `chosen`, the free ones left out."""
+        lags = [self.n_free + i for i in chosen]
+        return lags + [column for i in chosen for column in self.decays[i]]
+
+    def members(self, ceiling: float) -> np.ndarray:
+        """Grid members up to a share of the span."""
+        return np.flatnonzero(self.grid <= ceiling * self.span * (1 + 1e-9))
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Ridge on the whole grid, its two knobs chosen by forecasting."""
+
+    coefficients: np.ndarray
+    ceiling: float
+    """Longest time constant allowed, as a share of the record."""
+    penalty: float
+    """Ridge penalty per row."""
+    forecast_errors: np.ndarray
+    """``forecast_errors[f, c, a]``: mean squared error of forecast f, ceiling c, penalty a, in y's unit squared."""
+    residual_sum_of_squares: float
+
+
+def log_grid(usual_step: float, span: float, size: int = POOL_SIZE) -> np.ndarray:
+    """Time constants from two sampling steps to the length of the record [s]."""
+    low = 2 * usual_step
+    return np.geomspace(low, max(span, 2 * low), size)
+
+
+def spread(grid: np.ndarray, span: float, count: int) -> np.ndarray:
+    """`count` time constants spread evenly in the logarithm up to a third of the record [s]."""
+    return np.geomspace(grid[0], max(span / 3, 1.5 * grid[0]), count)
+
+
+def reference_of(blocks: Sequence[TriangularFactor], layout: GridLayout, temperature_std: float) -> Reference:
+    """Choose penalty and ceiling by forecasting; fit the whole grid with them.
+
+    Parameters
+    ----------
+    blocks : sequence of TriangularFactor
+        Blocks of about equal length in time order.
+    layout : GridLayout
+        Which column is what.
+    temperature_std : float
+        Standard deviation of the temperature [K], the scale of the penalty.
+    """
+    errors = forecast_errors(blocks, layout, temperature_std)
+    c, a = np.unravel_index(int(np.argmin(errors.mean(axis=0))), errors.shape[1:])
+    whole = TriangularFactor.merged(blocks)
+    model = reference_models(whole, layout, CEILINGS[c], [PENALTIES[a]], temperature_std)[0]
+    return Reference(model, CEILINGS[c], PENALTIES[a], errors, squared_error(whole, model))
+
+
+def reference_models(
+    factor: TriangularFactor, layout: GridLayout, ceiling: float, penalties: Sequence[float], temperature_std: float
+) -> np.ndarray:
+    """Coefficients of the whole grid for each penalty, shape (len(penalties), columns before the reading).
+
+    Minimises ``|U - A b|^2 + n penalty (sd_T^2 |mu|^2 + |nu|^2)``; the free columns are not penalised, so they drop
+    out with the first rows of R, and one singular value decomposition serves every penalty.
+    """
+    r, free = factor.r, layout.n_free
+    members = layout.members(ceiling)
+    columns = np.array(layout.columns(members.tolist()))
+    step = np.gradient(np.log(layout.grid)) if len(layout.grid) > 1 else np.full(1, GRID_STEP)
+    owners = [*members, *(i for i in members for _ in layout.decays[i])]
+    scale = np.sqrt(step[owners] / GRID_STEP)  # a denser grid means the same prior
+    scale[: len(members)] /= temperature_std
+    left, singular, right = np.linalg.svd(r[free:, columns] * scale, full_matrices=False)
+    target = left.T @ r[free:, -1]
+    result = np.zeros((len(penalties), r.shape[1] - 1))
+    for row, penalty in zip(result, penalties, strict=True):
+        shrunk = singular / (singular**2 + factor.n_rows * penalty)
+        row[columns] = scale * (right.T @ (shrunk * target))  # eq. (13)
+        row[:free] = np.linalg.lstsq(r[:free, :free], r[:free, -1] - r[:free, columns] @ row[columns], rcond=1e-13)[0]
+    return result
+
+
+def squared_error(factor: TriangularFactor, coefficients: np.ndarray) -> float:
+    """Sum of squares of U - A b, from the triangle alone."""
+    rest = factor.r[:, -1] - factor.r[:, :-1] @ coefficients
+    return float(rest @ rest)
+
+
+def forecast_errors(blocks: Sequence[TriangularFactor], layout: GridLayout, temperature_std: float) -> np.ndarray:
+    """Mean squared forecast errors, shape (forecasts, ceilings, penalties), by forward chaining."""
+    n_blocks = len(blocks)
+    errors = []
+    learned, done = TriangularFactor(blocks[0].r.shape[1]), 0
+    for cut in sorted({max(1, round(share * n_blocks)) for share in LEARNED_SHARES}):
+        learned.merge(*blocks[done:cut])
+        done = cut
+        future = [block for block in blocks[cut : cut + max(2, round(HORIZON * cut))] if block.n_rows]
+        if not future or learned.n_rows <= 2 * layout.n_free:
+            continue
+        test = TriangularFactor.merged(future)
+        errors.append(
+            [
+                [
+                    squared_error(test, model) / test.n_rows
+                    for model in reference_models(learned, layout, ceiling, PENALTIES, temperature_std)
+                ]
+                for ceiling in CEILINGS
+            ]
+        )
+    return np.array(errors)
+
+
+def project(
+    factor: TriangularFactor, layout: GridLayout, reference: Reference, count: int | None = None
+) -> list[tuple[int, ...]]:
+    """Grid members whose span holds the reference's reading: greedy steps, each followed by exchanges.
+
+    Returns the set after each step; the last one is the choice, with `count` members or the first whose misfit falls
+    below `TOLERANCE`. An empty list says that no lag is needed.
+    """
+    triangle = factor.r[layout.n_free :, :-1]  # below the rows of the free columns, which are in every set
+    target = triangle @ reference.coefficients
+    norms = np.linalg.norm(triangle, axis=0)
+    misfit = _Misfit(triangle / np.where(norms > 0, norms, 1.0), target, layout)
+    candidates = layout.members(reference.ceiling).tolist()
+    limit = TOLERANCE * reference.residual_sum_of_squares
+    path: list[tuple[int, ...]] = []
+    if count is None and float(target @ target) <= limit:
+        return path
+    chosen: tuple[int, ...] = ()
+    for _ in range(min(count or MAX_COUNT, len(candidates))):
+        chosen = grown(chosen, candidates, misfit.best, -1e-12 * misfit.total)
+        path.append(chosen)
+        if count is None and misfit.exact(chosen) <= limit:
+            break
+    return path
+
+
+Best = Callable[[set[tuple[int, ...]]], tuple[tuple[int, ...], float]]
+
+
+def grown(chosen: tuple[int, ...], candidates: Sequence[int], best: Best, slack: float = 0.0) -> tuple[int, ...]:
+    """One greedy step: the best set with one member more, then exchanges of one member as long as they help.
+
+    `best` takes sets and returns the one with the least error, and that error.
+    """
+    chosen, error = best({tuple(sorted((*chosen, new))) for new in candidates if new not in chosen})
+    for _ in range(MAX_EXCHANGES):
+        swapped = {
+            tuple(sorted({*chosen} - {old} | {new})) for old in chosen for new in candidates if new not in chosen
+        }
+        if not swapped:
+            break
+        other, lower = best(swapped)
+        if lower >= error * (1 - 1e-9) + slack:
+            break
+        chosen, error = other, lower
+    return chosen
+
+
+class _Misfit:
+    """Sums of squares that sets of grid members leave of a target: screened by cross products, confirmed by QR."""
+
+    def __init__(self, unit: np.ndarray, target: np.ndarray, layout: GridLayout):
+        self.unit, self.target = unit, target
+        self.columns: Callable[[Sequence[int]], list[int]] = layout.columns
+        self.gram, self.moment, self.total = unit.T @ unit, unit.T @ target, float(target @ target)
+
+    def best(self, sets: set[tuple[int, ...]]) -> tuple[tuple[int, ...], float]:
+        """The best of `sets`, all of which are solved in batches of equal width."""
+        by_width: dict[int, list[tuple[int, ...]]] = {}
+        for members in sorted(sets):
+            by_width.setdefault(len(self.columns(members)), []).append(members)
+        winners = []
+        for width, group in by_width.items():
+            columns = np.array([self.columns(members) for members in group])
+            moment = self.moment[columns]
+            matrix = self.gram[columns[:, :, None], columns[:, None, :]] + 1e-11 * np.eye(width)
+            solved = np.linalg.solve(matrix, moment[:, :, None])[:, :, 0]
+            errors = self.total - np.einsum("bi,bi->b", moment, solved)
+            winners.append((float(errors.min()), group[int(errors.argmin())]))
+        error, members = min(winners)
+        return members, error
+
+    def exact(self, members: Sequence[int]) -> float:
+        """The same for one set without forming cross products."""
+        matrix = self.unit[:, self.columns(members)]
+        rest = self.target - matrix @ np.linalg.lstsq(matrix, self.target, rcond=None)[0]
+        return float(rest @ rest)
