@@ -15,7 +15,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import SplineTransformer, StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge, TimeConstantSearch
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate, Effect, LaggedCovariate
 
@@ -35,6 +35,7 @@ def expected_failures(estimator):
         DynamicBiasRegressor(),
         DynamicBiasRegressor(time_constants=[2.0, 10.0]),
         DynamicBiasRegressor(time_constants=2, degree=1),
+        TimeConstantSearch(),
     ],
     expected_failed_checks=expected_failures,
 )

@@ -100,12 +100,13 @@ def test_select_is_the_factor_of_these_columns(kind):
     assert part.n_rows == 501
 
 
-def test_rows_stand_for_all_rows_in_sums_of_squares():
+def test_combined_is_the_factor_of_linear_combinations():
     Q, U = problem()
-    factor, b = swept(Q, U), np.array([1.0, -2.0, 0.5])
-    columns = np.column_stack((Q[:, 0], Q[:, 2], U))
-    assert ((factor.rows([1, 3, 5]) @ b) ** 2).sum() == pytest.approx(((columns @ b) ** 2).sum(), rel=1e-12)
-    assert factor.rows() is factor.r
+    rows = np.column_stack((np.ones(len(Q)), Q, U))
+    combination = np.random.default_rng(0).normal(size=(rows.shape[1], 3))
+    part = swept(Q, U).combined(combination)
+    assert part.n_rows == len(Q)
+    np.testing.assert_allclose(part.r.T @ part.r, (rows @ combination).T @ (rows @ combination), rtol=1e-10)
 
 
 # ------------------------------------------------------------------------------------------------- ridge and intercept

@@ -39,7 +39,7 @@ def equilibrium(temperature: float, time_constants: ArrayLike) -> LagState:
     return LagState(np.zeros(np.size(time_constants)), float(temperature))
 
 
-def decay_and_gain(steps: Floats, time_constant: float, hold: Hold = "first_order") -> tuple[Floats, Floats]:
+def decay_and_gain(steps: Floats, time_constant: float | Floats, hold: Hold = "first_order") -> tuple[Floats, Floats]:
     """Factors a, g of one step: ``d_next = a d - g (T_next - T)``, eq. (25) written for d = lagged - T.
 
     Parameters

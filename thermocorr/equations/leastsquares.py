@@ -63,9 +63,15 @@ class TriangularFactor:
         part.n_rows = self.n_rows
         return part
 
-    def rows(self, columns: Iterable[int] | None = None) -> Floats:
-        """R itself, or some columns of it: as good as all rows for every sum of squares."""
-        return self.r if columns is None else self.r[:, list(columns)]
+    def combined(self, combination: Floats) -> TriangularFactor:
+        """Factor of linear combinations of the columns: of ``rows @ combination``."""
+        part = TriangularFactor(0)
+        n = combination.shape[1]
+        part.r = np.zeros((n, n), order="F")
+        r = qr(self.r @ combination, mode="r")[0][:n]
+        part.r[: len(r)] = np.triu(r)
+        part.n_rows = self.n_rows
+        return part
 
     @classmethod
     def merged(cls, factors: Iterable[TriangularFactor]) -> TriangularFactor:

@@ -4,12 +4,14 @@ from .features import DiffusiveFeatures
 from .holdout import held_out_residuals
 from .regressor import DynamicBiasRegressor
 from .ridge import MergedRidge
+from .time_constant_search import TimeConstantSearch
 from .variants import VariantComparison, compare_variants
 
 __all__ = [
     "DiffusiveFeatures",
     "DynamicBiasRegressor",
     "MergedRidge",
+    "TimeConstantSearch",
     "VariantComparison",
     "compare_variants",
     "held_out_residuals",

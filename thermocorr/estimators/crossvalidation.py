@@ -19,6 +19,8 @@ SCORINGS = {"neg_root_mean_squared_error": np.sqrt, "neg_mean_squared_error": np
 """scikit-learn's names of the scores, and what they make of a fold's mean squared error."""
 KEPT = 200
 """Sets of each size whose errors are kept from an exhaustive search."""
+NEGLIGIBLE = 5e-4
+"""A time constant that lowers the loss by less than this share is not worth having."""
 
 
 class CrossValidation:
@@ -121,19 +123,20 @@ def count_sets(n_candidates: int, max_count: int) -> int:
     return sum(comb(n_candidates, k) for k in range(1, max_count + 1))
 
 
-def fewest(losses: Sequence[np.ndarray], rule: str) -> int:
-    """Which of the best sets of growing size to take.
+def no_worse(losses: np.ndarray, best: np.ndarray) -> bool:
+    """Whether losses are above the best ones by no more than one standard error of the difference, or negligibly.
 
-    "best" takes the one with the least mean loss; "one_standard_error" the first that is not worse than it by more
-    than one standard error of their difference, fold by fold (Breiman et al. 1984, section 3.4.3, on paired folds:
-    what all folds share says nothing about the difference).
+    The difference is taken fold by fold (Breiman et al. 1984, section 3.4.3, on paired folds): what all folds share
+    says nothing about it.
     """
-    means = [float(loss.mean()) for loss in losses]
-    best = int(np.argmin(means))
+    difference = losses - best
+    error = float(difference.std(ddof=1)) / np.sqrt(len(difference)) if len(difference) > 1 else 0.0
+    return float(difference.mean()) <= max(error, NEGLIGIBLE * float(best.mean()))
+
+
+def fewest(losses: Sequence[np.ndarray], rule: str) -> int:
+    """Which of the best sets of growing size to take: the one with the least mean loss, or the first no worse."""
+    best = int(np.argmin([float(loss.mean()) for loss in losses]))
     if rule == "best":
         return best
-    for i, loss in enumerate(losses[:best]):
-        difference = loss - losses[best]
-        if difference.mean() <= difference.std(ddof=1) / np.sqrt(len(difference)):
-            return i
-    return best
+    return next(i for i, loss in enumerate(losses) if i == best or no_worse(loss, losses[best]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -105,13 +106,10 @@ def _forward(record: Record, n_splits: int) -> list[tuple[Ranges, Ranges]]:
 
 
 def _of_splitter(record: Record, cv: Any) -> list[tuple[Ranges, Ranges]]:
-    if hasattr(cv, "split"):
-        groups = np.empty(record.n_rows, dtype=object)
-        for segment in record.segments:
-            groups[record.rows(segment.start, segment.stop)] = str(segment.run)
-        known = groups != None  # noqa: E711 - element by element
-        groups[~known] = "None"
-        splits: Iterable[Any] = cv.split(np.zeros((record.n_rows, 1)), None, groups.astype(str))
+    if hasattr(cv, "split") and not isinstance(cv, str):
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "The groups parameter is ignored")
+            splits: Iterable[Any] = list(cv.split(np.zeros((record.n_rows, 1)), None, _run_labels(record)))
     elif isinstance(cv, Iterable) and not isinstance(cv, str):
         splits = cv
     else:
@@ -135,6 +133,17 @@ def _of_splitter(record: Record, cv: Any) -> list[tuple[Ranges, Ranges]]:
             )
         pairs.append((sides[0], sides[1]))
     return pairs
+
+
+def _run_labels(record: Record) -> np.ndarray | None:
+    """Number of the run of each of the user's rows, -1 outside any; None for a record without runs."""
+    names = list(dict.fromkeys(segment.run for segment in record.segments))
+    if names == [None]:
+        return None
+    labels = np.full(record.n_rows, -1)
+    for segment in record.segments:
+        labels[record.rows(segment.start, segment.stop)] = names.index(segment.run)
+    return labels
 
 
 def _ranges(rows: np.ndarray) -> Ranges:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from itertools import pairwise
 from numbers import Integral, Real
 from typing import Any
@@ -17,11 +18,12 @@ from ..effects.protocol import Effect
 from ..effects.thermal import column_text
 from ..effects.wrap import EffectsParameters
 from ..equations import solve_ridge
-from ..records import Record, SegmentStart, seconds_of
+from ..records import Record, RecordWarning, SegmentStart, seconds_of
 from ..records.read import numeric_reading
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import block_rows, equal_edges, require_rows, standard_errors, sweep
 from .reading import Reading, check_plausible, check_range
+from .resolution import unresolved
 from .ridge import MergedRidge
 from .search import SearchSettings, TimeConstantChoice, search
 from .spectrum import DECAY_SHARE, POOL_SIZE
@@ -169,7 +171,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
         self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
         self.reading_ = reading
-        self.notes_ = record.notes
+        self.notes_ = (*record.notes, *self._unresolved(record))
         self.washout_ = (
             WASHOUT_TIME_CONSTANTS * features.memory()
             if self.washout == "auto"
@@ -285,6 +287,15 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
     def reference_temperature_(self) -> float:
         """T0."""
         return self.features_.reference_temperature_
+
+    def _unresolved(self, record: Record) -> list[str]:
+        """Warn about given time constants that the record cannot determine."""
+        if self.search_ is not None or not len(self.time_constants_):
+            return []
+        said = unresolved(self.time_constants_, record, self._solution, self.degree, self.residual_std_)
+        for text in said:
+            warnings.warn(text, RecordWarning, stacklevel=3)
+        return said
 
     def _penalty(self) -> float:
         if self.alpha != "auto":

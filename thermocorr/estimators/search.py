@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral
 from typing import Any
 
 import numpy as np
 
 from ..effects import InitialTransient, ThermalLag
-from ..effects.protocol import Effect
 from ..effects.stream import own_starts, walk
 from ..effects.thermal import seconds_array
 from ..equations import TriangularFactor
@@ -34,7 +34,7 @@ from .spectrum import (
 )
 
 EXHAUSTIVE_LIMIT = 20_000
-"""Up to this many sets, "auto" tries them all; beyond, forward steps with exchanges."""
+"""Up to this many sets, "cross_validation" tries them all; beyond, forward steps with exchanges."""
 ALPHAS_PER_ROW = (0.0, 1e-8, 1e-6, 1e-4)
 """Ridge penalties that are tried when none are given, per reading."""
 MAX_DECAY_SEGMENTS = 8
@@ -75,12 +75,22 @@ class Factored:
 
     record: Record
     reading: Reading
-    static: list[Effect]
-    layout: GridLayout
+    features: DiffusiveFeatures
+    """Static law and further effects, learned."""
+    columns: LagColumns
     chunks: list[TriangularFactor]
+    """One for each stretch of `folds`."""
     folds: TimeFolds
-    dead: list[list[int]]
-    """Columns that each fold must not use: decays too slow for what it learns from."""
+
+    @property
+    def layout(self) -> GridLayout:
+        """Which column is what."""
+        return self.columns.layout
+
+    def cross_validation(self, scoring: str) -> CrossValidation:
+        """Errors of sets in the folds."""
+        dead = self.columns.dead(self.record, self.folds)
+        return CrossValidation(self.chunks, self.folds, self.layout, dead, scoring)
 
 
 @dataclass(frozen=True)
@@ -119,7 +129,7 @@ def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings
     span = max(record.duration(segment) for segment in record.segments)
     if reading.n_readings < MIN_ROWS:
         if settings.method == "spectrum" and not grid_given:
-            return _evenly_spread(record, reading, static, span, settings.count)
+            return _evenly_spread(features, record, reading, span, settings)
         raise RecordError(
             f"The record is too short for a search: {reading.n_readings} readings, and {MIN_ROWS} are needed. Record "
             "longer, or give time_constants."
@@ -131,8 +141,8 @@ def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings
         grid = seconds_array(settings.candidates)
     else:
         grid = log_grid(record.usual_step(), span, POOL_SIZE)
-    factored = _factors(features, record, reading, static, grid, span, settings)
-    cross = CrossValidation(factored.chunks, factored.folds, factored.layout, factored.dead, settings.scoring)
+    factored = _factors(features, record, reading, grid, settings)
+    cross = factored.cross_validation(settings.scoring)
     if not cross.prepared(0.0):
         raise RecordError("No fold has readings both to learn from and to test. Choose other folds with cv=...")
     if settings.method == "spectrum" and explicit is None:
@@ -172,7 +182,7 @@ def _by_cross_validation(
         candidates = list(range(len(grid)))
         most = settings.count or settings.max_count
         method = settings.method
-        if method == "auto":
+        if method == "cross_validation":
             method = "exhaustive" if count_sets(len(grid), most) <= EXHAUSTIVE_LIMIT else "greedy"
         if method == "exhaustive":
             path = cross.exhaustive(candidates, most, alphas[0], settings.say, settings.n_jobs)
@@ -220,47 +230,76 @@ def _explicit_sets(candidates: Any) -> list[np.ndarray] | None:
 
 
 def _evenly_spread(
-    record: Record, reading: Reading, static: list[Effect], span: float, count: int | None
+    features: DiffusiveFeatures, record: Record, reading: Reading, span: float, settings: SearchSettings
 ) -> TimeConstantChoice:
-    n_static = sum(len(effect.names()) for effect in static)
-    grid = log_grid(record.usual_step(), span)
-    fitting = max(1, min(count if count is not None else 3, (reading.n_readings - n_static - 2) // 4))
-    return TimeConstantChoice(spread(grid, span, fitting), PENALTIES[2] * reading.n_readings, grid)
+    """Too few readings to choose from: a few time constants, evenly spread in the logarithm."""
+    n_static = sum(len(effect.names()) for effect in features.effect_list())
+    count = 3 if settings.count is None else settings.count
+    count = max(1, min(count, (reading.n_readings - n_static - 2) // 4))
+    grid = spread(log_grid(record.usual_step(), span), span, count)
+    if isinstance(settings.cv, Integral):
+        settings = replace(settings, cv=max(2, min(int(settings.cv), record.n_rows // 4)))
+    factored = _factors(features, record, reading, grid, settings)
+    cross = factored.cross_validation(settings.scoring)
+    members, alpha = tuple(range(count)), PENALTIES[2] * reading.n_readings
+    losses = cross.score_sets([members], alpha)[0] if cross.prepared(alpha) else np.full(1, np.nan)
+    chosen = Tried(members, alpha, losses)
+    return _choice(factored, [chosen], chosen, None)
+
+
+@dataclass(frozen=True)
+class LagColumns:
+    """Learned lags and decays for a list of time constants, and where their columns stand."""
+
+    lag: ThermalLag
+    transient: InitialTransient
+    layout: GridLayout
+    decays: list[tuple[int, int, float]]
+    """Column, segment and time constant of each decay."""
+
+    @classmethod
+    def of(cls, features: DiffusiveFeatures, record: Record, time_constants: np.ndarray, share: float) -> LagColumns:
+        """Lags, and decays up to a `share` of their segment, behind the columns of the learned `features`."""
+        lag = ThermalLag(
+            time_constants,
+            features.hold,
+            features.initial_state,
+            reference_temperature=features.reference_temperature,
+        )
+        with_decays = features.initial_state == "fit" and len(record.segments) <= MAX_DECAY_SEGMENTS
+        transient = InitialTransient(time_constants, share if with_decays else 0.0)
+        for effect in (lag, transient):
+            effect.learn(record)
+        n_free = 1 + sum(len(effect.names()) for effect in features.effect_list())
+        owned: list[list[int]] = [[] for _ in time_constants]
+        decays = []
+        for key, taus in transient.decays_.items():
+            for offset, tau in enumerate(taus):
+                column = n_free + len(time_constants) + transient.first_column_[key] + offset
+                owned[int(np.searchsorted(time_constants, tau))].append(column)
+                decays.append((column, key, float(tau)))
+        span = max(record.duration(segment) for segment in record.segments)
+        return cls(lag, transient, GridLayout(time_constants, span, n_free, owned), decays)
+
+    def dead(self, record: Record, folds: TimeFolds) -> list[list[int]]:
+        """Decays too slow for what each fold learns from: columns that it must not use."""
+        share, result = self.transient.longest_share, []
+        for f in range(len(folds)):
+            length = {key: folds.learned_duration(f, record, record.segments[key]) for _, key, _ in self.decays}
+            result.append([column for column, key, tau in self.decays if tau > share * length[key]])
+        return result
 
 
 def _factors(
-    features: DiffusiveFeatures,
-    record: Record,
-    reading: Reading,
-    static: list[Effect],
-    grid: np.ndarray,
-    span: float,
-    settings: SearchSettings,
+    features: DiffusiveFeatures, record: Record, reading: Reading, grid: np.ndarray, settings: SearchSettings
 ) -> Factored:
     """The one pass: a factor for each stretch over ``[1 | static | lags | decays | U]``."""
-    lag = ThermalLag(grid, features.hold, features.initial_state, reference_temperature=features.reference_temperature)
-    with_decays = features.initial_state == "fit" and len(record.segments) <= MAX_DECAY_SEGMENTS
-    transient = InitialTransient(grid, settings.longest_decay_share if with_decays else 0.0)
-    for effect in (lag, transient):
-        effect.learn(record)
-    n_free = 1 + sum(len(effect.names()) for effect in static)
-    decays: list[list[int]] = [[] for _ in grid]
-    owners: list[tuple[int, int, float]] = []  # column, segment, time constant
-    for key, taus in transient.decays_.items():
-        for offset, tau in enumerate(taus):
-            column = n_free + len(grid) + transient.first_column_[key] + offset
-            decays[int(np.searchsorted(grid, tau))].append(column)
-            owners.append((column, key, float(tau)))
+    columns = LagColumns.of(features, record, grid, settings.longest_decay_share)
     folds = folds_in_time(record, settings.cv, settings.washout)
-    dead = []
-    for f in range(len(folds)):
-        length = {key: folds.learned_duration(f, record, record.segments[key]) for key in transient.decays_}
-        dead.append([column for column, key, tau in owners if tau > settings.longest_decay_share * length[key]])
-    steps = walk(
-        [*static, lag, transient], record, starts=own_starts(record), size=block_rows(record.n_used), extra=1
-    )
+    effects = [*features.effect_list(), columns.lag, columns.transient]
+    steps = walk(effects, record, starts=own_starts(record), size=block_rows(record.n_used), extra=1)
     chunks = sweep(record, steps, folds.edges).chunks
-    return Factored(record, reading, static, GridLayout(grid, span, n_free, decays), chunks, folds, dead)
+    return Factored(record, reading, features, columns, chunks, folds)
 
 
 def _in_blocks(factored: Factored) -> list[TriangularFactor]:
@@ -271,11 +310,6 @@ def _in_blocks(factored: Factored) -> list[TriangularFactor]:
         TriangularFactor.merged([chunk for chunk, b in zip(factored.chunks, block, strict=True) if b == number])
         for number in range(len(ends) - 1)
     ]
-
-
-def with_time_constants(choice: TimeConstantChoice, time_constants: np.ndarray) -> TimeConstantChoice:
-    """The same choice with time constants refined between the grid's."""
-    return replace(choice, time_constants=time_constants)
 
 
 def temperature_std(record: Record) -> float:

@@ -1,0 +1,178 @@
+"""Choice of time constants: same errors as scikit-learn's search, planted time constants found, honest intervals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.linear_model import Ridge
+from sklearn.model_selection import GridSearchCV, KFold, LeaveOneGroupOut, TimeSeriesSplit
+from sklearn.pipeline import Pipeline
+from sklearn.preprocessing import StandardScaler
+
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, RecordError, RecordWarning, TimeConstantSearch
+from thermocorr.datasets import make_record
+from thermocorr.equations import lag_differences
+from thermocorr.estimators.folds import folds_in_time
+from thermocorr.records import read_record
+from thermocorr.records.read import Layout
+
+TRUE = np.array([400.0, 6000.0])
+
+
+@pytest.fixture(scope="module")
+def lab():
+    record = make_record(6000, seed=5)
+    return record[["temperature"]], record["reading"]
+
+
+def planted(seed, n=20_000):
+    """A device with two lags, known to the last digit, in a simulated room."""
+    room = make_record(n, seed=seed)[["temperature"]]
+    T = room["temperature"].to_numpy()
+    lags, _ = lag_differences(T, np.full(n, 60.0), TRUE)
+    return room, 10 * T + lags @ [4.0, 5.0] + 0.2 * np.random.default_rng(seed).normal(size=n)
+
+
+@pytest.mark.parametrize("scoring", ["neg_root_mean_squared_error", "neg_mean_squared_error"])
+@pytest.mark.parametrize("initial_state", ["equilibrium", "fit"])
+def test_same_scores_and_choice_as_grid_search_over_a_pipeline(lab, scoring, initial_state):
+    """GridSearchCV sees each fold anew; the search has one pass. Penalties act alike on both sides for degree 1.
+
+    Without a gap: in one, the pipeline does not see the temperature and takes it as a straight line.
+    """
+    X, y = lab
+    sets = [(300.0,), (300.0, 3600.0), (250.0, 5000.0), (120.0, 900.0, 7200.0), (250.0, 300.0, 360.0)]
+    alphas = [1e-6, 1.0]
+    cv = TimeSeriesSplit(4)
+    pipeline = Pipeline(
+        [
+            ("features", DiffusiveFeatures(initial_state=initial_state, longest_decay_share=0.04)),
+            ("scale", StandardScaler()),
+            ("ridge", Ridge(solver="svd")),
+        ]
+    )
+    grid = {"features__time_constants": sets, "ridge__alpha": alphas}
+    expected = GridSearchCV(pipeline, grid, cv=cv, scoring=scoring).fit(X, y)
+    model = DynamicBiasRegressor(degree=1, initial_state=initial_state, longest_decay_share=0.04)
+    search = TimeConstantSearch(model, sets, alphas=alphas, cv=cv, scoring=scoring, rule="best").fit(X, y)
+    wanted = {
+        (tuple(params["features__time_constants"]), params["ridge__alpha"]): [
+            expected.cv_results_[f"split{f}_test_score"][i] for f in range(4)
+        ]
+        for i, params in enumerate(expected.cv_results_["params"])
+    }
+    for i, params in enumerate(search.cv_results_["params"]):
+        found = [search.cv_results_[f"split{f}_test_score"][i] for f in range(4)]
+        np.testing.assert_allclose(found, wanted[params["time_constants"], params["alpha"]], rtol=1e-9)
+    assert search.best_params_["time_constants"] == expected.best_params_["features__time_constants"]
+    assert search.best_params_["alpha"] == expected.best_params_["ridge__alpha"]
+    assert search.best_score_ == pytest.approx(expected.best_score_, rel=1e-9)
+    assert search.cv_results_["rank_test_score"][search.best_index_] == 1
+    np.testing.assert_array_equal(search.predict(X), search.best_estimator_.predict(X))
+
+
+def test_exhaustive_search_finds_the_least_error_of_all_sets(lab):
+    X, y = lab
+    pool = np.geomspace(120, 40_000, 7)
+    every = [tuple(pool[[i, j]]) for i in range(7) for j in range(i)]
+    common = {"alphas": [1e-6], "rule": "best", "refit": False, "refine": False}
+    one = TimeConstantSearch(candidates=pool, method="exhaustive", count=2, **common).fit(X, y)
+    other = TimeConstantSearch(candidates=every, **common).fit(X, y)
+    assert one.best_params_["time_constants"] == other.best_params_["time_constants"]
+    assert one.best_score_ == pytest.approx(other.best_score_, rel=1e-10)
+    greedy = TimeConstantSearch(candidates=pool, method="greedy", count=2, **common).fit(X, y)
+    assert greedy.best_score_ >= one.best_score_ * 1.003  # scores are negative: within 0.3 % of the optimum
+
+
+def test_threads_and_progress_change_nothing(lab, capsys):
+    X, y = lab
+    common = {"candidates": np.geomspace(120, 40_000, 8), "method": "exhaustive", "max_count": 3, "refit": False}
+    one = TimeConstantSearch(**common).fit(X, y)
+    assert capsys.readouterr().out == ""
+    two = TimeConstantSearch(**common, n_jobs=2, verbose=1).fit(X, y)
+    assert "fold 5" in capsys.readouterr().out
+    assert one.best_params_ == two.best_params_
+
+
+def test_planted_time_constants_are_found_and_intervals_hold_them():
+    """8 seeds, 2 time constants: 16 intervals at 95 %. Fewer than 12 hits has a chance below 1e-4 if they are true."""
+    hits = 0
+    for seed in range(8):
+        search = TimeConstantSearch(method="cross_validation", refit=False).fit(*planted(seed))
+        table = search.time_constants_
+        assert len(table) == 2, "two bodies, two time constants"
+        np.testing.assert_allclose(table["time_constant"], TRUE, rtol=0.15)
+        hits += int(((table["low"] < TRUE) & (table["high"] > TRUE)).sum())
+    assert hits >= 12
+
+
+def test_default_choice_is_the_regressors_own(lab):
+    X, y = lab
+    search, model = TimeConstantSearch().fit(X, y), DynamicBiasRegressor().fit(X, y)
+    np.testing.assert_allclose(search.best_estimator_.time_constants_, model.time_constants_)
+    np.testing.assert_allclose(search.best_estimator_.coef_, model.coef_)
+    spectrum = search.spectrum_
+    assert len(spectrum) == 24
+    assert (spectrum["excitation"] > 0).all()
+    assert spectrum["alike_next"].iloc[:-1].between(0.5, 1).all()
+
+
+def test_a_record_says_which_time_constants_it_cannot_determine(lab):
+    X, y = lab
+    with pytest.warns(RecordWarning, match="longer than the record"):
+        DynamicBiasRegressor(time_constants=["1 h", "30 D"]).fit(X, y)
+    with pytest.warns(RecordWarning, match="shorter than half the sampling step"):
+        DynamicBiasRegressor(time_constants=[20.0, 3600.0]).fit(X, y)
+    with pytest.warns(RecordWarning, match="3600 s and 3605 s work against each other"):
+        DynamicBiasRegressor(time_constants=[300.0, 3600.0, 3605.0]).fit(X, y)
+    with pytest.warns(RecordWarning, match="6000 s and 6001 s cannot be told apart"):
+        model = DynamicBiasRegressor(time_constants=[400.0, 6000.0, 6001.0]).fit(*planted(1, 4000))
+    assert any("told apart" in note for note in model.notes_)
+
+
+def test_runs_are_groups():
+    record = make_record(1500, runs=3, seed=2)
+    X, y = record[["temperature", "run"]], record["reading"]
+    model = DynamicBiasRegressor("temperature", run="run", max_gap=3600)
+    search = TimeConstantSearch(model, cv=LeaveOneGroupOut(), washout="6 h").fit(X, y)
+    assert search.n_splits_ == 3
+    assert -search.best_score_ < 0.3  # noise 0.2: a run that nothing was learned of is foretold
+
+
+def test_folds_have_washouts_and_know_the_starts_of_runs():
+    frame = pd.DataFrame({"temperature": np.sin(np.arange(900.0)), "run": np.repeat([1, 2, 3], 300)})
+    record = read_record(frame, Layout("temperature", None, "run", 10.0, None))
+    folds = folds_in_time(record, 2, 100.0)
+    rows = [
+        [np.concatenate([np.arange(folds.edges[i], folds.edges[i + 1]) for i in side]) for side in sides]
+        for sides in zip(folds.learned, folds.tested, strict=True)
+    ]
+    assert rows[0][0].tolist() == list(range(290))
+    assert rows[0][1].tolist() == list(range(310, 600))  # run 2 starts in the test: its washout is not judged
+    assert rows[1][0].tolist() == list(range(590))
+    same = folds_in_time(record, TimeSeriesSplit(2), None)
+    starts = [same.edges[side[0]] for side in same.tested]
+    assert starts == [300, 600]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"cv": KFold(3, shuffle=True, random_state=0)}, "shuffled"),
+        ({"cv": 1}, "'cv' parameter must be a number of folds from 2"),
+        ({"cv": "three"}, "'cv' parameter must be"),
+        ({"candidates": "all"}, "'candidates' parameter must be 'auto'"),
+        ({"candidates": [[-5.0]]}, "must be a positive time"),
+        ({"method": "random"}, "'method' parameter"),
+    ],
+)
+def test_wrong_settings_are_refused(lab, parameters, words):
+    with pytest.raises(ValueError, match=words):
+        TimeConstantSearch(**parameters).fit(*lab)
+
+
+def test_a_record_too_short_for_a_search_is_refused(lab):
+    X, y = lab
+    with pytest.raises(RecordError, match="too short for a search: 90 readings"):
+        TimeConstantSearch(method="cross_validation").fit(X[:90], y[:90])

@@ -1,0 +1,270 @@
+"""`TimeConstantSearch`: choose time constants in the manner of scikit-learn's searches, from one pass over the data."""
+
+from __future__ import annotations
+
+import time
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
+from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils.metaestimators import available_if
+from sklearn.utils.validation import check_is_fitted
+
+from ..records import seconds_of
+from .crossvalidation import SCORINGS
+from .refinement import refined, sensitivity
+from .regressor import DynamicBiasRegressor
+from .resolution import interval_table, spectrum_table
+from .search import SearchSettings, TimeConstantChoice, Tried, search
+from .spectrum import MAX_COUNT
+from .threads import one_blas_thread
+
+
+class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
+    """Search over sets of time constants and ridge penalties, at the price of one pass over the record.
+
+    The pass turns every stretch of time into a small triangular factor over all columns of a dense grid of time
+    constants. All sets, folds and penalties are then solved from these factors, exactly: the errors are those of
+    ``GridSearchCV`` over a ``Pipeline`` of `DiffusiveFeatures`, ``StandardScaler`` and ``Ridge``.
+
+    Parameters
+    ----------
+    estimator : DynamicBiasRegressor, optional
+        The model whose time constants (and alpha) are searched; everything else of it stays.
+    candidates : "auto", sequence of times, or sequence of such sequences, default "auto"
+        A pool to choose from, in seconds or spans such as "15 min"; or the very sets to compare. "auto" is a pool of 24
+        from two sampling steps to the length of the record, evenly spread in the logarithm.
+    method : {"spectrum", "cross_validation", "exhaustive", "greedy"}, default "spectrum"
+        "spectrum" fits the whole pool with a ridge penalty chosen by forecasting and takes the few time constants
+        that span its modelled reading: the most reliable on measured records (`benchmarks/real_records.py`).
+        "cross_validation" takes the set with the least error on held-out stretches: all sets where there are at most
+        20 000 ("exhaustive"), forward steps with exchanges beyond ("greedy"). Best where the device has a few
+        distinct time constants and these are what you want to know. Ignored where sets are given.
+    count : int, optional
+        Number of time constants; None chooses it.
+    max_count : int, default 6
+        Most time constants that cross-validation tries.
+    alphas : "auto" or sequence of float, default "auto"
+        Ridge penalties to choose from, in `DynamicBiasRegressor`'s sense; "auto" is 0, 1e-8, 1e-6 and 1e-4 per
+        reading. "spectrum" chooses its own.
+    cv : int, splitter or iterable, default 5
+        An int is forward chaining as in ``TimeSeriesSplit``. Splitters get the runs as groups; their folds must be
+        whole stretches of time. The lags run on through all rows.
+    washout : float or time span, optional
+        Length [s] left out between training and test, and behind the start of a run of which nothing was learned.
+        None is 1 % of the record for an int, 0 for a splitter (which has a gap of its own).
+    rule : {"one_standard_error", "best"}, default "one_standard_error"
+        How cross-validation chooses the number of time constants.
+    refine : bool or "auto", default "auto"
+        Move the time constants between the grid's by variable projection, and leave out those that become superfluous.
+        "auto" does so after cross-validation over a pool.
+    scoring : {"neg_root_mean_squared_error", "neg_mean_squared_error"}, default "neg_root_mean_squared_error"
+    refit : bool, default True
+        Fit `best_estimator_`.
+    n_jobs : int, optional
+        Threads for an exhaustive search.
+    verbose : int, default 0
+        1 prints progress.
+
+    Attributes
+    ----------
+    cv_results_ : dict of arrays
+        As in scikit-learn: params, param_time_constants, param_alpha, split0_test_score, ..., mean_test_score,
+        std_test_score, rank_test_score. An exhaustive search keeps the 200 best sets of each size.
+    best_index_ : int
+        Row of the choice in `cv_results_`: the rule decides, not the score alone.
+    best_params_ : dict
+        ``time_constants`` (tuple, [s]) and ``alpha``, ready for ``DynamicBiasRegressor(**best_params_)``.
+    best_score_ : float
+    best_estimator_ : DynamicBiasRegressor
+        Fitted on the whole record.
+    time_constants_ : DataFrame
+        The choice with 95 % intervals [s]: columns time_constant, low, high, relative_error.
+    spectrum_ : DataFrame
+        Diffusive spectrum mu(tau) over the pool and what the record can see of it, see
+        `thermocorr.estimators.resolution.spectrum_table`. None where sets were given.
+    n_splits_ : int
+    refit_time_, search_time_ : float
+        [s].
+
+    Examples
+    --------
+    >>> from thermocorr import TimeConstantSearch
+    >>> from thermocorr.datasets import make_record
+    >>> record = make_record(4000, seed=1)
+    >>> search = TimeConstantSearch(candidates=[["5 min"], ["1 h"], ["5 min", "1 h"]])
+    >>> search.fit(record[["temperature"]], record["reading"]).best_params_["time_constants"]
+    (300.0, 3600.0)
+    """
+
+    _parameter_constraints: dict[str, Any] = {
+        "method": [StrOptions({"spectrum", "cross_validation", "exhaustive", "greedy"})],
+        "count": [Interval(Integral, 1, None, closed="left"), None],
+        "max_count": [Interval(Integral, 1, None, closed="left")],
+        "rule": [StrOptions({"one_standard_error", "best"})],
+        "refine": ["boolean", StrOptions({"auto"})],
+        "scoring": [StrOptions(set(SCORINGS))],
+        "refit": ["boolean"],
+        "n_jobs": [Integral, None],
+        "verbose": ["verbose"],
+    }
+
+    def __init__(
+        self,
+        estimator: DynamicBiasRegressor | None = None,
+        candidates: Any = "auto",
+        *,
+        method: str = "spectrum",
+        count: int | None = None,
+        max_count: int = 6,
+        alphas: Any = "auto",
+        cv: Any = 5,
+        washout: Any = None,
+        rule: str = "one_standard_error",
+        refine: bool | str = "auto",
+        scoring: str = "neg_root_mean_squared_error",
+        refit: bool = True,
+        n_jobs: int | None = None,
+        verbose: int = 0,
+    ):
+        self.estimator = estimator
+        self.candidates = candidates
+        self.method = method
+        self.count = count
+        self.max_count = max_count
+        self.alphas = alphas
+        self.cv = cv
+        self.washout = washout
+        self.rule = rule
+        self.refine = refine
+        self.scoring = scoring
+        self.refit = refit
+        self.n_jobs = n_jobs
+        self.verbose = verbose
+
+    def fit(self, X: Any, y: Any) -> TimeConstantSearch:
+        """Search, and fit the best model to the whole record.
+
+        Parameters
+        ----------
+        X, y : as for `DynamicBiasRegressor.fit`
+
+        Raises
+        ------
+        RecordError
+            For a record that cannot be used, or is too short for a search.
+        """
+        self._validate_params()
+        if y is None:
+            raise ValueError("This TimeConstantSearch requires y to be passed, but the target y is None.")
+        if isinstance(self.candidates, str) and self.candidates != "auto":
+            raise ValueError(
+                "The 'candidates' parameter must be 'auto', a list of times, or a list of lists of times. "
+                f"Got {self.candidates!r} instead."
+            )
+        model = DynamicBiasRegressor() if self.estimator is None else clone(self.estimator)
+        started = time.perf_counter()
+        with one_blas_thread():
+            choice = search(model._features(()), X, y, self._settings(model))
+            self._conclude(choice)
+        self.search_time_ = time.perf_counter() - started
+        if self.refit:
+            started = time.perf_counter()
+            self.best_estimator_ = model.set_params(**self.best_params_).fit(X, y)
+            self.refit_time_ = time.perf_counter() - started
+            for name in ("n_features_in_", "feature_names_in_"):
+                if hasattr(self.best_estimator_, name):
+                    setattr(self, name, getattr(self.best_estimator_, name))
+        return self
+
+    @available_if(lambda self: self.refit)
+    def predict(self, X: Any) -> np.ndarray:
+        """Modelled reading of the best model."""
+        return self._best().predict(X)
+
+    @available_if(lambda self: self.refit)
+    def correct(self, X: Any, y: Any) -> Any:
+        """Corrected reading of the best model."""
+        return self._best().correct(X, y)
+
+    def _best(self) -> DynamicBiasRegressor:
+        check_is_fitted(self, "best_estimator_")
+        return self.best_estimator_
+
+    def _settings(self, model: DynamicBiasRegressor) -> SearchSettings:
+        return SearchSettings(
+            candidates=self.candidates,
+            method=self.method,
+            count=self.count,
+            max_count=min(self.max_count, MAX_COUNT) if self.method == "spectrum" else self.max_count,
+            alphas=self.alphas,
+            cv=self.cv,
+            washout=None if self.washout is None else self.washout and seconds_of(self.washout, "washout"),
+            rule=self.rule,
+            scoring=self.scoring,
+            longest_decay_share=model.longest_decay_share,
+            n_jobs=self.n_jobs,
+            say=print if self.verbose else lambda text: None,
+        )
+
+    def _conclude(self, choice: TimeConstantChoice) -> None:
+        """Refine, and set out the results."""
+        factored, chosen = choice.factored, choice.chosen
+        assert factored is not None and chosen is not None
+        tried = list(choice.tried)
+        times = [tuple(choice.grid[list(line.members)].tolist()) for line in tried]
+        best = next(i for i, line in enumerate(tried) if line is chosen or _same(line, chosen))
+        pooled = isinstance(self.candidates, str) or np.ndim(self.candidates[0]) == 0
+        refine = self.refine is True or (self.refine == "auto" and pooled and self.method != "spectrum")
+        if len(choice.time_constants) == 0:
+            final = None
+        elif refine:
+            final, losses = refined(factored, choice.time_constants, choice.alpha, self.scoring)
+            tried.append(Tried((), choice.alpha, losses))
+            times.append(tuple(final.time_constants.tolist()))
+            best = len(tried) - 1
+        else:
+            final = sensitivity(factored, choice.time_constants, choice.alpha)
+        self.time_constants_ = (
+            interval_table(np.zeros(0), np.zeros(0))
+            if final is None
+            else interval_table(final.time_constants, final.errors())
+        )
+        self.spectrum_ = None if choice.reference is None else spectrum_table(factored, choice.reference)
+        self.cv_results_ = _results(tried, times)
+        self.best_index_ = best
+        self.best_params_ = dict(self.cv_results_["params"][best])
+        self.best_score_ = float(self.cv_results_["mean_test_score"][best])
+        self.n_splits_ = len(chosen.losses)
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        tags.regressor_tags.poor_score = True  # of many columns it uses one, unless effects name others
+        return tags
+
+
+def _same(one: Tried, other: Tried) -> bool:
+    return one.members == other.members and one.alpha == other.alpha
+
+
+def _results(tried: list[Tried], times: list[tuple[float, ...]]) -> dict[str, Any]:
+    """The table in the form of scikit-learn's ``cv_results_``."""
+    scores = -np.array([line.losses for line in tried])
+    mean = scores.mean(axis=1)
+    sets = np.empty(len(times), dtype=object)
+    sets[:] = times
+    alphas = np.array([line.alpha for line in tried])
+    rank = pd.Series(-mean).rank(method="min").to_numpy(dtype=np.int32)
+    return {
+        "param_time_constants": np.ma.MaskedArray(sets, mask=False),
+        "param_alpha": np.ma.MaskedArray(alphas, mask=False),
+        "params": [{"time_constants": t, "alpha": float(a)} for t, a in zip(times, alphas, strict=True)],
+        **{f"split{f}_test_score": scores[:, f] for f in range(scores.shape[1])},
+        "mean_test_score": mean,
+        "std_test_score": scores.std(axis=1),
+        "rank_test_score": rank,
+    }
