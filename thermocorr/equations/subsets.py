@@ -70,7 +70,7 @@ def fold_of(
         scale = np.linalg.norm(r[1:, 1:-1], axis=0) / np.sqrt(max(learned.n_rows, 1))
         penalty = np.zeros((len(scale), r.shape[1]))
         penalty[:, 1:-1] = np.diag(np.sqrt(alpha) * scale)
-        r = qr(np.vstack((r, penalty)), mode="r")[0]
+        r = np.asarray(qr(np.vstack((r, penalty)), mode="r")[0][: r.shape[1]], np.float64)
     free = solve_free(r, n_free, r[:n_free, n_free:])
     inner = r[n_free:, n_free:]
     outer = tested.r[:, n_free:] - tested.r[:, :n_free] @ free
