@@ -9,13 +9,14 @@ from .estimators import (
     compare_variants,
     held_out_residuals,
 )
-from .records import RecordError, RecordWarning
+from .records import ParquetLog, RecordError, RecordWarning
 
 __version__ = "0.1.0"
 __all__ = [
     "DiffusiveFeatures",
     "DynamicBiasRegressor",
     "MergedRidge",
+    "ParquetLog",
     "RecordError",
     "RecordWarning",
     "TimeConstantSearch",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from itertools import pairwise
 from numbers import Integral, Real
 from typing import Any
@@ -18,7 +19,7 @@ from ..effects.protocol import Effect
 from ..effects.thermal import column_text
 from ..effects.wrap import EffectsParameters
 from ..equations import solve_ridge
-from ..records import Record, RecordWarning, SegmentStart, seconds_of
+from ..records import Block, Record, RecordWarning, seconds_of
 from ..records.read import numeric_reading
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import block_rows, equal_edges, require_rows, standard_errors, sweep
@@ -184,11 +185,11 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
 
     def predict(self, X: Any) -> np.ndarray:
         """Modelled reading, eq. (22), shape (n_rows,); NaN in rows without a temperature."""
-        return self._contributions(X)[1].sum(axis=1) + self.intercept_
+        return self._contributions(X).sum(axis=1) + self.intercept_
 
     def bias(self, X: Any) -> Any:
         """What `correct` takes away: modelled reading less U0 (and less effects that are to be kept)."""
-        parts = self._contributions(X)[1]
+        parts = self._contributions(X)
         removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
         return like(X, parts[:, removed].sum(axis=1), "bias")
 
@@ -203,31 +204,40 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
 
     def contributions(self, X: Any) -> pd.DataFrame:
         """What each effect adds to U0, in the unit of y: one column per effect."""
-        parts = self._contributions(X)[1]
+        parts = self._contributions(X)
         labels = [effect.label() for effect in self.features_.effect_list()]
         return pd.DataFrame(parts, columns=labels, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     def flags(self, X: Any, y: Any = None) -> Any:
         """Why a row deserves no trust: "no temperature", "no reading", "washout", "outside fitted range", or ""."""
-        with one_blas_thread():
-            record, starts, _ = self.features_.resume(X)
-        return like(X, self._flags(record, starts, y, X), "flag")
+        reading = None if y is None else numeric_reading(y, X)
+        record, starts, _ = self.features_.resume(X)
+        flags = np.full(record.n_rows, "no temperature", dtype=object)
+        for block in record.blocks(starts=starts, zero=self.features_.history_.zero):
+            flags[block.rows] = self._block_flags(block, None if reading is None else reading[block.rows])
+        return like(X, flags, "flag")
 
     def evaluate(self, X: Any, y: Any) -> pd.DataFrame:
         """Everything about a record in one frame: corrected, model, residual, flag; rows as they came."""
-        reading = numeric_reading(y, X)
-        record, parts, starts = self._contributions(X)
-        removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
-        model = parts.sum(axis=1) + self.intercept_
-        return pd.DataFrame(
-            {
-                "corrected": reading - parts[:, removed].sum(axis=1),
-                "model": model,
-                "residual": reading - model,
-                "flag": self._flags(record, starts, y, X),
-            },
-            index=X.index if isinstance(X, pd.DataFrame) else None,
-        )
+        n_rows = len(numeric_reading(y, X))
+        columns: dict[str, np.ndarray] = {name: np.full(n_rows, np.nan) for name in ("corrected", "model", "residual")}
+        columns["flag"] = np.full(n_rows, "no temperature", dtype=object)
+        for rows, values in self._evaluated(X, y):
+            for name, part in values.items():
+                columns[name][rows] = part
+        return pd.DataFrame(columns, index=X.index if isinstance(X, pd.DataFrame) else None)
+
+    def evaluate_blocks(self, X: Any, y: Any) -> Iterator[pd.DataFrame]:
+        """The rows of `evaluate` in blocks of some thousand, in time order, for records larger than memory.
+
+        Rows without a temperature are left out. The index is X's, or row numbers where it has none.
+        """
+        for rows, values in self._evaluated(X, y):
+            if isinstance(X, pd.DataFrame):
+                index = X.index[rows]
+            else:
+                index = pd.RangeIndex(rows.start, rows.stop) if isinstance(rows, slice) else pd.Index(rows)
+            yield pd.DataFrame(values, index=index)
 
     def coef_table(self) -> pd.DataFrame:
         """Coefficient, unit and standard error of every column.
@@ -326,34 +336,55 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         names = (set(DiffusiveFeatures._get_param_names()) & set(self._get_param_names())) - {"time_constants"}
         return DiffusiveFeatures(time_constants, **{name: getattr(self, name) for name in names})
 
-    def _contributions(self, X: Any) -> tuple[Record, np.ndarray, dict[int, SegmentStart]]:
+    def _contributions(self, X: Any) -> np.ndarray:
         """Contribution of each effect at each row, shape (n_rows, n_effects)."""
+        parts: np.ndarray | None = None
+        for block, values in self._walk_contributions(X):
+            if parts is None:
+                parts = np.full((block.record.n_rows, values.shape[1]), np.nan)
+            parts[block.rows] = values
+        assert parts is not None  # a record has at least one block
+        return parts
+
+    def _walk_contributions(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
+        """The same block by block."""
         features = self.features_
         effects, coef = features.effect_list(), self.coef_
         edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
-        with one_blas_thread():
-            record, starts, states = features.resume(X)
-            check_range(self.reading_, record)
-            parts = np.full((record.n_rows, len(effects)), np.nan)
-            for step in features.walk_resumed(record, starts, states):
-                for i, (low, high) in enumerate(pairwise(edges)):
-                    parts[step.block.rows, i] = step.columns[:, low:high] @ coef[low:high]
-        return record, parts, starts
+        record, starts, states = features.resume(X)
+        check_range(self.reading_, record)
+        for step in features.walk_resumed(record, starts, states):
+            parts = [step.columns[:, low:high] @ coef[low:high] for low, high in pairwise(edges)]
+            yield step.block, np.column_stack(parts)
+
+    def _evaluated(self, X: Any, y: Any) -> Iterator[tuple[Any, dict[str, np.ndarray]]]:
+        """Rows and the columns of `evaluate`, block by block."""
+        reading = numeric_reading(y, X)
+        removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
+        for block, parts in self._walk_contributions(X):
+            measured = np.asarray(reading[block.rows], float)
+            model = parts.sum(axis=1) + self.intercept_
+            yield (
+                block.rows,
+                {
+                    "corrected": measured - parts[:, removed].sum(axis=1),
+                    "model": model,
+                    "residual": measured - model,
+                    "flag": self._block_flags(block, measured),
+                },
+            )
 
     def _all_coefficients(self) -> np.ndarray:
         return np.concatenate(([self.intercept_], self.coef_))
 
-    def _flags(self, record: Record, starts: dict[int, SegmentStart], y: Any, X: Any) -> np.ndarray:
-        flags = np.full(record.n_rows, "no temperature", dtype=object)
+    def _block_flags(self, block: Block, reading: np.ndarray | None) -> np.ndarray:
+        T = block.temperature
         low, high = self.reading_.temperature_range
-        for block in record.blocks(starts=starts, zero=self.features_.history_.zero):
-            T = block.temperature
-            part = np.where((low > T) | (high < T), "outside fitted range", "").astype(object)
-            if block.segment_key is None:
-                part[block.elapsed < self.washout_] = "washout"
-            flags[block.rows] = part
-        if y is not None:
-            flags[np.isnan(numeric_reading(y, X)) & (flags != "no temperature")] = "no reading"
+        flags = np.where((low > T) | (high < T), "outside fitted range", "").astype(object)
+        if block.segment_key is None:
+            flags[block.elapsed < self.washout_] = "washout"
+        if reading is not None:
+            flags[np.isnan(reading)] = "no reading"
         return flags
 
     def __sklearn_tags__(self) -> Any:

@@ -2,6 +2,7 @@
 
 from .errors import RecordError, RecordWarning
 from .history import History
+from .parquet import ParquetLog
 from .read import Layout, read_record
 from .record import BLOCK_ROWS, Block, Record, Segment, SegmentStart
 from .times import seconds_of
@@ -11,6 +12,7 @@ __all__ = [
     "Block",
     "History",
     "Layout",
+    "ParquetLog",
     "Record",
     "RecordError",
     "RecordWarning",

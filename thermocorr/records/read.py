@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sklearn.utils import column_or_1d
 
 from .errors import RecordError, RecordWarning, listing, times_word
+from .parquet import ParquetColumn, ParquetLog
 from .record import Record, Segment
 from .times import Times, seconds_of, times_from
 
@@ -60,7 +61,7 @@ def read_record(
     RecordError
         For what cannot be used: the message says what was found, where, and what to do.
     """
-    frame = isinstance(X, pd.DataFrame)
+    frame = is_frame(X)
     n = len(X)
     name = temperature_column(X, layout, quiet)
     columns: dict[object, NDArray[Any]] = {}
@@ -83,10 +84,15 @@ def read_record(
     return record
 
 
+def is_frame(X: Any) -> bool:
+    """Whether the data have named columns."""
+    return isinstance(X, pd.DataFrame | ParquetLog)
+
+
 def temperature_column(X: Any, layout: Layout, quiet: bool = False) -> object:
     """Name (frames) or number (arrays) of the temperature column."""
     wanted = layout.temperature
-    if not isinstance(X, pd.DataFrame):
+    if not is_frame(X):
         count = X.shape[1]
         if wanted is None:
             return 0
@@ -114,7 +120,7 @@ def temperature_column(X: Any, layout: Layout, quiet: bool = False) -> object:
 
 def numeric_column(X: Any, column: object, role: str = "column") -> NDArray[Any]:
     """A column as numbers: a view where the data allow it. NaN marks missing values; infinities are refused."""
-    if isinstance(X, pd.DataFrame):
+    if is_frame(X):
         if column not in X.columns:
             raise RecordError(
                 f"There is no {role} {column!r} in the data. Its columns are {listing(X.columns)}. "
@@ -144,7 +150,7 @@ def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
                 f"X and y have different times: in row {row}, X has {X.index[row]} and y has {y.index[row]}. "
                 "Align them first, for example with y.reindex(X.index)."
             )
-    values = as_numbers(y if isinstance(y, pd.Series) else np.asarray(y), "The reading y")
+    values = as_numbers(y if isinstance(y, pd.Series | ParquetColumn) else np.asarray(y), "The reading y")
     if values.ndim == 2 and values.shape[1] == 1:
         values = column_or_1d(values, warn=True)
     if values.ndim != 1:
@@ -202,8 +208,13 @@ def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Tim
         if not frame or layout.time not in X.columns:
             found = f"Its columns are {listing(X.columns)}" if frame else "An array has no named columns"
             raise RecordError(f"There is no time column {layout.time!r} in the data. {found}. Name one with time=...")
+        if isinstance(X, ParquetLog):
+            return X.times(str(layout.time))
         return times_from(X[layout.time], f"The time column {layout.time!r}")
-    if frame and (
+    if isinstance(X, ParquetLog):
+        if X.index_name is not None and layout.sampling_period is None:
+            return X.times(X.index_name)
+    elif frame and (
         isinstance(X.index, pd.DatetimeIndex | pd.TimedeltaIndex)
         or (isinstance(X.index.dtype, pd.ArrowDtype) and X.index.dtype.kind in "mM")
     ):
@@ -223,7 +234,7 @@ def _runs(X: Any, layout: Layout, times: Times) -> tuple[NDArray[Any] | None, ND
     """Run codes in time order, and that order where runs are interleaved."""
     if layout.run is None:
         return None, None
-    if not isinstance(X, pd.DataFrame):
+    if not is_frame(X):
         if not isinstance(layout.run, int | np.integer) or not 0 <= layout.run < X.shape[1]:
             raise RecordError(f"run={layout.run!r} is not a column of an array with {X.shape[1]} columns.")
         labels = pd.Series(X[:, layout.run])
@@ -233,7 +244,7 @@ def _runs(X: Any, layout: Layout, times: Times) -> tuple[NDArray[Any] | None, ND
             "Name one with run=..."
         )
     else:
-        labels = X[layout.run]
+        labels = pd.Series(X[str(layout.run)][:]) if isinstance(X, ParquetLog) else X[layout.run]
         if labels.ndim != 1:
             raise RecordError(f"The run column stands over {labels.shape[1]} columns. Give columns unique names.")
     missing = labels.isna().to_numpy()

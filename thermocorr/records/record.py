@@ -42,6 +42,8 @@ class Block:
     """Stamp from which `elapsed` counts: the first row of the (fitted) segment."""
     segment_key: int | None
     """Number of the fitted segment that this block belongs to, None for a new one."""
+    values: dict[object, Floats] = field(default_factory=dict, repr=False)
+    """Columns read so far."""
 
     def __len__(self) -> int:
         return self.stop - self.start
@@ -68,7 +70,9 @@ class Block:
 
     def __getitem__(self, column: object) -> Floats:
         """A recorded column, shape (n,), contiguous float64."""
-        return np.ascontiguousarray(self.record.columns[column][self.rows], dtype=np.float64)
+        if column not in self.values:
+            self.values[column] = np.ascontiguousarray(self.record.columns[column][self.rows], dtype=np.float64)
+        return self.values[column]
 
 
 @dataclass(frozen=True)

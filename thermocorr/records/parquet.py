@@ -1,0 +1,197 @@
+"""Logs in Parquet files, read row group by row group: a record may be larger than memory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import RecordError, listing
+from .times import Kind, Times
+
+_PER_SECOND = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
+
+
+class ParquetLog:
+    """A log in one Parquet file or several, in time order, as X of every estimator; needs pyarrow.
+
+    Columns are read row group by row group when they are needed, and forgotten: `fit`, `TimeConstantSearch` and
+    `DynamicBiasRegressor.evaluate_blocks` need the memory of a few row groups, whatever the length of the log. Write
+    row groups of about a million rows (the default of most writers).
+
+    Parameters
+    ----------
+    paths : path or sequence of paths
+        Files with the same columns; one follows the other in time.
+    row_groups : sequence of int, optional
+        Take these row groups of a single file only.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from thermocorr import DynamicBiasRegressor, ParquetLog
+    >>> from thermocorr.datasets import make_record
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "log.parquet"
+    >>> make_record(3000, seed=1).to_parquet(path)
+    >>> log = ParquetLog(path)
+    >>> model = DynamicBiasRegressor(time_constants=["5 min", "1 h"]).fit(log, log["reading"])
+    >>> print(f"{model.residual_std_:.1f}")
+    0.2
+    """
+
+    def __init__(
+        self, paths: str | PathLike[str] | Sequence[str | PathLike[str]], row_groups: Sequence[int] | None = None
+    ):
+        try:
+            from pyarrow import parquet
+        except ImportError:
+            raise ImportError("Reading Parquet needs pyarrow: pip install 'thermocorr[parquet]'.") from None
+        several = not isinstance(paths, str | PathLike)
+        self.paths: list[str] = [str(path) for path in paths] if several else [str(paths)]  # type: ignore[union-attr]
+        self.row_groups = None if row_groups is None else list(row_groups)
+        self._files = [parquet.ParquetFile(path, memory_map=False) for path in self.paths]
+        self._schema = self._files[0].schema_arrow
+        for path, file in zip(self.paths, self._files, strict=True):
+            if file.schema_arrow.names != self._schema.names:
+                raise RecordError(
+                    f"{path} has the columns {listing(file.schema_arrow.names)}, and {self.paths[0]} has "
+                    f"{listing(self._schema.names)}. Files of one log must have the same columns."
+                )
+        groups = [(file, i) for file in self._files for i in range(file.metadata.num_row_groups)]
+        self._groups = groups if row_groups is None else [groups[i] for i in row_groups]
+        rows = [file.metadata.row_group(i).num_rows for file, i in self._groups]
+        self.edges: NDArray[np.intp] = np.cumsum([0, *rows])
+        """First row of each row group, and the number of rows."""
+
+    def __len__(self) -> int:
+        return int(self.edges[-1])
+
+    def __reduce__(self) -> Any:
+        return type(self), (self.paths, self.row_groups)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns, the index left out."""
+        return len(self), len(self.columns)
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns, the index left out."""
+        return [name for name in self._schema.names if name != self.index_name]
+
+    @property
+    def attrs(self) -> dict[str, Any]:
+        """What pandas kept beside the frame."""
+        attributes = (self._schema.pandas_metadata or {}).get("attributes", {})
+        return dict(attributes) if isinstance(attributes, dict) else {}
+
+    @property
+    def index_name(self) -> str | None:
+        """Column of dates or spans that was the index of the frame written."""
+        for name in (self._schema.pandas_metadata or {}).get("index_columns", []):
+            if isinstance(name, str) and str(self._schema.field(name).type).startswith(("timestamp", "duration")):
+                return name
+        return None
+
+    def __getitem__(self, name: str) -> ParquetColumn:
+        if name not in self._schema.names:
+            raise RecordError(f"There is no column {name!r} in the file. Its columns are {listing(self.columns)}.")
+        return ParquetColumn(self, name)
+
+    def times(self, name: str) -> Times:
+        """Times from a column of dates, spans or seconds."""
+        kind, per_second = time_kind(str(self._schema.field(name).type), name)
+        return Times(len(self), kind, self[name], per_second)  # type: ignore[arg-type]
+
+    def read_group(self, group: int, name: str) -> NDArray[Any]:
+        """One column of one row group as numbers."""
+        file, i = self._groups[group]
+        column = file.read_row_group(i, columns=[name], use_threads=False).column(name)
+        kind = str(column.type)
+        if kind.startswith(("timestamp", "duration", "date")):
+            if column.null_count:
+                row = int(self.edges[group]) + int(np.argmax(column.is_null().to_numpy()))
+                raise RecordError(f"The column {name!r} has no time in row {row}. Every row needs its time.")
+            return np.asarray(column.to_numpy().view("i8"))
+        if kind.startswith(("int", "uint", "float", "double", "halffloat", "bool")):
+            values = column.to_numpy()
+            return np.asarray(values.astype(np.float64) if values.dtype == object else values)
+        raise RecordError(
+            f"The column {name!r} holds {kind}, not numbers. Convert it when the file is written, or read the file "
+            "with pandas to see which rows are no numbers."
+        )
+
+
+class ParquetColumn:
+    """A column of a `ParquetLog` that is read when it is sliced; the last row group is kept."""
+
+    ndim = 1
+
+    def __init__(self, log: ParquetLog, name: str):
+        self.log, self.name = log, name
+        self._held: tuple[int, NDArray[Any]] | None = None
+        self.dtype = self._group(0).dtype if len(log) else np.dtype(float)
+
+    @property
+    def attrs(self) -> dict[str, Any]:
+        """What pandas kept beside the frame."""
+        return self.log.attrs
+
+    @property
+    def shape(self) -> tuple[int]:
+        """One column of so many rows."""
+        return (len(self.log),)
+
+    def __len__(self) -> int:
+        return len(self.log)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.asarray(self[:], dtype)
+
+    def __getitem__(self, rows: Any) -> Any:
+        """Rows of the column: a number, a slice, or increasing row numbers."""
+        if isinstance(rows, int | np.integer):
+            row = int(rows) + (len(self) if rows < 0 else 0)
+            group = int(np.searchsorted(self.log.edges, row, side="right")) - 1
+            return self._group(group)[row - self.log.edges[group]]
+        if isinstance(rows, slice):
+            start, stop, stride = rows.indices(len(self))
+            return self._stretch(start, max(stop, start))[::stride]
+        rows = np.asarray(rows)
+        parts = []
+        for group in np.unique(np.searchsorted(self.log.edges, rows, side="right") - 1):
+            low, high = self.log.edges[group], self.log.edges[group + 1]
+            parts.append(self._group(int(group))[rows[(rows >= low) & (rows < high)] - low])
+        return np.concatenate(parts) if parts else np.zeros(0, self.dtype)
+
+    def _stretch(self, start: int, stop: int) -> NDArray[Any]:
+        edges = self.log.edges
+        first = int(np.searchsorted(edges, start, side="right")) - 1
+        parts = []
+        while start < stop:
+            end = min(stop, int(edges[first + 1]))
+            parts.append(self._group(first)[start - edges[first] : end - edges[first]])
+            start, first = end, first + 1
+        return parts[0] if len(parts) == 1 else np.concatenate(parts) if parts else np.zeros(0, self.dtype)
+
+    def _group(self, group: int) -> NDArray[Any]:
+        if self._held is None or self._held[0] != group:
+            self._held = (group, self.log.read_group(group, self.name))
+        return self._held[1]
+
+
+def time_kind(type_name: str, column: str) -> tuple[Kind, int]:
+    """Kind of times and ticks per second of an Arrow type such as ``timestamp[us, tz=UTC]``."""
+    if type_name.startswith(("timestamp", "duration")):
+        unit = type_name.split("[")[1].split("]")[0].split(",")[0]
+        if type_name.startswith("duration"):
+            return "timedelta", _PER_SECOND[unit]
+        return ("datetime with time zone" if "tz=" in type_name else "datetime"), _PER_SECOND[unit]
+    if type_name.startswith(("double", "float", "int", "uint")):
+        return "seconds", 1
+    raise RecordError(
+        f"The time column {column!r} holds {type_name}. Write dates, spans or seconds, not text, to a Parquet file."
+    )
