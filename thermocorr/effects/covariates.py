@@ -33,8 +33,7 @@ class Covariate(Effect):
 
     def learn(self, record: Record) -> None:
         """Fix the column's mean, so that U0 stays the reading under usual conditions."""
-        total = sum(float(block[self.column].sum()) for block in record.blocks())
-        self.mean_ = total / record.n_used
+        self.mean_ = record.moments(self.column).mean
 
     def names(self) -> list[str]:
         """The column's own name."""

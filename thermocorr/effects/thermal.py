@@ -40,7 +40,7 @@ class StaticPolynomial(Effect):
         """Fix T0 [K or degC]."""
         self.temperature_name_ = record.temperature_name
         if self.reference_temperature == "mean":
-            self.reference_temperature_ = mean_temperature(record)
+            self.reference_temperature_ = record.moments(record.temperature_name).mean
         else:
             self.reference_temperature_ = float(self.reference_temperature)
 
@@ -62,12 +62,6 @@ class StaticPolynomial(Effect):
             for i in range(1, self.degree):
                 np.multiply(powers[:, i - 1], deviation, out=powers[:, i])  # eq. (3)
         return powers, state
-
-
-def mean_temperature(record: Record) -> float:
-    """Mean temperature of the rows inside segments."""
-    total = sum(float(block.temperature.sum()) for block in record.blocks())
-    return total / record.n_used
 
 
 def column_text(name: object) -> str:
@@ -112,7 +106,9 @@ class ThermalLag(Effect):
         self.time_constants_ = seconds_array(self.time_constants)
         if self.initial_state == "zero":
             given = self.reference_temperature
-            self.reference_temperature_ = mean_temperature(record) if given == "mean" else float(given)
+            self.reference_temperature_ = (
+                record.moments(record.temperature_name).mean if given == "mean" else float(given)
+            )
 
     def names(self) -> list[str]:
         """``lag[900 s]``, ..."""

@@ -16,7 +16,7 @@ from ..effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLa
 from ..effects.protocol import Effect
 from ..effects.stream import Walked, needed_columns, own_starts, resume, walk
 from ..effects.wrap import EffectsParameters, as_effects
-from ..records import BLOCK_ROWS, History, Layout, ParquetLog, Record, RecordError, read_record, seconds_of
+from ..records import BLOCK_ROWS, History, Layout, Log, Record, RecordError, read_record, seconds_of
 from ..records.record import SegmentStart
 
 LAYOUT_CONSTRAINTS: dict[str, Any] = {
@@ -291,8 +291,8 @@ def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
             "X is a Series. Reshape your data: pass a DataFrame, for example with X.to_frame(), whose columns are the "
             "temperature and whatever else was recorded."
         )
-    if isinstance(X, ParquetLog):
-        return _check_parquet_columns(estimator, X, reset)
+    if isinstance(X, Log):
+        return _check_log_columns(estimator, X, reset)
     if isinstance(X, pd.DataFrame):
         if X.shape[1] == 0:
             raise RecordError(
@@ -311,9 +311,9 @@ def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
     )
 
 
-def _check_parquet_columns(estimator: Any, X: ParquetLog, reset: bool) -> ParquetLog:
-    """The same for a Parquet log: `validate_data` on an empty frame with its columns."""
+def _check_log_columns(estimator: Any, X: Log, reset: bool) -> Log:
+    """The same for a log: `validate_data` on an empty frame with its columns."""
     if len(X) == 0:
-        raise RecordError(f"{X.paths[0]} has 0 rows. Check the file.")
+        raise RecordError("The log has 0 rows. Check its files.")
     validate_data(estimator, pd.DataFrame(columns=X.columns), skip_check_array=True, reset=reset)
     return X

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..effects.stream import Walked
+from ..effects.protocol import Effect
+from ..effects.stream import Walked, own_starts, walk
 from ..equations import RidgeSolution, TriangularFactor, solve_ridge
 from ..records import BLOCK_ROWS, Record, RecordError
 
@@ -55,19 +56,25 @@ def reading_offset(record: Record) -> float:
     return 0.0
 
 
-def sweep(
-    record: Record,
-    steps: Iterator[Walked],
-    edges: np.ndarray,
-    keep: Callable[[Walked], None] | None = None,
-) -> Swept:
-    """Sweep ``[1 | Q | U]`` of a record into factors, one for each stretch of time between two `edges`.
+def sweep_effects(record: Record, effects: Sequence[Effect], edges: np.ndarray) -> Swept:
+    """Factors of ``[1 | Q | U]`` of a record that is being fitted, one for each stretch between two `edges`.
+
+    A record that is spread over several processes has a method of this name, which is called instead.
+    """
+    if hasattr(record, "sweep_effects"):
+        swept: Swept = record.sweep_effects(effects, edges)
+        return swept
+    steps = walk(effects, record, starts=own_starts(record), size=block_rows(record.n_used), extra=1)
+    return sweep(record, steps, edges, reading_offset(record))
+
+
+def sweep(record: Record, steps: Iterator[Walked], edges: np.ndarray, offset: float) -> Swept:
+    """Sweep the columns of a walk into factors.
 
     `steps` walks with ``extra=1``: a free column on either side for the 1 and the reading, which is taken from the
-    record. Rows without a reading are left out. `keep` is called with each block before it is swept in.
+    record, less `offset`. Rows without a reading are left out.
     """
     assert record.reading is not None
-    offset = reading_offset(record)
     chunks: list[TriangularFactor] = []
     ends: list[list[Any]] = []
     for step in steps:
@@ -75,8 +82,6 @@ def sweep(
         reading = np.asarray(record.reading[block.rows], float) - offset
         rows[:, 0] = 1.0
         rows[:, -1] = reading
-        if keep is not None:
-            keep(step)
         if block.stop == record.segments[block.segment].stop:
             ends.append(list(step.states))
         if not chunks:

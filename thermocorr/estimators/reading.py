@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..records import BLOCK_ROWS, Record, RecordError, RecordWarning
+from ..records import Record, RecordError, RecordWarning
 from ..records.units import unit_of
 
 
@@ -32,36 +32,19 @@ class Reading:
         if isinstance(y, pd.DataFrame):
             name = y.columns[0]
         unit = unit_of(name, y) or unit_of(name, X) if name is not None else ""
-        assert record.reading is not None
-        count, mean, squares = 0, 0.0, 0.0
-        low, high = np.inf, -np.inf
-        for segment in record.segments:
-            for start in range(segment.start, segment.stop, BLOCK_ROWS):
-                rows = record.rows(start, min(start + BLOCK_ROWS, segment.stop))
-                T = record.columns[record.temperature_name][rows]
-                low, high = min(low, float(T.min())), max(high, float(T.max()))
-                part = np.asarray(record.reading[rows], float)
-                if np.isnan(part.sum()):
-                    part = part[np.isfinite(part)]
-                if len(part):  # merge of means and sums of squares (Chan, Golub, LeVeque 1983)
-                    shift = float(part.mean()) - mean
-                    total = count + len(part)
-                    squares += float(part.var()) * len(part) + shift**2 * count * len(part) / total
-                    mean += shift * len(part) / total
-                    count = total
-        if count == 0:
+        readings, temperatures = record.reading_moments(), record.moments(record.temperature_name)
+        if readings.count == 0:
             raise RecordError(
                 f"All {record.n_rows} readings are missing (NaN). Check the name of the reading's column and the file."
             )
-        std = float(np.sqrt(squares / count))
         return cls(
             "reading" if name is None else str(name),
             unit,
             unit_of(record.temperature_name, X) or "K",
-            count,
-            mean,
-            std,
-            (low, high),
+            readings.count,
+            readings.mean,
+            readings.std,
+            (temperatures.low, temperatures.high),
         )
 
 

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..effects.stream import own_starts, walk
 from ..equations import TriangularFactor, solve_ridge
 from .crossvalidation import no_worse
-from .fitting import Swept, block_rows, standard_errors, sweep
+from .fitting import Swept, standard_errors, sweep_effects
 from .search import Factored, LagColumns
 
 DIFFERENCE = 1e-4
@@ -86,8 +85,7 @@ def sensitivity(base: Factored, time_constants: np.ndarray, alpha: float) -> Sen
     moved_lag.time_constants_ = time_constants * np.exp(DIFFERENCE)
     moved_transient.decays_ = {key: taus * np.exp(DIFFERENCE) for key, taus in columns.transient.decays_.items()}
     effects = [*base.features.effect_list(), columns.lag, columns.transient, moved_lag, moved_transient]
-    steps = walk(effects, record, starts=own_starts(record), size=block_rows(record.n_used), extra=1)
-    chunks = sweep(record, steps, base.folds.edges).chunks
+    chunks = sweep_effects(record, effects, base.folds.edges).chunks
     n_moved = n_lags + len(columns.decays)
     n_model = columns.layout.n_free + n_moved
     plain = [chunk.select([*range(n_model), n_model + n_moved]) for chunk in chunks]

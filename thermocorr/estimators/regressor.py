@@ -22,7 +22,7 @@ from ..equations import solve_ridge
 from ..records import Block, Record, RecordWarning, seconds_of
 from ..records.read import numeric_reading
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
-from .fitting import block_rows, equal_edges, require_rows, standard_errors, sweep
+from .fitting import equal_edges, require_rows, standard_errors, sweep_effects
 from .reading import Reading, check_plausible, check_range
 from .resolution import unresolved
 from .ridge import MergedRidge
@@ -165,8 +165,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
             require_rows(reading.n_readings, len(features.get_feature_names_out()))
             check_plausible(record, reading)
             self.alpha_ = self._penalty()
-            walked = features.walk_fitted(record, block_rows(record.n_used), extra=1)
-            self._swept = sweep(record, walked, equal_edges(record))
+            self._swept = sweep_effects(record, features.effect_list(), equal_edges(record))
             self._solution = solve_ridge(self._swept.total(), self.alpha_)
         features.remember(record, self._swept.end_states)
         ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)

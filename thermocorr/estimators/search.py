@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from ..effects import InitialTransient, ThermalLag
-from ..effects.stream import own_starts, walk
 from ..effects.thermal import seconds_array
 from ..equations import TriangularFactor
 from ..records import Record, RecordError
 from .crossvalidation import CrossValidation, Set, count_sets, fewest
 from .features import DiffusiveFeatures
-from .fitting import block_rows, equal_edges, require_rows, sweep
+from .fitting import equal_edges, require_rows, sweep_effects
 from .folds import TimeFolds, folds_in_time
 from .reading import Reading, check_plausible
 from .spectrum import (
@@ -152,9 +151,8 @@ def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings
 
 def _by_spectrum(factored: Factored, cross: CrossValidation, settings: SearchSettings) -> TimeConstantChoice:
     """A whole spectrum chosen by forecasting, projected on few time constants: see `spectrum`."""
-    blocks = _in_blocks(factored)
-    reference = reference_of(blocks, factored.layout, temperature_std(factored.record))
-    path = project(TriangularFactor.merged(blocks), factored.layout, reference, settings.count)
+    reference = _reference(factored)
+    path = project(TriangularFactor.merged(factored.chunks), factored.layout, reference, settings.count)
     alpha = min(LARGEST_ALPHA, reference.penalty) * factored.reading.n_readings
     tried = [Tried(members, alpha, cross.score_sets([members], alpha)[0]) for members in path]
     chosen = tried[-1] if tried else Tried((), alpha, cross.score_sets([()], alpha)[0])
@@ -197,7 +195,9 @@ def _by_cross_validation(
     tried = [Tried(members, alpha, losses) for (alpha, members), losses in cross.losses.items()]
     reference = None
     if explicit is None:
-        reference = reference_of(_in_blocks(factored), factored.layout, temperature_std(factored.record))
+        reference = reference_of(
+            _in_blocks(factored), factored.layout, factored.record.moments(factored.record.temperature_name).std
+        )
     return _choice(factored, tried, chosen, reference)
 
 
@@ -297,28 +297,16 @@ def _factors(
     columns = LagColumns.of(features, record, grid, settings.longest_decay_share)
     folds = folds_in_time(record, settings.cv, settings.washout)
     effects = [*features.effect_list(), columns.lag, columns.transient]
-    steps = walk(effects, record, starts=own_starts(record), size=block_rows(record.n_used), extra=1)
-    chunks = sweep(record, steps, folds.edges).chunks
+    chunks = sweep_effects(record, effects, folds.edges).chunks
     return Factored(record, reading, features, columns, chunks, folds)
 
 
-def _in_blocks(factored: Factored) -> list[TriangularFactor]:
-    """The factors of consecutive stretches, merged to `N_BLOCKS` of equal length."""
+def _reference(factored: Factored) -> Reference:
+    """The whole spectrum, from the factors of consecutive stretches merged to `N_BLOCKS` of equal length."""
     ends = equal_edges(factored.record, N_BLOCKS)
     block = np.searchsorted(ends, factored.folds.edges[:-1], side="right") - 1
-    return [
+    blocks = [
         TriangularFactor.merged([chunk for chunk, b in zip(factored.chunks, block, strict=True) if b == number])
         for number in range(len(ends) - 1)
     ]
-
-
-def temperature_std(record: Record) -> float:
-    """Standard deviation of the temperature over the rows inside segments [K]."""
-    count, mean, squares = 0, 0.0, 0.0
-    for block in record.blocks():
-        T = block.temperature
-        shift, total = float(T.mean()) - mean, count + len(T)
-        squares += float(T.var()) * len(T) + shift**2 * count * len(T) / total
-        mean += shift * len(T) / total
-        count = total
-    return float(np.sqrt(squares / count))
+    return reference_of(blocks, factored.layout, factored.record.moments(factored.record.temperature_name).std)

@@ -2,6 +2,7 @@
 
 from .errors import RecordError, RecordWarning
 from .history import History
+from .log import Log
 from .parquet import ParquetLog
 from .read import Layout, read_record
 from .record import BLOCK_ROWS, Block, Record, Segment, SegmentStart
@@ -12,6 +13,7 @@ __all__ = [
     "Block",
     "History",
     "Layout",
+    "Log",
     "ParquetLog",
     "Record",
     "RecordError",

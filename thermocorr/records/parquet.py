@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import RecordError, listing
+from .log import Log
 from .times import Kind, Times
 
 _PER_SECOND = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
 
 
-class ParquetLog:
+class ParquetLog(Log):
     """A log in one Parquet file or several, in time order, as X of every estimator; needs pyarrow.
 
     Columns are read row group by row group when they are needed, and forgotten: `fit`, `TimeConstantSearch` and
@@ -73,12 +74,7 @@ class ParquetLog:
         return type(self), (self.paths, self.row_groups)
 
     @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns, the index left out."""
-        return len(self), len(self.columns)
-
-    @property
-    def columns(self) -> list[str]:
+    def columns(self) -> list[str]:  # type: ignore[override]
         """Names of the columns, the index left out."""
         return [name for name in self._schema.names if name != self.index_name]
 

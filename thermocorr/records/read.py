@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sklearn.utils import column_or_1d
 
 from .errors import RecordError, RecordWarning, listing, times_word
-from .parquet import ParquetColumn, ParquetLog
+from .log import Log
 from .record import Record, Segment
 from .times import Times, seconds_of, times_from
 
@@ -86,7 +86,7 @@ def read_record(
 
 def is_frame(X: Any) -> bool:
     """Whether the data have named columns."""
-    return isinstance(X, pd.DataFrame | ParquetLog)
+    return isinstance(X, pd.DataFrame | Log)
 
 
 def temperature_column(X: Any, layout: Layout, quiet: bool = False) -> object:
@@ -150,7 +150,7 @@ def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
                 f"X and y have different times: in row {row}, X has {X.index[row]} and y has {y.index[row]}. "
                 "Align them first, for example with y.reindex(X.index)."
             )
-    values = as_numbers(y if isinstance(y, pd.Series | ParquetColumn) else np.asarray(y), "The reading y")
+    values = as_numbers(y if isinstance(y, pd.Series) or isinstance(X, Log) else np.asarray(y), "The reading y")
     if values.ndim == 2 and values.shape[1] == 1:
         values = column_or_1d(values, warn=True)
     if values.ndim != 1:
@@ -208,10 +208,10 @@ def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Tim
         if not frame or layout.time not in X.columns:
             found = f"Its columns are {listing(X.columns)}" if frame else "An array has no named columns"
             raise RecordError(f"There is no time column {layout.time!r} in the data. {found}. Name one with time=...")
-        if isinstance(X, ParquetLog):
+        if isinstance(X, Log):
             return X.times(str(layout.time))
         return times_from(X[layout.time], f"The time column {layout.time!r}")
-    if isinstance(X, ParquetLog):
+    if isinstance(X, Log):
         if X.index_name is not None and layout.sampling_period is None:
             return X.times(X.index_name)
     elif frame and (
@@ -244,7 +244,7 @@ def _runs(X: Any, layout: Layout, times: Times) -> tuple[NDArray[Any] | None, ND
             "Name one with run=..."
         )
     else:
-        labels = pd.Series(X[str(layout.run)][:]) if isinstance(X, ParquetLog) else X[layout.run]
+        labels = pd.Series(X[str(layout.run)][:]) if isinstance(X, Log) else X[layout.run]
         if labels.ndim != 1:
             raise RecordError(f"The run column stands over {labels.shape[1]} columns. Give columns unique names.")
     missing = labels.isna().to_numpy()

@@ -23,6 +23,45 @@ class Segment(NamedTuple):
     run: object = None
 
 
+class Moments(NamedTuple):
+    """Number, mean, sum of squared deviations and range of some values."""
+
+    count: int = 0  # type: ignore[assignment] - tuples have a method of this name
+    mean: float = 0.0
+    squares: float = 0.0
+    low: float = np.inf
+    high: float = -np.inf
+
+    @classmethod
+    def of(cls, values: Floats) -> Moments:
+        """Of an array; NaN do not count."""
+        if np.isnan(values.sum()):
+            values = values[np.isfinite(values)]
+        if not len(values):
+            return cls()
+        mean = float(values.mean())
+        return cls(len(values), mean, float(values.var()) * len(values), float(values.min()), float(values.max()))
+
+    def merged(self, other: Moments) -> Moments:
+        """Of both together (Chan, Golub & LeVeque 1983, American Statistician 37, 242)."""
+        count = self.count + other.count
+        if not count:
+            return self
+        shift = other.mean - self.mean
+        return Moments(
+            count,
+            self.mean + shift * other.count / count,
+            self.squares + other.squares + shift**2 * self.count * other.count / count,
+            min(self.low, other.low),
+            max(self.high, other.high),
+        )
+
+    @property
+    def std(self) -> float:
+        """Standard deviation."""
+        return float(np.sqrt(self.squares / max(self.count, 1)))
+
+
 @dataclass(frozen=True)
 class Block:
     """Consecutive rows of one segment, as every effect sees them."""
@@ -123,6 +162,23 @@ class Record:
             if stop - start > 1:
                 parts.append(self.times.steps(self.rows(start, min(stop, start + 65_536)))[1:])
         return float(np.median(np.concatenate(parts))) if parts else 1.0
+
+    def moments(self, column: object) -> Moments:
+        """Number, mean, variance and range of a column's values inside segments, in one pass."""
+        return self._moments(self.columns[column])
+
+    def reading_moments(self) -> Moments:
+        """The same of the readings; missing ones do not count."""
+        assert self.reading is not None
+        return self._moments(self.reading)
+
+    def _moments(self, column: NDArray[Any]) -> Moments:
+        result = Moments()
+        for segment in self.segments:
+            for start in range(segment.start, segment.stop, BLOCK_ROWS):
+                rows = self.rows(start, min(start + BLOCK_ROWS, segment.stop))
+                result = result.merged(Moments.of(np.asarray(column[rows], float)))
+        return result
 
     def first_stamp(self) -> float:
         """Absolute time of the first row inside a segment."""

@@ -1,0 +1,35 @@
+"""What a log must offer that is not held in memory: named columns that are read when they are sliced."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .times import Times
+
+
+class Log:
+    """Base of logs that are read piece by piece: the X of estimators, where a DataFrame would not fit in memory."""
+
+    columns: list[str]
+    """Names of the columns, the index left out."""
+
+    def __len__(self) -> int:
+        raise NotImplementedError
+
+    def __getitem__(self, name: str) -> Any:
+        """A column, read when it is sliced: has ``len``, ``dtype``, ``ndim`` and row numbers or slices in brackets."""
+        raise NotImplementedError
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns, the index left out."""
+        return len(self), len(self.columns)
+
+    @property
+    def index_name(self) -> str | None:
+        """Column of dates or spans that was the index of the frame written."""
+        return None
+
+    def times(self, name: str) -> Times:
+        """Times from a column of dates, spans or seconds."""
+        raise NotImplementedError
