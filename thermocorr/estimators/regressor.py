@@ -25,7 +25,7 @@ from .reading import Reading, check_plausible, check_range
 from .ridge import MergedRidge
 from .search import DECAY_SHARE, POOL_SIZE, TimeConstantChoice
 from .searching import choose_from_record
-from .tables import coefficient_table, equation_text
+from .tables import coefficient_table, distinct, equation_text
 from .threads import one_blas_thread
 
 WASHOUT_TIME_CONSTANTS = 3.0
@@ -201,7 +201,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
     def contributions(self, X: Any) -> pd.DataFrame:
         """What each effect adds to U0, in the unit of y: one column per effect."""
         parts = self._contributions(X)[1]
-        labels = [effect.label() for effect in self.features_.effect_list()]
+        labels = distinct([effect.label() for effect in self.features_.effect_list()])
         return pd.DataFrame(parts, columns=labels, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     def flags(self, X: Any, y: Any = None) -> Any:
