@@ -10,7 +10,6 @@ import pandas as pd
 from ..effects.protocol import Effect
 from .reading import Reading
 
-
 _EXPLAINED = ("static_polynomial", "thermal_lag", "initial_transient", "lag_products")
 """Kinds whose names the equation explains itself."""
 
