@@ -157,8 +157,10 @@ def make_record(
     Examples
     --------
     >>> record, truth = make_record(2000, effects={"hysteresis": 2.0}, seed=1, return_truth=True)
-    >>> truth.attrs["effects"]["hysteresis"]["parameters"]
-    {'width': 0.343}
+    >>> list(truth)
+    ['noise_free', 'device', 'hysteresis', 'noise']
+    >>> truth.attrs["effects"]["hysteresis"]["parameters"]["width"] > 0.1  # [K]
+    True
     """
     who = "make_record"
     n, gaps, runs, seed = (

@@ -80,7 +80,7 @@ class Hinge(Effect):
 
     def names(self) -> list[str]:
         """``max(T-0)``, ``max(T-0) lag[3600 s]``, ..."""
-        name = f"{'max' if self.side == 'above' else 'min'}(T{-self.knee:+.6g})"
+        name = f"{'max' if self.side == 'above' else 'min'}(T{-float(self.knee):+.6g})"
         return [name, *(f"{name} lag[{time_text(tau)}]" for tau in self.time_constants_)]
 
     def units(self) -> list[str]:

@@ -76,7 +76,7 @@ class LogAgeing(Effect):
 
     Parameters
     ----------
-    onset : float or time span, default "1 d"
+    onset : float or time span, default 86400
         t0 [s]: before it the ageing looks linear, after it logarithmic.
     removed_by_correct : bool, default False
         Whether `correct` takes the ageing away, see `Drift`.
@@ -97,7 +97,7 @@ class LogAgeing(Effect):
     )
     _parameter_constraints = {"removed_by_correct": ["boolean"]}
 
-    def __init__(self, onset: Any = "1 d", removed_by_correct: bool = False):
+    def __init__(self, onset: Any = DAY, removed_by_correct: bool = False):
         self.onset = onset
         self.removed_by_correct = removed_by_correct
 
@@ -167,7 +167,7 @@ class Step(Effect):
     Parameters
     ----------
     time : float, time span or date
-        The moment: seconds (or a span such as "3 d") since the fitted record began, or a date where the record has
+        The moment: seconds (or a span such as "3 days") since the fitted record began, or a date where the record has
         dates. The column is constant, and does nothing, if it lies outside the fitted record.
     removed_by_correct : bool, default False
         Whether `correct` takes the step away, see `Drift`. Pass True for a change of the instrument (a replaced part,
@@ -240,7 +240,7 @@ def _since_start(time: Any, record: Record) -> float:
         date = pd.NaT
     if not kind.startswith("datetime") or date is pd.NaT:
         raise ValueError(
-            "The 'time' parameter of Step must be seconds since the record began, a span such as '3 d', or a date "
+            "The 'time' parameter of Step must be seconds since the record began, a span such as '3 days', or a date "
             f"where the record has dates (this one has {kind}). Got {time!r} instead."
         )
     zoned = kind == "datetime with time zone"
