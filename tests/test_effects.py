@@ -149,6 +149,34 @@ def test_every_kind_knows_what_to_try(kind):
     assert [effect.inputs() for effect in CATALOGUE[kind].candidates(record)] == [e.inputs() for e in candidates]
 
 
+@pytest.mark.parametrize("effect", EXAMPLES, ids=NAMES)
+def test_a_local_search_finds_neighbours(effect):
+    record = read(log(500, seed=1))
+    around = effect.nearby(record)
+    tunable = {"knee": 2, "time": 2} if isinstance(effect, Hinge | Step) else {}
+    params = effect.get_params()
+    expected = sum(tunable.get(name, 0) for name in params)
+    for name in effect.info.tuned:
+        expected += 2 * np.size(params[name]) if params[name] is not None else 0
+    assert len(around) == expected
+    for other in around:
+        changed = [name for name, value in other.get_params().items() if value != params[name]]
+        assert len(changed) == 1
+        other.learn(record)
+        assert np.isfinite(whole(other, record)).all()
+
+
+def test_neighbours_lie_on_either_side():
+    record = read(log(500, seed=1, irregular=0.0))
+    assert [e.width for e in Hysteresis(1.0).nearby(record, 0.25)] == [0.8, 1.25]
+    lags = [e.time_constants for e in ThermalLag(["1 min", 100]).nearby(record, 1.0)]
+    assert lags == [[30.0, 100.0], [120.0, 100.0], [60.0, 50.0], [60.0, 200.0]]
+    low, high = [e.time for e in Step("2024-03-04 03:03:45").nearby(record)]  # 6000 s since the start
+    assert (low + high) / 2 == pytest.approx(6000.0) and high - low == pytest.approx(0.5 * 499 * 60 / 49)
+    low, high = [e.knee for e in Hinge(0.0).nearby(record)]
+    assert low == -high < 0
+
+
 @pytest.mark.parametrize("kind", CATALOGUE)
 def test_a_record_of_two_rows_breaks_no_search_range(kind):
     record = read(log(2))
@@ -315,6 +343,12 @@ def test_effects_of_time_alone():
     np.testing.assert_allclose(columns_of(SensitivityDrift(), X)[:, 0], days * (T - T.mean()), atol=1e-13)
     logarithm = np.log(1 + t / 7200.0)
     np.testing.assert_allclose(columns_of(LogAgeing("2 h"), X)[:, 0], logarithm - logarithm.mean(), atol=1e-13)
+
+
+def test_time_runs_on_through_gaps_and_segments():
+    X = log(300, holes=[150])
+    for effect in (Drift(), LogAgeing("2 h"), SensitivityDrift(), Periodic("7 h")):
+        np.testing.assert_array_equal(columns_of(effect, X, max_gap="1 h"), columns_of(effect, X))
 
 
 def test_log_ageing_before_the_fitted_record_is_at_rest():

@@ -148,6 +148,11 @@ def test_given_parameters_and_effects_as_objects():
         assert left_over(given, X, truth[label].to_numpy()) < 1e-9
 
 
+def test_two_of_a_kind_are_not_the_same():
+    _, truth = make_record(1500, effects=[("random_walk", 1.0), ("random_walk", 1.0)], return_truth=True)
+    assert abs(np.corrcoef(truth["random_walk"], truth["random_walk_2"])[0, 1]) < 0.99
+
+
 def test_runs_start_afresh_and_time_runs_on():
     effects = {"hysteresis": 2.0, "drift": 1.0, "initial_transient": 1.0, "periodic": 1.0}
     record, truth = make_record(700, runs=3, gaps=1, effects=effects, seed=8, return_truth=True)

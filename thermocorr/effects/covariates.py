@@ -100,6 +100,7 @@ class LaggedCovariate(Covariate):
         "stated time constant.",
         formula="column lag[tau] = lagged column - column, where tau d(lagged)/dt = column - lagged",
         parameters={"time_constants": "s"},
+        tuned=("time_constants",),
     )
     _parameter_constraints = {**Covariate._parameter_constraints, "hold": HOLD}
 

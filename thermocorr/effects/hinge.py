@@ -7,6 +7,7 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
+from sklearn.base import clone
 from sklearn.utils._param_validation import Interval, StrOptions
 
 from ..equations import LagState, lag_differences
@@ -48,6 +49,7 @@ class Hinge(Effect):
         "nowhere else.",
         formula="max(T-knee) = T - knee above the knee and 0 below; min(T-knee) the other way round; with lags as T",
         parameters={"knee": "K", "time_constants": "s"},
+        tuned=("time_constants",),
     )
     _parameter_constraints = {
         "knee": [Interval(Real, None, None, closed="neither")],
@@ -69,9 +71,15 @@ class Hinge(Effect):
         knees = {float(f"{knee:.4g}") for knee in (*quantiles, *np.linspace(low, high, 7))}
         if low < 0 < high:
             knees.add(0.0)
-        lags = time_grid(record, 5.0, 0.1, 8.0)
+        lags = time_grid(record, 5.0, 0.1, 4.0)
         static: list[Effect] = [cls(knee) for knee in sorted(knees)]
         return static + [cls(knee, "above", [tau]) for knee in sorted(knees) for tau in lags]
+
+    def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
+        """Moved knees (`share` of a tenth of the range of 90 % of the temperatures), scaled time constants."""
+        low, high = temperature_quantiles(record, (0.05, 0.95))
+        moved = [self.knee + side * share * (high - low) / 10 for side in (-1, 1)]
+        return [clone(self).set_params(knee=float(knee)) for knee in moved] + super().nearby(record, share)
 
     def learn(self, record: Record) -> None:
         """Check parameters; convert time constants to seconds."""

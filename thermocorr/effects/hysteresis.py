@@ -43,6 +43,7 @@ class Hysteresis(Effect):
         "long the wait and however slow the approach.",
         formula="hysteresis[w] = p - T, where the play p stays put until T is w/2 away and is then dragged along",
         parameters={"width": "K"},
+        tuned=("width",),
     )
     _parameter_constraints = {"width": [Interval(Real, 0, None, closed="neither")]}
 

@@ -44,6 +44,7 @@ class Periodic(Effect):
         "where it is absent: the wave is gone.",
         formula="sin[p], cos[p] = sin and cos of 2 pi t/p with t in absolute time",
         parameters={"period": "s"},
+        tuned=("period",),
     )
     _parameter_constraints = {
         "harmonics": [Interval(Integral, 1, None, closed="left")],

@@ -32,6 +32,7 @@ class LagProducts(Effect):
         "mirror images, and not twice as large.",
         formula="lag[a]*lag[b] = product of two lag differences; temperature*lag[a] = (T - T0) times one",
         parameters={"time_constants": "s", "reference_temperature": "K"},
+        tuned=("time_constants",),
     )
     _parameter_constraints = {
         "hold": HOLD,

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-from sklearn.base import BaseEstimator
+from sklearn.base import BaseEstimator, clone
 
-from ..records import Block, Record
+from ..records import Block, Record, seconds_of
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,8 @@ class EffectInfo:
     """What its columns are, in the words of their names."""
     parameters: Mapping[str, str] = field(default_factory=dict)
     """Unit of each parameter of the constructor that has one; "s" for time spans."""
+    tuned: tuple[str, ...] = ()
+    """Positive parameters (or lists of them) that a local search may scale."""
 
 
 class Effect(BaseEstimator):
@@ -69,6 +71,29 @@ class Effect(BaseEstimator):
             Suspects; by default all of the record's columns but the temperature.
         """
         return []
+
+    def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
+        """Unlearned copies with one parameter moved to either side, for a local search around this effect.
+
+        Parameters
+        ----------
+        record : Record
+            Sets the scale of parameters that can be zero (a knee, a moment).
+        share : float
+            How far: 0.25 multiplies and divides positive parameters by 1.25.
+        """
+        copies: list[Effect] = []
+        for name in self.info.tuned if self.info else ():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            single = isinstance(value, str) or np.ndim(value) == 0
+            numbers = [seconds_of(item, name) for item in ([value] if single else value)]
+            for i, number in enumerate(numbers):
+                for factor in (1 / (1 + share), 1 + share):
+                    moved = [*numbers[:i], number * factor, *numbers[i + 1 :]]
+                    copies.append(clone(self).set_params(**{name: moved[0] if single else moved}))
+        return copies
 
     def inputs(self) -> list[Any]:
         """Recorded columns that the effect reads beside the temperature."""

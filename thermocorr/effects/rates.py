@@ -40,6 +40,7 @@ class Rate(Effect):
         "proportional to the rate and changes sign with it, and the offset is gone on the plateau.",
         formula="rate = (T - T of the sample before) / (time between them)",
         parameters={"time_constant": "s"},
+        tuned=("time_constant",),
     )
 
     def __init__(self, time_constant: Any = None):
@@ -108,6 +109,7 @@ class Delay(Effect):
         "then moves, at once; move the thermometer next to the device and the delay is gone.",
         formula="delay[d] = T(t - d) - T(t)",
         parameters={"delay": "s"},
+        tuned=("delay",),
     )
 
     def __init__(self, delay: Any):

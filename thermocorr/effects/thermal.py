@@ -137,6 +137,7 @@ class ThermalLag(Effect):
         bench_check="Step the temperature and log the reading until it rests: fit the time constant of what is left.",
         formula="lag[tau] = lagged - T, where tau d(lagged)/dt = T - lagged",
         parameters={"time_constants": "s", "reference_temperature": "K"},
+        tuned=("time_constants",),
     )
     _parameter_constraints = {
         "hold": HOLD,

@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from sklearn.base import clone
 from sklearn.utils._param_validation import Interval
 
 from ..records import Block, Record, seconds_of
-from .grids import mean_of, mean_seconds, time_grid, time_quantiles
+from .grids import longest_segment, mean_of, mean_seconds, time_grid, time_quantiles
 from .protocol import Effect, EffectInfo, time_text
 from .thermal import column_text
 
@@ -94,6 +95,7 @@ class LogAgeing(Effect):
         "fast-then-slow change starts anew.",
         formula="log ageing[t0] = log(1 + t/t0) with t since the fitted record began, less its mean",
         parameters={"onset": "s"},
+        tuned=("onset",),
     )
     _parameter_constraints = {"removed_by_correct": ["boolean"]}
 
@@ -203,6 +205,12 @@ class Step(Effect):
         shares = np.linspace(0.0, 1.0, _STEP_TIMES + 2)[1:-1]
         times = {float(t) for t in (*starts, *time_quantiles(record, shares)) if t > 0}
         return [cls(t) for t in sorted(times)]
+
+    def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
+        """Moments `share` of the way to the next candidate."""
+        spacing = longest_segment(record) / (_STEP_TIMES + 1)
+        moment = _since_start(self.time, record)
+        return [clone(self).set_params(time=moment + side * share * spacing) for side in (-1, 1)]
 
     def learn(self, record: Record) -> None:
         """Convert the moment to seconds since the record began, and to a date where there are dates."""

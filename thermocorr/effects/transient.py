@@ -39,6 +39,7 @@ class InitialTransient(Effect):
         "constant temperature too.",
         formula="decay[tau] = exp(-t/tau) since the start of its segment, zero elsewhere",
         parameters={"time_constants": "s"},
+        tuned=("time_constants",),
     )
     _parameter_constraints = {"longest_share": [Interval(Real, 0, None, closed="left")]}
 
