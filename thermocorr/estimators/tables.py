@@ -38,7 +38,7 @@ def _per(reading: Reading, unit: str) -> str:
     top = reading.unit or "1"
     if not unit:
         return reading.unit
-    return f"{top}/{unit}" if " " not in unit else f"{top}/({unit})"
+    return f"{top}/({unit})" if set(unit) & {" ", "/"} else f"{top}/{unit}"
 
 
 def equation_text(
