@@ -11,7 +11,7 @@ from sklearn.base import clone
 from sklearn.utils._param_validation import Interval, StrOptions
 
 from ..equations import LagState, lag_differences
-from ..records import Block, Record, seconds_of
+from ..records import Block, Record
 from .grids import temperature_quantiles, time_grid
 from .protocol import Effect, EffectInfo, time_text
 from .thermal import seconds_array
@@ -110,5 +110,5 @@ class Hinge(Effect):
 
     def label(self) -> str:
         """``hinge: above 0``, ``hinge: above 0, lag 3600 s``."""
-        times = [time_text(seconds_of(tau, "time_constants")) for tau in np.atleast_1d(self.time_constants)]
+        times = [time_text(tau) for tau in seconds_array(self.time_constants)]
         return f"hinge: {self.side} {self.knee:.6g}" + (f", lag {', '.join(times)}" if times else "")
