@@ -134,6 +134,15 @@ def test_clone_pickle_names_units(effect):
     assert twin.memory() >= 0
 
 
+@pytest.mark.parametrize("given", [(), [], Rate(), [Rate()], [("fast", Rate())]])
+def test_with_effect_adds_to_whatever_was_given(given):
+    X = log(300)
+    model = DynamicBiasRegressor(time_constants=[300.0], effects=given)
+    names = model.with_effect(Hysteresis(0.5)).fit(X, X["temperature"]).coef_table().index
+    assert list(names[-2:]) == (["rate", "hysteresis[0.5 K]"] if given else ["decay[300 s]", "hysteresis[0.5 K]"])
+    assert model.effects is given
+
+
 def test_all_kinds_in_one_model():
     X = log(3000, seed=6)
     y = X["temperature"] + np.random.default_rng(1).normal(0, 0.1, 3000)

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..records import seconds_of
-from ._checks import check_choice, check_float
+from ._checks import check_choice, check_float, check_int
 from ._compose import STREAMS
 from ._planted import PLANTS, Parameters, Run, Scene
 from ._propagate import Array
@@ -18,6 +18,8 @@ from ._propagate import Array
 _WHO = "make_record"
 _SPANS = ("time_constant", "delay", "onset", "period", "dwell")
 _INTERVALS = {"width": "(0.0, inf)", "knee": "(-inf, inf)"}
+_CHOICES = {"side": ("above", "below")}
+_COUNTS = ("degree", "harmonics", "power")
 _ALL_BUT_EXPLAINED = 1e-9
 """Share of an effect's rms below which a static quadratic is said to explain it altogether."""
 
@@ -95,8 +97,15 @@ def _checked(kind: str, name: str, value: Any, start: pd.Timestamp) -> Any:
         return seconds_of(value, name)
     if name == "time" and isinstance(value, str | pd.Timestamp):
         return (pd.Timestamp(value) - start).total_seconds()
-    if name in _INTERVALS:
-        return check_float(_WHO, f"effects[{kind!r}][{name!r}]", value, _INTERVALS[name])
+    said = f"effects[{kind!r}][{name!r}]"
+    if name in _CHOICES:
+        check_choice(_WHO, said, value, _CHOICES[name])
+    if name == "temperature_products":
+        return bool(value)
+    if name in _COUNTS:
+        return check_int(_WHO, said, value, 1)
+    if name in _INTERVALS or name == "time":
+        return check_float(_WHO, said, value, _INTERVALS.get(name, "(-inf, inf)"))
     return value
 
 

@@ -120,7 +120,8 @@ def make_record(
         none of them explains: "random_telegraph" and "random_walk". The strength is the rms of the
         contribution, after a static quadratic in temperature has taken its share, over the standard deviation
         of the white noise. Sign and parameters that are not given are drawn from the seed inside a plausible range;
-        parameters are named as in the effect's constructor. Effects act in gaps too, each run starts afresh,
+        parameters are named as in the effect's constructor (of an effect's own, those that shape the contribution
+        count; "hold" and the like do not). Effects act in gaps too, each run starts afresh,
         and effects of time alone count from the first sample of the record.
     irregular : float, default=0.0
         Jitter of the sample times, as a share of a step, in [0.0, 1.0).

@@ -35,7 +35,7 @@ class Covariate(Effect):
     info = EffectInfo(
         physics="Another recorded quantity acts on the reading at once.",
         bench_check="Change that quantity alone, at constant temperature: the reading follows without delay.",
-        formula="a recorded column (or its power), less its mean",
+        formula="a recorded column stands for itself (or its power) less its mean",
     )
     _parameter_constraints = {"power": [Interval(Integral, 1, 9, closed="both")]}
 

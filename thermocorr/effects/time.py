@@ -73,6 +73,7 @@ class Drift(Effect):
 class LogAgeing(Effect):
     """Settling that never quite ends: log(1 + t/t0), less its mean over the fitted rows.
 
+    This is the law by which MIL-PRF-55310 extrapolates the ageing of crystal oscillators, A ln(B t + 1), t0 = 1/B.
     Rows before the fitted record have t = 0.
 
     Parameters

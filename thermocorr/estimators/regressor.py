@@ -252,7 +252,8 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
     def with_effect(self, effect: Effect) -> DynamicBiasRegressor:
         """An unfitted copy of this model with one more effect."""
         model = clone(self)
-        return model.set_params(effects=[*model.effects, effect])  # type: ignore[return-value]
+        given = model.effects if isinstance(model.effects, list | tuple) else [model.effects]
+        return model.set_params(effects=[*given, effect])  # type: ignore[return-value]
 
     @property
     def features_(self) -> DiffusiveFeatures:
