@@ -150,7 +150,7 @@ def test_device_goes_on_in_a_gap():
     whole = make_record(900, gaps=3, noise=0.0, seed=5)
     steps = np.diff(whole.index) / np.timedelta64(1, "s")
     assert len(whole) == 900 and (steps > 60).sum() == 3 and steps.min() == 60
-    assert make_record(900, gaps=899, seed=5).shape == (900, 5)
+    assert make_record(900, gaps=899, seed=5).shape == (900, 6)
 
 
 def test_runs_have_their_own_history():

@@ -164,3 +164,12 @@ def supply_voltage(rng: np.random.Generator, time: Array) -> Array:
     wander = 2e-3 * smooth_noise(rng, time, 2 * HOUR)
     load = -3e-3 * (smooth_noise(rng, time, 0.7 * HOUR) > 1.0)
     return np.asarray(5.0 + wander + load + 3e-4 * rng.standard_normal(time.size))
+
+
+def mains_voltage(rng: np.random.Generator, time: Array, time_of_day: float) -> Array:
+    """Mains voltage [V]: the neighbourhood's load by day, wander, a tap changer that steps, flicker."""
+    hour = (time_of_day + time) / HOUR
+    load = -1.5 * np.sin(2 * np.pi * (hour - 8) / 24) * (1 + 0.5 * smooth_noise(rng, time, 0.7 * DAY))
+    taps = 1.4 * np.round(1.2 * smooth_noise(rng, time, 0.4 * DAY))
+    wander = 1.2 * smooth_noise(rng, time, 2.5 * HOUR)
+    return np.asarray(230.0 + load + taps + wander + 0.2 * rng.standard_normal(time.size))

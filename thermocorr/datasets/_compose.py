@@ -20,7 +20,8 @@ STREAMS = (
     "coloured_noise",
     "times",
     "contributions",
-)
+    "mains",
+)  # new ones go to the end: the place in this list is part of the seed
 
 
 def stream(seed: int, run: int, part: str) -> np.random.Generator:

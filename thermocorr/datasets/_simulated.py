@@ -8,22 +8,33 @@ import numpy as np
 import pandas as pd
 
 from ._checks import check_choice, check_float, check_int
-from ._climate import TEMPERATURES, air_pressure, outdoor_humidity, room_humidity, supply_voltage
+from ._climate import TEMPERATURES, air_pressure, mains_voltage, outdoor_humidity, room_humidity, supply_voltage
 from ._compose import coloured_noise as make_coloured_noise
 from ._compose import compose_reading, stream, truth_frame
 from ._devices import DEVICE_NAMES, Device, make_device
+from ._planted import Run
+from ._planting import plant, read_plantings
 from ._propagate import Array
 
 _BASE = 250.0  # [ppm]
 _SENSITIVITY = 10.0  # [ppm/K]
 _REFERENCE_TEMPERATURES = {"lab": 22.5, "outdoor": 12.0, "chamber": 25.0}  # [degC]
 _PAUSE = 86_400.0  # [s] between runs
-_UNITS = {"temperature": "degC", "humidity": "%", "pressure": "hPa", "supply": "V", "reading": "ppm"}
+_UNITS = {"temperature": "degC", "humidity": "%", "pressure": "hPa", "supply": "V", "mains": "V", "reading": "ppm"}
 
 
 class _Noise(NamedTuple):
     white: float
     coloured: tuple[float, float] | None
+
+
+class _Simulated(NamedTuple):
+    """A run before its reading is put together, at every time of the grid."""
+
+    run: Run
+    response: Array
+    contributions: dict[str, Array]
+    white: Array
 
 
 @overload
@@ -37,6 +48,7 @@ def make_record(
     coloured_noise: tuple[float, float] | None = ...,
     nonlinearity: float = ...,
     initial_offset: float = ...,
+    effects: Any = ...,
     irregular: float = ...,
     gaps: int = ...,
     runs: int = ...,
@@ -55,6 +67,7 @@ def make_record(
     coloured_noise: tuple[float, float] | None = ...,
     nonlinearity: float = ...,
     initial_offset: float = ...,
+    effects: Any = ...,
     irregular: float = ...,
     gaps: int = ...,
     runs: int = ...,
@@ -72,6 +85,7 @@ def make_record(
     coloured_noise: tuple[float, float] | None = None,
     nonlinearity: float = 0.0,
     initial_offset: float = 0.0,
+    effects: Any = None,
     irregular: float = 0.0,
     gaps: int = 0,
     runs: int = 1,
@@ -100,6 +114,15 @@ def make_record(
         Curvature of the sensitivity to the innermost layer [1/K]; it makes static curvature and lag products.
     initial_offset : float, default=0.0
         Temperature of the device above that of the air when a run starts [K]; 0.0 is equilibrium.
+    effects : dict or list, optional
+        Effects to plant beside the device: {"hysteresis": 2.0}, or a list of (kind, strength), (kind, strength,
+        parameters) or (effect, strength). Kinds are those of `thermocorr.effects.CATALOGUE`, and two causes that
+        none of them explains: "random_telegraph" and "random_walk". The strength is the rms of the
+        contribution, after a static quadratic in temperature has taken its share, over the standard deviation
+        of the white noise. Sign and parameters that are not given are drawn from the seed inside a plausible range;
+        parameters are named as in the effect's constructor (of an effect's own, those that shape the contribution
+        count; "hold" and the like do not). Effects act in gaps too, each run starts afresh,
+        and effects of time alone count from the first sample of the record.
     irregular : float, default=0.0
         Jitter of the sample times, as a share of a step, in [0.0, 1.0).
     gaps : int, default=0
@@ -116,14 +139,29 @@ def make_record(
 
     Returns
     -------
-    record : DataFrame of shape (n * runs, 5 or 6)
-        Columns temperature [degC], humidity [%], pressure [hPa], supply [V] and reading [ppm], and run (1,
-        2, ...) if `runs` is above 1; a DatetimeIndex named "time". Humidity, pressure and supply play no
-        part in the reading. In the chamber they are those of the room around it.
+    record : DataFrame of shape (n * runs, 6 or 7)
+        Columns temperature [degC], humidity [%], pressure [hPa], supply [V], mains [V] and reading [ppm], and run
+        (1, 2, ...) if `runs` is above 1; a DatetimeIndex named "time". Humidity, pressure, supply and mains play no
+        part in the reading unless a planted effect uses one of them. In the chamber they are those of the room
+        around it.
     truth : DataFrame of shape (n * runs, 3 or more)
         Only if `return_truth`. Columns noise_free, device, one per further contribution, and noise [ppm];
-        noise_free + noise is the reading. `truth.attrs` holds "noise" [ppm], "base" [ppm] and "device", a
-        dictionary with the layers, "time_constants" [s] and "lag_coefficients" [ppm/K] of the device.
+        noise_free + noise is the reading. `truth.attrs` holds "noise" [ppm], "base" [ppm], "device", a
+        dictionary with the layers, "time_constants" [s] and "lag_coefficients" [ppm/K] of the device, and
+        "effects": for each planted one its kind, parameters, strength, coefficient and rms [ppm].
+
+    Raises
+    ------
+    ValueError
+        For a parameter outside its range, in one sentence.
+
+    Examples
+    --------
+    >>> record, truth = make_record(2000, effects={"hysteresis": 2.0}, seed=1, return_truth=True)
+    >>> list(truth)
+    ['noise_free', 'device', 'hysteresis', 'noise']
+    >>> truth.attrs["effects"]["hysteresis"]["parameters"]["width"] > 0.1  # [K]
+    True
     """
     who = "make_record"
     n, gaps, runs, seed = (
@@ -146,15 +184,25 @@ def make_record(
         nonlinearity=nonlinearity,
         reference_temperature=_REFERENCE_TEMPERATURES[setting],
     )
-    records, truths, first = [], [], pd.Timestamp(start)
+    began = first = pd.Timestamp(start)
+    plantings = read_plantings(effects, began)
+    simulated, indices = [], []
     for run in range(runs):
         grid, kept = _sample_times(stream(seed, run, "times"), n, sampling_period, irregular, gaps)
-        columns, parts = _simulate_run(body, setting, grid, first, noises, initial_offset, seed, run)
-        index = pd.DatetimeIndex(first + pd.to_timedelta(grid[kept], unit="s"), name="time")
-        labels = {"run": np.full(n, run + 1)} if runs > 1 else {}
+        seconds = (first - began).total_seconds()
+        simulated.append(_simulate_run(body, setting, grid, kept, first, seconds, noises, initial_offset, seed, run))
+        indices.append(pd.DatetimeIndex(first + pd.to_timedelta(grid[kept], unit="s"), name="time"))
+        first = indices[-1][-1].round("s") + pd.Timedelta(seconds=_PAUSE)
+    planted, about = plant(plantings, [part.run for part in simulated], sampling_period, noises.white, seed)
+
+    records, truths = [], []
+    for number, (part, index, further) in enumerate(zip(simulated, indices, planted, strict=True), start=1):
+        kept = part.run.kept
+        reading, parts = compose_reading(part.response, {**part.contributions, **further}, part.white, _BASE)
+        columns = {**part.run.columns, "reading": reading}
+        labels = {"run": np.full(n, number)} if runs > 1 else {}
         records.append(pd.DataFrame({**labels, **{name: column[kept] for name, column in columns.items()}}, index))
-        truths.append(truth_frame({name: part[kept] for name, part in parts.items()}, index, {}))
-        first = index[-1].round("s") + pd.Timedelta(seconds=_PAUSE)
+        truths.append(truth_frame({name: values[kept] for name, values in parts.items()}, index, {}))
     record, truth = pd.concat(records), pd.concat(truths)
     record.attrs = {
         "units": dict(_UNITS),
@@ -163,7 +211,7 @@ def make_record(
         "temperature": "temperature",
         "description": f"Simulated {device!r} device, setting {setting!r}.",
     }
-    truth.attrs = {"noise": noises.white, "base": _BASE, "device": body.parameters()}
+    truth.attrs = {"noise": noises.white, "base": _BASE, "device": body.parameters(), "effects": about}
     return (record, truth) if return_truth else record
 
 
@@ -171,13 +219,15 @@ def _simulate_run(
     device: Device,
     setting: str,
     time: Array,
+    kept: np.ndarray[Any, np.dtype[np.intp]],
     start: pd.Timestamp,
+    seconds: float,
     noises: _Noise,
     initial_offset: float,
     seed: int,
     run: int,
-) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Columns of one run and the parts of its reading, at every time of the grid [s]."""
+) -> _Simulated:
+    """Columns of one run and what the device makes of them, at every time of the grid [s]."""
     clock = (start - start.normalize()).total_seconds()
     air = TEMPERATURES[setting](stream(seed, run, "temperature"), time, start.weekday(), clock)
     humidity_rng = stream(seed, run, "humidity")
@@ -191,6 +241,7 @@ def _simulate_run(
         "humidity": humidity,
         "pressure": air_pressure(stream(seed, run, "pressure"), time),
         "supply": supply_voltage(stream(seed, run, "supply"), time),
+        "mains": mains_voltage(stream(seed, run, "mains"), time, clock),
     }
     contributions: dict[str, Array] = {}
     if noises.coloured is not None:
@@ -198,8 +249,7 @@ def _simulate_run(
         contributions["coloured_noise"] = make_coloured_noise(rng, time, *noises.coloured)
     white = noises.white * stream(seed, run, "noise").standard_normal(time.size)
     response = device.respond(time, air, initial_offset)
-    columns["reading"], parts = compose_reading(response, contributions, white, _BASE)
-    return columns, parts
+    return _Simulated(Run(time, seconds, columns, kept), response, contributions, white)
 
 
 def _sample_times(

@@ -1,17 +1,37 @@
 """Floor 2: effects, the physical causes that move a reading."""
 
-from .covariates import Covariate, LaggedCovariate
-from .protocol import Effect
-from .thermal import InitialTransient, LagProducts, StaticPolynomial, ThermalLag
+from .catalogue import CATALOGUE
+from .covariates import Covariate, Interaction, LaggedCovariate
+from .hinge import Hinge
+from .hysteresis import Hysteresis
+from .periodic import Periodic
+from .products import LagProducts
+from .protocol import Effect, EffectInfo
+from .rates import Delay, Rate
+from .thermal import StaticPolynomial, ThermalLag
+from .time import Drift, LogAgeing, SensitivityDrift, Step
+from .transient import InitialTransient
 from .wrap import TransformerEffect
 
 __all__ = [
+    "CATALOGUE",
     "Covariate",
+    "Delay",
+    "Drift",
     "Effect",
+    "EffectInfo",
+    "Hinge",
+    "Hysteresis",
     "InitialTransient",
+    "Interaction",
     "LagProducts",
     "LaggedCovariate",
+    "LogAgeing",
+    "Periodic",
+    "Rate",
+    "SensitivityDrift",
     "StaticPolynomial",
+    "Step",
     "ThermalLag",
     "TransformerEffect",
 ]

@@ -1,16 +1,23 @@
-"""Effects of other recorded columns: static, and with lags of their own."""
+"""Effects of other recorded columns: static, with lags of their own, and as a partner of T."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from numbers import Integral
 from typing import Any
 
 import numpy as np
+from sklearn.utils._param_validation import Interval
 
 from ..equations import LagState, lag_differences
 from ..records import Block, Record
-from .protocol import Effect, time_text
-from .thermal import column_text, seconds_array
+from ..records.units import unit_of
+from .grids import time_grid
+from .protocol import Effect, EffectInfo, suspects, time_text
+from .thermal import HOLD, column_text, seconds_array
+
+_CURVED = 0.1
+"""Spread over mean of a column above which its square is no copy of itself."""
 
 
 class Covariate(Effect):
@@ -20,12 +27,26 @@ class Covariate(Effect):
     ----------
     column : str or int
         Name (frames) or number (arrays) of the column.
+    power : int, default 1
+        2 takes the square of the column: the power that a current dissipates.
     """
 
     kind = "covariate"
+    info = EffectInfo(
+        physics="Another recorded quantity acts on the reading at once.",
+        bench_check="Change that quantity alone, at constant temperature: the reading follows without delay.",
+        formula="a recorded column stands for itself (or its power) less its mean",
+    )
+    _parameter_constraints = {"power": [Interval(Integral, 1, 9, closed="both")]}
 
-    def __init__(self, column: Any = None):
+    def __init__(self, column: Any = None, power: int = 1):
         self.column = column
+        self.power = power
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """Every suspect column; its square too where that is no copy of the column."""
+        return [cls(name, power) for name in suspects(record, columns) for power in _powers(record, name)]
 
     def inputs(self) -> list[Any]:
         """The column."""
@@ -33,29 +54,78 @@ class Covariate(Effect):
 
     def learn(self, record: Record) -> None:
         """Fix the column's mean, so that U0 stays the reading under usual conditions."""
-        self.mean_ = record.moments(self.column).mean
+        self._validate_params()
+        self.mean_ = record.moments(self.column, self.power).mean
 
     def names(self) -> list[str]:
-        """The column's own name."""
-        return [column_text(self.column)]
+        """The column's own name; ``current^2``."""
+        return [column_text(self.column) + (f"^{self.power}" if self.power > 1 else "")]
+
+    def units(self) -> list[str]:
+        """The column's unit where its name tells it (``room_rh_pct``)."""
+        unit = unit_of(self.column, None)
+        return [(f"{unit}^{self.power}" if self.power > 1 and unit else unit)] * len(self.names())
+
+    def _values(self, block: Block) -> np.ndarray:
+        return block[self.column] if self.power == 1 else block[self.column] ** self.power
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """The column less its mean."""
-        return block[self.column] - self.mean_, state
+        return self._values(block) - self.mean_, state
+
+    def label(self) -> str:
+        """``covariate: humidity``, ``lagged covariate: current^2``."""
+        return super().label() + (f"^{self.power}" if self.power > 1 else "")
 
 
 class LaggedCovariate(Covariate):
     """A recorded column that acts late: moisture uptake, self-heating by power, a second thermal environment.
 
     Columns are the recorded one (less its mean) and its lag differences, eq. (19) with the column in place of T.
+
+    Parameters
+    ----------
+    column, power : see `Covariate`
+    time_constants : sequence, default (3600,)
+        [s], or spans such as "2 h".
+    hold : {"first_order", "zero_order"}, default "first_order"
+        See `ThermalLag`.
     """
 
     kind = "lagged_covariate"
+    info = EffectInfo(
+        physics="Another recorded quantity acts on the reading late: moisture that is taken up, heat that a current "
+        "dissipates, a second thermal environment.",
+        bench_check="Step that quantity alone, at constant temperature: the reading creeps to its new value with the "
+        "stated time constant.",
+        formula="column lag[tau] = lagged column - column, where tau d(lagged)/dt = column - lagged",
+        parameters={"time_constants": "s"},
+        tuned=("time_constants",),
+    )
+    _parameter_constraints = {**Covariate._parameter_constraints, "hold": HOLD}
 
-    def __init__(self, column: Any = None, time_constants: Sequence[Any] = (3600.0,), hold: str = "first_order"):
+    def __init__(
+        self,
+        column: Any = None,
+        time_constants: Sequence[Any] = (3600.0,),
+        hold: str = "first_order",
+        power: int = 1,
+    ):
         self.column = column
         self.time_constants = time_constants
         self.hold = hold
+        self.power = power
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """Every suspect column (and square) with one time constant, from two steps to a fifth of the segment."""
+        times = time_grid(record, 2.0, 0.2, 2.5)
+        return [
+            cls(name, [tau], power=power)
+            for name in suspects(record, columns)
+            for power in _powers(record, name)
+            for tau in times
+        ]
 
     def learn(self, record: Record) -> None:
         """Fix the mean; convert time constants to seconds."""
@@ -64,15 +134,72 @@ class LaggedCovariate(Covariate):
 
     def names(self) -> list[str]:
         """``humidity``, ``humidity lag[3600 s]``, ..."""
-        name = column_text(self.column)
+        name = super().names()[0]
         return [name, *(f"{name} lag[{time_text(tau)}]" for tau in self.time_constants_)]
 
     def columns(self, block: Block, state: LagState | None) -> tuple[np.ndarray, LagState]:
         """The column and its lag differences."""
-        values = block[self.column]
+        values = self._values(block)
         lagged, state = lag_differences(values, block.steps, self.time_constants_, state, hold=self.hold)
         return np.column_stack((values - self.mean_, lagged)), state
 
     def memory(self) -> float:
         """The longest time constant [s]."""
         return float(self.time_constants_.max(initial=0.0))
+
+
+class Interaction(Effect):
+    """A sensitivity to temperature that depends on a recorded column: (T - T0) (column - its mean).
+
+    Parameters
+    ----------
+    column : str or int
+        Name (frames) or number (arrays) of the column.
+    """
+
+    kind = "interaction"
+    info = EffectInfo(
+        physics="The temperature coefficient depends on another recorded quantity, such as supply or load.",
+        bench_check="Measure the temperature coefficient at two values of that quantity: it differs.",
+        formula="temperature*column = (T less its mean) * (column less its mean)",
+    )
+
+    def __init__(self, column: Any = None):
+        self.column = column
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """Every suspect column."""
+        return [cls(name) for name in suspects(record, columns)]
+
+    def inputs(self) -> list[Any]:
+        """The column."""
+        return [self.column]
+
+    def learn(self, record: Record) -> None:
+        """Fix both means, so that the static coefficients keep their meaning."""
+        self.mean_ = record.moments(self.column).mean
+        self.reference_temperature_ = record.moments(record.temperature_name).mean
+        self.temperature_name_ = record.temperature_name
+
+    def names(self) -> list[str]:
+        """``temperature*supply``."""
+        return [f"{column_text(self.temperature_name_)}*{column_text(self.column)}"]
+
+    def units(self) -> list[str]:
+        """K times the column's unit where its name tells it."""
+        return [f"K {unit_of(self.column, None)}".strip()]
+
+    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
+        """Product of temperature and column, both less their means, shape (n,)."""
+        return (block.temperature - self.reference_temperature_) * (block[self.column] - self.mean_), state
+
+
+def _powers(record: Record, column: Any) -> tuple[int, ...]:
+    """Powers of a column worth trying: (1, 2) where it swings by more than a tenth of its mean."""
+    count, total, squares = 0, 0.0, 0.0
+    for block in record.blocks():
+        values = block[column]
+        count, total, squares = count + len(values), total + values.sum(), squares + values @ values
+    mean, square = total / count, squares / count
+    return (1, 2) if square - mean**2 > (_CURVED * mean) ** 2 else (1,)

@@ -2,12 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-from sklearn.base import BaseEstimator
+from sklearn.base import BaseEstimator, clone
 
-from ..records import Block, Record
+from ..records import Block, Record, seconds_of
+
+
+@dataclass(frozen=True)
+class EffectInfo:
+    """What the catalogue says about a kind of effect."""
+
+    physics: str
+    """What it stands for in an instrument, one sentence."""
+    bench_check: str
+    """How to confirm it on the bench, one sentence."""
+    formula: str
+    """What its columns are, in the words of their names."""
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    """Unit of each parameter of the constructor that has one; "s" for time spans."""
+    tuned: tuple[str, ...] = ()
+    """Positive parameters (or lists of them) that a local search may scale."""
 
 
 class Effect(BaseEstimator):
@@ -27,12 +45,55 @@ class Effect(BaseEstimator):
                 return block[self.column] ** 2, state
 
     It then takes part in a model through ``DynamicBiasRegressor(effects=[FanNoise()])``.
+
+    Every kind of the catalogue can be planted in a simulated record under the same name and with the same parameters:
+    ``make_record(effects={"hysteresis": 2.0})``.
     """
 
     kind: ClassVar[str] = "own"
     """Stable identifier of the physical cause."""
-    removed_by_correct: ClassVar[bool] = True
+    info: ClassVar[EffectInfo | None] = None
+    """What the catalogue says about it."""
+    removed_by_correct: bool = True
     """False for what the user wants to keep in the corrected reading, such as the drift of a standard."""
+    _parameter_constraints: ClassVar[dict[str, Any]] = {}
+    """Checked by ``self._validate_params()``, the first line of `learn`, in scikit-learn's words."""
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """Unlearned effects of this kind over the parameter range that makes sense for a record, static ones first.
+
+        Parameters
+        ----------
+        record : Record
+            Holds the temperature and the recorded columns that are suspects.
+        columns : sequence of column names, optional
+            Suspects; by default all of the record's columns but the temperature.
+        """
+        return []
+
+    def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
+        """Unlearned copies with one parameter moved to either side, for a local search around this effect.
+
+        Parameters
+        ----------
+        record : Record
+            Sets the scale of parameters that can be zero (a knee, a moment).
+        share : float
+            How far: 0.25 multiplies and divides positive parameters by 1.25.
+        """
+        copies: list[Effect] = []
+        for name in self.info.tuned if self.info else ():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            single = isinstance(value, str) or np.ndim(value) == 0
+            numbers = [seconds_of(item, name) for item in ([value] if single else value)]
+            for i, number in enumerate(numbers):
+                for factor in (1 / (1 + share), 1 + share):
+                    moved = [*numbers[:i], number * factor, *numbers[i + 1 :]]
+                    copies.append(clone(self).set_params(**{name: moved[0] if single else moved}))
+        return copies
 
     def inputs(self) -> list[Any]:
         """Recorded columns that the effect reads beside the temperature."""
@@ -76,6 +137,13 @@ class Effect(BaseEstimator):
         return self.kind.replace("_", " ") + "".join(f": {name}" for name in self.inputs())
 
 
+def suspects(record: Record, columns: Sequence[Any] | None) -> list[Any]:
+    """The recorded columns to try: those given, else all but the temperature."""
+    if columns is not None:
+        return list(columns)
+    return [name for name in record.columns if name != record.temperature_name]
+
+
 def time_text(seconds: float) -> str:
-    """A time constant in a column's name: ``lag[900 s]``; six digits tell any two apart that a fit can."""
+    """A time span in a column's name: ``lag[900 s]``; six digits tell any two apart that a fit can."""
     return f"{seconds:.6g} s"

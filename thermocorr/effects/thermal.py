@@ -1,15 +1,23 @@
-"""The paper's own effects: static law, thermal lags, start-up decays, products of lags: eqs. (3) (18) (19) (21)."""
+"""The paper's own linear effects: static law and thermal lags, eqs. (3) (19)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
+from sklearn.utils._param_validation import Interval, StrOptions
 
-from ..equations import LagState, decays, lag_differences, paper_form
-from ..records import BLOCK_ROWS, Block, Record, Segment, seconds_of
-from .protocol import Effect, time_text
+from ..equations import LagState, lag_differences, paper_form
+from ..records import Block, Record, seconds_of
+from .grids import time_grid
+from .protocol import Effect, EffectInfo, time_text
+
+REFERENCE = [Interval(Real, None, None, closed="neither"), StrOptions({"mean"})]
+"""What a reference temperature may be."""
+HOLD = [StrOptions({"first_order", "zero_order"})]
+INITIAL_STATE = [StrOptions({"equilibrium", "zero", "fit"})]
 
 
 def seconds_array(time_constants: Any) -> np.ndarray:
@@ -28,39 +36,72 @@ def seconds_array(time_constants: Any) -> np.ndarray:
 
 
 class StaticPolynomial(Effect):
-    """Static law of the temperature, eq. (3): ``(T - T0)^i`` for i = 1..degree."""
+    """Static law of the temperature, eq. (3): ``(T - T0)^i`` for i = lowest_power..degree.
+
+    Parameters
+    ----------
+    degree : int, default 2
+        Highest power; 0 for no column.
+    reference_temperature : float or "mean", default "mean"
+        T0, in the unit of the temperature.
+    lowest_power : int, default 1
+        First power: 2 for the curvature alone, beside a model that is linear already.
+    """
 
     kind = "static_polynomial"
+    info = EffectInfo(
+        physics="The static law of the reading over temperature is curved.",
+        bench_check="Hold the temperature at five or more levels until the reading has settled: the levels do not lie "
+        "on the fitted curve.",
+        formula="temperature^i = (T - T0)^i",
+        parameters={"reference_temperature": "K"},
+    )
+    _parameter_constraints = {
+        "degree": [Interval(Integral, 0, 9, closed="both")],
+        "reference_temperature": REFERENCE,
+        "lowest_power": [Interval(Integral, 1, 9, closed="both")],
+    }
 
-    def __init__(self, degree: int = 2, reference_temperature: float | str = "mean"):
+    def __init__(self, degree: int = 2, reference_temperature: float | str = "mean", lowest_power: int = 1):
         self.degree = degree
         self.reference_temperature = reference_temperature
+        self.lowest_power = lowest_power
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """Curvature up to the second, third and fourth power."""
+        return [cls(degree, lowest_power=2) for degree in (2, 3, 4)]
 
     def learn(self, record: Record) -> None:
         """Fix T0 [K or degC]."""
+        self._validate_params()
         self.temperature_name_ = record.temperature_name
         if self.reference_temperature == "mean":
             self.reference_temperature_ = record.moments(record.temperature_name).mean
         else:
             self.reference_temperature_ = float(self.reference_temperature)
 
+    def _powers(self) -> range:
+        return range(self.lowest_power, self.degree + 1)
+
     def names(self) -> list[str]:
         """``temperature``, ``temperature^2``, ..."""
         name = column_text(self.temperature_name_)
-        return [name if i == 1 else f"{name}^{i}" for i in range(1, self.degree + 1)]
+        return [name if i == 1 else f"{name}^{i}" for i in self._powers()]
 
     def units(self) -> list[str]:
         """K, K^2, ..."""
-        return ["K" if i == 1 else f"K^{i}" for i in range(1, self.degree + 1)]
+        return ["K" if i == 1 else f"K^{i}" for i in self._powers()]
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """Powers of T - T0 [K^i]."""
-        powers = np.empty((len(block), self.degree), order="F")
-        if self.degree:
-            deviation = block.temperature - self.reference_temperature_
-            powers[:, 0] = deviation
-            for i in range(1, self.degree):
-                np.multiply(powers[:, i - 1], deviation, out=powers[:, i])  # eq. (3)
+        powers = np.empty((len(block), len(self._powers())), order="F")
+        power = deviation = block.temperature - self.reference_temperature_ if self.degree else None
+        for i in range(1, self.degree + 1):
+            if i > 1:
+                power = power * deviation
+            if i >= self.lowest_power:
+                powers[:, i - self.lowest_power] = power  # eq. (3)
         return powers, state
 
 
@@ -86,6 +127,19 @@ class ThermalLag(Effect):
     """
 
     kind = "thermal_lag"
+    info = EffectInfo(
+        physics="A part of the device follows the ambient temperature later (or earlier) than the model allows.",
+        bench_check="Step the temperature and log the reading until it rests: fit the time constant of what is left.",
+        formula="lag[tau] = lagged - T, where tau d(lagged)/dt = T - lagged",
+        parameters={"time_constants": "s", "reference_temperature": "K"},
+        tuned=("time_constants",),
+    )
+    _parameter_constraints = {
+        "hold": HOLD,
+        "initial_state": INITIAL_STATE,
+        "form": [StrOptions({"unit_gain", "paper"})],
+        "reference_temperature": REFERENCE,
+    }
 
     def __init__(
         self,
@@ -101,8 +155,14 @@ class ThermalLag(Effect):
         self.form = form
         self.reference_temperature = reference_temperature
 
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """One body more: time constants from half a step to a fifth of the longest segment."""
+        return [cls([tau]) for tau in time_grid(record, 0.5, 0.2)]
+
     def learn(self, record: Record) -> None:
         """Convert time constants to seconds; fix T0, where a device with the initial state "zero" starts."""
+        self._validate_params()
         self.time_constants_ = seconds_array(self.time_constants)
         if self.initial_state == "zero":
             given = self.reference_temperature
@@ -130,123 +190,3 @@ class ThermalLag(Effect):
     def memory(self) -> float:
         """The longest time constant [s]."""
         return float(self.time_constants_.max(initial=0.0))
-
-
-class InitialTransient(Effect):
-    """Start-up columns exp(-t/tau) of eq. (18), one set per fitted segment.
-
-    They stand for the unknown temperature field inside the device when a segment starts, and belong to that segment:
-    other segments have zeros there.
-
-    Parameters
-    ----------
-    time_constants : sequence
-        [s], or spans such as "15 min".
-    longest_share : float
-        A decay longer than this share of its segment is left out: over the record it looks like drift or ageing, and
-        would swallow them without a word.
-    """
-
-    kind = "initial_transient"
-
-    def __init__(self, time_constants: Sequence[Any] = (), longest_share: float = 1.0):
-        self.time_constants = time_constants
-        self.longest_share = longest_share
-
-    def learn(self, record: Record) -> None:
-        """List the decays of each segment: ``decays_[key]`` holds their time constants [s]."""
-        time_constants = seconds_array(self.time_constants)
-        self.decays_: dict[int, np.ndarray] = {}
-        self.first_column_: dict[int, int] = {}
-        self.labels_: dict[int, str] = {}
-        at = 0
-        runs = [segment.run for segment in record.segments]
-        for key, segment in enumerate(record.segments):
-            limit = self.longest_share * record.duration(segment)
-            chosen = time_constants[time_constants <= limit]
-            chosen = chosen[chosen > _first_reading(record, segment)]  # what is over before can't be known
-            if len(chosen) == 0 or segment.stop - segment.start <= 2 * len(chosen):
-                continue
-            self.decays_[key], self.first_column_[key] = chosen, at
-            at += len(chosen)
-            named = segment.run is not None and runs.count(segment.run) == 1
-            self.labels_[key] = str(segment.run) if named else f"segment {key}"
-        self.n_columns_ = at
-
-    def names(self) -> list[str]:
-        """``decay[900 s]``, or ``decay[900 s, run9]`` where there are several segments."""
-        single = len(self.decays_) == 1 and not any(self.decays_) and next(iter(self.labels_.values())) == "segment 0"
-        return [
-            f"decay[{time_text(tau)}]" if single else f"decay[{time_text(tau)}, {self.labels_[key]}]"
-            for key, taus in self.decays_.items()
-            for tau in taus
-        ]
-
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Decays of the block's segment, zeros elsewhere [1]."""
-        result = np.zeros((len(block), self.n_columns_), order="F")
-        taus = self.decays_.get(-1 if block.segment_key is None else block.segment_key)
-        if taus is not None:
-            at = self.first_column_[block.segment_key]
-            result[:, at : at + len(taus)] = decays(block.elapsed, taus)  # eq. (18)
-        return result, state
-
-
-def _first_reading(record: Record, segment: Segment) -> float:
-    """Time from the start of a segment to its first reading [s]; infinite where it has none."""
-    if record.reading is None:
-        return 0.0
-    for start in range(segment.start, segment.stop, BLOCK_ROWS):
-        rows = record.rows(start, min(start + BLOCK_ROWS, segment.stop))
-        known = np.isfinite(np.asarray(record.reading[rows], float))
-        if known.any():
-            return record.times.between(record.stamp(start + int(known.argmax())), record.stamp(segment.start))
-    return np.inf
-
-
-class LagProducts(Effect):
-    """Products Psi_j Psi_k of eq. (21), j <= k: nonlinear dynamic transfer."""
-
-    kind = "lag_products"
-
-    def __init__(
-        self,
-        time_constants: Sequence[Any] = (),
-        hold: str = "first_order",
-        initial_state: str = "fit",
-        reference_temperature: float | str = "mean",
-    ):
-        self.time_constants = time_constants
-        self.hold = hold
-        self.initial_state = initial_state
-        self.reference_temperature = reference_temperature
-
-    def learn(self, record: Record) -> None:
-        """Convert time constants to seconds."""
-        self.lags_ = ThermalLag(
-            self.time_constants, self.hold, self.initial_state, reference_temperature=self.reference_temperature
-        )
-        self.lags_.learn(record)
-        n = len(self.lags_.time_constants_)
-        self.pairs_ = [(j, k) for j in range(n) for k in range(j, n)]
-
-    def names(self) -> list[str]:
-        """``lag[60 s]*lag[900 s]``, ..."""
-        lag = self.lags_.names()
-        return [f"{lag[j]}*{lag[k]}" for j, k in self.pairs_]
-
-    def units(self) -> list[str]:
-        """K^2."""
-        return ["K^2"] * len(self.pairs_)
-
-    def columns(self, block: Block, state: LagState | None) -> tuple[np.ndarray, LagState]:
-        """Products of lag differences [K^2]."""
-        Psi, state = self.lags_.columns(block, state)
-        result = np.empty((len(block), len(self.pairs_)), order="F")
-        for column, (j, k) in enumerate(self.pairs_):
-            np.multiply(Psi[:, j], Psi[:, k], out=result[:, column])  # eq. (21)
-        return result, state
-
-    def memory(self) -> float:
-        """The longest time constant [s]."""
-        return self.lags_.memory()

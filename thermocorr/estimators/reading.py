@@ -33,7 +33,7 @@ class Reading:
             name = y.columns[0]
         unit = unit_of(name, y) or unit_of(name, X) if name is not None else ""
         readings, temperatures = record.reading_moments(), record.moments(record.temperature_name)
-        if readings.count == 0:
+        if readings.n == 0:
             raise RecordError(
                 f"All {record.n_rows} readings are missing (NaN). Check the name of the reading's column and the file."
             )
@@ -41,7 +41,7 @@ class Reading:
             "reading" if name is None else str(name),
             unit,
             unit_of(record.temperature_name, X) or "K",
-            readings.count,
+            readings.n,
             readings.mean,
             readings.std,
             (temperatures.low, temperatures.high),

@@ -28,7 +28,7 @@ from .resolution import unresolved
 from .ridge import MergedRidge
 from .search import SearchSettings, TimeConstantChoice, search
 from .spectrum import DECAY_SHARE, POOL_SIZE
-from .tables import coefficient_table, equation_text
+from .tables import coefficient_table, distinct, equation_text
 from .threads import one_blas_thread
 
 WASHOUT_TIME_CONSTANTS = 3.0
@@ -204,7 +204,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
     def contributions(self, X: Any) -> pd.DataFrame:
         """What each effect adds to U0, in the unit of y: one column per effect."""
         parts = self._contributions(X)
-        labels = [effect.label() for effect in self.features_.effect_list()]
+        labels = distinct([effect.label() for effect in self.features_.effect_list()])
         return pd.DataFrame(parts, columns=labels, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     def flags(self, X: Any, y: Any = None) -> Any:
@@ -264,7 +264,8 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
     def with_effect(self, effect: Effect) -> DynamicBiasRegressor:
         """An unfitted copy of this model with one more effect."""
         model = clone(self)
-        return model.set_params(effects=[*model.effects, effect])  # type: ignore[return-value]
+        given = model.effects if isinstance(model.effects, list | tuple) else [model.effects]
+        return model.set_params(effects=[*given, effect])  # type: ignore[return-value]
 
     @property
     def features_(self) -> DiffusiveFeatures:

@@ -195,9 +195,7 @@ def _by_cross_validation(
     tried = [Tried(members, alpha, losses) for (alpha, members), losses in cross.losses.items()]
     reference = None
     if explicit is None:
-        reference = reference_of(
-            _in_blocks(factored), factored.layout, factored.record.moments(factored.record.temperature_name).std
-        )
+        reference = _reference(factored)
     return _choice(factored, tried, chosen, reference)
 
 

@@ -10,6 +10,9 @@ import pandas as pd
 from ..effects.protocol import Effect
 from .reading import Reading
 
+_EXPLAINED = ("static_polynomial", "thermal_lag", "initial_transient", "lag_products")
+"""Kinds whose names the equation explains itself."""
+
 
 def coefficient_table(
     effects: Sequence[Effect],
@@ -35,7 +38,7 @@ def _per(reading: Reading, unit: str) -> str:
     top = reading.unit or "1"
     if not unit:
         return reading.unit
-    return f"{top}/{unit}" if " " not in unit else f"{top}/({unit})"
+    return f"{top}/({unit})" if set(unit) & {" ", "/"} else f"{top}/{unit}"
 
 
 def equation_text(
@@ -58,9 +61,17 @@ def equation_text(
         lines.append(f"lag[tau] = lagged - {temperature}, where tau d(lagged)/dt = {temperature} - lagged")
     if decays:
         lines.append("decay[tau] = exp(-t/tau) since the start of its segment, zero elsewhere")
+    further = [effect.info.formula for effect in effects if effect.info and effect.kind not in _EXPLAINED]
+    lines += list(dict.fromkeys(further))
     return "\n".join(lines)
 
 
 def at_static(effect: Effect) -> bool:
     """Whether an effect's columns are powers of T - T0."""
     return effect.kind == "static_polynomial"
+
+
+def distinct(labels: Sequence[str]) -> list[str]:
+    """Labels with a number behind those that stand a second time: "thermal lag", "thermal lag (2)"."""
+    counts = [labels[: i + 1].count(label) for i, label in enumerate(labels)]
+    return [label if count == 1 else f"{label} ({count})" for label, count in zip(labels, counts, strict=True)]

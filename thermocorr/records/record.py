@@ -26,7 +26,7 @@ class Segment(NamedTuple):
 class Moments(NamedTuple):
     """Number, mean, sum of squared deviations and range of some values."""
 
-    count: int = 0  # type: ignore[assignment] - tuples have a method of this name
+    n: int = 0
     mean: float = 0.0
     squares: float = 0.0
     low: float = np.inf
@@ -44,14 +44,14 @@ class Moments(NamedTuple):
 
     def merged(self, other: Moments) -> Moments:
         """Of both together (Chan, Golub & LeVeque 1983, American Statistician 37, 242)."""
-        count = self.count + other.count
-        if not count:
+        n = self.n + other.n
+        if not n:
             return self
         shift = other.mean - self.mean
         return Moments(
-            count,
-            self.mean + shift * other.count / count,
-            self.squares + other.squares + shift**2 * self.count * other.count / count,
+            n,
+            self.mean + shift * other.n / n,
+            self.squares + other.squares + shift**2 * self.n * other.n / n,
             min(self.low, other.low),
             max(self.high, other.high),
         )
@@ -59,7 +59,7 @@ class Moments(NamedTuple):
     @property
     def std(self) -> float:
         """Standard deviation."""
-        return float(np.sqrt(self.squares / max(self.count, 1)))
+        return float(np.sqrt(self.squares / max(self.n, 1)))
 
 
 @dataclass(frozen=True)
@@ -127,6 +127,8 @@ class Record:
     reading: NDArray[Any] | None = None
     notes: tuple[str, ...] = field(default=())
     """What the user should know about the record's quality, one sentence each."""
+    known_moments: dict[tuple[object, int], Moments] = field(default_factory=dict, repr=False)
+    """Moments computed so far."""
 
     @property
     def n_rows(self) -> int:
@@ -163,21 +165,23 @@ class Record:
                 parts.append(self.times.steps(self.rows(start, min(stop, start + 65_536)))[1:])
         return float(np.median(np.concatenate(parts))) if parts else 1.0
 
-    def moments(self, column: object) -> Moments:
-        """Number, mean, variance and range of a column's values inside segments, in one pass."""
-        return self._moments(self.columns[column])
+    def moments(self, column: object, power: int = 1) -> Moments:
+        """Number, mean, variance and range of a column (or of a power of it) inside segments, in one pass."""
+        if (column, power) not in self.known_moments:
+            self.known_moments[column, power] = self._moments(self.columns[column], power)
+        return self.known_moments[column, power]
 
     def reading_moments(self) -> Moments:
         """The same of the readings; missing ones do not count."""
         assert self.reading is not None
         return self._moments(self.reading)
 
-    def _moments(self, column: NDArray[Any]) -> Moments:
+    def _moments(self, column: NDArray[Any], power: int = 1) -> Moments:
         result = Moments()
         for segment in self.segments:
             for start in range(segment.start, segment.stop, BLOCK_ROWS):
                 rows = self.rows(start, min(start + BLOCK_ROWS, segment.stop))
-                result = result.merged(Moments.of(np.asarray(column[rows], float)))
+                result = result.merged(Moments.of(np.asarray(column[rows], float) ** power))
         return result
 
     def first_stamp(self) -> float:

@@ -1,0 +1,217 @@
+"""The catalogue of effects: what each kind says, tries, promises and refuses."""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+
+import numpy as np
+import pytest
+from effect_records import EXAMPLES, NAMES, columns_of, learned, log, read, whole
+from sklearn.base import clone
+
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
+from thermocorr.effects import (
+    CATALOGUE,
+    Covariate,
+    Delay,
+    Drift,
+    Hinge,
+    Hysteresis,
+    InitialTransient,
+    LaggedCovariate,
+    LagProducts,
+    LogAgeing,
+    Periodic,
+    Rate,
+    SensitivityDrift,
+    StaticPolynomial,
+    Step,
+    ThermalLag,
+)
+from thermocorr.records import Layout, read_record
+
+# --------------------------------------------------------------------------------------- the catalogue
+
+
+def test_the_catalogue_is_the_one_that_was_promised():
+    assert set(CATALOGUE) == {
+        "static_polynomial", "thermal_lag", "initial_transient", "lag_products", "rate", "delay", "covariate",
+        "lagged_covariate", "interaction", "drift", "log_ageing", "sensitivity_drift", "step", "hysteresis", "hinge",
+        "periodic",
+    }  # fmt: skip
+    assert {effect.kind for effect in EXAMPLES} == set(CATALOGUE)
+    assert all(kind == effect.kind for kind, effect in CATALOGUE.items())
+
+
+@pytest.mark.parametrize("kind", CATALOGUE)
+def test_every_kind_says_what_it_is(kind):
+    effect = CATALOGUE[kind]
+    info = effect.info
+    for sentence in (info.physics, info.bench_check):
+        assert sentence[0].isupper() and sentence.endswith(".") and len(sentence) > 30
+    assert info.formula
+    assert set(info.parameters) <= set(inspect.signature(effect).parameters)
+    assert vars(effect)["__doc__"]
+
+
+@pytest.mark.parametrize("kind", CATALOGUE)
+def test_every_kind_knows_what_to_try(kind):
+    X = log(3000, seed=1)
+    record = read(X)
+    candidates = CATALOGUE[kind].candidates(record, ["humidity"])
+    assert 1 <= len(candidates) <= 150
+    assert all(type(effect) is CATALOGUE[kind] for effect in candidates)
+    names = []
+    for effect in candidates:
+        effect.learn(record)
+        names.append(tuple(effect.names()))
+        columns = whole(effect, record)
+        assert columns.shape == (3000, len(names[-1])) and np.isfinite(columns).all()
+        assert columns.std() > 0
+    assert len(set(names)) == len(names)
+    nothing = CATALOGUE[kind].candidates(record, [])
+    assert not any(effect.inputs() for effect in nothing)
+    assert [effect.inputs() for effect in CATALOGUE[kind].candidates(record)] == [e.inputs() for e in candidates]
+
+
+@pytest.mark.parametrize("effect", EXAMPLES, ids=NAMES)
+def test_a_local_search_finds_neighbours(effect):
+    record = read(log(500, seed=1))
+    around = effect.nearby(record)
+    tunable = {"knee": 2, "time": 2} if isinstance(effect, Hinge | Step) else {}
+    params = effect.get_params()
+    expected = sum(tunable.get(name, 0) for name in params)
+    for name in effect.info.tuned:
+        expected += 2 * np.size(params[name]) if params[name] is not None else 0
+    assert len(around) == expected
+    for other in around:
+        changed = [name for name, value in other.get_params().items() if value != params[name]]
+        assert len(changed) == 1
+        other.learn(record)
+        assert np.isfinite(whole(other, record)).all()
+
+
+def test_neighbours_lie_on_either_side():
+    record = read(log(500, seed=1, irregular=0.0))
+    assert [e.width for e in Hysteresis(1.0).nearby(record, 0.25)] == [0.8, 1.25]
+    lags = [e.time_constants for e in ThermalLag(["1 min", 100]).nearby(record, 1.0)]
+    assert lags == [[30.0, 100.0], [120.0, 100.0], [60.0, 50.0], [60.0, 200.0]]
+    low, high = [e.time for e in Step("2024-03-04 03:03:45").nearby(record)]  # 6000 s since the start
+    assert (low + high) / 2 == pytest.approx(6000.0) and high - low == pytest.approx(0.5 * 499 * 60 / 49)
+    low, high = [e.knee for e in Hinge(0.0).nearby(record)]
+    assert low == -high < 0
+
+
+@pytest.mark.parametrize("kind", CATALOGUE)
+def test_a_record_of_two_rows_breaks_no_search_range(kind):
+    record = read(log(2))
+    for effect in CATALOGUE[kind].candidates(record, ["humidity"]):
+        effect.learn(record)
+        assert len(whole(effect, record)) == 2
+
+
+def test_squares_are_tried_where_they_are_no_copies():
+    X = log(500).assign(current=np.random.default_rng(0).uniform(0, 1, 500), mains=230 + np.arange(500) / 1000)
+    record = read_record(X, Layout(), needed=["current", "mains"], quiet=True)
+    tried = [(effect.column, effect.power) for effect in Covariate.candidates(record, ["current", "mains"])]
+    assert tried == [("current", 1), ("current", 2), ("mains", 1)]
+
+
+# --------------------------------------------------------------------------------------------- contracts
+
+
+@pytest.mark.parametrize("effect", EXAMPLES, ids=NAMES)
+def test_clone_pickle_names_units(effect):
+    twin = clone(effect)
+    assert twin.get_params() == effect.get_params() and not any(name.endswith("_") for name in vars(twin))
+    assert isinstance(twin.label(), str) and twin.label()  # known before learning: a suspect is shown by it
+    twin, record = learned(effect, log(200))
+    again = pickle.loads(pickle.dumps(twin))
+    np.testing.assert_array_equal(whole(again, record), whole(twin, record))
+    names = twin.names()
+    assert len(set(names)) == len(names) == len(twin.units()) == whole(twin, record).shape[1]
+    assert twin.memory() >= 0
+
+
+@pytest.mark.parametrize("given", [(), [], Rate(), [Rate()], [("fast", Rate())]])
+def test_with_effect_adds_to_whatever_was_given(given):
+    X = log(300)
+    model = DynamicBiasRegressor(time_constants=[300.0], effects=given)
+    names = model.with_effect(Hysteresis(0.5)).fit(X, X["temperature"]).coef_table().index
+    assert list(names[-2:]) == (["rate", "hysteresis[0.5 K]"] if given else ["decay[300 s]", "hysteresis[0.5 K]"])
+    assert model.effects is given
+
+
+def test_all_kinds_in_one_model():
+    X = log(3000, seed=6)
+    y = X["temperature"] + np.random.default_rng(1).normal(0, 0.1, 3000)
+    one_of_each = list({type(effect): effect for effect in reversed(EXAMPLES[1:])}.values())
+    model = DynamicBiasRegressor(time_constants=[300.0], effects=one_of_each).fit(X, y)
+    table = model.coef_table()
+    assert table.index.is_unique
+    parts = model.contributions(X)
+    assert parts.columns.is_unique
+    np.testing.assert_allclose(parts.sum(axis=1) + model.intercept_, model.predict(X), rtol=1e-12)
+    assert "hysteresis[w] = p - T" in model.equation()
+    assert table.unit["drift*temperature"] == "1/(K d)" and table.unit["rate"] == "1/(K/s)"
+
+
+@pytest.mark.parametrize(
+    "effect", [Drift, LogAgeing, lambda **p: Step(60_000.0, **p), lambda **p: Periodic("7 h", **p)]
+)
+def test_what_correct_removes_is_a_choice(effect):
+    X = log(2000, seed=8)
+    y = X["temperature"] + 0.5 * columns_of(effect(), X).sum(axis=1)
+    for removed in (True, False):
+        model = DynamicBiasRegressor(time_constants=(), effects=[effect(removed_by_correct=removed)]).fit(X, y)
+        left = model.correct(X, y) - model.intercept_
+        own = model.contributions(X).iloc[:, -1]
+        np.testing.assert_allclose(left, 0.0 if removed else own, atol=1e-9)
+        assert own.std() > 0.01
+    assert [e().removed_by_correct for e in (Drift, LogAgeing, SensitivityDrift, Periodic)] == [
+        False,
+        False,
+        True,
+        True,
+    ]
+
+
+BAD = [
+    (Hysteresis(-1), r"The 'width' parameter of Hysteresis must be a float in the range \(0.0, inf\). Got -1 instead."),
+    (Hysteresis(float("nan")), "'width' parameter of Hysteresis .* Got nan instead"),
+    (Delay(0), "The 'delay' parameter must be a positive time: .* Got 0 instead"),
+    (Delay("soon"), "Got 'soon' instead"),
+    (Rate(-5.0), "The 'time_constant' parameter must be a positive time"),
+    (LogAgeing(0.0), "The 'onset' parameter must be a positive time"),
+    (Drift(removed_by_correct="no"), "The 'removed_by_correct' parameter of Drift must be .* Got 'no' instead"),
+    (Step("breakfast"), "The 'time' parameter of Step must be seconds .* Got 'breakfast' instead"),
+    (Step(None), "The 'time' parameter of Step must be .* Got None instead"),
+    (Step(float("inf")), "The 'time' parameter of Step .* Got inf instead"),
+    (Step("2024-03-04 02:00+01:00"), "The 'time' parameter of Step must be a date without a time zone"),
+    (Periodic(0), "The 'period' parameter must be a positive time"),
+    (Periodic(harmonics=0), r"The 'harmonics' parameter of Periodic must be an int in the range \[1, inf\). Got 0"),
+    (Hinge("warm"), "The 'knee' parameter of Hinge must be a float .* Got 'warm' instead"),
+    (Hinge(0.0, "left"), "The 'side' parameter of Hinge must be a str among .* Got 'left' instead"),
+    (Hinge(0.0, time_constants=[0]), "The 'time_constants' parameter must be a positive time"),
+    (Covariate("humidity", 0), r"The 'power' parameter of Covariate must be an int in the range \[1, 9\]"),
+    (LaggedCovariate("humidity", hold="third"), "The 'hold' parameter of LaggedCovariate must be a str among"),
+    (LagProducts([60.0], temperature_products=2.5), "The 'temperature_products' parameter of LagProducts must be"),
+    (StaticPolynomial(12), "The 'degree' parameter of StaticPolynomial must be"),
+    (ThermalLag([60.0], form="french"), "The 'form' parameter of ThermalLag must be"),
+    (InitialTransient([60.0], -1), "The 'longest_share' parameter of InitialTransient must be"),
+]
+
+
+@pytest.mark.parametrize(("effect", "words"), BAD, ids=[f"{type(e).__name__}-{i}" for i, (e, _) in enumerate(BAD)])
+def test_bad_parameters_are_named_in_one_sentence(effect, words):
+    with pytest.raises(ValueError, match=words):
+        learned(effect, log(50))
+    with pytest.raises(ValueError, match=words):
+        DiffusiveFeatures((), effects=[effect]).fit(log(50))
+
+
+def test_a_date_needs_dates():
+    X = log(50).assign(time=60.0 * np.arange(50))
+    with pytest.raises(ValueError, match=r"a date where the record has dates \(this one has seconds\)"):
+        learned(Step("2024-03-04"), X)

@@ -1,0 +1,276 @@
+"""Columns of effects: however a record is cut, continuation, closed forms."""
+
+from __future__ import annotations
+
+import pickle
+import time
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+from effect_records import EXAMPLES, NAMES, columns_of, learned, log, ramp, timed, whole
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
+from thermocorr.effects import (
+    Covariate,
+    Delay,
+    Drift,
+    Hinge,
+    Hysteresis,
+    Interaction,
+    LaggedCovariate,
+    LagProducts,
+    LogAgeing,
+    Periodic,
+    Rate,
+    SensitivityDrift,
+    StaticPolynomial,
+    Step,
+    ThermalLag,
+)
+from thermocorr.effects.stream import own_starts, walk
+from thermocorr.records import Block
+
+# ------------------------------------------------------------------- one loop: state in, state out
+
+
+def cut(effect, record, cuts):
+    """Columns with every segment cut where `cuts` says; states pass through pickle on their way."""
+    parts = []
+    for block in record.blocks(10**9, starts=own_starts(record)):
+        edges = [block.start, *sorted({c for c in cuts if block.start < c < block.stop}), block.stop]
+        state = None
+        for start, stop in pairwise(edges):
+            begins = start == block.start
+            steps = block.steps[start - block.start : stop - block.start]
+            piece = Block(
+                record, block.segment, start, stop, begins, steps, block.zero, block.segment_zero, block.segment_key
+            )
+            part, state = effect.columns(piece, state)
+            parts.append(np.asarray(part).reshape(stop - start, -1))
+            state = pickle.loads(pickle.dumps(state))
+    return np.vstack(parts)
+
+
+@pytest.mark.parametrize("effect", EXAMPLES, ids=NAMES)
+@settings(max_examples=25, deadline=None)
+@given(
+    cuts=st.lists(st.integers(1, 399), max_size=60),
+    irregular=st.sampled_from([0.0, 0.5]),
+    holes=st.lists(st.integers(2, 397), max_size=3),
+    seed=st.integers(0, 3),
+)
+def test_cuts_change_nothing_to_the_last_bit(effect, cuts, irregular, holes, seed):
+    X = log(400, seed, irregular, holes)
+    effect, record = learned(effect, X, max_gap="1 h")
+    assert len(record.segments) == 1 + len(set(holes))
+    np.testing.assert_array_equal(cut(effect, record, cuts), whole(effect, record))
+
+
+@pytest.mark.parametrize("effect", EXAMPLES, ids=NAMES)
+def test_states_stay_small(effect):
+    """100 blocks of 1000 rows: the state holds what the delay reaches back to, and no more."""
+    X = log(100_000, irregular=0.2)
+    effect, record = learned(effect, X)
+    sizes = {len(pickle.dumps(step.states)) for step in walk([effect], record, starts=own_starts(record), size=1000)}
+    assert max(sizes) < 4000
+
+
+@pytest.mark.parametrize("effect", EXAMPLES, ids=NAMES)
+def test_following_rows_continue_the_fitted_record(effect):
+    X = log(600, seed=2, holes=[200])
+    y = X["temperature"] + np.random.default_rng(0).normal(0, 0.1, 600)
+    for layout in ({}, {"max_gap": "1 h"}):
+        model = DynamicBiasRegressor(time_constants=[300.0], **layout).with_effect(effect).fit(X[:450], y[:450])
+        features = model.pipeline_[0]
+        together = features.transform(X)
+        assert np.isfinite(together).all()
+        np.testing.assert_array_equal(features.transform(X[450:]), together[450:])
+        np.testing.assert_array_equal(features.transform(X[300:400]), together[300:400])
+        fitted = DiffusiveFeatures([300.0], 2, effects=[effect], longest_decay_share=0.04, **layout)
+        np.testing.assert_array_equal(fitted.fit_transform(X[:450]), together[:450])
+        np.testing.assert_array_equal(model.predict(X[450:]), model.predict(X)[450:])
+
+
+def test_rows_without_times_continue_too():
+    T = log(400)[["temperature", "humidity"]].to_numpy()
+    effects = [Delay(150.0), Hysteresis(0.5), Drift(), Rate(), LaggedCovariate(1, [600.0]), Periodic(7200.0)]
+    features = DiffusiveFeatures([600.0], effects=effects, sampling_period=60.0).fit(T[:300])
+    np.testing.assert_array_equal(features.transform(T[300:]), features.transform(T)[300:])
+
+
+# ------------------------------------------------------------------------------------------ closed forms
+
+
+def test_rate_of_a_ramp():
+    X, seconds = ramp()
+    rate = columns_of(Rate(), X)[:, 0]
+    assert rate[0] == 0.0
+    np.testing.assert_allclose(rate[1:], 0.001, rtol=1e-10)  # differences of numbers near 20: 1e-15 * 20 / 0.06
+    smooth = columns_of(Rate(600.0), X)[:, 0]
+    np.testing.assert_allclose(smooth, 0.001 * (1 - np.exp(-seconds / 600.0)), atol=1e-15)
+
+
+def test_smoothed_rate_is_the_lag_by_another_name():
+    X = log()
+    np.testing.assert_allclose(columns_of(Rate(600.0), X), columns_of(ThermalLag([600.0]), X) / -600.0, rtol=1e-15)
+
+
+def test_rate_starts_anew_with_each_segment():
+    X = log(100, holes=[40, 70])
+    rate = columns_of(Rate(), X, max_gap="1 h")[:, 0]
+    assert (rate[[0, 40, 70]] == 0).all() and np.count_nonzero(rate) == 97
+
+
+def test_delay_of_a_ramp_and_against_plain_loops():
+    X, seconds = ramp()
+    expected = -0.001 * np.minimum(seconds, 500.0)  # before the record began: the first temperature
+    np.testing.assert_allclose(columns_of(Delay(500.0), X)[:, 0], expected, atol=1e-13)
+
+    X = log(300, seed=5, holes=[120])
+    t = (X.index - X.index[0]).total_seconds().to_numpy()
+    T = X["temperature"].to_numpy()
+    delayed = []
+    for moment in t - 400.0:
+        after = int(np.sum(t <= moment))  # samples up to that moment
+        if after == 0:
+            delayed.append(T[0])
+        else:
+            share = (moment - t[after - 1]) / (t[after] - t[after - 1])
+            delayed.append((1 - share) * T[after - 1] + share * T[after])
+    np.testing.assert_allclose(columns_of(Delay(400.0), X)[:, 0], np.array(delayed) - T, atol=1e-12)
+
+
+def test_hysteresis_against_its_definition():
+    X = log(500, seed=7)
+    T, w = X["temperature"].to_numpy(), 0.8
+    p = [T[0]]
+    for value in T[1:]:
+        p.append(min(max(p[-1], value - w / 2), value + w / 2))
+    np.testing.assert_array_equal(columns_of(Hysteresis(w), X)[:, 0], np.array(p) - T)
+
+
+def test_hysteresis_forgets_its_start_and_knows_no_rate():
+    up_and_down = np.concatenate([np.linspace(20, 24, 81), np.linspace(24, 20, 81)[1:]])
+    fast = timed(up_and_down, 1.0 * np.arange(161))
+    slow = timed(up_and_down, 3600.0 * np.arange(161) ** 1.5)
+    loop = columns_of(Hysteresis(1.0), fast)[:, 0]
+    np.testing.assert_array_equal(loop, columns_of(Hysteresis(1.0), slow)[:, 0])
+    # Once dragged, half the width behind: below going up, above going down; at 22 K the branches are w apart.
+    np.testing.assert_allclose(loop[11:81], -0.5, atol=1e-12)
+    np.testing.assert_allclose(loop[101:], 0.5, atol=1e-12)
+    assert loop[120] - loop[40] == pytest.approx(1.0)
+    assert np.abs(loop).max() <= 0.5 + 1e-12
+
+
+def test_hysteresis_is_fast():
+    effect, record = learned(Hysteresis(0.5), log(100_000))
+    times = []
+    for _ in range(3):
+        start = time.perf_counter()
+        whole(effect, record)
+        times.append(time.perf_counter() - start)
+    assert min(times) < 0.2
+
+
+def test_effects_of_time_alone():
+    X = log(300, seed=3)
+    t = (X.index - X.index[0]).total_seconds().to_numpy()
+    T = X["temperature"].to_numpy()
+    days = (t - t.mean()) / 86_400
+    np.testing.assert_allclose(columns_of(Drift(), X)[:, 0], days, atol=1e-14)
+    np.testing.assert_allclose(columns_of(SensitivityDrift(), X)[:, 0], days * (T - T.mean()), atol=1e-13)
+    logarithm = np.log(1 + t / 7200.0)
+    np.testing.assert_allclose(columns_of(LogAgeing("2 h"), X)[:, 0], logarithm - logarithm.mean(), atol=1e-13)
+
+
+def test_time_runs_on_through_gaps_and_segments():
+    X = log(300, holes=[150])
+    for effect in (Drift(), LogAgeing("2 h"), SensitivityDrift(), Periodic("7 h")):
+        np.testing.assert_array_equal(columns_of(effect, X, max_gap="1 h"), columns_of(effect, X))
+
+
+def test_log_ageing_before_the_fitted_record_is_at_rest():
+    X = log(100)
+    features = DiffusiveFeatures((), effects=[LogAgeing("1 h")]).fit(X)
+    columns = features.transform(X.set_axis(X.index - pd.Timedelta("900 days")))
+    assert np.isfinite(columns).all() and np.ptp(columns[:, -1]) == 0
+
+
+@pytest.mark.parametrize(
+    "moment", [6000, "6000 s", pd.Timedelta("100 min"), "2024-03-04 03:03:45", pd.Timestamp("2024-03-04 03:03:45")]
+)
+def test_step_at_a_moment(moment):
+    X = log(300, irregular=0.0)
+    effect, record = learned(Step(moment), X)
+    np.testing.assert_array_equal(whole(effect, record)[:, 0], np.arange(300) >= 100)
+    assert effect.names() == ["step[2024-03-04 03:03:45]"]
+    assert "03:03:45" in effect.label()
+
+
+def test_step_in_another_zone_and_without_dates():
+    X = log(300, irregular=0.0).tz_localize("UTC")
+    step = columns_of(Step(pd.Timestamp("2024-03-04 04:03:45+01:00")), X)[:, 0]
+    np.testing.assert_array_equal(step, np.arange(300) >= 100)
+    plain = X.assign(time=60.0 * np.arange(300) + 5.0)
+    effect, record = learned(Step("100 min"), plain)
+    assert effect.names() == ["step[6000 s]"]
+    np.testing.assert_array_equal(whole(effect, record)[:, 0], np.arange(300) >= 100)
+
+
+def test_hinge_and_its_lag():
+    # 20 degC, then 26 degC from one step after t = 0 on: the hinge steps from 0 to 3 K above 23 degC.
+    seconds = 60.0 * np.arange(100)
+    X = timed(np.where(seconds > 0, 26.0, 20.0), seconds)
+    above, lag = columns_of(Hinge(23.0, time_constants=[600.0], hold="zero_order"), X).T
+    np.testing.assert_array_equal(above, np.where(seconds > 0, 3.0, 0.0))
+    expected = np.where(seconds > 0, -3.0 * np.exp(-(seconds - 60.0) / 600.0), 0.0)
+    np.testing.assert_allclose(lag, expected, atol=1e-14)
+    T = log()["temperature"].to_numpy()
+    sides = [columns_of(Hinge(22.5, side), log())[:, 0] for side in ("above", "below")]
+    np.testing.assert_allclose(sum(sides), T - 22.5, atol=1e-14)
+    assert (sides[0] >= 0).all() and (sides[1] <= 0).all()
+
+
+@pytest.mark.parametrize(
+    ("knee", "side", "name"), [(0, "above", "max(T-0)"), (-2.5, "below", "min(T+2.5)"), (4, "above", "max(T-4)")]
+)
+def test_names_of_hinges(knee, side, name):
+    assert learned(Hinge(knee, side, ["1 h"]), log())[0].names() == [name, f"{name} lag[3600 s]"]
+
+
+def test_periodic_counts_from_absolute_time():
+    X = log(300)
+    clock = X.index.hour * 3600 + X.index.minute * 60 + X.index.second + X.index.microsecond / 1e6
+    angle = 2 * np.pi * clock.to_numpy() / 86_400
+    expected = np.column_stack([np.sin(angle), np.cos(angle), np.sin(2 * angle), np.cos(2 * angle)])
+    # Seconds since 1970 as a float are good to 2.4e-7 s, or 2e-11 of a turn.
+    np.testing.assert_allclose(columns_of(Periodic(), X), expected, atol=1e-10)
+    np.testing.assert_allclose(columns_of(Periodic(), X[100:]), expected[100:], atol=1e-10)
+
+
+def test_products_and_powers():
+    X = log(300, seed=4)
+    T, h = X["temperature"].to_numpy(), X["humidity"].to_numpy()
+    a, b = columns_of(ThermalLag([90.0, 4000.0]), X).T
+    T0 = T - T.mean()
+    products = columns_of(LagProducts([90.0, 4000.0], temperature_products=True), X)
+    np.testing.assert_allclose(products, np.column_stack([a * a, a * b, b * b, T0 * a, T0 * b]), atol=1e-13)
+    np.testing.assert_array_equal(columns_of(LagProducts([90.0, 4000.0]), X), products[:, :3])
+    np.testing.assert_allclose(columns_of(Interaction("humidity"), X)[:, 0], T0 * (h - h.mean()), atol=1e-12)
+    np.testing.assert_allclose(columns_of(Covariate("humidity", 2), X)[:, 0], h**2 - (h**2).mean(), atol=1e-9)
+    powers = columns_of(StaticPolynomial(4), X)
+    np.testing.assert_array_equal(columns_of(StaticPolynomial(4, lowest_power=3), X), powers[:, 2:])
+    np.testing.assert_allclose(powers, T0[:, None] ** np.arange(1, 5), rtol=1e-12)
+
+
+def test_lagged_square_is_the_lag_of_the_square():
+    X = log(300)
+    square = X.assign(humidity=X["humidity"] ** 2)
+    np.testing.assert_array_equal(
+        columns_of(LaggedCovariate("humidity", [600.0], power=2), X),
+        columns_of(LaggedCovariate("humidity", [600.0]), square),
+    )

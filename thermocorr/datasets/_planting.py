@@ -1,0 +1,191 @@
+"""The `effects` parameter of `make_record`: which effects to plant, how strong, and what became of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+from zlib import crc32
+
+import numpy as np
+import pandas as pd
+
+from ..records import seconds_of
+from ._checks import check_choice, check_float, check_int
+from ._compose import STREAMS
+from ._planted import PLANTS, Parameters, Run, Scene
+from ._propagate import Array
+
+_WHO = "make_record"
+_SPANS = ("time_constant", "delay", "onset", "period", "dwell")
+_INTERVALS = {"width": "(0.0, inf)", "knee": "(-inf, inf)"}
+_CHOICES = {"side": ("above", "below")}
+_COUNTS = ("degree", "harmonics", "power")
+_ALL_BUT_EXPLAINED = 1e-9
+"""Share of an effect's rms below which a static quadratic is said to explain it altogether."""
+
+
+class Planting(NamedTuple):
+    """One effect to plant."""
+
+    label: str
+    kind: str
+    strength: float
+    given: Parameters
+    """Parameters that are not left to the seed."""
+    occurrence: int
+    """How many of its kind stand before it."""
+
+
+def read_plantings(effects: Any, start: pd.Timestamp) -> list[Planting]:
+    """Make a list of what a user asks for; raises ValueError in one sentence for what can't be planted."""
+    plantings: list[Planting] = []
+    for what, strength, given in _items(effects):
+        kind, parameters = _kind_and_parameters(what)
+        check_choice(_WHO, "effects", kind, tuple(PLANTS))
+        occurrence = sum(planting.kind == kind for planting in plantings)
+        parameters = {name: _checked(kind, name, value, start) for name, value in {**parameters, **given}.items()}
+        number = check_float(_WHO, f"effects[{kind!r}]", strength, "[0.0, inf)")
+        label = kind if occurrence == 0 else f"{kind}_{occurrence + 1}"
+        plantings.append(Planting(label, kind, number, parameters, occurrence))
+    return plantings
+
+
+def _items(effects: Any) -> Iterable[tuple[Any, Any, Mapping[str, Any]]]:
+    """(kind or effect, strength, parameters) of each item."""
+    if effects is None:
+        return
+    items = list(effects.items()) if isinstance(effects, Mapping) else effects
+    if isinstance(items, str) or not isinstance(items, Iterable):
+        items = [items]
+    for item in items:
+        if not isinstance(item, Sequence) or isinstance(item, str) or len(item) not in (2, 3):
+            raise ValueError(
+                f"The 'effects' parameter of {_WHO} must be a dictionary of kind and strength, or a list of (kind or "
+                f"effect, strength) or (kind, strength, parameters). Got {item!r} instead."
+            )
+        yield item[0], item[1], (item[2] if len(item) == 3 else {})
+
+
+def _kind_and_parameters(what: Any) -> tuple[Any, dict[str, Any]]:
+    """Kind and parameters of an effect object (what it has and a planted one has not is left out), or a bare kind."""
+    if not hasattr(what, "get_params"):
+        return what, {}
+    kind = getattr(what, "kind", None)
+    known = _parameter_names(kind) if kind in PLANTS else ()
+    return kind, {name: value for name, value in what.get_params(deep=False).items() if name in known}
+
+
+def _parameter_names(kind: str) -> tuple[str, ...]:
+    """Parameters of a planted kind, read off a drawing of them."""
+    one = np.linspace(0.0, 1.0, 9)
+    scene = Scene(1.0, 8.0, one, {"temperature": one})
+    return tuple(PLANTS[kind].draw(scene, np.random.default_rng(0)))
+
+
+def _checked(kind: str, name: str, value: Any, start: pd.Timestamp) -> Any:
+    """A parameter in the form that the formulas need: seconds, lists, floats."""
+    names = _parameter_names(kind)
+    if name not in names:
+        listed = ", ".join(names) or "none"
+        raise ValueError(
+            f"The 'effects' parameter of {_WHO} names a parameter {name!r} of {kind!r}. Its parameters are: {listed}."
+        )
+    if name == "time_constants":
+        values = [value] if isinstance(value, str) or np.ndim(value) == 0 else list(value)
+        return [seconds_of(tau, name) for tau in values]
+    if name in _SPANS and value is not None:
+        return seconds_of(value, name)
+    if name == "time" and isinstance(value, str | pd.Timestamp):
+        return (pd.Timestamp(value) - start).total_seconds()
+    said = f"effects[{kind!r}][{name!r}]"
+    if name in _CHOICES:
+        check_choice(_WHO, said, value, _CHOICES[name])
+    if name == "temperature_products":
+        return bool(value)
+    if name in _COUNTS:
+        return check_int(_WHO, said, value, 1)
+    if name in _INTERVALS or name == "time":
+        return check_float(_WHO, said, value, _INTERVALS.get(name, "(-inf, inf)"))
+    return value
+
+
+def plant(
+    plantings: Sequence[Planting], runs: Sequence[Run], step: float, noise: float, seed: int
+) -> tuple[list[dict[str, Array]], dict[str, dict[str, Any]]]:
+    """Contributions of all planted effects.
+
+    Parameters
+    ----------
+    plantings : sequence of Planting
+    runs : sequence of Run
+    step : float
+        Sampling period [s].
+    noise : float
+        Standard deviation of the white noise, in which strengths are counted.
+    seed : int
+
+    Returns
+    -------
+    contributions : list of dict of str to ndarray
+        For each run, label -> contribution at every sample, gaps filled.
+    truth : dict
+        Label -> kind, parameters, strength, coefficient (what multiplies the plain formula), rms.
+    """
+    contributions: list[dict[str, Array]] = [{} for _ in runs]
+    truth: dict[str, dict[str, Any]] = {}
+    if plantings and noise == 0.0:
+        raise ValueError(f"The strengths in the 'effects' parameter of {_WHO} count in noise: pass noise > 0.")
+    if not plantings:
+        return contributions, truth
+    scene = _scene(runs, step)
+    for planting in plantings:
+        column = planting.given.get("column")
+        if column is not None:
+            check_choice(_WHO, f"effects[{planting.kind!r}]['column']", column, tuple(runs[0].columns))
+        shared = _stream(planting, seed, 0, 0)
+        sign = float(shared.choice((-1.0, 1.0)))
+        parameters = {**PLANTS[planting.kind].draw(scene, shared), **planting.given}
+        shapes = [
+            PLANTS[planting.kind].shape(
+                run, scene, parameters, _stream(planting, seed, 0, 1), _stream(planting, seed, number, 2)
+            )
+            for number, run in enumerate(runs)
+        ]
+        kept = np.concatenate([shape[run.kept] for shape, run in zip(shapes, runs, strict=True)])
+        left = left_by_static_law(scene.columns["temperature"], kept)
+        if left <= _ALL_BUT_EXPLAINED * np.sqrt(np.mean(kept**2)):
+            raise ValueError(
+                f"The 'effects' parameter of {_WHO} plants {planting.kind!r} with {parameters}: on this record a "
+                "static quadratic in temperature explains it altogether. Choose other parameters or a longer record."
+            )
+        coefficient = sign * planting.strength * noise / left
+        for part, shape in zip(contributions, shapes, strict=True):
+            part[planting.label] = coefficient * shape
+        truth[planting.label] = {
+            "kind": planting.kind,
+            "parameters": parameters,
+            "strength": planting.strength,
+            "coefficient": coefficient,
+            "rms": planting.strength * noise,
+        }
+    return contributions, truth
+
+
+def left_by_static_law(temperature: Array, values: Array) -> float:
+    """Root mean square of what a static quadratic in temperature, eq. (3), leaves of `values`."""
+    excess = (temperature - temperature.mean()) / max(float(temperature.std()), 1e-300)
+    static = np.stack([np.ones_like(excess), excess, excess**2], axis=1)
+    residual = values - static @ np.linalg.lstsq(static, values, rcond=None)[0]
+    return float(np.sqrt(np.mean(residual**2)))
+
+
+def _scene(runs: Sequence[Run], step: float) -> Scene:
+    times = np.concatenate([run.began + run.time[run.kept] for run in runs])
+    columns = {name: np.concatenate([run.columns[name][run.kept] for run in runs]) for name in runs[0].columns}
+    return Scene(step, min(float(run.time[-1]) for run in runs), times, columns)
+
+
+def _stream(planting: Planting, seed: int, run: int, purpose: int) -> np.random.Generator:
+    """Random generator of one planted effect: no other effect, and no other part of the record, shares it."""
+    part = STREAMS.index("contributions")
+    return np.random.default_rng([seed, run, part, crc32(planting.kind.encode()), planting.occurrence, purpose])

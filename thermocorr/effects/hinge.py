@@ -1,0 +1,114 @@
+"""Hinges: a law that changes at one temperature, at once or with lags."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+from sklearn.utils._param_validation import Interval, StrOptions
+
+from ..equations import LagState, lag_differences
+from ..records import Block, Record
+from .grids import temperature_quantiles, time_grid
+from .protocol import Effect, EffectInfo, time_text
+from .thermal import seconds_array
+
+
+class Hinge(Effect):
+    """What the temperature does on one side of a knee: max(T - knee, 0) or min(T - knee, 0) [K], and its lags.
+
+    Beside a model that holds T, one side says as much as the other, since they add up to T - knee; beside one that
+    holds the lags of T the same is true of the lagged sides.
+
+    Parameters
+    ----------
+    knee : float
+        In the unit of the temperature.
+    side : {"above", "below"}, default "above"
+        Where the column moves; on the other side it is 0.
+    time_constants : sequence, default ()
+        [s], or spans such as "15 min": lag differences of that column, eq. (19) with it in place of T, for a part of
+        the device (or of the ground) that follows late and only there.
+    hold : {"first_order", "zero_order"}, default "first_order"
+        See `ThermalLag`.
+
+    Raises
+    ------
+    ValueError
+        By `learn`, for a parameter outside its range.
+    """
+
+    kind = "hinge"
+    info = EffectInfo(
+        physics="Freezing, condensation, a clamp that opens or a sensor that saturates changes the law at one "
+        "temperature.",
+        bench_check="Ramp slowly through the knee: the slope of the reading changes there, in both directions, and "
+        "nowhere else.",
+        formula="max(T-knee) = T - knee above the knee and 0 below; min(T-knee) the other way round; with lags as T",
+        parameters={"knee": "K", "time_constants": "s"},
+        tuned=("time_constants",),
+    )
+    _parameter_constraints = {
+        "knee": [Interval(Real, None, None, closed="neither")],
+        "side": [StrOptions({"above", "below"})],
+        "hold": [StrOptions({"first_order", "zero_order"})],
+    }
+
+    def __init__(self, knee: float, side: str = "above", time_constants: Sequence[Any] = (), hold: str = "first_order"):
+        self.knee = knee
+        self.side = side
+        self.time_constants = time_constants
+        self.hold = hold
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """Knees where 5 % to 95 % of the temperatures lie below, and 0 if it is among them; then lagged ones."""
+        quantiles = temperature_quantiles(record, np.linspace(0.05, 0.95, 13))
+        low, high = quantiles[0], quantiles[-1]
+        knees = {float(f"{knee:.4g}") for knee in (*quantiles, *np.linspace(low, high, 7))}
+        if low < 0 < high:
+            knees.add(0.0)
+        lags = time_grid(record, 5.0, 0.1, 4.0)
+        static: list[Effect] = [cls(knee) for knee in sorted(knees)]
+        return static + [cls(knee, "above", [tau]) for knee in sorted(knees) for tau in lags]
+
+    def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
+        """Moved knees (`share` of a tenth of the range of 90 % of the temperatures), scaled time constants."""
+        low, high = temperature_quantiles(record, (0.05, 0.95))
+        moved = [self.knee + side * share * (high - low) / 10 for side in (-1, 1)]
+        return [clone(self).set_params(knee=float(knee)) for knee in moved] + super().nearby(record, share)
+
+    def learn(self, record: Record) -> None:
+        """Check parameters; convert time constants to seconds."""
+        self._validate_params()
+        self.time_constants_ = seconds_array(self.time_constants)
+
+    def names(self) -> list[str]:
+        """``max(T-0)``, ``max(T-0) lag[3600 s]``, ..."""
+        name = f"{'max' if self.side == 'above' else 'min'}(T{-float(self.knee):+.6g})"
+        return [name, *(f"{name} lag[{time_text(tau)}]" for tau in self.time_constants_)]
+
+    def units(self) -> list[str]:
+        """K."""
+        return ["K"] * (1 + len(self.time_constants_))
+
+    def columns(self, block: Block, state: LagState | None) -> tuple[np.ndarray, Any]:
+        """The hinge and its lag differences [K], shape (n, 1 + number of time constants)."""
+        clip = np.maximum if self.side == "above" else np.minimum
+        hinge = clip(block.temperature - self.knee, 0.0)
+        if len(self.time_constants_) == 0:
+            return hinge, None
+        lagged, state = lag_differences(hinge, block.steps, self.time_constants_, state, hold=self.hold)
+        return np.column_stack((hinge, lagged)), state
+
+    def memory(self) -> float:
+        """The longest time constant [s]."""
+        return float(self.time_constants_.max(initial=0.0))
+
+    def label(self) -> str:
+        """``hinge: above 0``, ``hinge: above 0, lag 3600 s``."""
+        times = [time_text(tau) for tau in seconds_array(self.time_constants)]
+        return f"hinge: {self.side} {self.knee:.6g}" + (f", lag {', '.join(times)}" if times else "")

@@ -1,0 +1,86 @@
+"""Hysteresis: friction, solder and packaging stress, as a play operator on the temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from sklearn.utils._param_validation import Interval
+
+from ..records import Block, Record
+from .grids import temperature_quantiles
+from .protocol import Effect, EffectInfo
+
+_SHARES = np.geomspace(0.03, 0.9, 10)
+"""Widths to try, as shares of the range that holds 96 % of the temperatures."""
+
+
+class Hysteresis(Effect):
+    """Play of width w, less T [K]: a follower that is dragged along once T has moved by w/2 from it.
+
+    ``p[k] = min(max(p[k-1], T[k] - w/2), T[k] + w/2)``, the play operator (Visintin, Differential Models of
+    Hysteresis, 1994, ch. III). It does not depend on how fast T moves. Each segment starts with p = T in the middle
+    of the play, and a swing of T by more than w makes that start forgotten.
+
+    Parameters
+    ----------
+    width : float
+        w [K].
+
+    Raises
+    ------
+    ValueError
+        By `learn`, for a width that is not a positive number.
+    """
+
+    kind = "hysteresis"
+    info = EffectInfo(
+        physics="Friction, solder creep or packaging stress makes the reading depend on whether the temperature was "
+        "reached from above or from below.",
+        bench_check="Go to the same temperature from above and from below and wait: the difference stays, however "
+        "long the wait and however slow the approach.",
+        formula="hysteresis[w] = p - T, where the play p stays put until T is w/2 away and is then dragged along",
+        parameters={"width": "K"},
+        tuned=("width",),
+    )
+    _parameter_constraints = {"width": [Interval(Real, 0, None, closed="neither")]}
+
+    def __init__(self, width: float):
+        self.width = width
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """Widths from 3 % to 90 % of the range that holds 96 % of the temperatures."""
+        low, high = temperature_quantiles(record, (0.02, 0.98))
+        return [cls(float(f"{width:.3g}")) for width in _SHARES * (high - low) if width > 0]
+
+    def learn(self, record: Record) -> None:
+        """Check the width."""
+        self._validate_params()
+
+    def names(self) -> list[str]:
+        """``hysteresis[0.5 K]``."""
+        return [f"hysteresis[{self.width:.6g} K]"]
+
+    def units(self) -> list[str]:
+        """K."""
+        return ["K"]
+
+    def columns(self, block: Block, state: float | None) -> tuple[np.ndarray, float]:
+        """Play less temperature [K], within +- w/2, shape (n,); the state is the play's position."""
+        T = block.temperature
+        position = float(T[0]) if state is None else state
+        play = []
+        for low, high in zip((T - self.width / 2).tolist(), (T + self.width / 2).tolist(), strict=True):
+            if position < low:
+                position = low
+            elif position > high:
+                position = high
+            play.append(position)
+        return np.array(play) - T, position
+
+    def label(self) -> str:
+        """``hysteresis: 0.5 K``."""
+        return f"hysteresis: {self.width:.6g} K"

@@ -1,0 +1,88 @@
+"""Periodic causes that nobody recorded: harmonics of a day, or of any given period."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+from sklearn.utils._param_validation import Interval
+
+from ..records import Block, Record, seconds_of
+from .grids import longest_segment
+from .protocol import Effect, EffectInfo, time_text
+
+_USUAL_PERIODS = {3_600.0: 3, 44_714.16: 1, 86_400.0: 2, 604_800.0: 4}
+"""Periods [s] that instruments meet, with the harmonics to try: an hour, the lunar tide, a day, a week."""
+
+
+class Periodic(Effect):
+    """Harmonics of a period: sin and cos of 2 pi h t/period, h = 1..harmonics.
+
+    Their phase counts from absolute time (UTC for dates with a zone), so that a later record continues it.
+
+    Parameters
+    ----------
+    period : float or time span, default 86400
+        [s].
+    harmonics : int, default 2
+        How many multiples of the fundamental frequency.
+    removed_by_correct : bool, default True
+        Whether `correct` takes it away. Pass False where the period is what is measured, such as a tide.
+
+    Raises
+    ------
+    ValueError
+        By `learn`, for a period that is not a positive time, or fewer than one harmonic.
+    """
+
+    kind = "periodic"
+    info = EffectInfo(
+        physics="Sun, air conditioning, mains load or tides act with a fixed period and were not recorded.",
+        bench_check="Log the suspected cause too (light, mains voltage, the fan's switch), or move the instrument "
+        "where it is absent: the wave is gone.",
+        formula="sin[p], cos[p] = sin and cos of 2 pi t/p with t in absolute time",
+        parameters={"period": "s"},
+        tuned=("period",),
+    )
+    _parameter_constraints = {
+        "harmonics": [Interval(Integral, 1, None, closed="left")],
+        "removed_by_correct": ["boolean"],
+    }
+
+    def __init__(self, period: Any = 86_400.0, harmonics: int = 2, removed_by_correct: bool = True):
+        self.period = period
+        self.harmonics = harmonics
+        self.removed_by_correct = removed_by_correct
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """An hour, the lunar tide, a day and a week, as far as the record holds three periods and ten samples in one.
+
+        Other periods come from the spectrum of a residual.
+        """
+        shortest, longest = 10.0 * record.usual_step(), longest_segment(record) / 3.0
+        return [cls(period, h) for period, h in _USUAL_PERIODS.items() if shortest <= period <= longest]
+
+    def learn(self, record: Record) -> None:
+        """Convert the period to seconds."""
+        self._validate_params()
+        self.period_ = seconds_of(self.period, "period")
+
+    def names(self) -> list[str]:
+        """``sin[86400 s]``, ``cos[86400 s]``, ``sin[43200 s]``, ..."""
+        return [f"{wave}[{time_text(self.period_ / h)}]" for h in self._orders() for wave in ("sin", "cos")]
+
+    def _orders(self) -> range:
+        return range(1, self.harmonics + 1)
+
+    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
+        """Harmonics, shape (n, 2 harmonics)."""
+        began = block.record.times.between(block.zero, 0) % self.period_
+        angle = 2.0 * np.pi / self.period_ * (began + block.seconds)
+        return np.column_stack([wave(h * angle) for h in self._orders() for wave in (np.sin, np.cos)]), state
+
+    def label(self) -> str:
+        """``periodic: 86400 s``."""
+        return f"periodic: {time_text(seconds_of(self.period, 'period'))}"

@@ -1,0 +1,105 @@
+"""Products of lags, and of a lag with T: nonlinear dynamic transfer, eq. (21)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..equations import LagState
+from ..records import Block, Record
+from .grids import time_grid
+from .protocol import Effect, EffectInfo
+from .thermal import HOLD, INITIAL_STATE, REFERENCE, ThermalLag, column_text
+
+
+class LagProducts(Effect):
+    """Products Psi_j Psi_k of eq. (21), j <= k: nonlinear dynamic transfer.
+
+    Parameters
+    ----------
+    time_constants, hold, initial_state, reference_temperature : see `ThermalLag`
+    temperature_products : bool, default False
+        Add (T - T0) Psi_j: the device follows later, or feels more, where it is warm.
+    """
+
+    kind = "lag_products"
+    info = EffectInfo(
+        physics="Heat flow inside the device bends the reading, or the device follows faster where it is warm: the "
+        "dynamic law is not linear.",
+        bench_check="Step the temperature up and down by the same amount, and by twice as much: the transients are not "
+        "mirror images, and not twice as large.",
+        formula="lag[a]*lag[b] = product of two lag differences; temperature*lag[a] = (T - T0) times one",
+        parameters={"time_constants": "s", "reference_temperature": "K"},
+        tuned=("time_constants",),
+    )
+    _parameter_constraints = {
+        "hold": HOLD,
+        "initial_state": INITIAL_STATE,
+        "reference_temperature": REFERENCE,
+        "temperature_products": ["boolean"],
+    }
+
+    def __init__(
+        self,
+        time_constants: Sequence[Any] = (),
+        hold: str = "first_order",
+        initial_state: str = "fit",
+        reference_temperature: float | str = "mean",
+        temperature_products: bool = False,
+    ):
+        self.time_constants = time_constants
+        self.hold = hold
+        self.initial_state = initial_state
+        self.reference_temperature = reference_temperature
+        self.temperature_products = temperature_products
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """One time constant with its square and its product with T; then two, eight times apart."""
+        times = time_grid(record, 2.0, 0.05)
+        single: list[Effect] = [cls([tau], temperature_products=True) for tau in times]
+        return single + [cls([a, b], temperature_products=True) for a, b in zip(times[:-3], times[3:], strict=True)]
+
+    def learn(self, record: Record) -> None:
+        """Convert time constants to seconds; fix T0 where T takes part."""
+        self._validate_params()
+        self.lags_ = ThermalLag(
+            self.time_constants, self.hold, self.initial_state, reference_temperature=self.reference_temperature
+        )
+        self.lags_.learn(record)
+        n = len(self.lags_.time_constants_)
+        self.pairs_ = [(j, k) for j in range(n) for k in range(j, n)]
+        if self.temperature_products:
+            given = self.reference_temperature
+            mean = record.moments(record.temperature_name).mean
+            self.reference_temperature_ = mean if given == "mean" else float(given)
+            self.temperature_name_ = record.temperature_name
+
+    def names(self) -> list[str]:
+        """``lag[60 s]*lag[900 s]``, ..., ``temperature*lag[60 s]``, ..."""
+        lag = self.lags_.names()
+        names = [f"{lag[j]}*{lag[k]}" for j, k in self.pairs_]
+        if self.temperature_products:
+            names += [f"{column_text(self.temperature_name_)}*{name}" for name in lag]
+        return names
+
+    def units(self) -> list[str]:
+        """K^2."""
+        return ["K^2"] * len(self.names())
+
+    def columns(self, block: Block, state: LagState | None) -> tuple[np.ndarray, LagState]:
+        """Products of lag differences, and of T - T0 with them [K^2]."""
+        Psi, state = self.lags_.columns(block, state)
+        result = np.empty((len(block), len(self.names())), order="F")
+        for column, (j, k) in enumerate(self.pairs_):
+            np.multiply(Psi[:, j], Psi[:, k], out=result[:, column])  # eq. (21)
+        if self.temperature_products:
+            deviation = block.temperature - self.reference_temperature_
+            result[:, len(self.pairs_) :] = deviation[:, None] * Psi  # eq. (21)
+        return result, state
+
+    def memory(self) -> float:
+        """The longest time constant [s]."""
+        return self.lags_.memory()

@@ -1,0 +1,262 @@
+"""Effects of time alone: drift, ageing, a temperature coefficient that ages, steps.
+
+Time counts from the first row of the fitted record and runs on through its continuation. Drift and ageing are centred
+on the fitted rows, so that U0 stays the reading of the record's middle; the coefficients do not depend on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from numbers import Real
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+from sklearn.utils._param_validation import Interval
+
+from ..records import Block, Record, seconds_of
+from .grids import longest_segment, mean_seconds, time_grid, time_quantiles
+from .protocol import Effect, EffectInfo, time_text
+from .thermal import column_text
+
+DAY = 86_400.0
+"""Seconds of a day: drifts are quoted per day."""
+_STEP_TIMES = 48
+
+
+class Drift(Effect):
+    """Linear ageing: time [d], less its mean over the fitted rows.
+
+    Parameters
+    ----------
+    removed_by_correct : bool, default False
+        Whether `correct` takes the drift away. By default it stays: a change with time alone can be the very thing to
+        be measured, such as the drift of a standard, and nothing in a record tells the two apart.
+    """
+
+    kind = "drift"
+    info = EffectInfo(
+        physics="The instrument or the standard ages at a steady rate.",
+        bench_check="Compare with a second standard of known history at the beginning and at the end, at the same "
+        "temperature: the difference has grown by the rate times the time between.",
+        formula="drift = time since the fitted record began [d], less its mean",
+    )
+    _parameter_constraints = {"removed_by_correct": ["boolean"]}
+
+    def __init__(self, removed_by_correct: bool = False):
+        self.removed_by_correct = removed_by_correct
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """The one there is."""
+        return [cls()]
+
+    def learn(self, record: Record) -> None:
+        """Fix the centre [s]."""
+        self._validate_params()
+        self.centre_ = mean_seconds(record)
+
+    def names(self) -> list[str]:
+        """``drift``."""
+        return ["drift"]
+
+    def units(self) -> list[str]:
+        """Days: d."""
+        return ["d"]
+
+    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
+        """Time since the centre of the fitted record [d], shape (n,)."""
+        return (block.seconds - self.centre_) / DAY, state
+
+
+class LogAgeing(Effect):
+    """Settling that never quite ends: log(1 + t/t0), less its mean over the fitted rows.
+
+    This is the law by which MIL-PRF-55310 extrapolates the ageing of crystal oscillators, A ln(B t + 1), t0 = 1/B.
+    Rows before the fitted record have t = 0.
+
+    Parameters
+    ----------
+    onset : float or time span, default 86400
+        t0 [s]: before it the ageing looks linear, after it logarithmic.
+    removed_by_correct : bool, default False
+        Whether `correct` takes the ageing away, see `Drift`.
+
+    Raises
+    ------
+    ValueError
+        By `learn`, for an onset that is not a positive time.
+    """
+
+    kind = "log_ageing"
+    info = EffectInfo(
+        physics="Stress relaxes and adhesives creep at ever slower rates after assembly, transport or switching on.",
+        bench_check="Disturb the instrument again (transport, power cycle, a large temperature excursion): the same "
+        "fast-then-slow change starts anew.",
+        formula="log ageing[t0] = log(1 + t/t0) with t since the fitted record began, less its mean",
+        parameters={"onset": "s"},
+        tuned=("onset",),
+    )
+    _parameter_constraints = {"removed_by_correct": ["boolean"]}
+
+    def __init__(self, onset: Any = DAY, removed_by_correct: bool = False):
+        self.onset = onset
+        self.removed_by_correct = removed_by_correct
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """Onsets from ten steps to half of the longest segment."""
+        return [cls(t0) for t0 in time_grid(record, 10.0, 0.5, 3.0)]
+
+    def learn(self, record: Record) -> None:
+        """Convert the onset to seconds; fix the mean."""
+        self._validate_params()
+        self.onset_ = seconds_of(self.onset, "onset")
+        self.mean_ = sum(float(self._logarithm(block).sum()) for block in record.blocks()) / record.n_used
+
+    def _logarithm(self, block: Block) -> np.ndarray:
+        return np.log1p(np.maximum(block.seconds, 0.0) / self.onset_)
+
+    def names(self) -> list[str]:
+        """``log ageing[86400 s]``."""
+        return [f"log ageing[{time_text(self.onset_)}]"]
+
+    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
+        """log(1 + t/t0) less its mean, shape (n,)."""
+        return self._logarithm(block) - self.mean_, state
+
+
+class SensitivityDrift(Effect):
+    """Temperature coefficient that ages: t (T - T0) [K d], both centred on the fitted rows.
+
+    The static coefficient keeps its meaning: it is that of the middle of the fitted record.
+    """
+
+    kind = "sensitivity_drift"
+    info = EffectInfo(
+        physics="The temperature coefficient itself changes with time, as glue, solder or a compensation ages.",
+        bench_check="Measure the temperature coefficient by the same temperature cycle before and after: it differs.",
+        formula="drift*temperature = (time [d] less its mean) * (T less its mean)",
+    )
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """The one there is."""
+        return [cls()]
+
+    def learn(self, record: Record) -> None:
+        """Fix the centres of time [s] and temperature."""
+        self.centre_ = mean_seconds(record)
+        self.reference_temperature_ = record.moments(record.temperature_name).mean
+        self.temperature_name_ = record.temperature_name
+
+    def names(self) -> list[str]:
+        """``drift*temperature``."""
+        return [f"drift*{column_text(self.temperature_name_)}"]
+
+    def units(self) -> list[str]:
+        """K d."""
+        return ["K d"]
+
+    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
+        """Time times temperature [K d], shape (n,)."""
+        return (block.seconds - self.centre_) / DAY * (block.temperature - self.reference_temperature_), state
+
+
+class Step(Effect):
+    """A jump that stays: 0 before a moment, 1 from then on.
+
+    Parameters
+    ----------
+    time : float, time span or date
+        The moment: seconds (or a span such as "3 days") since the fitted record began, or a date where the record has
+        dates. The column is constant, and does nothing, if it lies outside the fitted record.
+    removed_by_correct : bool, default False
+        Whether `correct` takes the step away, see `Drift`. Pass True for a change of the instrument (a replaced part,
+        another range).
+
+    Raises
+    ------
+    ValueError
+        By `learn`, for what is no time, or a date where the record has none.
+    """
+
+    kind = "step"
+    info = EffectInfo(
+        physics="A shock, a change of range or a replaced part moved the reading once and for all.",
+        bench_check="Look in the laboratory's log book at that moment; repeat the suspected action and see the reading "
+        "jump at constant temperature.",
+        formula="step[t] = 0 before t, 1 from t on",
+        parameters={"time": "s"},
+    )
+    _parameter_constraints = {
+        "time": [Interval(Real, None, None, closed="neither"), str, pd.Timestamp, pd.Timedelta, np.datetime64],
+        "removed_by_correct": ["boolean"],
+    }
+
+    def __init__(self, time: Any, removed_by_correct: bool = False):
+        self.time = time
+        self.removed_by_correct = removed_by_correct
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """The starts of segments, and times that part the record's rows into even shares."""
+        starts = [record.times.between(record.stamp(s.start), record.first_stamp()) for s in record.segments[1:]]
+        shares = np.linspace(0.0, 1.0, _STEP_TIMES + 2)[1:-1]
+        times = {float(t) for t in (*starts, *time_quantiles(record, shares)) if t > 0}
+        return [cls(t) for t in sorted(times)]
+
+    def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
+        """Moments `share` of the way to the next candidate."""
+        spacing = longest_segment(record) / (_STEP_TIMES + 1)
+        moment = _since_start(self.time, record)
+        return [clone(self).set_params(time=moment + side * share * spacing) for side in (-1, 1)]
+
+    def learn(self, record: Record) -> None:
+        """Convert the moment to seconds since the record began, and to a date where there are dates."""
+        self._validate_params()
+        self.seconds_ = _since_start(self.time, record)
+        self.moment_ = f"{self.seconds_:.10g} s"
+        if record.times.kind.startswith("datetime"):
+            self.moment_ = str(pd.Timestamp(int(record.first_stamp())) + pd.Timedelta(self.seconds_, unit="s"))
+
+    def names(self) -> list[str]:
+        """``step[86400 s]`` or ``step[2024-03-05 00:00:00]``."""
+        return [f"step[{self.moment_}]"]
+
+    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
+        """0 before, 1 from the moment on, shape (n,)."""
+        return (block.seconds >= self.seconds_).astype(float), state
+
+    def label(self) -> str:
+        """``step: 2024-03-05 00:00:00``."""
+        return f"step: {getattr(self, 'moment_', self.time)}"
+
+
+def _since_start(time: Any, record: Record) -> float:
+    """A moment as seconds since the record began; raises ValueError for what is no moment of this record."""
+    if isinstance(time, Real):
+        return float(time)
+    try:
+        return pd.Timedelta(time).total_seconds()
+    except (ValueError, TypeError):
+        pass
+    kind = record.times.kind
+    try:
+        date = pd.Timestamp(time)
+    except (ValueError, TypeError):
+        date = pd.NaT
+    if not kind.startswith("datetime") or date is pd.NaT:
+        raise ValueError(
+            "The 'time' parameter of Step must be seconds since the record began, a span such as '3 days', or a date "
+            f"where the record has dates (this one has {kind}). Got {time!r} instead."
+        )
+    zoned = kind == "datetime with time zone"
+    if (date.tzinfo is not None) != zoned:
+        raise ValueError(
+            f"The 'time' parameter of Step must be a date {'with' if zoned else 'without'} a time zone, as the "
+            f"record's times are. Got {time!r} instead."
+        )
+    date = date.tz_convert("UTC").tz_localize(None) if zoned else date
+    return record.times.between(date.as_unit("ns").value, record.first_stamp())

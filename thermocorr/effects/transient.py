@@ -1,0 +1,104 @@
+"""Start-up of each segment: decays of an unknown initial temperature field, eq. (18)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from sklearn.utils._param_validation import Interval
+
+from ..equations import decays
+from ..records import BLOCK_ROWS, Block, Record, Segment
+from .grids import time_grid
+from .protocol import Effect, EffectInfo, time_text
+from .thermal import seconds_array
+
+
+class InitialTransient(Effect):
+    """Start-up columns exp(-t/tau) of eq. (18), one set per fitted segment.
+
+    They stand for the unknown temperature field inside the device when a segment starts, and belong to that segment:
+    other segments have zeros there.
+
+    Parameters
+    ----------
+    time_constants : sequence
+        [s], or spans such as "15 min".
+    longest_share : float
+        A decay longer than this share of its segment is left out: over the record it looks like drift or ageing, and
+        would swallow them without a word.
+    """
+
+    kind = "initial_transient"
+    info = EffectInfo(
+        physics="The device was not at rest when the record began: warm-up after switching on, or settling after it "
+        "was moved.",
+        bench_check="Restart the instrument, or bring it in from another room: the same decay follows each start, at "
+        "constant temperature too.",
+        formula="decay[tau] = exp(-t/tau) since the start of its segment, zero elsewhere",
+        parameters={"time_constants": "s"},
+        tuned=("time_constants",),
+    )
+    _parameter_constraints = {"longest_share": [Interval(Real, 0, None, closed="left")]}
+
+    def __init__(self, time_constants: Sequence[Any] = (), longest_share: float = 1.0):
+        self.time_constants = time_constants
+        self.longest_share = longest_share
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """One decay: time constants from two steps to half of the longest segment."""
+        return [cls([tau]) for tau in time_grid(record, 2.0, 0.5)]
+
+    def learn(self, record: Record) -> None:
+        """List the decays of each segment: ``decays_[key]`` holds their time constants [s]."""
+        self._validate_params()
+        time_constants = seconds_array(self.time_constants)
+        self.decays_: dict[int, np.ndarray] = {}
+        self.first_column_: dict[int, int] = {}
+        self.labels_: dict[int, str] = {}
+        at = 0
+        runs = [segment.run for segment in record.segments]
+        for key, segment in enumerate(record.segments):
+            limit = self.longest_share * record.duration(segment)
+            chosen = time_constants[time_constants <= limit]
+            chosen = chosen[chosen > _first_reading(record, segment)]  # what is over before can't be known
+            if len(chosen) == 0 or segment.stop - segment.start <= 2 * len(chosen):
+                continue
+            self.decays_[key], self.first_column_[key] = chosen, at
+            at += len(chosen)
+            named = segment.run is not None and runs.count(segment.run) == 1
+            self.labels_[key] = str(segment.run) if named else f"segment {key}"
+        self.n_columns_ = at
+
+    def names(self) -> list[str]:
+        """``decay[900 s]``, or ``decay[900 s, run9]`` where there are several segments."""
+        single = len(self.decays_) == 1 and not any(self.decays_) and next(iter(self.labels_.values())) == "segment 0"
+        return [
+            f"decay[{time_text(tau)}]" if single else f"decay[{time_text(tau)}, {self.labels_[key]}]"
+            for key, taus in self.decays_.items()
+            for tau in taus
+        ]
+
+    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
+        """Decays of the block's segment, zeros elsewhere [1]."""
+        result = np.zeros((len(block), self.n_columns_), order="F")
+        taus = self.decays_.get(-1 if block.segment_key is None else block.segment_key)
+        if taus is not None:
+            at = self.first_column_[block.segment_key]
+            result[:, at : at + len(taus)] = decays(block.elapsed, taus)  # eq. (18)
+        return result, state
+
+
+def _first_reading(record: Record, segment: Segment) -> float:
+    """Time from the start of a segment to its first reading [s]; infinite where it has none."""
+    if record.reading is None:
+        return 0.0
+    for start in range(segment.start, segment.stop, BLOCK_ROWS):
+        rows = record.rows(start, min(start + BLOCK_ROWS, segment.stop))
+        known = np.isfinite(np.asarray(record.reading[rows], float))
+        if known.any():
+            return record.times.between(record.stamp(start + int(known.argmax())), record.stamp(segment.start))
+    return np.inf
