@@ -51,7 +51,7 @@ def walk(
     size : int
         Rows of a block.
     extra : int
-        Free columns to leave on either side of the effects' own: 1 makes room for the leading 1 and the reading.
+        Free columns to leave behind the effects' own.
     """
     widths = [len(effect.names()) for effect in effects]
     width = sum(widths)
@@ -59,8 +59,8 @@ def walk(
     for block in record.blocks(size, zero, starts):
         if block.start == record.segments[block.segment].start:
             current = list((states or {}).get(block.segment) or [None] * len(effects))
-        columns = np.empty((len(block), width + 2 * extra), order="F")
-        at = extra
+        columns = np.empty((len(block), width + extra), order="F")
+        at = 0
         for i, (effect, n_columns) in enumerate(zip(effects, widths, strict=True)):
             part, current[i] = effect.columns(block, current[i])
             part = np.asarray(part)

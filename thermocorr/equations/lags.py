@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.blas import dtbsv
 
+from .compiled import compiled_recursion
+
 Floats = NDArray[np.float64]
 Hold = Literal["first_order", "zero_order"]
 
@@ -131,27 +133,42 @@ def lag_differences(
     change[0] = temperature[0] - state.temperature
     np.subtract(temperature[1:], temperature[:-1], out=change[1:])
 
-    # The recursion is a unit lower bidiagonal system, solved in place column by column; row 0 is the state.
-    columns = np.empty((n + 1, n_lags), order="F")
-    band = np.empty((2, n + 1), order="F")  # row 1 is the subdiagonal, - a
     regular = n > 1 and bool((steps[1:] == steps[1]).all())
-    first = steps[:2, None] if regular else steps[:1, None]
-    decay, gain = decay_and_gain(first, time_constants, hold)
-    for j in range(n_lags):
+    recursion = compiled_recursion()
+    if recursion is not None:
+        if regular:
+            decay, gain = decay_and_gain(steps[:2, None], time_constants, hold)
+        else:
+            decay, gain = (np.empty((n, n_lags), order="F") for _ in range(2))
+            for j, time_constant in enumerate(time_constants):
+                decay[:, j], gain[:, j] = decay_and_gain(steps, time_constant, hold)
+        result = np.empty((n, n_lags), order="F")
+        recursion(change, np.asfortranarray(decay), np.asfortranarray(gain), state.lag_difference, result)
+    else:
+        result = _solved(change, steps, time_constants, state.lag_difference, hold, regular)
+    return result, LagState(result[-1].copy(), float(temperature[-1]))
+
+
+def _solved(change: Floats, steps: Floats, time_constants: Floats, first: Floats, hold: Hold, regular: bool) -> Floats:
+    """The recursion as a unit lower bidiagonal system, solved in place column by column; row 0 is the state."""
+    n = len(change)
+    columns = np.empty((n + 1, len(time_constants)), order="F")
+    band = np.empty((2, n + 1), order="F")  # row 1 is the subdiagonal, - a
+    decay, gain = decay_and_gain(steps[: 2 if regular else 1, None], time_constants, hold)
+    for j, time_constant in enumerate(time_constants):
         column = columns[:, j]
         if regular:
             band[1, 1:n] = -decay[1, j]
             np.multiply(change[1:], -gain[1, j], out=column[2:])
         else:
-            later_decay, later_gain = decay_and_gain(steps[1:], time_constants[j], hold)
+            later_decay, later_gain = decay_and_gain(steps[1:], time_constant, hold)
             np.negative(later_decay, out=band[1, 1:n])
             np.multiply(change[1:], np.negative(later_gain, out=later_gain), out=column[2:])
         band[1, 0] = -decay[0, j]
-        column[0] = state.lag_difference[j]
+        column[0] = first[j]
         column[1] = -gain[0, j] * change[0]
         dtbsv(1, band, column, lower=1, diag=1, overwrite_x=1)  # d[k] = a[k] d[k-1] - g[k] (T[k] - T[k-1])
-    result = columns[1:]
-    return result, LagState(result[-1].copy(), float(temperature[-1]))
+    return columns[1:]
 
 
 def paper_form(lag_difference: Floats, temperature: Floats, time_constants: Floats) -> Floats:

@@ -13,13 +13,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack, qr
+from scipy.linalg import lapack
 
 Floats = NDArray[np.float64]
 
 _PANEL = 8  # columns that LAPACK reflects at once
 RANK_TOLERANCE = 1e-11
 """Singular values of the unit-column triangle below this share of the largest carry no information."""
+
+
+def triangle(matrix: Floats) -> Floats:
+    """R of a QR factorisation of a small matrix, shape (min(m, n), n); without the overhead of `scipy.linalg.qr`."""
+    factored = lapack.dgeqrf(matrix)[0]
+    return np.asarray(np.triu(factored[: matrix.shape[1]]), np.float64)
 
 
 class TriangularFactor:
@@ -49,27 +55,33 @@ class TriangularFactor:
         return self
 
     def _sweep(self, rows: Floats) -> None:
-        if len(rows):
-            panel = min(_PANEL, self.r.shape[1])
-            self.r, _, _, info = lapack.dtpqrt(0, panel, self.r, rows, overwrite_a=1, overwrite_b=1)
-            if info:  # pragma: no cover - only for arguments of wrong shape
-                raise ValueError(f"dtpqrt refused its argument {-info}.")
+        if not len(rows):
+            return
+        zero = 0  # leading columns of zeros leave their part of R as it is: start-up decays that are over
+        while zero < rows.shape[1] and not rows[0, zero] and not rows[:, zero].any():
+            zero += 1
+        if zero == rows.shape[1]:
+            return
+        part = np.asfortranarray(self.r[zero:, zero:])
+        panel = min(_PANEL, len(part))
+        part, _, _, info = lapack.dtpqrt(0, panel, part, rows[:, zero:], overwrite_a=1, overwrite_b=1)
+        if info:  # pragma: no cover - only for arguments of wrong shape
+            raise ValueError(f"dtpqrt refused its argument {-info}.")
+        self.r[zero:, zero:] = part
 
     def select(self, columns: Iterable[int]) -> TriangularFactor:
         """Factor of some of the columns, in the order given, without another look at the data."""
-        columns = list(columns)
-        part = TriangularFactor(0)
-        part.r = np.asfortranarray(np.triu(qr(self.r[:, columns], mode="r")[0][: len(columns)]))
-        part.n_rows = self.n_rows
-        return part
+        return self._of(self.r[:, list(columns)])
 
     def combined(self, combination: Floats) -> TriangularFactor:
         """Factor of linear combinations of the columns: of ``rows @ combination``."""
-        part = TriangularFactor(0)
-        n = combination.shape[1]
-        part.r = np.zeros((n, n), order="F")
-        r = qr(self.r @ combination, mode="r")[0][:n]
-        part.r[: len(r)] = np.triu(r)
+        return self._of(self.r @ combination)
+
+    def _of(self, matrix: Floats) -> TriangularFactor:
+        """Factor of a matrix that stands for the same rows."""
+        part = TriangularFactor(matrix.shape[1])
+        r = triangle(matrix)
+        part.r[: len(r)] = r
         part.n_rows = self.n_rows
         return part
 

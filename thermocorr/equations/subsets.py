@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr, solve_triangular
+from scipy.linalg import solve_triangular
 
-from .leastsquares import Floats, TriangularFactor
+from .leastsquares import Floats, TriangularFactor, triangle
 
 Integers = NDArray[np.intp]
 
@@ -70,7 +70,7 @@ def fold_of(
         scale = np.linalg.norm(r[1:, 1:-1], axis=0) / np.sqrt(max(learned.n_rows, 1))
         penalty = np.zeros((len(scale), r.shape[1]))
         penalty[:, 1:-1] = np.diag(np.sqrt(alpha) * scale)
-        r = np.asarray(qr(np.vstack((r, penalty)), mode="r")[0][: r.shape[1]], np.float64)
+        r = triangle(np.vstack((r, penalty)))
     free = solve_free(r, n_free, r[:n_free, n_free:])
     inner = r[n_free:, n_free:]
     outer = tested.r[:, n_free:] - tested.r[:, :n_free] @ free

@@ -16,7 +16,7 @@ from ..effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLa
 from ..effects.protocol import Effect
 from ..effects.stream import Walked, needed_columns, own_starts, resume, walk
 from ..effects.wrap import EffectsParameters, as_effects
-from ..records import BLOCK_ROWS, History, Layout, Log, Record, RecordError, read_record, seconds_of
+from ..records import History, Layout, Log, Record, RecordError, read_record, seconds_of
 from ..records.record import SegmentStart
 
 LAYOUT_CONSTRAINTS: dict[str, Any] = {
@@ -193,9 +193,9 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         self.time_constants_ = np.zeros(0) if lags is None else lags.time_constants_
         return record
 
-    def walk_fitted(self, record: Record, size: int = BLOCK_ROWS, extra: int = 0) -> Iterator[Walked]:
+    def walk_fitted(self, record: Record) -> Iterator[Walked]:
         """Columns of the record that is being fitted, block by block."""
-        return walk(self.effect_list(), record, starts=own_starts(record), size=size, extra=extra)
+        return walk(self.effect_list(), record, starts=own_starts(record))
 
     def walk_resumed(
         self, record: Record, starts: dict[int, SegmentStart], states: dict[int, list[Any]]

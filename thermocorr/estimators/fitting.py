@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..effects import InitialTransient
 from ..effects.protocol import Effect
 from ..effects.stream import Walked, own_starts, walk
 from ..equations import RidgeSolution, TriangularFactor, solve_ridge
@@ -25,6 +26,11 @@ class Swept:
     end_states: list[list[Any]]
     reading_offset: float
     """Subtracted from every reading before it was swept in, so that its digits are kept."""
+
+    def ordered(self, effects: Sequence[int], columns: Sequence[int]) -> Swept:
+        """The same with columns, and states of effects, in another order: see `decays_first`."""
+        ends = [[states[effects.index(i)] for i in range(len(states))] for states in self.end_states]
+        return Swept([chunk.select(columns) for chunk in self.chunks], ends, self.reading_offset)
 
     def total(self) -> TriangularFactor:
         """One factor of all rows."""
@@ -64,15 +70,30 @@ def sweep_effects(record: Record, effects: Sequence[Effect], edges: np.ndarray) 
     if hasattr(record, "sweep_effects"):
         swept: Swept = record.sweep_effects(effects, edges)
         return swept
-    steps = walk(effects, record, starts=own_starts(record), size=block_rows(record.n_used), extra=1)
-    return sweep(record, steps, edges, reading_offset(record))
+    order, columns = decays_first(effects)
+    walked = [effects[i] for i in order]
+    steps = walk(walked, record, starts=own_starts(record), size=block_rows(record.n_used), extra=2)
+    swept = sweep(record, steps, edges, reading_offset(record))
+    return swept.ordered(order, columns)
+
+
+def decays_first(effects: Sequence[Effect]) -> tuple[list[int], list[int]]:
+    """Order of effects in which start-up decays come first, and where ``[1 | Q | U]`` stands in the columns then.
+
+    Decays are soon over; while they stand first, `TriangularFactor` passes over them.
+    """
+    order = sorted(range(len(effects)), key=lambda i: not isinstance(effects[i], InitialTransient))
+    widths = [len(effect.names()) for effect in effects]
+    starts = dict(zip(order, np.cumsum([0, *(widths[i] for i in order)]).tolist(), strict=False))
+    columns = [starts[i] + k for i in range(len(effects)) for k in range(widths[i])]
+    return order, [sum(widths), *columns, sum(widths) + 1]
 
 
 def sweep(record: Record, steps: Iterator[Walked], edges: np.ndarray, offset: float) -> Swept:
-    """Sweep the columns of a walk into factors.
+    """Sweep the columns of a walk into factors of ``[Q | 1 | U]``.
 
-    `steps` walks with ``extra=1``: a free column on either side for the 1 and the reading, which is taken from the
-    record, less `offset`. Rows without a reading are left out.
+    `steps` walks with ``extra=2``: free columns for the 1 and the reading, which is taken from the record, less
+    `offset`. Rows without a reading are left out.
     """
     assert record.reading is not None
     chunks: list[TriangularFactor] = []
@@ -80,7 +101,7 @@ def sweep(record: Record, steps: Iterator[Walked], edges: np.ndarray, offset: fl
     for step in steps:
         block, rows = step.block, step.columns
         reading = np.asarray(record.reading[block.rows], float) - offset
-        rows[:, 0] = 1.0
+        rows[:, -2] = 1.0
         rows[:, -1] = reading
         if block.stop == record.segments[block.segment].stop:
             ends.append(list(step.states))

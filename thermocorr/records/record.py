@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,7 +41,8 @@ class Moments(NamedTuple):
         if not len(values):
             return cls()
         mean = float(values.mean())
-        return cls(len(values), mean, float(values.var()) * len(values), float(values.min()), float(values.max()))
+        centred = values - mean
+        return cls(len(values), mean, float(centred @ centred), float(values.min()), float(values.max()))
 
     def merged(self, other: Moments) -> Moments:
         """Of both together (Chan, Golub & LeVeque 1983, American Statistician 37, 242)."""
@@ -158,11 +160,15 @@ class Record:
 
     def usual_step(self) -> float:
         """Median step inside segments [s]; 1 for a record without two consecutive rows. Long records are sampled."""
+        return self._usual_step
+
+    @cached_property
+    def _usual_step(self) -> float:
         parts = []
         longest = sorted(self.segments, key=lambda s: s.start - s.stop)[:16]
         for start, stop, _ in longest:
             if stop - start > 1:
-                parts.append(self.times.steps(self.rows(start, min(stop, start + 65_536)))[1:])
+                parts.append(self.times.steps(self.rows(start, min(stop, start + 16_384)))[1:])
         return float(np.median(np.concatenate(parts))) if parts else 1.0
 
     def moments(self, column: object, power: int = 1) -> Moments:
