@@ -1,6 +1,6 @@
 """Floor 0: equations, on numpy and scipy alone. Start reading in `lags`."""
 
-from .lags import LagState, decay_and_gain, decays, equilibrium, lag_differences, paper_form
+from .lags import LagState, decay_and_gain, decays, equilibrium, lag_differences, lags_at_end, paper_form
 from .leastsquares import RidgeSolution, TriangularFactor, solve_ridge
 from .statistics import moving_average, reduction_db
 
@@ -12,6 +12,7 @@ __all__ = [
     "decays",
     "equilibrium",
     "lag_differences",
+    "lags_at_end",
     "moving_average",
     "paper_form",
     "reduction_db",

@@ -171,6 +171,27 @@ def _solved(change: Floats, steps: Floats, time_constants: Floats, first: Floats
     return columns[1:]
 
 
+def lags_at_end(
+    temperature: Floats, steps: Floats, time_constants: Floats, state: LagState, *, hold: Hold = "first_order"
+) -> LagState:
+    """Only the state that `lag_differences` ends with, as weighted sums instead of a recursion.
+
+    ``d_n = exp(-(t_n - t_0)/tau) d_0 - sum_k exp(-(t_n - t_k)/tau) g_k (T_k - T_(k-1))``: the recursion written out.
+    """
+    if not len(temperature):
+        return state
+    change = np.diff(temperature, prepend=state.temperature)
+    elapsed = np.cumsum(steps)
+    left = elapsed - elapsed[-1]
+    regular = bool((steps == steps[0]).all())
+    end = np.empty(len(time_constants))
+    for j, time_constant in enumerate(time_constants):
+        gain = decay_and_gain(steps[:1] if regular else steps, time_constant, hold)[1]
+        weights = np.exp(left / time_constant) * gain
+        end[j] = np.exp(-elapsed[-1] / time_constant) * state.lag_difference[j] - weights @ change
+    return LagState(end, float(temperature[-1]))
+
+
 def paper_form(lag_difference: Floats, temperature: Floats, time_constants: Floats) -> Floats:
     """Columns of eqs. (19) (25) as printed: psi [K s] less T [K], for comparison only.
 

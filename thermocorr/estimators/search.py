@@ -25,6 +25,7 @@ from .spectrum import (
     PENALTIES,
     POOL_SIZE,
     GridLayout,
+    Projected,
     Reference,
     log_grid,
     project,
@@ -85,6 +86,10 @@ class Factored:
     def layout(self) -> GridLayout:
         """Which column is what."""
         return self.columns.layout
+
+    def projected(self, reference: Reference) -> Projected:
+        """What `project` needs."""
+        return Projected(TriangularFactor.merged(self.chunks), self.layout, reference)
 
     def cross_validation(self, scoring: str) -> CrossValidation:
         """Errors of sets in the folds."""
@@ -152,7 +157,7 @@ def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings
 def _by_spectrum(factored: Factored, cross: CrossValidation, settings: SearchSettings) -> TimeConstantChoice:
     """A whole spectrum chosen by forecasting, projected on few time constants: see `spectrum`."""
     reference = _reference(factored)
-    path = project(TriangularFactor.merged(factored.chunks), factored.layout, reference, settings.count)
+    path = project([factored.projected(reference)], settings.count)
     alpha = min(LARGEST_ALPHA, reference.penalty) * factored.reading.n_readings
     tried = [Tried(members, alpha, cross.score_sets([members], alpha)[0]) for members in path]
     chosen = tried[-1] if tried else Tried((), alpha, cross.score_sets([()], alpha)[0])

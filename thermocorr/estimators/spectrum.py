@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -164,28 +165,39 @@ def forecast_errors(blocks: Sequence[TriangularFactor], layout: GridLayout, temp
     return np.array(errors)
 
 
-def project(
-    factor: TriangularFactor, layout: GridLayout, reference: Reference, count: int | None = None
-) -> list[tuple[int, ...]]:
+class Projected(NamedTuple):
+    """A record, and its reference model that few time constants are to reproduce."""
+
+    factor: TriangularFactor
+    layout: GridLayout
+    reference: Reference
+
+
+def project(records: Sequence[Projected], count: int | None = None) -> list[tuple[int, ...]]:
     """Grid members whose span holds the reference's reading: greedy steps, each followed by exchanges.
 
-    Returns the set after each step; the last one is the choice, with `count` members or the first whose misfit falls
-    below `TOLERANCE`. An empty list says that no lag is needed.
+    Several records on one grid get one set: the sum of their misfits, each over its residual sum of squares, is made
+    small. Returns the set after each step; the last one is the choice, with `count` members or the first whose misfit
+    falls below `TOLERANCE`. An empty list says that no lag is needed.
     """
-    triangle = factor.r[layout.n_free :, :-1]  # below the rows of the free columns, which are in every set
-    target = triangle @ reference.coefficients
-    norms = np.linalg.norm(triangle, axis=0)
-    misfit = _Misfit(triangle / np.where(norms > 0, norms, 1.0), target, layout)
-    candidates = layout.members(reference.ceiling).tolist()
-    limit = TOLERANCE * reference.residual_sum_of_squares
+    misfits = [_Misfit(*record) for record in records]
+    candidates = sorted(set.intersection(*(misfit.candidates for misfit in misfits)))
+    limit = TOLERANCE * len(records)
+    total = sum(misfit.total for misfit in misfits)
+
+    def best(sets: set[tuple[int, ...]]) -> tuple[tuple[int, ...], float]:
+        ordered = sorted(sets, key=lambda members: (len(members), members))
+        errors = sum(misfit.errors(ordered) for misfit in misfits)
+        return ordered[int(np.argmin(errors))], float(np.min(errors))
+
     path: list[tuple[int, ...]] = []
-    if count is None and float(target @ target) <= limit:
+    if count is None and total <= limit:
         return path
     chosen: tuple[int, ...] = ()
     for _ in range(min(count or MAX_COUNT, len(candidates))):
-        chosen = grown(chosen, candidates, misfit.best, -1e-12 * misfit.total)
+        chosen = grown(chosen, candidates, best, -1e-12 * total)
         path.append(chosen)
-        if count is None and misfit.exact(chosen) <= limit:
+        if count is None and sum(misfit.exact(chosen) for misfit in misfits) <= limit:
             break
     return path
 
@@ -213,28 +225,33 @@ def grown(chosen: tuple[int, ...], candidates: Sequence[int], best: Best, slack:
 
 
 class _Misfit:
-    """Sums of squares that sets of grid members leave of a target: screened by cross products, confirmed by QR."""
+    """What sets of grid members leave of a reference's reading, over the residual sum of squares.
 
-    def __init__(self, unit: np.ndarray, target: np.ndarray, layout: GridLayout):
-        self.unit, self.target = unit, target
-        self.columns: Callable[[Sequence[int]], list[int]] = layout.columns
-        self.gram, self.moment, self.total = unit.T @ unit, unit.T @ target, float(target @ target)
+    Screened by cross products, confirmed by QR.
+    """
 
-    def best(self, sets: set[tuple[int, ...]]) -> tuple[tuple[int, ...], float]:
-        """The best of `sets`, all of which are solved in batches of equal width."""
-        by_width: dict[int, list[tuple[int, ...]]] = {}
-        for members in sorted(sets):
-            by_width.setdefault(len(self.columns(members)), []).append(members)
-        winners = []
-        for width, group in by_width.items():
-            columns = np.array([self.columns(members) for members in group])
+    def __init__(self, factor: TriangularFactor, layout: GridLayout, reference: Reference):
+        triangle = factor.r[layout.n_free :, :-1]  # below the rows of the free columns, which are in every set
+        self.target = triangle @ reference.coefficients / np.sqrt(reference.residual_sum_of_squares)
+        norms = np.linalg.norm(triangle, axis=0)
+        self.unit = triangle / np.where(norms > 0, norms, 1.0)
+        self.gram, self.moment = self.unit.T @ self.unit, self.unit.T @ self.target
+        self.total = float(self.target @ self.target)
+        self.columns = layout.columns
+        self.candidates = set(layout.members(reference.ceiling).tolist())
+
+    def errors(self, sets: Sequence[tuple[int, ...]]) -> np.ndarray:
+        """Misfit of each set; sets of equal width are solved together."""
+        widths = np.array([len(self.columns(members)) for members in sets])
+        errors = np.empty(len(sets))
+        for width in np.unique(widths):
+            which = np.flatnonzero(widths == width)
+            columns = np.array([self.columns(sets[i]) for i in which])
             moment = self.moment[columns]
             matrix = self.gram[columns[:, :, None], columns[:, None, :]] + 1e-11 * np.eye(width)
             solved = np.linalg.solve(matrix, moment[:, :, None])[:, :, 0]
-            errors = self.total - np.einsum("bi,bi->b", moment, solved)
-            winners.append((float(errors.min()), group[int(errors.argmin())]))
-        error, members = min(winners)
-        return members, error
+            errors[which] = self.total - np.einsum("bi,bi->b", moment, solved)
+        return errors
 
     def exact(self, members: Sequence[int]) -> float:
         """The same for one set without forming cross products."""

@@ -30,6 +30,10 @@ class Log:
         """Column of dates or spans that was the index of the frame written."""
         return None
 
+    def to_record(self, layout: Any, y: Any, needed: Any) -> Any:
+        """The validated record, for logs that know better than `read_record` how to get it; None otherwise."""
+        return None
+
     def times(self, name: str) -> Times:
         """Times from a column of dates, spans or seconds."""
         raise NotImplementedError

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from os import PathLike
 from typing import Any
 
@@ -28,7 +29,7 @@ class ParquetLog(Log):
     paths : path or sequence of paths
         Files with the same columns; one follows the other in time.
     row_groups : sequence of int, optional
-        Take these row groups of a single file only.
+        Take these row groups only, counted through all files.
 
     Examples
     --------
@@ -96,6 +97,13 @@ class ParquetLog(Log):
         if name not in self._schema.names:
             raise RecordError(f"There is no column {name!r} in the file. Its columns are {listing(self.columns)}.")
         return ParquetColumn(self, name)
+
+    def parts(self, count: int) -> list[ParquetLog]:
+        """The log cut at its row groups into at most `count` logs of similar length."""
+        targets = np.linspace(0, len(self), count + 1)[1:-1]
+        cuts = np.unique([0, *np.searchsorted(self.edges, targets), len(self._groups)])
+        numbers = list(range(len(self._groups))) if self.row_groups is None else self.row_groups
+        return [ParquetLog(self.paths, numbers[low:high]) for low, high in pairwise(cuts)]
 
     def times(self, name: str) -> Times:
         """Times from a column of dates, spans or seconds."""

@@ -61,6 +61,10 @@ def read_record(
     RecordError
         For what cannot be used: the message says what was found, where, and what to do.
     """
+    if isinstance(X, Log):
+        record = X.to_record(layout, y, needed)
+        if record is not None:
+            return record  # type: ignore[no-any-return]
     frame = is_frame(X)
     n = len(X)
     name = temperature_column(X, layout, quiet)
