@@ -125,11 +125,7 @@ def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings
     settings : SearchSettings
     """
     grid_given = not isinstance(settings.candidates, str)
-    record = features.learn(X, y)
-    reading = Reading.of(X, y, record)
-    static = features.effect_list()
-    require_rows(reading.n_readings, sum(len(effect.names()) for effect in static))
-    check_plausible(record, reading)
+    record, reading = learned(features, X, y)
     span = max(record.duration(segment) for segment in record.segments)
     if reading.n_readings < MIN_ROWS:
         if settings.method == "spectrum" and not grid_given:
@@ -145,7 +141,7 @@ def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings
         grid = seconds_array(settings.candidates)
     else:
         grid = log_grid(record.usual_step(), span, POOL_SIZE)
-    factored = _factors(features, record, reading, grid, settings)
+    factored = factors_of(features, record, reading, grid, settings)
     cross = factored.cross_validation(settings.scoring)
     if not cross.prepared(0.0):
         raise RecordError("No fold has readings both to learn from and to test. Choose other folds with cv=...")
@@ -154,11 +150,20 @@ def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings
     return _by_cross_validation(factored, cross, settings, explicit)
 
 
+def learned(features: DiffusiveFeatures, X: Any, y: Any) -> tuple[Record, Reading]:
+    """Let the features learn a record; refuse one that nothing can be learned from."""
+    record = features.learn(X, y)
+    reading = Reading.of(X, y, record)
+    require_rows(reading.n_readings, sum(len(effect.names()) for effect in features.effect_list()))
+    check_plausible(record, reading)
+    return record, reading
+
+
 def _by_spectrum(factored: Factored, cross: CrossValidation, settings: SearchSettings) -> TimeConstantChoice:
     """A whole spectrum chosen by forecasting, projected on few time constants: see `spectrum`."""
-    reference = _reference(factored)
+    reference = reference_spectrum(factored)
     path = project([factored.projected(reference)], settings.count)
-    alpha = min(LARGEST_ALPHA, reference.penalty) * factored.reading.n_readings
+    alpha = final_alpha(factored, reference)
     tried = [Tried(members, alpha, cross.score_sets([members], alpha)[0]) for members in path]
     chosen = tried[-1] if tried else Tried((), alpha, cross.score_sets([()], alpha)[0])
     return _choice(factored, tried or [chosen], chosen, reference)
@@ -200,7 +205,7 @@ def _by_cross_validation(
     tried = [Tried(members, alpha, losses) for (alpha, members), losses in cross.losses.items()]
     reference = None
     if explicit is None:
-        reference = _reference(factored)
+        reference = reference_spectrum(factored)
     return _choice(factored, tried, chosen, reference)
 
 
@@ -242,7 +247,7 @@ def _evenly_spread(
     grid = spread(log_grid(record.usual_step(), span), span, count)
     if isinstance(settings.cv, Integral):
         settings = replace(settings, cv=max(2, min(int(settings.cv), record.n_rows // 4)))
-    factored = _factors(features, record, reading, grid, settings)
+    factored = factors_of(features, record, reading, grid, settings)
     cross = factored.cross_validation(settings.scoring)
     members, alpha = tuple(range(count)), PENALTIES[2] * reading.n_readings
     losses = cross.score_sets([members], alpha)[0] if cross.prepared(alpha) else np.full(1, np.nan)
@@ -293,7 +298,7 @@ class LagColumns:
         return result
 
 
-def _factors(
+def factors_of(
     features: DiffusiveFeatures, record: Record, reading: Reading, grid: np.ndarray, settings: SearchSettings
 ) -> Factored:
     """The one pass: a factor for each stretch over ``[1 | static | lags | decays | U]``."""
@@ -304,7 +309,7 @@ def _factors(
     return Factored(record, reading, features, columns, chunks, folds)
 
 
-def _reference(factored: Factored) -> Reference:
+def reference_spectrum(factored: Factored) -> Reference:
     """The whole spectrum, from the factors of consecutive stretches merged to `N_BLOCKS` of equal length."""
     ends = equal_edges(factored.record, N_BLOCKS)
     block = np.searchsorted(ends, factored.folds.edges[:-1], side="right") - 1
@@ -313,3 +318,8 @@ def _reference(factored: Factored) -> Reference:
         for number in range(len(ends) - 1)
     ]
     return reference_of(blocks, factored.layout, factored.record.moments(factored.record.temperature_name).std)
+
+
+def final_alpha(factored: Factored, reference: Reference) -> float:
+    """Ridge penalty of the final fit: the reference's, within limits."""
+    return min(LARGEST_ALPHA, reference.penalty) * factored.reading.n_readings

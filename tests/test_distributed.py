@@ -1,0 +1,178 @@
+"""Distributed fits equal those in one process, also when a worker dies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+
+from thermocorr import DynamicBiasRegressor, ParquetLog, RecordError, TimeConstantSearch
+from thermocorr.datasets import make_record
+from thermocorr.effects import Covariate, Hysteresis, LaggedCovariate
+
+distributed = pytest.importorskip("distributed", reason="needs Dask: pip install 'thermocorr[dask]'")
+pytest.importorskip("pyarrow", reason="needs pyarrow")
+
+from thermocorr.outside.distributed import DistributedLog  # noqa: E402
+from thermocorr.outside.fleet import fit_fleet  # noqa: E402
+
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.filterwarnings("ignore:Port .* is already in use"),
+]
+N = 9000
+
+
+@pytest.fixture(scope="module")
+def client():
+    cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+    with cluster, distributed.Client(cluster) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def record():
+    record = make_record(N, seed=6, irregular=0.4)
+    record.iloc[1000:1010, record.columns.get_loc("reading")] = np.nan
+    return record
+
+
+@pytest.fixture(scope="module")
+def path(record, tmp_path_factory):
+    path = tmp_path_factory.mktemp("logs") / "log.parquet"
+    record.to_parquet(path, row_group_size=700)
+    return path
+
+
+def parts_of(record, cuts):
+    return [record.iloc[low:high] for low, high in zip([0, *cuts], [*cuts, len(record)], strict=True)]
+
+
+MODELS = {
+    "six lags and decays": DynamicBiasRegressor("temperature", np.geomspace(60, 40_000, 6), longest_decay_share=1.0),
+    "searched": DynamicBiasRegressor("temperature"),
+    "device at the reference": DynamicBiasRegressor("temperature", [300.0, 5000.0], initial_state="zero"),
+    "products, zero-order hold": DynamicBiasRegressor("temperature", [300.0, 5000.0], products=True, hold="zero_order"),
+    "humidity, late": DynamicBiasRegressor(
+        "temperature", [300.0, 5000.0], effects=[LaggedCovariate("humidity", [20_000.0]), Covariate("supply")]
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_fit_in_parts_equals_the_fit_in_one_process(client, record, path, name):
+    """1e-10 of the readings' range in every prediction: rounding, for states are carried exactly."""
+    model = MODELS[name]
+    expected = model.fit(record, record["reading"])
+    predicted, coef, table = expected.predict(record), expected.coef_, expected.coef_table()
+    log = DistributedLog(client, ParquetLog(path), n_parts=5)
+    assert len(log.parts) == 5
+    found = clone(model).fit(log, log["reading"])
+    np.testing.assert_allclose(found.time_constants_, expected.time_constants_, rtol=0)
+    np.testing.assert_allclose(found.predict(record), predicted, rtol=0, atol=1e-10 * np.ptp(predicted))
+    np.testing.assert_allclose(found.coef_, coef, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(found.coef_table()["standard_error"], table["standard_error"], rtol=1e-5)
+    later = record.set_axis(record.index + pd.Timedelta("200h"))  # rows that follow: the states went along
+    np.testing.assert_allclose(found.predict(later), expected.predict(later), rtol=0, atol=1e-10 * np.ptp(predicted))
+
+
+def test_search_and_its_tables_are_the_same(client, record, path):
+    expected = TimeConstantSearch(DynamicBiasRegressor("temperature")).fit(record, record["reading"])
+    log = DistributedLog(client, ParquetLog(path))
+    found = TimeConstantSearch(DynamicBiasRegressor("temperature")).fit(log, log["reading"])
+    assert found.best_params_ == expected.best_params_
+    np.testing.assert_allclose(
+        found.cv_results_["mean_test_score"], expected.cv_results_["mean_test_score"], rtol=1e-10
+    )
+    pd.testing.assert_frame_equal(found.spectrum_, expected.spectrum_, rtol=1e-6)
+
+
+def test_frames_without_times_count_on(client, record):
+    plain = record.reset_index(drop=True)
+    model = DynamicBiasRegressor("temperature", [300.0, 5000.0], sampling_period=60.0)
+    expected = model.fit(plain, plain["reading"]).predict(plain)
+    log = DistributedLog(client, parts_of(plain, [1, 4000, 4003]))  # parts of one and of three rows
+    np.testing.assert_allclose(model.fit(log, log["reading"]).predict(plain), expected, rtol=0, atol=1e-9)
+
+
+def test_dask_frames_are_parts(client, record):
+    dask_frames = pytest.importorskip("dask.dataframe", reason="needs dask.dataframe")
+    model = DynamicBiasRegressor("temperature", [300.0, 5000.0])
+    expected = model.fit(record, record["reading"]).coef_
+    log = DistributedLog(client, dask_frames.from_pandas(record, npartitions=4))
+    np.testing.assert_allclose(model.fit(log, log["reading"]).coef_, expected, rtol=1e-8)
+
+
+def test_a_lost_worker_changes_nothing(client, record, path):
+    model = MODELS["six lags and decays"]
+    expected = model.fit(record, record["reading"]).predict(record)
+    log = DistributedLog(client, ParquetLog(path), n_parts=12)
+    each, calls = log.each, []
+
+    def each_with_a_kill(function, *arguments, **options):
+        calls.append(function.__name__)
+        if function.__name__ == "sweep_part":
+            victim = next(iter(client.scheduler_info()["workers"]))
+            client.submit(_die, workers=[victim], allow_other_workers=False, pure=False, retries=0)
+        return each(function, *arguments, **options)
+
+    log.each = each_with_a_kill
+    found = model.fit(log, log["reading"]).predict(record)
+    assert "sweep_part" in calls
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.ptp(expected))
+    client.wait_for_workers(2, timeout=30)
+
+
+def _die():
+    import os
+
+    os._exit(1)
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        (lambda r: [r[:4000], r[3990:]], "Part 1 of the log begins at .* before the end of part 0"),
+        (lambda r: [r[:4000], r[4000:].assign(temperature=np.nan)], "Part 1 of the log: No row has a number"),
+        (lambda r: [r[:4000], r[4000:].assign(temperature=r["temperature"].where(r.index != r.index[5000]))],
+         "Part 1 of the log is not one segment: 1 row of 5000 have a missing value"),
+        (lambda r: [r[:4000], r[4000:][::-1]], "Part 1 of the log: Time goes backward at row 1"),
+        (lambda r: [], "no parts"),
+    ],
+)  # fmt: skip
+def test_parts_that_make_no_record_are_refused(client, record, parts, words):
+    def fit():
+        log = DistributedLog(client, parts(record))
+        DynamicBiasRegressor("temperature", [300.0]).fit(log, log["reading"])
+
+    with pytest.raises(RecordError, match=words):
+        fit()
+
+
+def test_what_cannot_be_done_in_parts_is_refused(client, record):
+    log = DistributedLog(client, parts_of(record, [4000]))
+    with pytest.raises(RecordError, match="'hysteresis: 0.5 K' carries a state that is no plain lag's"):
+        DynamicBiasRegressor("temperature", [300.0], effects=[Hysteresis(0.5)]).fit(log, log["reading"])
+    with pytest.raises(RecordError, match="one of its columns"):
+        DynamicBiasRegressor("temperature", [300.0]).fit(log, record["reading"])
+    with pytest.raises(RecordError, match="no column 'readings'"):
+        log["readings"]
+
+
+def test_a_fleet_has_a_model_for_each_device(client):
+    devices = {f"box {i}": make_record(3000, seed=i, device="box") for i in range(3)}
+    alone = {name: DynamicBiasRegressor("temperature").fit(r, r["reading"]) for name, r in devices.items()}
+    fleet = fit_fleet(client, devices, "reading", DynamicBiasRegressor("temperature"))
+    assert list(fleet) == list(devices)
+    for name, model in fleet.items():
+        np.testing.assert_allclose(model.coef_, alone[name].coef_)
+    shared = fit_fleet(client, devices, "reading", DynamicBiasRegressor("temperature"), shared_time_constants=True)
+    sets = {tuple(model.time_constants_) for model in shared.values()}
+    assert len(sets) == 1
+    for name, model in shared.items():
+        assert model.residual_std_ < 1.02 * alone[name].residual_std_
+    bad = devices | {"box 9": devices["box 0"].assign(temperature=20.0)}
+    with pytest.raises(RecordError, match="Device 'box 9': The temperature never changes"):
+        fit_fleet(client, bad, "reading", DynamicBiasRegressor("temperature"))

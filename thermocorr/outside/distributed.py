@@ -1,0 +1,277 @@
+"""Records spread over several processes or machines (extra "dask"): the same fit and search, in parallel in time.
+
+A `DistributedLog` stands for X. Each part of the record is looked at alone (times, moments); then its lags run from
+rest, which gives their true end by linearity, for a lag forgets its start as exp(-t/tau). So every part learns the
+state in which it starts, and sweeps its rows into factors, which merge to those of the whole record: equal to the fit
+in one process to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from ..effects import LaggedCovariate, LagProducts, ThermalLag
+from ..effects.protocol import Effect
+from ..equations import LagState, TriangularFactor, lag_differences
+from ..estimators.fitting import Swept, decays_first
+from ..records import Layout, Log, ParquetLog, Record, RecordError, Segment, SegmentStart
+from ..records.errors import listing
+from ..records.record import Moments
+from ..records.times import Times
+from .parts import Look, Part, Signal, Task, ends_from_rest, look, moments_of, names_of, opened, rows_of, sweep_part
+
+
+class DistributedLog(Log):
+    """A log in parts that the processes of a Dask cluster work on: the X of every estimator.
+
+    Parameters
+    ----------
+    client : dask.distributed.Client
+        On one machine ``Client(LocalCluster(n_workers=2, threads_per_worker=1))``.
+    parts : ParquetLog, dask.dataframe.DataFrame, or sequence of ParquetLog, DataFrame or path
+        One record in time order, without runs or missing temperatures. A `ParquetLog` is cut at its row groups; every
+        worker must be able to read its files.
+    n_parts : int, optional
+        Parts to cut a `ParquetLog` into; by default two for each thread of the cluster.
+
+    Raises
+    ------
+    RecordError
+        For a part that is not one segment, or does not follow the one before it in time; the message names it.
+
+    Examples
+    --------
+    Under ``if __name__ == "__main__":``, for the workers are processes of their own::
+
+        with LocalCluster(n_workers=2, threads_per_worker=1) as cluster, Client(cluster) as client:
+            log = DistributedLog(client, ParquetLog("log.parquet"))
+            model = DynamicBiasRegressor("temperature").fit(log, log["reading"])
+    """
+
+    def __init__(self, client: Any, parts: Any, n_parts: int | None = None):
+        self.client = client
+        if isinstance(parts, ParquetLog):
+            parts = parts.parts(n_parts or 2 * max(sum(client.nthreads().values()), 1))
+        elif hasattr(parts, "to_delayed"):
+            parts = client.compute(list(client.persist(parts).to_delayed()))
+        self.parts: list[Part] = [opened(part) for part in parts]
+        if not self.parts:
+            raise RecordError("The log has no parts. Check the list of its files.")
+        self.columns = self.each(names_of, parts=[0])[0]
+        self.lengths = self.each(len)
+
+    def each(self, function: Callable[..., Any], *arguments: Any, parts: Sequence[int] | None = None) -> list[Any]:
+        """``function(part, *arguments)`` for each part, by the workers; a list among the arguments has one item each.
+
+        Dask repeats what a lost worker had to do.
+        """
+        numbers = range(len(self.parts)) if parts is None else parts
+        futures = [
+            self.client.submit(
+                function,
+                self.parts[number],
+                *(item[at] if isinstance(item, list) else item for item in arguments),
+                pure=False,
+            )
+            for at, number in enumerate(numbers)
+        ]
+        return self.client.gather(futures)  # type: ignore[no-any-return]
+
+    def __len__(self) -> int:
+        return int(sum(self.lengths))
+
+    def __getitem__(self, name: Any) -> RemoteColumn:
+        if name not in self.columns:
+            raise RecordError(f"There is no column {name!r} in the log. Its columns are {listing(self.columns)}.")
+        return RemoteColumn(self, name)
+
+    def to_record(self, layout: Layout, y: Any, needed: Any) -> DistributedRecord:
+        """The validated record, after every part has been looked at by a worker."""
+        if layout.run is not None:
+            raise RecordError("A distributed log is one run. Fit the runs as devices of a fleet, or in one process.")
+        if y is not None and not isinstance(y, RemoteColumn):
+            raise RecordError("The readings of a distributed log are one of its columns. Pass log['reading'] as y.")
+        reading = None if y is None else y.name
+        tasks = [Task(layout, reading, tuple(needed), number) for number in range(len(self.parts))]
+        looks: list[Look] = self.each(look, tasks)
+        for number in range(1, len(looks)):
+            if looks[number].record.times.ticks is not None:
+                before, here = looks[number - 1], looks[number]
+                if here.first_stamp <= before.last_stamp:
+                    raise RecordError(
+                        f"Part {number} of the log begins at {here.record.times.label(0)}, before the end of part "
+                        f"{number - 1} at {before.record.times.label(1)}. Give the parts in time order, without "
+                        "overlap."
+                    )
+        return DistributedRecord.of(self, tasks, looks)
+
+
+class RemoteColumn:
+    """A column whose rows are fetched from the workers when it is sliced."""
+
+    ndim = 1
+
+    def __init__(self, log: DistributedLog, name: Any, ticks_of: Sequence[Task] | None = None):
+        self.log, self.name, self._ticks_of = log, name, ticks_of
+
+    def __len__(self) -> int:
+        return len(self.log)
+
+    def __getitem__(self, rows: Any) -> Any:
+        """Rows of the column: a number, a slice, or increasing row numbers."""
+        if isinstance(rows, int | np.integer):
+            return self[np.array([rows])][0]
+        wanted = np.arange(len(self))[rows] if isinstance(rows, slice) else np.asarray(rows)
+        edges = np.cumsum([0, *self.log.lengths])
+        numbers = np.unique(np.searchsorted(edges, wanted, side="right") - 1).tolist()
+        local = [wanted[(wanted >= edges[i]) & (wanted < edges[i + 1])] - edges[i] for i in numbers]
+        as_ticks = self._ticks_of is not None
+        tasks: list[Task | None] = [self._ticks_of[i] if self._ticks_of is not None else None for i in numbers]
+        found = self.log.each(_rows, self.name, [_Rows(rows) for rows in local], as_ticks, tasks, parts=numbers)
+        return np.concatenate(found) if found else np.zeros(0)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Row numbers of one part."""
+
+    rows: np.ndarray
+
+
+def _rows(part: Part, name: Any, rows: _Rows, as_ticks: bool, task: Task | None) -> np.ndarray:
+    return rows_of(part, name, rows.rows, as_ticks, task)
+
+
+@dataclass(frozen=True)
+class DistributedRecord(Record):
+    """A record of one segment whose rows the workers hold."""
+
+    log: DistributedLog = field(default=None, repr=False)  # type: ignore[assignment]
+    tasks: tuple[Task, ...] = ()
+    looks: tuple[Look, ...] = ()
+
+    @classmethod
+    def of(cls, log: DistributedLog, tasks: Sequence[Task], looks: Sequence[Look]) -> DistributedRecord:
+        """Put together what the parts have shown."""
+        first, n = looks[0].record, len(log)
+        ticks: Any = None if first.times.ticks is None else RemoteColumn(log, None, tasks)
+        times = Times(n, first.times.kind, ticks, first.times.per_second, first.times.period)
+        columns: dict[object, Any] = {name: RemoteColumn(log, name) for name in looks[0].first}
+        reading: Any = None if tasks[0].reading is None else RemoteColumn(log, tasks[0].reading)
+        known = {key: reduce(Moments.merged, (part.moments[key] for part in looks)) for key in looks[0].moments}
+        notes = tuple(dict.fromkeys(note for part in looks for note in part.record.notes))
+        segments = (Segment(0, n),)
+        return cls(
+            times,
+            first.temperature_name,
+            columns,
+            segments,
+            None,
+            reading,
+            notes,
+            known,
+            log,
+            tuple(tasks),
+            tuple(looks),
+        )
+
+    def stamp(self, k: int) -> float:
+        """Absolute time of a row; those at the ends of parts are known, others are fetched."""
+        if self.times.ticks is None:
+            return super().stamp(k)
+        for part, low, high in zip(self.looks, self._starts[:-1], self._starts[1:], strict=True):
+            if k in (low, high - 1):
+                return part.first_stamp if k == low else part.last_stamp
+        return super().stamp(k)
+
+    def moments(self, column: object, power: int = 1) -> Moments:
+        """Of a column, or of a power of it; put together from those of the parts."""
+        if (column, power) not in self.known_moments:
+            parts = self.log.each(moments_of, list(self.tasks), column, power)
+            self.known_moments[column, power] = reduce(Moments.merged, parts)
+        return self.known_moments[column, power]
+
+    def reading_moments(self) -> Moments:
+        """The same of the readings; missing ones do not count."""
+        return reduce(Moments.merged, (part.reading_moments or Moments() for part in self.looks))
+
+    def sweep_effects(self, effects: Sequence[Effect], edges: np.ndarray) -> Swept:
+        """Factors of ``[1 | Q | U]`` for each stretch between two `edges`, swept by the workers."""
+        order, columns = decays_first(effects)
+        walked = [effects[i] for i in order]
+        states = self._start_states(walked)
+        zero, lengths = self.first_stamp(), self.log.lengths
+        starts = [SegmentStart(0, zero, None if i == 0 else step) for i, step in enumerate(self._steps())]
+        offset = next((part.offset for part in self.looks if part.reading_moments and part.reading_moments.n), 0.0)
+        results = self.log.each(
+            sweep_part,
+            list(self.tasks),
+            tuple(walked),
+            [tuple(part) for part in states],
+            starts,
+            zero,
+            self._starts[:-1],
+            edges,
+            sum(lengths),
+            offset,
+        )
+        chunks = [TriangularFactor(columns[-1] + 1) for _ in edges[1:]]
+        for found, _ in results:
+            for i, chunk in found.items():
+                chunks[i].merge(chunk)
+        return Swept(chunks, [results[-1][1]], offset).ordered(order, columns)
+
+    @property
+    def _starts(self) -> list[int]:
+        return [int(edge) for edge in np.cumsum([0, *self.log.lengths])]
+
+    def _steps(self) -> list[float]:
+        """Time from the last row of the part before to the first row of each part [s]."""
+        if self.times.ticks is None:
+            return [self.times.period] * len(self.looks)
+        before = [self.looks[0].first_stamp, *(part.last_stamp for part in self.looks[:-1])]
+        return [self.times.between(part.first_stamp, last) for part, last in zip(self.looks, before, strict=True)]
+
+    def _start_states(self, effects: Sequence[Effect]) -> list[list[Any]]:
+        """State of each effect before each part; None where it begins, or has none."""
+        signals = [self._signal(effect) for effect in effects]
+        lagged = [i for i, signal in enumerate(signals) if signal is not None]
+        if not lagged:
+            return [[None] * len(effects) for _ in self.looks]
+        rest = self.log.each(ends_from_rest, list(self.tasks), tuple(signals[i] for i in lagged))
+        states: list[list[Any]] = [[None] * len(effects)]
+        for part, step, ends in zip(self.looks[:-1], self._steps(), rest, strict=False):
+            following: list[Any] = [None] * len(effects)
+            length = self.times.between(part.last_stamp, part.first_stamp)
+            for i, end in zip(lagged, ends, strict=True):
+                signal = signals[i]
+                assert signal is not None
+                first = _after_first(signal, part.first[signal.column], states[-1][i], step)
+                left = np.exp(-length / signal.time_constants) * first  # a lag forgets its start
+                following[i] = LagState(end.lag_difference + left, end.temperature)
+            states.append(following)
+        return states
+
+    def _signal(self, effect: Effect) -> Signal | None:
+        """What the state of an effect depends on; None for effects without lags."""
+        if isinstance(effect, LagProducts):
+            effect = effect.lags_
+        if isinstance(effect, ThermalLag):
+            start = effect.reference_temperature_ if effect.initial_state == "zero" else None
+            return Signal(self.temperature_name, effect.time_constants_, effect.hold, start)
+        if isinstance(effect, LaggedCovariate) and effect.power == 1:
+            return Signal(effect.column, effect.time_constants_, effect.hold, None)
+        return None
+
+
+def _after_first(signal: Signal, value: float, state: LagState | None, step: float) -> np.ndarray:
+    """Lag differences at the first sample of a part."""
+    if state is None:
+        return np.full(len(signal.time_constants), 0.0 if signal.start is None else signal.start - value)
+    after = lag_differences(np.array([value]), np.array([step]), signal.time_constants, state, hold=signal.hold)[1]  # type: ignore[arg-type]
+    return after.lag_difference

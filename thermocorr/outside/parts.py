@@ -1,0 +1,160 @@
+"""What a worker does with one part of a distributed record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..effects.protocol import Effect
+from ..effects.stream import walk
+from ..equations import LagState, TriangularFactor, lags_at_end
+from ..estimators.fitting import block_rows, reading_offset, sweep
+from ..estimators.threads import one_blas_thread
+from ..records import Layout, ParquetLog, Record, RecordError, SegmentStart, read_record
+from ..records.record import Moments
+
+Part = Any
+"""A `ParquetLog` or a DataFrame."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """What a lag follows: all that its state depends on."""
+
+    column: Any
+    time_constants: np.ndarray
+    hold: str
+    start: float | None
+    """Value that a body starts with; None for the signal's own first value."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """What is known of a part after a first look."""
+
+    record: Record
+    """Without its columns: times are kept of the first and the last row only."""
+    first_stamp: float
+    last_stamp: float
+    moments: dict[tuple[object, int], Moments]
+    first: dict[object, float]
+    """First value of each column."""
+    last: dict[object, float]
+    reading_moments: Moments | None
+    offset: float
+    """A reading, near all the others."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """How to read a part as a record."""
+
+    layout: Layout
+    reading: str | None
+    needed: tuple[Any, ...]
+    number: int
+    """Of the part."""
+
+    def record(self, part: Part, first_row: int = 0) -> Record:
+        """The part as a record of one segment."""
+        y = None if self.reading is None else part[self.reading]
+        try:
+            record = read_record(part, self.layout, y=y, needed=self.needed, quiet=True)
+        except RecordError as error:
+            raise RecordError(f"Part {self.number} of the log: {error}") from None
+        if len(record.segments) != 1 or record.n_used != record.n_rows or record.order is not None:
+            raise RecordError(
+                f"Part {self.number} of the log is not one segment: {' '.join(record.notes) or 'it has a gap.'} A "
+                "distributed log is one stretch: fill missing temperatures first, fit longer stretches as devices of a "
+                "fleet, or fit in one process."
+            )
+        if record.times.ticks is None:
+            record = replace(record, times=replace(record.times, first_row=first_row))
+        return record
+
+
+def look(part: Part, task: Task) -> Look:
+    """Times, moments, first and last values of a part."""
+    record = task.record(part)
+    n = record.n_rows
+    ends = [0, n - 1]
+    times = record.times
+    if times.ticks is not None:
+        times = replace(times, n=2, ticks=np.array([times.ticks[0], times.ticks[n - 1]]))
+    return Look(
+        Record(times, record.temperature_name, {}, record.segments, notes=record.notes),
+        record.stamp(0),
+        record.stamp(n - 1),
+        {(name, 1): record.moments(name) for name in record.columns},
+        *({name: float(column[end]) for name, column in record.columns.items()} for end in ends),
+        None if record.reading is None else record.reading_moments(),
+        0.0 if record.reading is None else reading_offset(record),
+    )
+
+
+def moments_of(part: Part, task: Task, column: Any, power: int) -> Moments:
+    """Moments of a column of a part, or of a power of it."""
+    return task.record(part).moments(column, power)
+
+
+def ends_from_rest(part: Part, task: Task, signals: Sequence[Signal]) -> list[LagState]:
+    """State of each signal's lags at the end of a part, had they been at rest at its first sample."""
+    record = task.record(part)
+    states = [LagState(np.zeros(len(signal.time_constants)), np.nan) for signal in signals]
+    for block in record.blocks():
+        for i, signal in enumerate(signals):
+            values = block[signal.column]
+            state = states[i] if block.start else LagState(states[i].lag_difference, float(values[0]))
+            states[i] = lags_at_end(values, block.steps, signal.time_constants, state, hold=signal.hold)  # type: ignore[arg-type]
+    return states
+
+
+def sweep_part(
+    part: Part,
+    task: Task,
+    effects: Sequence[Effect],
+    states: list[Any],
+    start: SegmentStart,
+    zero: float,
+    first_row: int,
+    edges: np.ndarray,
+    n_used: int,
+    offset: float,
+) -> tuple[dict[int, TriangularFactor], list[Any]]:
+    """Factors of a part's rows, by the number of their stretch, and the states at its end."""
+    record = task.record(part, first_row)
+    with one_blas_thread():
+        steps = walk(
+            effects, record, zero=zero, starts={0: start}, states={0: states}, size=block_rows(n_used), extra=2
+        )
+        swept = sweep(record, steps, edges - first_row, offset)
+    for effect, known, state in zip(effects, states, swept.end_states[0], strict=True):
+        if task.number and state is not None and known is None:
+            raise RecordError(
+                f"The effect {effect.label()!r} carries a state that is no plain lag's, so a part of the log cannot be "
+                "worked on before the parts that stand before it. Fit this model in one process."
+            )
+    return {i: chunk for i, chunk in enumerate(swept.chunks) if chunk.n_rows}, swept.end_states[0]
+
+
+def rows_of(part: Part, name: Any, rows: Any, as_ticks: bool, task: Task | None) -> np.ndarray:
+    """Some rows of a column, or of the times."""
+    if as_ticks:
+        assert task is not None
+        return np.asarray(task.record(part).times.ticks[rows])  # type: ignore[index]
+    values = part[name]
+    return np.asarray(values.iloc[rows] if isinstance(values, pd.Series) else values[rows])
+
+
+def names_of(part: Part) -> list[Any]:
+    """Columns of a part."""
+    return list(part.columns)
+
+
+def opened(part: Any) -> Part:
+    """A path as a `ParquetLog`; everything else as it is."""
+    return ParquetLog(part) if isinstance(part, str) or hasattr(part, "__fspath__") else part
