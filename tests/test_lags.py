@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 from scipy.integrate import solve_ivp
 
-from thermocorr.equations import LagState, decay_and_gain, decays, equilibrium, lag_differences, paper_form
+from thermocorr.equations import LagState, decay_and_gain, decays, equilibrium, lag_differences, lags_at_end, paper_form
 
 EPS = np.finfo(float).eps
 HOLDS = ["first_order", "zero_order"]
@@ -290,3 +291,30 @@ def test_decays_are_exponentials_that_end_in_exact_zeros():
     assert (columns[-1, :3] == 0.0).all()
     assert columns[columns > 0].min() > 1e-21
     assert columns.flags.f_contiguous
+
+
+@given(hnp.arrays(float, st.integers(1, 60), elements=st.floats(-50, 50)), st.booleans(), st.sampled_from(HOLDS))
+def test_weighted_sums_end_where_the_recursion_ends(T, regular, hold):
+    """1e-12 of the largest change: sums of at most 60 terms below 100."""
+    steps = np.full(len(T), 7.0) if regular else 1.0 + np.abs(np.sin(np.arange(len(T)) + 1.0))
+    taus = np.array([0.01, 3.0, 40.0, 1e5])
+    state = LagState(np.array([1.0, -2.0, 3.0, 0.5]), 4.0)
+    expected = lag_differences(T, steps, taus, state, hold=hold)[1]
+    found = lags_at_end(T, steps, taus, state, hold=hold)
+    np.testing.assert_allclose(found.lag_difference, expected.lag_difference, rtol=0, atol=1e-10)
+    assert found.temperature == expected.temperature
+
+
+@pytest.mark.parametrize("hold", HOLDS)
+@pytest.mark.parametrize("regular", [True, False])
+def test_compiled_and_plain_recursion_agree(monkeypatch, regular, hold):
+    """4 ulp of the largest lag difference a sample: the two may fuse multiplication and addition or not."""
+    pytest.importorskip("numba", reason="compiled code needs numba: pip install 'thermocorr[fast]'")
+    from thermocorr.equations import lags
+
+    T, steps, taus = room(5000), some_steps(5000, regular), np.array([1.0, 20.0, 300.0, 4e3, 5e4, 6e5, 7e6])
+    compiled, end = lag_differences(T, steps, taus, hold=hold)
+    monkeypatch.setattr(lags, "compiled_recursion", lambda: None)
+    plain, same_end = lag_differences(T, steps, taus, hold=hold)
+    np.testing.assert_allclose(compiled, plain, rtol=0, atol=1e-12 * np.abs(plain).max())
+    np.testing.assert_allclose(end.lag_difference, same_end.lag_difference, rtol=0, atol=1e-12)

@@ -11,6 +11,7 @@ the same line for regular and irregular steps.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -181,15 +182,30 @@ def lags_at_end(
     if not len(temperature):
         return state
     change = np.diff(temperature, prepend=state.temperature)
+    if (steps == steps[0]).all():
+        weights, left = _weights_of_regular_steps(len(steps), float(steps[0]), tuple(time_constants.tolist()), hold)
+    else:
+        weights, left = _end_weights(steps, time_constants, hold)
+    return LagState(left * state.lag_difference - change @ weights, float(temperature[-1]))
+
+
+def _end_weights(steps: Floats, time_constants: Floats, hold: Hold) -> tuple[Floats, Floats]:
+    """Weight of each change of temperature at the end, shape (n, J), and share of the start that is left, shape (J,)."""
     elapsed = np.cumsum(steps)
-    left = elapsed - elapsed[-1]
-    regular = bool((steps == steps[0]).all())
-    end = np.empty(len(time_constants))
-    for j, time_constant in enumerate(time_constants):
-        gain = decay_and_gain(steps[:1] if regular else steps, time_constant, hold)[1]
-        weights = np.exp(left / time_constant) * gain
-        end[j] = np.exp(-elapsed[-1] / time_constant) * state.lag_difference[j] - weights @ change
-    return LagState(end, float(temperature[-1]))
+    weights = np.zeros((len(steps), len(time_constants)), order="F")
+    with np.errstate(under="ignore"):
+        for j, time_constant in enumerate(time_constants):
+            ago = (elapsed - elapsed[-1]) / time_constant
+            felt = slice(int(np.searchsorted(ago, -46.0)), None)  # exp(-46) is below 1e-20
+            weights[felt, j] = np.exp(ago[felt]) * decay_and_gain(steps[felt], time_constant, hold)[1]
+        return weights, np.exp(-elapsed[-1] / time_constants)
+
+
+@lru_cache(maxsize=4)
+def _weights_of_regular_steps(
+    n: int, step: float, time_constants: tuple[float, ...], hold: Hold
+) -> tuple[Floats, Floats]:
+    return _end_weights(np.full(n, step), np.array(time_constants), hold)
 
 
 def paper_form(lag_difference: Floats, temperature: Floats, time_constants: Floats) -> Floats:

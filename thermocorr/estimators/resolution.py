@@ -91,7 +91,11 @@ def unresolved(
     triangle = solution.inverse_triangle[n_static : n_static + len(time_constants)]
     for j in range(len(time_constants) - 1):
         both = float(np.abs(mu[j]) + np.abs(mu[j + 1]))
-        error = CONFIDENCE_95 * noise * float(np.linalg.norm(triangle[j] - triangle[j + 1]))
+        error, error_of_sum = (
+            CONFIDENCE_95 * noise * float(np.linalg.norm(triangle[j] + sign * triangle[j + 1])) for sign in (-1, 1)
+        )
+        if abs(mu[j] + mu[j + 1]) < error_of_sum:
+            continue  # nothing here that could be parted
         pair = f"Time constants of {time_constants[j]:.6g} s and {time_constants[j + 1]:.6g} s"
         if error > both or not (triangle[j].any() and triangle[j + 1].any()):
             said.append(

@@ -17,7 +17,7 @@ from .log import Log
 from .record import Record, Segment
 from .times import Times, seconds_of, times_from
 
-_CHUNK = 1 << 18  # rows looked at together, so that checks need no memory of the record's size
+_CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
 
 @dataclass(frozen=True)

@@ -95,6 +95,8 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
 
     Raises RecordError for missing or unreadable times, naming the first.
     """
+    if isinstance(values, pd.DatetimeIndex | pd.TimedeltaIndex):
+        return _times_of_index(values, where)
     if isinstance(values, pd.Index):
         values = values.to_series(index=pd.RangeIndex(len(values)))
     if values.ndim != 1:
@@ -120,6 +122,17 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
         values = values.dt.tz_convert("UTC").dt.tz_localize(None)
     ticks = values.to_numpy()
     return Times(n, kind, ticks.view("i8"), _UNITS[np.datetime_data(ticks.dtype)[0]])
+
+
+def _times_of_index(index: pd.DatetimeIndex | pd.TimedeltaIndex, where: str) -> Times:
+    """The same without a copy."""
+    ticks = index.asi8
+    if len(ticks) and ticks.min() == pd.NaT.value:
+        _refuse_missing(np.asarray(index.isna()), where)
+    kind: Kind = "timedelta"
+    if isinstance(index, pd.DatetimeIndex):
+        kind = "datetime" if index.tz is None else "datetime with time zone"
+    return Times(len(index), kind, ticks, _UNITS[index.unit])
 
 
 def _refuse_missing(missing: NDArray[np.bool_], where: str) -> None:

@@ -1,0 +1,140 @@
+"""A record larger than memory: fit, evaluate and search from a Parquet file, and the same fit by two Dask workers.
+
+    python benchmarks/streaming.py --rows 1000000 10000000 100000000
+
+Each job runs in a process of its own, whose peak resident memory is printed beside that of a process that only imports
+the package: pandas, pyarrow and scikit-learn are most of it. A record of 1e8 rows needs 2 GB of disk for a while.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported, here and in the processes below
+
+import numpy as np
+
+TIME_CONSTANTS = (60.0, 240.0, 900.0, 3600.0, 14_400.0, 43_200.0)
+STEP = 15.0
+
+
+def write(path: Path, n: int) -> None:
+    """A room, and a device with two lags, a million rows at a time."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    from thermocorr.equations import LagState, lag_differences
+
+    rng = np.random.default_rng(0)
+    bodies, state = np.array([300.0, 9000.0]), LagState(np.zeros(2), 23.0)
+    schema = pa.schema([("temperature", pa.float64()), ("reading", pa.float64())])
+    with parquet.ParquetWriter(path, schema, compression="none", use_dictionary=False) as writer:
+        for start in range(0, n, 1_000_000):
+            seconds = STEP * np.arange(start, min(start + 1_000_000, n))
+            T = 23 + np.sin(seconds / 40_000) + 0.3 * np.sin(seconds / 4000) + 0.01 * rng.normal(size=len(seconds))
+            lags, state = lag_differences(T, np.full(len(seconds), STEP), bodies, state)
+            reading = 10 * T + lags @ [3.0, 4.0] + 0.2 * rng.normal(size=len(seconds))
+            writer.write_table(pa.table({"temperature": T, "reading": reading}, schema))
+
+
+def job(name: str, path: str) -> None:
+    """One job; prints seconds, peak memory [MiB] and the coefficients' first digits."""
+    from thermocorr import DynamicBiasRegressor, ParquetLog
+
+    log = ParquetLog(path)
+    model = DynamicBiasRegressor(
+        "temperature", TIME_CONSTANTS, degree=1, sampling_period=STEP, initial_state="equilibrium"
+    )
+    began = time.perf_counter()
+    if name == "search":
+        model.set_params(time_constants="auto")
+    if name in ("fit", "search", "evaluate"):
+        model.fit(log, log["reading"])
+    if name == "evaluate":
+        began = time.perf_counter()
+        squares = sum(float((block["residual"] ** 2).sum()) for block in model.evaluate_blocks(log, log["reading"]))
+        print(f"rms {np.sqrt(squares / len(log)):.6f}", end=" ")
+    if name == "two workers":
+        from distributed import Client, LocalCluster
+
+        from thermocorr.outside.distributed import DistributedLog
+
+        with (
+            LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+            Client(cluster) as client,
+        ):
+            client.run(_warm)
+            began = time.perf_counter()
+            spread = DistributedLog(client, log)
+            model.fit(spread, spread["reading"])
+            spent = time.perf_counter() - began
+    else:
+        spent = time.perf_counter() - began
+    coef = ",".join(repr(float(c)) for c in model.coef_) if hasattr(model, "pipeline_") else ""
+    print(f"seconds {spent:.3f} peak {_peak():.0f} coef {coef}")
+
+
+def _warm() -> None:
+    """Imports, and compiled code where there is any, are the worker's start-up."""
+    import thermocorr.outside.distributed  # noqa: F401
+    from thermocorr.equations import lag_differences
+
+    lag_differences(np.arange(4.0), np.ones(4), np.ones(1))
+
+
+def _peak() -> float:
+    """Peak resident memory of this process [MiB]."""
+    status = Path("/proc/self/status").read_text()
+    return int(status.split("VmHWM:")[1].split()[0]) / 1024
+
+
+def run(name: str, path: Path) -> tuple[float, float, np.ndarray]:
+    """A job in a process of its own: seconds, peak memory [MiB], coefficients."""
+    command = [sys.executable, __file__, "--job", name, "--path", str(path)]
+    words = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    value = {key: words[words.index(key) + 1] for key in ("seconds", "peak")}
+    coef = words[words.index("coef") + 1 :]
+    return float(value["seconds"]), float(value["peak"]), np.array(coef[0].split(","), float) if coef else np.zeros(0)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rows", type=int, nargs="*", default=[1_000_000, 10_000_000])
+    parser.add_argument("--job", help=argparse.SUPPRESS)
+    parser.add_argument("--path", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.job:
+        job(options.job, options.path)
+        return
+    for n in options.rows:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "log.parquet"
+            write(path, n)
+            imports = run("nothing", path)[1]
+            print(f"{n} rows, {path.stat().st_size / 2**20:.0f} MiB file; imports alone {imports:.0f} MiB", flush=True)
+            fitted = run("fit", path)
+            for name in ("evaluate", "search"):
+                spent, peak, _ = run(name, path)
+                print(
+                    f"  {name}: {spent:.2f} s, {spent / n * 1e9:.0f} ns a row, {peak - imports:.0f} MiB above imports"
+                )
+            spent, peak, coef = fitted
+            print(f"  fit: {spent:.2f} s, {spent / n * 1e9:.0f} ns a row, {peak - imports:.0f} MiB above imports")
+            parallel, _, same = run("two workers", path)
+            difference = np.abs(same - coef).max() / np.abs(coef).max()
+            print(
+                f"  two workers: {parallel:.2f} s, {parallel / spent:.2f} of that; coefficients differ by "
+                f"{difference:.0e} of the largest",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
