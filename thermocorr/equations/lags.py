@@ -190,7 +190,7 @@ def lags_at_end(
 
 
 def _end_weights(steps: Floats, time_constants: Floats, hold: Hold) -> tuple[Floats, Floats]:
-    """Weight of each change of temperature at the end, shape (n, J), and share of the start that is left, shape (J,)."""
+    """Weights of the changes of temperature at the end, shape (n, J); share of the start that is left, shape (J,)."""
     elapsed = np.cumsum(steps)
     weights = np.zeros((len(steps), len(time_constants)), order="F")
     with np.errstate(under="ignore"):
