@@ -47,6 +47,7 @@ def job(name: str, path: str) -> None:
     """One job; prints seconds, peak memory [MiB] and the coefficients' first digits."""
     from thermocorr import DynamicBiasRegressor, ParquetLog
 
+    _warm()
     log = ParquetLog(path)
     model = DynamicBiasRegressor(
         "temperature", TIME_CONSTANTS, degree=1, sampling_period=STEP, initial_state="equilibrium"

@@ -75,8 +75,9 @@ def check_plausible(record: Record, reading: Reading) -> None:
 def check_range(fitted: Reading, record: Record) -> None:
     """Refuse a temperature in another unit than the fitted one."""
     low, high = fitted.temperature_range
-    values = record.columns[record.temperature_name][record.rows(record.segments[0].start, record.segments[0].stop)]
-    median = float(np.median(values[: 1 << 16]))
+    first = record.segments[0]
+    rows = record.rows(first.start, min(first.stop, first.start + (1 << 16)))
+    median = float(np.median(record.columns[record.temperature_name][rows]))
     span = high - low
     for offset, said in ((273.15, "kelvin where degC was fitted"), (-273.15, "degC where kelvin was fitted")):
         if abs(median - offset - (low + high) / 2) < span + 20.0 and not low - span <= median <= high + span:
