@@ -117,8 +117,8 @@ class Delay(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """Delays from one step to a hundredth of the longest segment."""
-        return [cls(d) for d in time_grid(record, 1.0, 0.01, 1.5)]
+        """Delays from two steps (one step is the rate by another name) to a hundredth of the longest segment."""
+        return [cls(d) for d in time_grid(record, 2.0, 0.01, 1.5)]
 
     def learn(self, record: Record) -> None:
         """Convert the delay to seconds."""

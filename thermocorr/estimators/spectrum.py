@@ -21,6 +21,8 @@ import numpy as np
 from ..equations import TriangularFactor
 
 POOL_SIZE = 24
+FASTEST = 0.5
+"""Fastest time constant of the pool, in sampling steps: what follows within a step still shows as a lag."""
 N_BLOCKS = 20
 DECAY_SHARE = 1 / 25
 """Decay columns only for time constants up to this share of the record: slower ones look like drift or ageing."""
@@ -81,8 +83,8 @@ class Reference:
 
 
 def log_grid(usual_step: float, span: float, size: int = POOL_SIZE) -> np.ndarray:
-    """Time constants from two sampling steps to the length of the record [s]."""
-    low = 2 * usual_step
+    """Time constants from half a sampling step to the length of the record [s]."""
+    low = FASTEST * usual_step
     return np.geomspace(low, max(span, 2 * low), size)
 
 

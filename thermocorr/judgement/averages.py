@@ -1,0 +1,90 @@
+"""Columns of many effects, averaged over short stretches of time: what diagnosis works on.
+
+Averages commute with linear least squares: a model of the readings is a model of their averages, with the same
+coefficients and fewer, quieter rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..effects.protocol import Effect
+from ..effects.stream import own_starts
+from ..records import BLOCK_ROWS, Record
+
+STRETCHES = 2500
+"""Stretches that a record is averaged over: enough for slow causes, few enough for hundreds of candidates."""
+
+
+@dataclass(frozen=True)
+class Averages:
+    """Averages over stretches of time, none of which crosses from one segment into the next."""
+
+    reading: np.ndarray
+    """Shape (n,)."""
+    columns: list[np.ndarray]
+    """One array of shape (n, width) for each effect."""
+    counts: np.ndarray
+    """Readings in each stretch."""
+    segment: np.ndarray
+    """Number of the segment of each stretch."""
+    seconds: np.ndarray
+    """Middle of each stretch [s]."""
+
+
+def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = STRETCHES) -> Averages:
+    """Average the readings and all effects' columns over stretches of equal numbers of rows.
+
+    Rows without a reading are left out of the averages, columns and all. Effects must have learned the record.
+    """
+    assert record.reading is not None
+    width = max(1, -(-record.n_used // n_stretches))
+    size = max(width, BLOCK_ROWS // width * width)
+    widths = [len(effect.names()) for effect in effects]
+    parts: list[list[np.ndarray]] = [[] for _ in effects]
+    readings, counts, segments, seconds = [], [], [], []
+    states: list[Any] = []
+    for block in record.blocks(size, starts=own_starts(record)):
+        if block.start == record.segments[block.segment].start:
+            states = [None] * len(effects)
+        reading = np.asarray(record.reading[block.rows], float)
+        known = np.isfinite(reading)
+        starts = np.arange(0, len(block), width)
+        count = np.add.reduceat(known.astype(float), starts)
+        kept = count > 0
+        share = np.where(known, 1.0, 0.0)
+        readings.append((np.add.reduceat(np.where(known, reading, 0.0), starts) / np.maximum(count, 1))[kept])
+        seconds.append((np.add.reduceat(block.seconds * share, starts) / np.maximum(count, 1))[kept])
+        counts.append(count[kept])
+        segments.append(np.full(int(kept.sum()), block.segment))
+        for i, effect in enumerate(effects):
+            columns, states[i] = effect.columns(block, states[i])
+            columns = np.asarray(columns).reshape(len(block), widths[i])
+            if not known.all():
+                columns = columns * share[:, None]
+            parts[i].append((np.add.reduceat(columns, starts, axis=0) / np.maximum(count, 1)[:, None])[kept])
+    return Averages(
+        np.concatenate(readings),
+        [np.concatenate(part) for part in parts],
+        np.concatenate(counts),
+        np.concatenate(segments),
+        np.concatenate(seconds),
+    )
+
+
+def filled(record: Record, most_missing: float = 0.05) -> Record:
+    """The record with short holes in suspect columns filled by straight lines; columns with more missing left out."""
+    columns = {}
+    for name, values in record.columns.items():
+        numbers = np.asarray(values, float)
+        missing = np.isnan(numbers)
+        if not missing.any():
+            columns[name] = values
+        elif missing.mean() <= most_missing:
+            rows = np.arange(len(numbers))
+            columns[name] = np.interp(rows, rows[~missing], numbers[~missing])
+    return replace(record, columns=columns, known_moments={})
