@@ -9,18 +9,23 @@ from .estimators import (
     compare_variants,
     held_out_residuals,
 )
+from .judgement import Diagnosis, Refinement, diagnose, refine
 from .records import ParquetLog, RecordError, RecordWarning
 
 __version__ = "0.1.0"
 __all__ = [
+    "Diagnosis",
     "DiffusiveFeatures",
     "DynamicBiasRegressor",
     "MergedRidge",
     "ParquetLog",
     "RecordError",
     "RecordWarning",
+    "Refinement",
     "TimeConstantSearch",
     "VariantComparison",
     "compare_variants",
+    "diagnose",
     "held_out_residuals",
+    "refine",
 ]

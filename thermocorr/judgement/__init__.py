@@ -1,1 +1,6 @@
-"""Floor 4: judgement. Empty so far: diagnosis and refinement will live here."""
+"""Floor 4: judgement: what is missing in a model, where it fails, and its refinement."""
+
+from .diagnosis import Diagnosis, diagnose
+from .refinement import Refinement, refine
+
+__all__ = ["Diagnosis", "Refinement", "diagnose", "refine"]

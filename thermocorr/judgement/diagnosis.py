@@ -20,6 +20,7 @@ from ..records import Log, Record, RecordError, read_record
 from ..records.read import is_frame, numeric_reading
 from .averages import Averages, averaged, filled
 from .evidence import Evidence, evidence, orthonormal, own_part
+from .where import where_it_fails
 
 RICH_LAGS = 16
 """Lags of the thermal part that suspects are judged against: a poorer one makes others look guilty."""
@@ -101,6 +102,8 @@ class Diagnosis:
     """Standard deviation of one sample that no effect can explain, in the unit of y."""
     explainable: float
     """Share of the residual variance that something could still explain."""
+    where: pd.DataFrame
+    """Conditions under which the model fails, worst first, see `thermocorr.judgement.where`."""
     ranking: pd.DataFrame
     """Suspects, best first: kind, column, parameters, gain_db (held out), p_value (of the whole family), share (of the
     structured variance), confusable_with, sentence."""
@@ -118,6 +121,12 @@ class Diagnosis:
             f"Residual {self.residual_rms:.4g} {self.unit}, noise floor {self.noise_floor:.4g} {self.unit}: "
             f"{self.explainable:.0%} of the residual variance could still be explained.",
         ]
+        if len(self.where) and self.verdict != "nothing missing":
+            worst = self.where.iloc[0]
+            lines.append(
+                f"Where it fails most: {worst.condition} {worst.interval}: {worst.share:.0%} of the error beyond the "
+                f"noise in {worst.share / worst.lift:.0%} of the samples."
+            )
         if self.verdict == "unexplained":
             lines.append("There is structure in the residual that no known effect explains by itself.")
         for row in self.ranking.head(5).itertuples():
@@ -313,12 +322,24 @@ def _conclude(
         verdict,
         floor,
         float(np.clip(1 - floor**2 / rms**2, 0.0, 1.0)) if rms > 0 else 0.0,
+        _where(model, trial, residual),
         pd.DataFrame([_row(suspect, ranked) for suspect in ranked]).astype({"column": object}),
         None if best is None else clone(best.effect),
         rms,
         trial.evidence.noise.colour,
         model.reading_.unit,
     )
+
+
+def _where(model: DynamicBiasRegressor, trial: Trial, residual: np.ndarray) -> pd.DataFrame:
+    lag = None
+    if len(model.time_constants_):  # the lag that moves the reading most
+        names = [effect.kind for effect in model.features_.effect_list()]
+        start = sum(len(effect.names()) for effect in model.features_.effect_list()[: names.index("thermal_lag")])
+        mu = np.abs(model.coef_[start : start + len(model.time_constants_)])
+        lag = float(model.time_constants_[int(mu.argmax())])
+    recorded = [name for name in trial.record.columns if name != trial.record.temperature_name]
+    return where_it_fails(trial.record, residual, trial.floor, lag, recorded)
 
 
 def tied(best: Suspect, other: Suspect) -> bool:

@@ -1,0 +1,175 @@
+"""`refine`: add what is missing, one effect after the other, and watch the error fall."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+
+from ..effects.protocol import Effect
+from ..effects.wrap import as_effects
+from ..estimators.holdout import held_out_residuals
+from ..estimators.regressor import DynamicBiasRegressor
+from .diagnosis import Diagnosis, diagnose
+
+WORSE = 1.001
+"""Held-out error of a model with an effect more, over that before, above which the effect is not kept."""
+SUPERFLUOUS = 1.001
+"""Held-out error without an effect, over that with it, up to which the effect leaves again."""
+TUNING = (0.1, 0.03)
+"""Steps of the joint search around the parameters of the effects at the end."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """What `refine` did."""
+
+    steps: pd.DataFrame
+    """One row a step: step, effect, rms (in sample), held_out_rms, db (held out, against step 0), verdict (of the
+    diagnosis of that step's model). Step 0 is the given model."""
+    model_: DynamicBiasRegressor
+    """The final model, fitted."""
+    diagnoses: tuple[Diagnosis, ...] = field(repr=False)
+    """Diagnosis of the model after each step."""
+
+    def __str__(self) -> str:
+        lines = [
+            self.steps.to_string(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-"),
+            f"Verdict on the last model: {self.diagnoses[-1].verdict}",
+        ]
+        return "\n".join(lines)
+
+
+def refine(
+    model: DynamicBiasRegressor,
+    X: Any,
+    y: Any,
+    *,
+    columns: Sequence[Any] | None = None,
+    exclude: Collection[str] = (),
+    max_steps: int = 5,
+    progress: Callable[[str], None] | None = None,
+) -> Refinement:
+    """Add the best missing effect, fit, diagnose again, until nothing supportable is missing.
+
+    An effect is kept only if the error on held-out blocks of time falls; one that a later effect makes superfluous
+    leaves again; at the end the effects' parameters are tuned together.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+        Fitted or not; it stays as it is.
+    X, y : as for `DynamicBiasRegressor.fit`
+    columns, exclude : see `diagnose`
+    max_steps : int
+        Most effects to add.
+    progress : callable, optional
+        Called with a line of text before each step; may raise KeyboardInterrupt, which ends the refinement with what
+        it has.
+
+    Returns
+    -------
+    Refinement
+    """
+    say = progress or (lambda text: None)
+    current = clone(model).fit(X, y)
+    best_rms = held_out_rms(current, X, y)
+    diagnoses = [diagnose(current, X, y, columns=columns, exclude=exclude)]
+    rows = [_step(0, "", current, best_rms, best_rms, diagnoses[0], X, y)]
+    start = best_rms
+    try:
+        for number in range(1, max_steps + 1):
+            found = diagnoses[-1]
+            if found.best is None:
+                break
+            say(f"step {number}: adding {found.best.label()}")
+            extended = with_missing(current, found.best)
+            extended.fit(X, y)
+            rms = held_out_rms(extended, X, y)
+            if rms > best_rms * WORSE:
+                say(f"{found.best.label()} does not help on held-out blocks: {rms:.4g} after {best_rms:.4g}")
+                break
+            current, best_rms, gone = _without_superfluous(extended, X, y, rms)
+            diagnoses.append(diagnose(current, X, y, columns=columns, exclude=exclude))
+            rows.append(_step(number, found.best.label(), current, best_rms, start, diagnoses[-1], X, y))
+            for label in gone:
+                rows.append(_step(number, f"without {label}", current, best_rms, start, diagnoses[-1], X, y))
+        if len(diagnoses) > 1:
+            say("tuning the effects' parameters together")
+            tuned = _tuned(current, X, y)
+            if tuned is not current:
+                rms = held_out_rms(tuned, X, y)
+                if rms < best_rms:
+                    current = tuned
+                    diagnoses.append(diagnose(current, X, y, columns=columns, exclude=exclude))
+                    rows.append(_step(len(rows), "parameters tuned together", current, rms, start, diagnoses[-1], X, y))
+    except KeyboardInterrupt:
+        say("stopped")
+    return Refinement(pd.DataFrame(rows), current, tuple(diagnoses))
+
+
+def held_out_rms(model: DynamicBiasRegressor, X: Any, y: Any) -> float:
+    """Rms residual of blocks of time, each under a model fitted without it, offset included."""
+    residual = held_out_residuals(model, X, y)
+    return float(np.sqrt(np.nanmean(residual**2)))
+
+
+def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:
+    """An unfitted copy with one effect more; a missing lag joins the model's time constants."""
+    if effect.kind == "thermal_lag" and len(model.time_constants_):
+        extended = clone(model)
+        taus = np.unique([*model.time_constants_.tolist(), *np.asarray(effect.time_constants, float).tolist()])
+        return extended.set_params(time_constants=taus.tolist())  # type: ignore[no-any-return]
+    return model.with_effect(effect)
+
+
+def _step(
+    number: int, effect: str, model: DynamicBiasRegressor, rms: float, start: float, found: Diagnosis, X: Any, y: Any
+) -> dict[str, Any]:
+    inside = float(np.sqrt(np.nanmean(np.asarray(model.residuals(X, y), float) ** 2)))
+    return {
+        "step": number,
+        "effect": effect,
+        "rms": inside,
+        "held_out_rms": rms,
+        "db": float(20 * np.log10(rms / start)) if rms > 0 else -np.inf,
+        "verdict": found.verdict,
+    }
+
+
+def _without_superfluous(
+    model: DynamicBiasRegressor, X: Any, y: Any, rms: float
+) -> tuple[DynamicBiasRegressor, float, list[str]]:
+    """Take out effects, all but the last one added, that are not missed on held-out blocks."""
+    gone: list[str] = []
+    effects = [effect for _, effect in as_effects(model.effects)]
+    for effect in effects[:-1]:
+        fewer = clone(model).set_params(effects=[clone(other) for other in effects if other is not effect])
+        fewer.fit(X, y)
+        without = held_out_rms(fewer, X, y)
+        if without <= rms * SUPERFLUOUS:
+            model, rms = fewer, min(rms, without)
+            effects = [other for other in effects if other is not effect]
+            gone.append(effect.label())
+    return model, rms, gone
+
+
+def _tuned(model: DynamicBiasRegressor, X: Any, y: Any) -> DynamicBiasRegressor:
+    """Effects' parameters moved to the least residual, one after the other, time constants of the lags held."""
+    effects = [effect for _, effect in as_effects(model.effects)]
+    fixed = clone(model).set_params(time_constants=model.time_constants_.tolist(), alpha=model.alpha_)
+    best, start = fixed.fit(X, y), model.residual_std_
+    least = best.residual_std_
+    record = best.features_.history_.record
+    for share in TUNING:
+        for i in range(len(effects)):
+            for near in effects[i].nearby(record, share):
+                tried = [*effects[:i], near, *effects[i + 1 :]]
+                other = clone(fixed).set_params(effects=[clone(effect) for effect in tried]).fit(X, y)
+                if other.residual_std_ < least * (1 - 1e-4):
+                    best, least, effects = other, other.residual_std_, tried
+    return best if least < start * (1 - 1e-4) else model

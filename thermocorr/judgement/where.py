@@ -1,0 +1,156 @@
+"""Where a model fails: conditions under which its residual is larger than the noise explains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..effects import Covariate, Rate, ThermalLag
+from ..effects.protocol import Effect
+from ..records import Record
+from .averages import Averages, averaged
+
+TIME_BINS = 20
+VALUE_BINS = 10
+HOUR_BINS = 12
+COLUMNS = ["condition", "interval", "n", "rms", "share", "lift"]
+
+
+def where_it_fails(
+    record: Record, residual: np.ndarray, floor: float, lag: float | None, recorded: list[Any]
+) -> pd.DataFrame:
+    """Rank stretches of time and ranges of temperature, rate, lag, hour, recorded columns and frequency.
+
+    Parameters
+    ----------
+    record : Record
+    residual : array of shape (n_rows,)
+        Measured less modelled reading; NaN where unknown.
+    floor : float
+        Standard deviation of the noise of one sample.
+    lag : float or None
+        Time constant whose lag difference is a condition [s].
+    recorded : list
+        Recorded columns that are conditions.
+
+    Returns
+    -------
+    DataFrame with columns condition, interval, n (samples), rms (of short averages), share (of the error beyond the
+    noise), lift (share over the share of samples); worst first: by how much more than its part of the record each row
+    has, in standard deviations.
+    """
+    effects: list[Effect] = [Rate(), *([] if lag is None else [ThermalLag([lag])]), *(Covariate(c) for c in recorded)]
+    names = ["rate [K/h]", *([] if lag is None else [f"lag difference, {lag:.3g} s [K]"]), *map(str, recorded)]
+    for effect in effects:
+        effect.learn(record)
+    data = averaged(replace(record, reading=residual), [*effects, _Temperature()])
+    values = [columns[:, 0] for columns in data.columns]
+    values[0] = values[0] * 3600.0
+    for i, effect in enumerate(effects):
+        if isinstance(effect, Covariate):
+            values[i] = values[i] + effect.mean_
+    excess = data.reading**2 - floor**2 / data.counts
+    total = float(np.sum(excess * data.counts))
+    if total <= 0:
+        return pd.DataFrame(columns=COLUMNS)
+    rows = [
+        _row(data, excess, total, condition, interval, inside)
+        for condition, interval, inside in _bins(record, data, [*names, "temperature"], values)
+        if inside.sum() >= 3
+    ]
+    rows += _frequencies(data, floor)
+    frame = pd.DataFrame(rows)
+    return frame.sort_values("concentration", ascending=False, ignore_index=True)[COLUMNS]
+
+
+class _Temperature(Effect):
+    """The temperature itself."""
+
+    def names(self) -> list[str]:
+        return ["temperature"]
+
+    def columns(self, block: Any, state: Any) -> tuple[np.ndarray, Any]:
+        return block.temperature, state
+
+
+def _bins(
+    record: Record, data: Averages, names: list[str], values: list[np.ndarray]
+) -> Iterator[tuple[str, str, np.ndarray]]:
+    """Condition, interval in words, and the stretches inside."""
+    n = len(data.reading)
+    place = np.arange(n) * TIME_BINS // n
+    for i in range(TIME_BINS):
+        inside = place == i
+        if inside.any():
+            first, last = data.seconds[inside][[0, -1]]
+            yield "time", f"{_when(record, first)} to {_when(record, last)}", inside
+    for name, column in zip(names, values, strict=True):
+        edges = np.unique(np.quantile(column, np.linspace(0, 1, VALUE_BINS + 1)))
+        for low, high in pairwise(edges):
+            inside = (column >= low) & ((column < high) | (high == edges[-1]))
+            yield name, f"{low:.4g} to {high:.4g}", inside
+    if record.times.kind.startswith("datetime"):
+        hour = ((record.first_stamp() / 1e9 + data.seconds) % 86_400) / 3600
+        for i in range(HOUR_BINS):
+            low = 24 * i // HOUR_BINS
+            high = 24 * (i + 1) // HOUR_BINS
+            yield "hour of day (UTC)", f"{low} to {high} h", (hour >= low) & (hour < high)
+
+
+def _row(
+    data: Averages, excess: np.ndarray, total: float, condition: str, interval: str, inside: np.ndarray
+) -> dict[str, Any]:
+    weight = float(data.counts[inside].sum() / data.counts.sum())
+    share = float(np.sum((excess * data.counts)[inside]) / total)
+    return {
+        "condition": condition,
+        "interval": interval,
+        "n": int(data.counts[inside].sum()),
+        "rms": float(np.sqrt(np.mean(data.reading[inside] ** 2))),
+        "share": share,
+        "lift": share / weight,
+        "concentration": (share - weight) / np.sqrt(weight * (1 - weight)) if weight < 1 else 0.0,
+    }
+
+
+def _frequencies(data: Averages, floor: float) -> list[dict[str, Any]]:
+    """Share of the error beyond white noise in bands of a factor of four, from the periodogram of the averages."""
+    first = data.segment == data.segment[0]
+    values = data.reading[first] - data.reading[first].mean()
+    n = len(values)
+    if n < 64:
+        return []
+    step = float(np.median(np.diff(data.seconds[first])))
+    power = np.abs(np.fft.rfft(values))[1:] ** 2 / n
+    frequency = np.fft.rfftfreq(n, step)[1:]
+    white = floor**2 / float(np.median(data.counts))
+    total = float(np.sum(power - white))
+    rows, low = [], frequency[0]
+    while low < frequency[-1] and total > 0:
+        inside = (frequency >= low) & (frequency < 4 * low)
+        share = float(np.sum(power[inside] - white) / total)
+        rows.append(
+            {
+                "condition": "frequency",
+                "interval": f"periods of {1 / (4 * low):.3g} to {1 / low:.3g} s",
+                "n": int(data.counts[first].sum()),
+                "rms": float(np.sqrt(2 * power[inside].sum() / n)),
+                "share": share,
+                "lift": share / float(inside.mean()),
+                "concentration": 0.0,  # a band is another view of the same error, not a place where it is
+            }
+        )
+        low *= 4
+    return rows
+
+
+def _when(record: Record, seconds: float) -> str:
+    """A time of the record as a person writes it."""
+    if record.times.kind.startswith("datetime"):
+        return str(pd.Timestamp(record.first_stamp() + seconds * 1e9).round("s"))
+    return f"{seconds:.6g} s"
