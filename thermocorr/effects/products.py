@@ -103,3 +103,17 @@ class LagProducts(Effect):
     def memory(self) -> float:
         """The longest time constant [s]."""
         return self.lags_.memory()
+
+
+class CoarseProducts(LagProducts):
+    """Products of a few lags spread over the record, with T and with each other: any quadratic transfer, roughly."""
+
+    def __init__(self, count: int = 5):
+        super().__init__(temperature_products=True)
+        self.count = count
+
+    def learn(self, record: Record) -> None:
+        """Spread the time constants from four steps to a thirtieth of the longest segment."""
+        step, span = record.usual_step(), max(record.duration(segment) for segment in record.segments)
+        self.time_constants = np.geomspace(4 * step, max(span / 30, 8 * step), self.count).tolist()
+        super().learn(record)

@@ -52,7 +52,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     degree : int, default 1
         Highest power of T - T0 in the static law, eq. (3); 0 leaves the static law out.
     products : bool, default False
-        Add the products Psi_j Psi_k of eq. (21).
+        Add the products Psi_j Psi_k of eq. (21) and (T - T0) Psi_j: the square of an inner temperature needs both.
     effects : list, default ()
         Further effects or scikit-learn transformers, alone or as (name, effect) pairs.
     reference_temperature : float or "mean", default "mean"
@@ -237,7 +237,10 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
             parts.append(("initial_transient", InitialTransient(time_constants, self.longest_decay_share)))
         if self.products:
             parts.append(
-                ("lag_products", LagProducts(time_constants, self.hold, self.initial_state, self.reference_temperature))
+                (
+                    "lag_products",
+                    LagProducts(time_constants, self.hold, self.initial_state, self.reference_temperature, True),
+                )
             )
         return parts
 

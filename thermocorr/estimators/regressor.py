@@ -15,9 +15,10 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
+from ..effects.products import CoarseProducts
 from ..effects.protocol import Effect
 from ..effects.thermal import column_text
-from ..effects.wrap import EffectsParameters
+from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import solve_ridge
 from ..records import Block, Record, RecordWarning, seconds_of
 from ..records.read import numeric_reading
@@ -51,7 +52,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
     effects : list, default ()
         Further effects or scikit-learn transformers, alone or as (name, effect) pairs.
     products : bool, default False
-        Add the products Psi_j Psi_k of eq. (21).
+        Add the products Psi_j Psi_k of eq. (21) and (T - T0) Psi_j: the square of an inner temperature needs both.
     alpha : float or "auto", default "auto"
         Ridge penalty on coefficients times their columns' standard deviation, eps of eq. (13). "auto" takes the
         search's (at most 1e-4 per reading), and 0 for given time constants.
@@ -318,7 +319,10 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         if count == 0:
             return None
         settings = SearchSettings(count=count, longest_decay_share=self.longest_decay_share)
-        return search(self._features(()), X, y, settings)
+        plain = self._features(())
+        if self.products:  # the lags are chosen beside products of a coarse grid, lest they imitate these
+            plain.set_params(products=False, effects=[*as_effects(self.effects), ("products", CoarseProducts())])
+        return search(plain, X, y, settings)
 
     def _count(self) -> int | None:
         """How many time constants to choose: None leaves their number open, 0 means that they are given."""

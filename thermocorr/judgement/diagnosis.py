@@ -18,6 +18,7 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
 from ..records import Log, Record, RecordError, read_record
 from ..records.read import is_frame, numeric_reading
+from .adding import held_out_rms, with_missing
 from .averages import Averages, averaged, filled
 from .evidence import Evidence, evidence, orthonormal, own_part
 from .where import where_it_fails
@@ -34,6 +35,14 @@ COLOURED = 1.05
 """Variance over innovation variance of the saturated model's residual, above which structure is left."""
 FAIR_SHARE = 0.45
 """Share of the structured variance that the best suspect must explain: the larger of two causes has about half."""
+CLEAR_SHARE = 0.8
+"""Share beyond which the number of further causes does not matter."""
+SMALLEST_SHARE = 0.3
+"""Share below which a suspect is not tried on held-out blocks."""
+CLEAR_HELP = 0.8
+"""Held-out error with a suspect over that without, up to which it is named although other structure is left."""
+TRIED = 3
+"""Suspects that are tried so."""
 MOST_CAUSES = 3
 """More causes than this, each needed, are the sign of a noise that wanders."""
 TIE = 4.0
@@ -305,10 +314,12 @@ def _conclude(
     rms, floor = float(np.sqrt(np.nanmean(residual**2))), trial.floor
     coloured = trial.evidence.noise.colour > COLOURED
     best: Suspect | None = None
-    fair = suspects and suspects[0].share >= FAIR_SHARE and trial.causes() <= MOST_CAUSES
-    if suspects and suspects[0].supported() and not fair:
-        verdict, ranked = "unexplained", [*suspects, *lag]
-    elif suspects and suspects[0].supported():
+    supported = bool(suspects) and suspects[0].supported()
+    if supported and not _fair(trial, suspects[0]):
+        helping = _helping(model, X, y, suspects)
+        ranked = [*helping, *(other for other in suspects if other not in helping), *lag]
+        verdict, best = ("missing", helping[0]) if helping else ("unexplained", None)
+    elif supported:
         best = suspects[0]
         rivals = [other for other in suspects[1:] if tied(best, other)]
         verdict = "ambiguous" if rivals else "missing"
@@ -329,6 +340,26 @@ def _conclude(
         trial.evidence.noise.colour,
         model.reading_.unit,
     )
+
+
+def _fair(trial: Trial, best: Suspect) -> bool:
+    """Whether the best suspect explains enough, or few enough others are needed beside it."""
+    return best.share >= CLEAR_SHARE or (best.share >= FAIR_SHARE and trial.causes() <= MOST_CAUSES)
+
+
+def _helping(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[Suspect]) -> list[Suspect]:
+    """Of the first suspects, the one whose addition lowers the error on held-out blocks most, if it lowers it clearly.
+
+    The last word where much of the structure has other causes: the model is fitted anew, time constants and all,
+    without each block.
+    """
+    before = held_out_rms(model, X, y)
+    found: list[tuple[float, int]] = []
+    for i, suspect in enumerate(suspects[:TRIED]):
+        if suspect.supported() and suspect.share >= SMALLEST_SHARE:
+            after = held_out_rms(with_missing(model, clone(suspect.effect)), X, y)
+            found.append((after / before, i))
+    return [suspects[min(found)[1]]] if found and min(found)[0] <= CLEAR_HELP else []
 
 
 def _where(model: DynamicBiasRegressor, trial: Trial, residual: np.ndarray) -> pd.DataFrame:

@@ -10,10 +10,9 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
-from ..estimators.holdout import held_out_residuals
 from ..estimators.regressor import DynamicBiasRegressor
+from .adding import held_out_rms, with_missing
 from .diagnosis import Diagnosis, diagnose
 
 WORSE = 1.001
@@ -110,21 +109,6 @@ def refine(
     except KeyboardInterrupt:
         say("stopped")
     return Refinement(pd.DataFrame(rows), current, tuple(diagnoses))
-
-
-def held_out_rms(model: DynamicBiasRegressor, X: Any, y: Any) -> float:
-    """Rms residual of blocks of time, each under a model fitted without it, offset included."""
-    residual = held_out_residuals(model, X, y)
-    return float(np.sqrt(np.nanmean(residual**2)))
-
-
-def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:
-    """An unfitted copy with one effect more; a missing lag joins the model's time constants."""
-    if effect.kind == "thermal_lag" and len(model.time_constants_):
-        extended = clone(model)
-        taus = np.unique([*model.time_constants_.tolist(), *np.asarray(effect.time_constants, float).tolist()])
-        return extended.set_params(time_constants=taus.tolist())  # type: ignore[no-any-return]
-    return model.with_effect(effect)
 
 
 def _step(

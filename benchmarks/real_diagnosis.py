@@ -1,0 +1,74 @@
+"""Measured records with a hidden effect: is it named, and how far does the error fall?
+
+    python benchmarks/real_diagnosis.py ../shared/records
+
+Base model: temperature only, defaults, first 70 % to learn; `diagnose` and `refine` see that part alone. Printed are
+the verdict, the first suspects, and the rms of the last 30 % (offset included) before and after.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+
+from thermocorr import DynamicBiasRegressor, RecordWarning, refine
+from thermocorr.datasets import load_real_record
+
+SHARE = 0.7
+
+
+def cases(folder: str) -> Iterator[tuple[str, pd.DataFrame, pd.Series, str, int]]:
+    """Name, frame of temperature and suspects, reading, temperature column, rows to learn."""
+    run = load_real_record("vhd200_resistor", folder, run="run10")
+    X, y = run.drop(columns="resistance_ohm"), (run["resistance_ohm"] / 1000 - 1) * 1e6
+    yield "vhd200 run10", X, y, "oven_temp_degC", int(SHARE * len(X))
+    meter = load_real_record("hp34420a_nanovoltmeter", folder, run="100mV")
+    for channel in (1, 2):
+        X = meter.drop(columns=[name for name in meter.columns if name.endswith("_V")])
+        reading = (meter[f"dut_ch{channel}_V"] / 0.1 - 1) * 1e6
+        yield f"hp34420a 100mV ch{channel}", X, reading, "bath_temp_degC", int(SHARE * len(X))
+    soil = load_real_record("oldtown_soil", folder)
+    for depth in (5, 25):
+        name = f"soil_temp_{depth}cm_degC"
+        X = soil.drop(columns=[column for column in soil.columns if column.startswith("soil_temp")])
+        yield f"oldtown {depth} cm", X, soil[name], "air_temp_degC", int(SHARE * len(X))
+    box = load_real_record("dmm_box_heater", folder, run="log11.2")
+    yield (
+        "heater log11.2",
+        box.drop(columns="box_temp_degC"),
+        box["box_temp_degC"],
+        "room_temp_degC",
+        int(SHARE * len(box)),
+    )
+    decade = load_real_record("gr1433_resistor", folder)
+    X, y = decade.drop(columns="resistance_ohm"), (decade["resistance_ohm"] / 1e5 - 1) * 1e6
+    yield "gr1433", X, y, "room_temp_degC", int(SHARE * len(X))
+
+
+def main() -> None:
+    """Print a line for each record, and its steps."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", help="folder of the measured records")
+    options = parser.parse_args()
+    warnings.simplefilter("ignore", RecordWarning)
+    for name, X, y, temperature, n in cases(options.folder):
+        refinement = refine(DynamicBiasRegressor(temperature), X[:n], y[:n])
+        first = refinement.diagnoses[0]
+        base = DynamicBiasRegressor(temperature).fit(X[:n], y[:n])
+        before, after = (
+            float(np.sqrt(np.nanmean(np.asarray(model.residuals(X[n:], y[n:]), float) ** 2)))
+            for model in (base, refinement.model_)
+        )
+        print(f"{name}: {first.verdict}; test rms {before:.4g} -> {after:.4g}")
+        for row in first.ranking.head(3).itertuples():
+            column = "" if pd.isna(row.column) else f":{row.column}"
+            print(f"    {row.kind}{column} share {row.share:.2f} p {row.p_value:.1e} gain {row.gain_db:.2f} dB")
+        print("    " + refinement.steps.to_string(index=False).replace("\n", "\n    "), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,27 @@
+"""Adding an effect to a model, and what held-out blocks of time say of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+
+from ..effects.protocol import Effect
+from ..estimators.holdout import held_out_residuals
+from ..estimators.regressor import DynamicBiasRegressor
+
+
+def held_out_rms(model: DynamicBiasRegressor, X: Any, y: Any) -> float:
+    """Rms residual of blocks of time, each under a model fitted without it, offset included."""
+    residual = held_out_residuals(model, X, y)
+    return float(np.sqrt(np.nanmean(residual**2)))
+
+
+def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:
+    """An unfitted copy with one effect more; a missing lag joins the model's time constants."""
+    if effect.kind == "thermal_lag" and len(model.time_constants_):
+        extended = clone(model)
+        taus = np.unique([*model.time_constants_.tolist(), *np.asarray(effect.time_constants, float).tolist()])
+        return extended.set_params(time_constants=taus.tolist())  # type: ignore[no-any-return]
+    return model.with_effect(effect)
