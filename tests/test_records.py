@@ -382,9 +382,10 @@ def test_another_log_with_the_same_relative_times_starts_afresh(kind, rows):
 def test_kind_of_time_makes_no_difference_and_products_are_those_of_the_lags(initial_state):
     (X, layout), (other, none) = log("15 s"), log("dates")
     columns = features(initial_state, **layout).fit_transform(X)
-    lags, products = columns[:, 2:5], columns[:, -6:]
+    lags, products, with_temperature = columns[:, 2:5], columns[:, -9:-3], columns[:, -3:]
     assert np.array_equal(lags, features(initial_state, **none).fit_transform(other)[:, 2:5])
     assert np.array_equal(products, np.stack([lags[:, j] * lags[:, k] for j in range(3) for k in range(j, 3)], axis=1))
+    np.testing.assert_allclose(with_temperature, columns[:, :1] * lags, rtol=1e-12)
     if initial_state == "zero":  # the device starts at T0, lag differences at T0 - T, and nothing has decayed yet
         assert (lags[0] == 20.0 - X["temperature"][0]).all()
 

@@ -113,7 +113,7 @@ def test_default_choice_is_the_regressors_own(lab):
     np.testing.assert_allclose(search.best_estimator_.time_constants_, model.time_constants_)
     np.testing.assert_allclose(search.best_estimator_.coef_, model.coef_)
     spectrum = search.spectrum_
-    assert len(spectrum) == 24
+    assert len(spectrum) == 25
     assert (spectrum["excitation"] > 0).all()
     assert spectrum["alike_next"].iloc[:-1].between(0.5, 1).all()
 

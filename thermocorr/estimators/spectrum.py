@@ -20,9 +20,9 @@ import numpy as np
 
 from ..equations import TriangularFactor
 
-POOL_SIZE = 24
+POOL_SIZE = 25
 FASTEST = 0.5
-"""Fastest time constant of the pool, in sampling steps: what follows within a step still shows as a lag."""
+"""Fastest time constant of the pool, in sampling steps: a body that follows within a step still shows as a lag."""
 N_BLOCKS = 20
 DECAY_SHARE = 1 / 25
 """Decay columns only for time constants up to this share of the record: slower ones look like drift or ageing."""
@@ -83,14 +83,14 @@ class Reference:
 
 
 def log_grid(usual_step: float, span: float, size: int = POOL_SIZE) -> np.ndarray:
-    """Time constants from half a sampling step to the length of the record [s]."""
-    low = FASTEST * usual_step
-    return np.geomspace(low, max(span, 2 * low), size)
+    """Time constants from two sampling steps to the length of the record [s], and one of less than a step."""
+    low = 2 * usual_step
+    return np.append(FASTEST * usual_step, np.geomspace(low, max(span, 2 * low), size - 1))
 
 
 def spread(grid: np.ndarray, span: float, count: int) -> np.ndarray:
     """`count` time constants spread evenly in the logarithm up to a third of the record [s]."""
-    return np.geomspace(grid[0], max(span / 3, 1.5 * grid[0]), count)
+    return np.geomspace(grid[1], max(span / 3, 1.5 * grid[1]), count)
 
 
 def reference_of(blocks: Sequence[TriangularFactor], layout: GridLayout, temperature_std: float) -> Reference:

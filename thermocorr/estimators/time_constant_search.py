@@ -36,7 +36,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         The model whose time constants (and alpha) are searched; everything else of it stays.
     candidates : "auto", sequence of times, or sequence of such sequences, default "auto"
         A pool to choose from, in seconds or spans such as "15 min"; or the very sets to compare. "auto" is a pool of 24
-        from half a sampling step to the length of the record, evenly spread in the logarithm.
+        from two sampling steps to the length of the record, evenly spread in the logarithm, and one of half a step.
     method : {"spectrum", "cross_validation", "exhaustive", "greedy"}, default "spectrum"
         "spectrum" fits the whole pool with a ridge penalty chosen by forecasting and takes the few time constants
         that span its modelled reading: the most reliable on measured records (`benchmarks/real_records.py`).

@@ -53,7 +53,7 @@ RANKED = 10
 """Suspects that are listed."""
 REFINED = 4
 """Best suspects whose parameters are refined."""
-SHARES = (0.5, 0.25, 0.1)
+SHARES = (0.5, 0.25, 0.1, 0.03)
 """Steps of this refinement, coarse to fine."""
 MOVES = 2
 """Moves at each step."""
@@ -138,8 +138,11 @@ class Diagnosis:
             )
         if self.verdict == "unexplained":
             lines.append("There is structure in the residual that no known effect explains by itself.")
-        for row in self.ranking.head(5).itertuples():
-            lines.append(f"  {row.sentence}")
+        for number, row in enumerate(self.ranking.head(3).itertuples(), 1):
+            lines.append(f"Suspect {number}, {row.sentence}")
+        if self.best is not None and self.best.info is not None:
+            lines.append(f"To confirm the first on the bench: {self.best.info.bench_check}")
+            lines.append("To add it: better = model.with_effect(diagnosis.best).fit(X, y), or refine(model, X, y).")
         return "\n".join(lines)
 
 
@@ -387,9 +390,10 @@ def _row(suspect: Suspect, ranked: Sequence[Suspect]) -> dict[str, Any]:
     if suspect.p_value <= LEVEL:
         confusable = tuple(other.label for other in others if tied(suspect, other))[:3]
     tie = f"; cannot be told apart from {', '.join(confusable)}" if confusable else ""
+    probability = f"{suspect.p_value:.2g}" if suspect.p_value > 1e-12 else "below 1e-12"
     sentence = (
         f"{suspect.effect.label()}: explains {suspect.share:.0%} of the structured variance, held-out gain "
-        f"{suspect.gain_db:.2f} dB, error probability {suspect.p_value:.2g}{tie}. "
+        f"{suspect.gain_db:.2f} dB, error probability {probability}{tie}. "
         f"{suspect.effect.info.physics if suspect.effect.info is not None else ''}"
     )
     return {

@@ -25,7 +25,7 @@ TUNING = (0.1, 0.03)
 
 @dataclass(frozen=True)
 class Refinement:
-    """What `refine` did."""
+    """What `refine` did, step by step. Prints as a table."""
 
     steps: pd.DataFrame
     """One row a step: step, effect, rms (in sample), held_out_rms, db (held out, against step 0), verdict (of the

@@ -11,6 +11,7 @@ import pandas as pd
 
 from ..datasets import load_voltage_reference
 from ..estimators import DynamicBiasRegressor, compare_variants
+from ..judgement import Diagnosis, diagnose, refine
 from ..records import RecordError, RecordWarning
 from .files import prepare_folder, read_log, require_column, write_corrected, write_model
 
@@ -20,7 +21,7 @@ TIME_NAMES = ("time", "timestamp", "datetime", "date", "time_s")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `thermocorr analyze`."""
     parser.add_argument(
-        "log", nargs="?", help="CSV or Parquet file; without one, the built-in voltage reference is analysed"
+        "log", nargs="?", help="CSV or Parquet file; without one, a built-in voltage reference with a hidden effect"
     )
     columns = parser.add_argument_group("columns of the log")
     columns.add_argument("--temperature", metavar="COLUMN", help="ambient temperature (default: temperature)")
@@ -44,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     model.add_argument(
         "--blocks", type=int, default=5, metavar="N", help="blocks of time for held-out figures (default 5)"
     )
+    parser.add_argument("--refine", action="store_true", help="add missing effects, one by one, while the error falls")
     parser.add_argument("--out", metavar="FOLDER", help="where to write corrected.csv and the fitted model")
     parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
 
@@ -70,10 +72,49 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
     for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
         say(f"Note: {note}\n")
     say(f"{comparison}\n")
-    say(f"Time constants of the last model: {', '.join(f'{tau:.4g} s' for tau in best.time_constants_)}")
+    say(f"Time constants of the last model: {', '.join(f'{tau:.4g} s' for tau in best.time_constants_)}\n")
+    best = _judge(best, X, y, options, say, progress)
     if folder is not None:
         written = [write_corrected(folder, log, best.evaluate(X, y), index), *write_model(folder, best)]
         say(f"Written: {', '.join(str(path) for path in written)}")
+
+
+def _judge(
+    model: DynamicBiasRegressor,
+    X: pd.DataFrame,
+    y: pd.Series,
+    options: argparse.Namespace,
+    say: Callable[[str], None],
+    progress: Callable[[str], None],
+) -> DynamicBiasRegressor:
+    """Say where the model fails and what is missing; with --refine, add it. Returns the model to keep."""
+    show = (lambda text: None) if options.quiet else progress
+    show("looking for what is missing")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RecordWarning)
+            if not options.refine:
+                found = diagnose(model, X, y)
+                say(f"{found}\n\n{places(found)}")
+                if found.best is not None:
+                    say("\nAdd --refine to add what is missing and watch the error fall.")
+                return model
+            refinement = refine(model, X, y, progress=show)
+    except RecordError as error:
+        say(f"Not judged: {error}")
+        return model
+    first = refinement.diagnoses[0]
+    say(f"{first}\n\n{places(first)}\n\nThe error, step by step (held out: blocks of time that the fit did not see):\n")
+    say(f"{refinement}\n")
+    return refinement.model_
+
+
+def places(found: Diagnosis) -> str:
+    """The five worst places of a diagnosis as text."""
+    if not len(found.where):
+        return "No place where it fails more than elsewhere."
+    frame = found.where.head(5).assign(share=found.where["share"].map("{:.0%}".format))
+    return frame.drop(columns="lift").to_string(index=False, float_format=lambda value: f"{value:.3g}")
 
 
 def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasRegressor, str]:
@@ -82,7 +123,7 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
     if options.log is None:
         if options.reading or options.temperature or options.time or options.run:
             raise RecordError("Columns are named but no log is given. Put the log's file name after 'analyze'.")
-        log = load_voltage_reference()
+        log = load_voltage_reference(hidden="moisture")
         return log, True, DynamicBiasRegressor("temperature", time_constants, options.degree), "voltage"
     log = read_log(options.log)
     reading = require_column(log, options.reading, "reading", ("reading",))

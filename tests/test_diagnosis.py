@@ -1,0 +1,175 @@
+"""Diagnosis and refinement: a small part of `benchmarks/hidden_effects.py`, on seeds that served for no tuning."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thermocorr import DynamicBiasRegressor, RecordError, diagnose, refine
+from thermocorr.datasets import load_voltage_reference, make_record
+from thermocorr.effects import Effect, Hysteresis
+from thermocorr.judgement.averages import averaged
+from thermocorr.judgement.noise import noise_model
+from thermocorr.records import read_record
+from thermocorr.records.read import Layout
+
+N = 10_000
+
+
+def hidden(effects, seed, **more):
+    record = make_record(N, effects=effects, seed=seed, **more)
+    X, y = record.drop(columns="reading"), record["reading"]
+    return DynamicBiasRegressor("temperature").fit(X, y), X, y
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [("covariate", 61), ("lagged_covariate", 62), ("hysteresis", 63), ("hinge", 64), ("periodic", 66),
+     ("sensitivity_drift", 67), ("lag_products", 68), ("interaction", 69)],
+)  # fmt: skip
+def test_a_hidden_effect_twice_the_noise_is_named(kind, seed):
+    record, truth = make_record(N, effects={kind: 2.0}, seed=seed, return_truth=True)
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert found.verdict in ("missing", "ambiguous")
+    assert found.best.kind == kind
+    planted = next(iter(truth.attrs["effects"].values()))["parameters"]
+    assert found.ranking["column"][0] == planted.get("column") or pd.isna(found.ranking["column"][0])
+    assert found.ranking["p_value"][0] < 1e-6
+    assert found.explainable > 0.1  # the lags have swallowed a part of some
+    assert found.noise_floor == pytest.approx(0.2, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", range(50, 55))
+def test_nothing_is_named_where_nothing_is_missing(seed):
+    """The stated rate of false accusations is 1 %: 5 records without one are no proof, two accusations would be."""
+    found = diagnose(*hidden(None, seed))
+    assert found.verdict == "nothing missing"
+    assert found.best is None
+    assert found.explainable < 0.05
+
+
+@pytest.mark.parametrize("seed", [52, 53])
+def test_an_unknown_cause_is_owned_up_to(seed):
+    found = diagnose(*hidden({"random_telegraph": 2.0}, seed))
+    assert found.verdict == "unexplained"
+    assert found.best is None
+    assert found.colour > 1.2
+    assert "no known effect explains" in str(found)
+
+
+def test_a_lag_that_the_model_lacks_is_named():
+    record = make_record(N, device="layered", seed=5)
+    X, y = record.drop(columns="reading"), record["reading"]
+    poor = DynamicBiasRegressor("temperature", ["5 min"]).fit(X, y)
+    found = diagnose(poor, X, y)
+    assert found.verdict == "missing"
+    assert found.best.kind == "thermal_lag"
+    assert 2000 < found.best.time_constants[0] < 10_000  # the device's slow body has an hour and a half
+
+
+def test_refinement_removes_the_built_in_moisture():
+    record = load_voltage_reference(hidden="moisture")[::4]
+    X, y = record.drop(columns="voltage"), record["voltage"]
+    result = refine(DynamicBiasRegressor("temperature"), X, y)
+    assert result.steps["effect"].tolist()[:2] == ["", "lagged covariate: humidity"]
+    assert result.steps["held_out_rms"].iloc[-1] < 0.75 * result.steps["held_out_rms"][0]
+    assert result.diagnoses[-1].verdict == "nothing missing"
+    assert result.model_.residual_std_ < 1.03 * record.attrs.get("noise", 5.85e-5)
+    assert "lagged covariate: humidity" in str(result)
+
+
+def test_an_excluded_kind_or_column_is_not_named():
+    model, X, y = hidden({"hysteresis": 2.0}, 63)
+    found = diagnose(model, X, y, exclude=["hysteresis"])
+    assert "hysteresis" not in set(found.ranking["kind"])
+    named = diagnose(model, X, y, columns=["humidity"])
+    assert set(named.ranking["column"].dropna()) <= {"humidity"}
+    with pytest.raises(ValueError, match="no kinds"):
+        diagnose(model, X, y, exclude=["hysteresys"])
+
+
+def test_an_effect_that_the_model_has_is_not_missing():
+    record, truth = make_record(N, effects={"hysteresis": 2.0}, seed=63, return_truth=True)
+    X, y = record.drop(columns="reading"), record["reading"]
+    width = next(iter(truth.attrs["effects"].values()))["parameters"]["width"]
+    model = DynamicBiasRegressor("temperature", effects=[Hysteresis(width)]).fit(X, y)
+    assert diagnose(model, X, y).verdict == "nothing missing"
+
+
+def test_the_place_of_a_hinge_is_found():
+    record = make_record(N, effects={"hinge": 2.0}, seed=64)
+    X, y = record.drop(columns="reading"), record["reading"]
+    where = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y).where
+    assert where.columns.tolist() == ["condition", "interval", "n", "rms", "share", "lift"]
+    assert {"time", "temperature", "hour of day (UTC)", "rate [K/h]", "humidity", "frequency"} <= set(
+        where["condition"]
+    )
+    parts = where[where["condition"] == "temperature"]
+    assert parts["share"].sum() == pytest.approx(1.0, abs=1e-6)
+    assert parts["n"].sum() == N
+
+
+def test_gaps_runs_holes_and_text_columns_are_no_obstacle():
+    record = make_record(4000, gaps=3, runs=2, seed=4, effects={"hysteresis": 2.0})
+    record.iloc[100:130, record.columns.get_loc("reading")] = np.nan
+    record.iloc[200:205, record.columns.get_loc("humidity")] = np.nan
+    record["note"] = "text"
+    X, y = record.drop(columns="reading"), record["reading"]
+    model = DynamicBiasRegressor("temperature", run="run").fit(X, y)
+    found = diagnose(model, X, y)
+    assert found.best.kind == "hysteresis"
+
+
+def test_too_short_a_record_is_not_judged():
+    record = make_record(90, seed=1)
+    X, y = record[["temperature"]], record["reading"]
+    model = DynamicBiasRegressor("temperature", [600.0]).fit(X, y)
+    with pytest.raises(RecordError, match="too short to judge: 90 readings"):
+        diagnose(model, X, y)
+
+
+def test_refinement_can_be_stopped_and_keeps_what_it_has():
+    model, X, y = hidden({"hysteresis": 2.0}, 63)
+
+    def stop(text):
+        if "step 1" in text:
+            raise KeyboardInterrupt
+
+    result = refine(model, X, y, progress=stop)
+    assert len(result.steps) == 1
+    assert result.model_.predict(X).shape == (N,)
+
+
+def test_averages_are_plain_means_that_skip_missing_readings():
+    frame = pd.DataFrame({"temperature": np.arange(12.0)}, index=pd.timedelta_range(0, periods=12, freq="1s"))
+    reading = np.arange(12.0) * 2
+    reading[[1, 4, 5, 6, 7]] = np.nan
+    record = read_record(frame, Layout(), y=reading)
+
+    class Plain(Effect):
+        def names(self):
+            return ["T"]
+
+        def columns(self, block, state):
+            return block.temperature, state
+
+    data = averaged(record, [Plain()], 3)
+    assert data.counts.tolist() == [3, 4]
+    np.testing.assert_allclose(data.reading, [(0 + 4 + 6) / 3, (16 + 18 + 20 + 22) / 4])
+    np.testing.assert_allclose(data.columns[0][:, 0], [(0 + 2 + 3) / 3, 9.5])
+
+
+def test_noise_model_finds_the_coefficient_of_autoregressive_noise():
+    """Three standard errors of a coefficient from 20 000 samples: sqrt((1 - 0.36)/20000)."""
+    rng = np.random.default_rng(0)
+    shocks, noise = rng.normal(size=20_000), np.zeros(20_000)
+    for k in range(1, len(noise)):
+        noise[k] = 0.6 * noise[k - 1] + shocks[k]
+    model = noise_model(noise, np.zeros(len(noise)))
+    assert model.phi[0] == pytest.approx(0.6, abs=3 * np.sqrt(0.64 / 20_000) + 0.01)
+    assert model.colour == pytest.approx(1 / (1 - 0.36), rel=0.05)
+    white = model.whitened(noise[:, None], np.zeros(len(noise)))[:, 0]
+    assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.02
+    assert noise_model(shocks, np.zeros(len(shocks))).colour == 1.0
