@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -218,7 +217,7 @@ class Trial:
 
     def suspects(self) -> list[Suspect]:
         """The best candidate of each kind and column, best first."""
-        sizes = Counter(key_of(effect) for effect in self.candidates)
+        sizes = self._grid_sizes()
         best: dict[Key, tuple[float, int]] = {}
         for i, (effect, basis) in enumerate(zip(self.candidates, self.evidence.bases, strict=True)):
             if basis.shape[1]:
@@ -228,6 +227,17 @@ class Trial:
             Suspect(self.candidates[i], self.evidence.bases[i], score, self.evidence, self._structured_share(i))
             for score, i in sorted(best.values(), reverse=True)[:RANKED]
         ]
+
+    def _grid_sizes(self) -> dict[Key, float]:
+        """Effective number of different candidates of each kind and column: (sum of eigenvalues)^2 / sum of squares."""
+        leading: dict[Key, list[np.ndarray]] = {}
+        for effect, basis in zip(self.candidates, self.evidence.bases, strict=True):
+            if basis.shape[1]:
+                leading.setdefault(key_of(effect), []).append(basis[:, -1])
+        return {
+            key: float(len(vectors) ** 2 / np.sum((np.array(vectors) @ np.array(vectors).T) ** 2))
+            for key, vectors in leading.items()
+        }
 
     def _refine(self) -> None:
         """Search around the parameters of the best suspects."""
@@ -249,21 +259,22 @@ class Trial:
                 self.candidates.append(effect)
                 self.columns.append(found)
 
-    def causes(self, most: int = MOST_CAUSES + 1) -> int:
-        """How many candidates, one after the other, are each supported by what those before have left.
+    def causes(self, most: int = MOST_CAUSES + 1) -> tuple[int, bool]:
+        """How many candidates, one after the other, are each supported by what those before have left; and whether
+        what all of them leave still wanders.
 
-        One cause needs one, two need two; a noise that wanders is imitated by ever more.
+        One cause needs one, two need two; a noise that wanders is imitated by ever more, and never quite.
         """
         judged = self.evidence
         for count in range(most):
             scores = [judged.score(basis) if basis.shape[1] else -np.inf for basis in judged.bases]
             best = judged.bases[int(np.argmax(scores))]
             if best.shape[1] == 0 or judged.family_p(best) > LEVEL:
-                return count
+                return count, judged.wanders(self.rng)
             space = np.column_stack((judged.space, best))
             bases = [own_part(basis, best) if basis.shape[1] else basis for basis in judged.bases]
             judged = replace(judged, space=space, bases=bases)
-        return most
+        return most, judged.wanders(self.rng)
 
     def _structured_share(self, i: int) -> float:
         """Share of the structured variance (base residual less white noise) that candidate i explains."""
@@ -318,7 +329,8 @@ def _conclude(
     coloured = trial.evidence.noise.colour > COLOURED
     best: Suspect | None = None
     supported = bool(suspects) and suspects[0].supported()
-    if supported and not _fair(trial, suspects[0]):
+    causes, wanders = trial.causes()
+    if supported and (wanders or not _fair(suspects[0], causes)):
         helping = _helping(model, X, y, suspects)
         ranked = [*helping, *(other for other in suspects if other not in helping), *lag]
         verdict, best = ("missing", helping[0]) if helping else ("unexplained", None)
@@ -327,10 +339,10 @@ def _conclude(
         rivals = [other for other in suspects[1:] if tied(best, other)]
         verdict = "ambiguous" if rivals else "missing"
         ranked = [*suspects, *lag]
-    elif lag and not coloured:
+    elif lag and not coloured and not wanders:
         best, verdict, ranked = lag[0], "missing", [*lag, *suspects]
     else:
-        verdict = "unexplained" if coloured else "nothing missing"
+        verdict = "unexplained" if coloured or wanders else "nothing missing"
         ranked = [*suspects, *lag]
     return Diagnosis(
         verdict,
@@ -345,9 +357,9 @@ def _conclude(
     )
 
 
-def _fair(trial: Trial, best: Suspect) -> bool:
+def _fair(best: Suspect, causes: int) -> bool:
     """Whether the best suspect explains enough, or few enough others are needed beside it."""
-    return best.share >= CLEAR_SHARE or (best.share >= FAIR_SHARE and trial.causes() <= MOST_CAUSES)
+    return best.share >= CLEAR_SHARE or (best.share >= FAIR_SHARE and causes <= MOST_CAUSES)
 
 
 def _helping(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[Suspect]) -> list[Suspect]:

@@ -14,6 +14,10 @@ from .noise import NoiseModel, noise_model
 
 SATURATED = 4
 """Candidates at most of the saturated model: with more, hundreds of candidates imitate any slow noise."""
+SLOW = 40
+"""Rows of the averages in which a noise that wanders shows."""
+SLOW_EXCESS = 1.5
+"""Their variance over white noise's, above which it does (and above that of every draw)."""
 DRAWS = 300
 """Draws of white noise that calibrate the family-wise error probability."""
 
@@ -64,6 +68,18 @@ class Evidence:
         log_p = float(log_p_of(np.array([self.gain(basis)]), np.array([basis.shape[1]]), self.freedom)[0])
         return float(-np.expm1(self.tests * np.log1p(-min(np.exp(log_p), 1 - 1e-16))))
 
+    def wanders(self, rng: np.random.Generator) -> bool:
+        """Whether averages over `SLOW` rows vary more than white noise's would: structure too weak for each row.
+
+        The share of the residual's sum of squares that is in these averages, against draws of white noise from which
+        the same columns have been taken out.
+        """
+        draws = rng.normal(size=(len(self.space), DRAWS))
+        draws -= self.space @ (self.space.T @ draws)
+        usual = _slow_share(draws)
+        found = float(_slow_share(self.residual[:, None])[0])
+        return found > SLOW_EXCESS * float(np.median(usual)) and found > float(usual.max())
+
     def alike(self, one: np.ndarray, other: np.ndarray) -> float:
         """Squared cosine of what two candidates explain."""
         residual = self.residual
@@ -84,6 +100,13 @@ class Evidence:
             coef = np.linalg.lstsq(learned, moment - rows.T @ values, rcond=1e-3)[0]
             left += float(np.sum((values - rows @ coef) ** 2))
         return float(10 * np.log10(residual @ residual / left))
+
+
+def _slow_share(residuals: np.ndarray) -> np.ndarray:
+    """Share of each column's sum of squares that is left in averages over `SLOW` rows."""
+    n = len(residuals) // SLOW * SLOW
+    means = residuals[:n].reshape(n // SLOW, SLOW, -1).mean(axis=1)
+    return np.asarray(SLOW * np.sum(means**2, axis=0) / np.maximum(np.sum(residuals[:n] ** 2, axis=0), 1e-300))
 
 
 def own_part(columns: np.ndarray, space: np.ndarray) -> np.ndarray:
