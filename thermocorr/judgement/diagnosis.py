@@ -192,7 +192,8 @@ def diagnose(
             for effect in effects.candidates(record, names)
         ]
         trial = Trial(record, base, candidates, np.random.default_rng(random_state))
-        lag = [] if "thermal_lag" in exclude else trial.missing_lag(own)
+        fast = [kind for kind in ("thermal_lag", "delay", "rate") if kind not in exclude]
+        lag = trial.missing_lag(own, fast)
         return _conclude(model, X, y, trial, trial.suspects(), lag)
 
 
@@ -290,8 +291,8 @@ class Trial:
         """Standard deviation of one sample that no effect can explain, in the unit of y."""
         return float(np.sqrt(self.evidence.noise.innovation_variance * np.median(self.data.counts)))
 
-    def missing_lag(self, own: Sequence[Effect]) -> list[Suspect]:
-        """The lag that a model's `own` thermal part lacks most, where the rich one explains clearly more."""
+    def missing_lag(self, own: Sequence[Effect], kinds: Sequence[str]) -> list[Suspect]:
+        """The lag, delay or rate that a model's `own` thermal part lacks, where the rich one explains clearly more."""
         for effect in own:
             effect.learn(self.record)
         thin = np.column_stack([np.ones(len(self.base)), *averaged(self.record, own).columns])
@@ -302,7 +303,7 @@ class Trial:
             return []
         noise, data = self.evidence.noise, self.data
         judged = replace(self.evidence, space=orthonormal(noise.whitened(thin, data.segment)))
-        candidates = CATALOGUE["thermal_lag"].candidates(self.record)
+        candidates = [effect for kind in kinds for effect in CATALOGUE[kind].candidates(self.record)]
         for effect in candidates:
             effect.learn(self.record)
         bases = [judged.basis(columns) for columns in averaged(self.record, candidates).columns]
