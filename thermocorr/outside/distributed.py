@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 
@@ -97,7 +98,8 @@ class DistributedLog(Log):
         if y is not None and not isinstance(y, RemoteColumn):
             raise RecordError("The readings of a distributed log are one of its columns. Pass log['reading'] as y.")
         reading = None if y is None else y.name
-        tasks = [Task(layout, reading, tuple(needed), number) for number in range(len(self.parts))]
+        token = uuid4().hex
+        tasks = [Task(layout, reading, tuple(needed), number, token) for number in range(len(self.parts))]
         looks: list[Look] = self.each(look, tasks)
         for number in range(1, len(looks)):
             if looks[number].record.times.ticks is not None:

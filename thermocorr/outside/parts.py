@@ -21,6 +21,11 @@ Part = Any
 """A `ParquetLog` or a DataFrame."""
 
 
+KEPT_RECORDS = 64
+"""Parts whose records a worker keeps, so as not to validate them again for every question."""
+_validated: dict[tuple[str, int], Record] = {}
+
+
 @dataclass(frozen=True)
 class Signal:
     """What a lag follows: all that its state depends on."""
@@ -58,9 +63,22 @@ class Task:
     needed: tuple[Any, ...]
     number: int
     """Of the part."""
+    token: str
+    """Of the log: a worker that has validated a part before knows it by this."""
 
     def record(self, part: Part, first_row: int = 0) -> Record:
         """The part as a record of one segment."""
+        key = (self.token, self.number)
+        if key not in _validated:
+            while len(_validated) >= KEPT_RECORDS:
+                _validated.pop(next(iter(_validated)))
+            _validated[key] = self._read(part)
+        record = _validated[key]
+        if record.times.ticks is None:
+            record = replace(record, times=replace(record.times, first_row=first_row))
+        return record
+
+    def _read(self, part: Part) -> Record:
         y = None if self.reading is None else part[self.reading]
         try:
             record = read_record(part, self.layout, y=y, needed=self.needed, quiet=True)
@@ -72,8 +90,6 @@ class Task:
                 "distributed log is one stretch: fill missing temperatures first, fit longer stretches as devices of a "
                 "fleet, or fit in one process."
             )
-        if record.times.ticks is None:
-            record = replace(record, times=replace(record.times, first_row=first_row))
         return record
 
 
