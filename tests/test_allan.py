@@ -68,6 +68,14 @@ def test_intervals_cover_the_truth_as_often_as_they_say():
     assert np.mean(inside, axis=0) == pytest.approx([0.9] * 3, abs=0.055)
 
 
+def test_a_periodic_reading_is_no_more_certain_than_white_noise():
+    """Its averages over half a period alternate, as phase noise does; freedom for that would be a half of all rows."""
+    found = allan_deviation(np.sin(2 * np.pi * np.arange(20_000) / 500), 1.0, "log")
+    assert (found.noise_exponent <= 0).all()
+    assert found.degrees_of_freedom[-1] < 3 * 20_000 / (2 * found.averaging_times[-1])  # white noise's, about
+    assert found.high[-1] > 1.2 * found.deviation[-1]
+
+
 def test_gaps_are_left_out_not_filled():
     """White noise with a third of it lost in gaps keeps its law; a filled gap would make it quieter."""
     values = series("white", 60_000)
