@@ -113,6 +113,18 @@ def test_the_place_of_a_hinge_is_found():
     assert parts["n"].sum() == N
 
 
+def test_the_residual_is_held_against_white_noise():
+    """A slow cause lifts long averaging times; the noise of short ones is white: within four standard deviations."""
+    table = diagnose(*hidden({"lagged_covariate": 2.0}, 62)).allan
+    assert table["excess"].iloc[0] == pytest.approx(1.0, abs=0.2)
+    assert table["excess"].max() > 2
+    clean = diagnose(*hidden(None, 51)).allan
+    assert clean["excess"].iloc[:6].to_numpy() == pytest.approx(1.0, abs=0.25)
+    assert clean["white"].to_numpy() == pytest.approx(
+        clean["white"].iloc[0] * np.sqrt(clean["averaging_time"].iloc[0] / clean["averaging_time"]), rel=1e-12
+    )
+
+
 def test_gaps_runs_holes_and_text_columns_are_no_obstacle():
     record = make_record(4000, gaps=3, runs=2, seed=4, effects={"hysteresis": 2.0})
     record.iloc[100:130, record.columns.get_loc("reading")] = np.nan

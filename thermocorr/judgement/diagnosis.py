@@ -18,7 +18,7 @@ from .helping import helping
 from .lagging import Lagging, thermal_parts
 from .suspects import further_candidates, given_effects, suspect_record
 from .trial import FAIR_SHARE, LEVEL, MOST_CAUSES, TIE, Suspect, Trial, tied
-from .where import where_it_fails
+from .where import against_white, where_it_fails
 
 COLOURED = 1.05
 """Variance over innovation variance of the saturated model's residual, above which structure is left."""
@@ -40,6 +40,8 @@ class Diagnosis:
     """Share of the residual variance that something could still explain."""
     where: pd.DataFrame
     """Conditions under which the model fails, worst first, see `thermocorr.judgement.where`."""
+    allan: pd.DataFrame
+    """Allan deviation of the residual against white noise, see `thermocorr.judgement.where.against_white`."""
     ranking: pd.DataFrame
     """Suspects, best first: kind, column, parameters, gain_db (held out), p_value (of the whole family), share (of the
     structured variance), confusable_with, sentence."""
@@ -169,6 +171,7 @@ def _conclude(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, lagging
         floor,
         float(np.clip(1 - floor**2 / rms**2, 0.0, 1.0)) if rms > 0 else 0.0,
         _where(model, trial, residual),
+        against_white(trial.record, residual, floor),
         pd.DataFrame([_row(suspect, ranked) for suspect in ranked]).astype({"column": object}),
         clone(best[0].effect) if best else None,
         rms,

@@ -12,6 +12,7 @@ import pandas as pd
 
 from ..effects import Covariate, Rate, ThermalLag
 from ..effects.protocol import Effect
+from ..equations import allan_deviation
 from ..records import Record
 from .averages import Averages, averaged
 
@@ -20,6 +21,7 @@ VALUE_BINS = 10
 HOUR_BINS = 12
 CHANCE = 3.0
 """Error beyond the noise, in standard deviations of the noise's own, below which there is no place to show."""
+ALLAN_COLUMNS = ["averaging_time", "deviation", "low", "high", "white", "excess"]
 COLUMNS = ["condition", "interval", "n", "rms", "share", "lift"]
 
 
@@ -70,6 +72,23 @@ def where_it_fails(
     rows += _frequencies(data, floor)
     frame = pd.DataFrame(rows)
     return frame.sort_values("concentration", ascending=False, ignore_index=True)[COLUMNS]
+
+
+def against_white(record: Record, residual: np.ndarray, floor: float) -> pd.DataFrame:
+    """Allan deviation of the residual against that of white noise: at which averaging times the model fails.
+
+    Columns averaging_time [s], deviation, low, high (95 %), white (the line of the noise floor) and excess (deviation
+    over white); from averages over short stretches of time, so the shortest averaging time is one of these.
+    """
+    data = averaged(replace(record, reading=residual), [], one=np.ones(1))
+    pieces = [data.reading[data.segment == segment] for segment in np.unique(data.segment)]
+    steps = np.diff(data.seconds)[np.diff(data.segment) == 0]
+    if len(data.reading) < 3 or not len(steps):
+        return pd.DataFrame(columns=ALLAN_COLUMNS)
+    found = allan_deviation(pieces, float(np.median(steps)))
+    white = floor / np.sqrt(np.median(data.counts) * found.averaging_times / found.averaging_times[0])
+    values = (found.averaging_times, found.deviation, found.low, found.high, white, found.deviation / white)
+    return pd.DataFrame(dict(zip(ALLAN_COLUMNS, values, strict=True)))
 
 
 class _Temperature(Effect):
