@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,7 @@ from ..records.read import is_frame, numeric_reading
 from .adding import held_out_rms, with_missing
 from .averages import Averages, averaged, filled
 from .evidence import Evidence, evidence, orthonormal, own_part
+from .page import PageData, brief_diagnosis, page
 from .where import where_it_fails
 
 RICH_LAGS = 16
@@ -122,6 +125,21 @@ class Diagnosis:
     colour: float
     """Variance over innovation variance of what all suspects together leave: 1 for white noise."""
     unit: str
+    data: PageData | None = field(default=None, repr=False, compare=False)
+    """Series, formula and coefficients of the model on the record, for the page."""
+
+    def to_html(self, **details: str) -> str:
+        """A self-contained HTML page; `details` are `source` and `command`, see `thermocorr.judgement.page.page`."""
+        if self.data is None:
+            raise ValueError("This diagnosis holds no data to draw. Make it with diagnose(model, X, y).")
+        return page(self.data, diagnosis=self, **details)
+
+    def save_html(self, path: str | PathLike[str], **details: str) -> None:
+        """Write `to_html` to a file."""
+        Path(path).write_text(self.to_html(**details), encoding="utf-8")
+
+    def _repr_html_(self) -> str:
+        return brief_diagnosis(self)
 
     def __str__(self) -> str:
         lines = [
@@ -355,6 +373,7 @@ def _conclude(
         rms,
         trial.evidence.noise.colour,
         model.reading_.unit,
+        PageData.of(model, X, y, beside=tuple(dict.fromkeys(ranked[0].effect.inputs() if ranked else ()))),
     )
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from .adding import held_out_rms, with_missing
 from .diagnosis import Diagnosis, diagnose
+from .page import brief_refinement, page
 
 WORSE = 1.001
 """Held-out error of a model with an effect more, over that before, above which the effect is not kept."""
@@ -34,6 +37,19 @@ class Refinement:
     """The final model, fitted."""
     diagnoses: tuple[Diagnosis, ...] = field(repr=False)
     """Diagnosis of the model after each step."""
+
+    def to_html(self, **details: str) -> str:
+        """A self-contained HTML page; `details` are `source` and `command`, see `thermocorr.judgement.page.page`."""
+        if self.diagnoses[-1].data is None:
+            raise ValueError("This refinement holds no data to draw. Make it with refine(model, X, y).")
+        return page(self.diagnoses[-1].data, refinement=self, **details)
+
+    def save_html(self, path: str | PathLike[str], **details: str) -> None:
+        """Write `to_html` to a file."""
+        Path(path).write_text(self.to_html(**details), encoding="utf-8")
+
+    def _repr_html_(self) -> str:
+        return brief_refinement(self)
 
     def __str__(self) -> str:
         lines = [

@@ -1,0 +1,173 @@
+"""The chapters after the diagnosis: refinement, variants, formula, data quality, versions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from ...estimators.variants import VariantComparison
+from .data import PageData, seconds_text
+from .html import Section, bar, decibels, join, number, table, tag
+from .sections import section
+
+if TYPE_CHECKING:
+    from ..refinement import Refinement
+
+FLAGS = {
+    "washout": "after a start of unknown state: the lags have not forgotten it",
+    "outside fitted range": "temperature outside the fitted range: the model extrapolates",
+    "no reading": "no reading",
+    "no temperature": "no temperature",
+}
+
+
+def steps(refinement: Refinement, title: str, *figures: Any) -> Section:
+    """The error, step by step."""
+    frame = refinement.steps
+    unit = refinement.diagnoses[0].unit
+    first, last = frame.iloc[0], frame.iloc[-1]
+    if len(frame) == 1:
+        sentence: Any = "Nothing was added: no effect lowers the error on blocks of time that the fit did not see."
+    else:
+        sentence = join(
+            (
+                f"The held-out error (blocks of time that the fit did not see) goes from ",
+                number(first.held_out_rms, unit),
+                " to ",
+                number(last.held_out_rms, unit),
+                " (",
+                decibels(last.db),
+                "). The verdict goes from ",
+                tag("strong", first.verdict),
+                " to ",
+                tag("strong", last.verdict),
+                ".",
+            )
+        )
+    largest = float(np.nanmax(frame["held_out_rms"]))
+    floor = refinement.diagnoses[-1].noise_floor
+    rows = [
+        (
+            str(row.step),
+            row.effect or "the model as it was given",
+            number(row.held_out_rms),
+            bar(row.held_out_rms / largest, floor / largest),
+            number(row.rms),
+            decibels(row.db) if row.step else "",
+            tag("span", row.verdict, class_="l"),
+        )
+        for row in frame.itertuples()
+    ]
+    per = f" [{unit}]" if unit else ""
+    head = ("step", "added", f"held-out rms{per}", "mark: noise floor", f"rms of the fit{per}", "held out", "verdict")
+    return section("steps", title, tag("p", sentence), table(head, rows, class_="steps", left=2), *figures)
+
+
+def variants(comparison: VariantComparison, title: str) -> Section:
+    """Static and dynamic, linear and nonlinear."""
+    words = comparison.formatted()
+    figures = comparison.frame()
+    rows = [
+        (
+            name,
+            *(
+                "" if np.isnan(value) else number(value, shown=shown.replace("-", "−") if "e" not in shown else None)
+                for value, shown in zip(figures.loc[name], words.loc[name], strict=True)
+            ),
+        )
+        for name in figures.index
+    ]
+    return section(
+        "variants",
+        title,
+        tag("p", _variants_sentence(figures)),
+        table(("variant", *words.columns), rows, class_="variants"),
+        tag("p", comparison.caption(), class_="fine"),
+    )
+
+
+def _variants_sentence(figures: pd.DataFrame) -> Any:
+    """Static against dynamic in one sentence."""
+    held = figures["held_out_reduction_db"].dropna()
+    if "static nonlinear" not in held or "dynamic nonlinear" not in held:
+        return "Reductions of the error; negative is good."
+    return join(
+        (
+            "On blocks of time that the fit did not see, a static law reduces the error by ",
+            decibels(held["static nonlinear"]),
+            ", the dynamic one by ",
+            decibels(held["dynamic nonlinear"]),
+            ".",
+        )
+    )
+
+
+def formula(data: PageData, title: str, *figures: Any) -> Section:
+    """The model's formula and coefficients."""
+    rows = [
+        (
+            name,
+            row.effect,
+            number(row.coefficient, digits=6),
+            number(row.standard_error, digits=3),
+            tag("span", row.unit, class_="l"),
+        )
+        for name, row in zip(data.coefficients.index, data.coefficients.itertuples(), strict=True)
+    ]
+    head = ("column", "effect", "coefficient", "standard error", "unit")
+    taus = ", ".join(seconds_text(tau) for tau in data.time_constants)
+    lead = f"Its lags have the time constants {taus}." if taus else "It has no lags."
+    return section(
+        "model",
+        title,
+        tag("p", lead, " Standard errors stay true for residuals that are correlated in time."),
+        tag("div", tag("pre", tag("code", data.equation)), class_="scroll", tabindex=0),
+        tag(
+            "details",
+            tag("summary", f"{len(rows)} coefficients"),
+            table(head, rows, class_="coefficients", left=2),
+            open="open",
+        ),
+        tag("details", tag("summary", "The estimator as code"), tag("pre", tag("code", data.model))),
+        *figures,
+    )
+
+
+def quality(data: PageData, title: str) -> Section:
+    """What is odd about the data."""
+    items: list[Any] = [tag("li", note) for note in data.notes]
+    for flag, count in sorted(data.traces.flags.items()):
+        if flag:
+            items.append(tag("li", f"{count:,} rows flagged “{flag}”: {FLAGS.get(flag, flag)}."))
+    outside = data.n_rows - data.traces.n_rows
+    if outside:
+        items.append(tag("li", f"{outside:,} rows lie in no stretch: their temperature, or a needed column, is missing."))
+    parts: list[Any] = [tag("p", data.record_sentence())]
+    parts.append(tag("ul", *items) if items else tag("p", "Nothing odd was found in the data."))
+    if data.n_segments > 1:
+        shown = len(data.segments)
+        rows = [
+            (str(i), run or "–", first, last, f"{n:,}") for i, (run, first, last, n) in enumerate(data.segments, 1)
+        ]
+        parts.append(
+            tag(
+                "details",
+                tag("summary", f"{data.n_segments} stretches" + (f", the first {shown}" if shown < data.n_segments else "")),
+                table(("", "run", "from", "to", "rows"), rows, left=4),
+            )
+        )
+    return section("quality", title, *parts)
+
+
+def provenance(data: PageData, title: str, command: str, source: str) -> Section:
+    """How the page came about."""
+    rows: list[Sequence[Any]] = [tag_pair for tag_pair in data.versions]
+    parts: list[Any] = []
+    if source:
+        parts.append(tag("p", "Data: ", tag("code", source)))
+    if command:
+        parts += [tag("p", "The command that made this page:"), tag("pre", tag("code", command))]
+    return section("versions", title, *parts, table(("package", "version"), rows, left=2))

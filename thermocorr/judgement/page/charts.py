@@ -1,0 +1,161 @@
+"""Charts as data: what the page's script draws with uPlot, and still lines for places without scripts."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .html import Safe, tag
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of a panel."""
+
+    label: str
+    values: np.ndarray
+    """Shape (n,), beside the chart's x; NaN where there is none."""
+    role: str
+    """What it shows, which gives it its colour: reading, model, corrected, residual, temperature, other, floor."""
+    dash: bool = False
+    dots: bool = False
+    hidden: bool = False
+    """Not drawn until its name in the legend is clicked."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Lines over one axis."""
+
+    label: str
+    unit: str
+    lines: tuple[Line, ...]
+    log: bool = False
+    rules: tuple[tuple[float, str], ...] = ()
+    """Horizontal lines: value and name."""
+    height: int = 200
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Panels over one common x, zoomed together."""
+
+    name: str
+    """Identifier in the page: letters only."""
+    x_label: str
+    x: np.ndarray
+    """Shape (n,), never decreasing; seconds since 1970 where `dates`."""
+    panels: tuple[Panel, ...]
+    caption: Any
+    """One or two sentences: what is to be seen."""
+    x_unit: str = ""
+    x_scale: float = 1.0
+    """Seconds in one unit of x, where x is a time."""
+    dates: bool = False
+    x_log: bool = False
+    shades: tuple[tuple[float, float, str], ...] = field(default=())
+    """Stretches of x that stand out: from, to, name."""
+
+    def payload(self) -> dict[str, Any]:
+        """What the script reads."""
+        return {
+            "name": self.name,
+            "x": {
+                "label": self.x_label,
+                "unit": self.x_unit,
+                "scale": self.x_scale,
+                "dates": self.dates,
+                "log": self.x_log,
+                "data": packed_times(self.x),
+            },
+            "panels": [
+                {
+                    "label": panel.label,
+                    "unit": panel.unit,
+                    "log": panel.log,
+                    "height": panel.height,
+                    "rules": [[float(value), label] for value, label in panel.rules],
+                    "lines": [
+                        {
+                            "label": line.label,
+                            "role": line.role,
+                            "dash": line.dash,
+                            "dots": line.dots,
+                            "hidden": line.hidden,
+                            "data": packed(line.values),
+                        }
+                        for line in panel.lines
+                    ],
+                }
+                for panel in self.panels
+            ],
+            "shades": [[float(low), float(high), label] for low, high, label in self.shades],
+        }
+
+    def html(self) -> Safe:
+        """Place and caption of the chart."""
+        names = ", ".join(dict.fromkeys(line.label for panel in self.panels for line in panel.lines))
+        return tag(
+            "figure",
+            tag("figcaption", self.caption),
+            tag("div", class_="chart", id=f"chart-{self.name}", role="img", aria_label=f"{names} over {self.x_label}"),
+            class_="wide",
+        )
+
+
+def packed(values: np.ndarray) -> dict[str, Any]:
+    """Single-precision distances from the middle, in base64: exact to 6e-8 of the span."""
+    numbers = np.asarray(values, float)
+    known = numbers[np.isfinite(numbers)]
+    middle = float((known.min() + known.max()) / 2) if len(known) else 0.0
+    return {"add": middle, "f4": base64.b64encode((numbers - middle).astype("<f4").tobytes()).decode()}
+
+
+def packed_times(x: np.ndarray) -> dict[str, Any]:
+    """Even steps as three numbers, others in base64 at full precision."""
+    x = np.asarray(x, float)
+    if len(x) > 2 and np.ptp(np.diff(x)) <= 1e-9 * max(abs(x[-1] - x[0]), 1e-300):
+        return {"start": float(x[0]), "step": float((x[-1] - x[0]) / (len(x) - 1)), "n": len(x)}
+    return {"f8": base64.b64encode(x.astype("<f8").tobytes()).decode()}
+
+
+def still(values: np.ndarray, floor: float | None = None, *, width: int = 640, height: int = 90) -> Safe:
+    """A line without a script: extremes of a few hundred groups of rows, as SVG in the colour of the text.
+
+    Parameters
+    ----------
+    values : array of shape (n,)
+    floor : float, optional
+        Half width of a grey band around zero.
+    """
+    cells = [part[np.isfinite(part)] for part in np.array_split(np.asarray(values, float), min(width // 2, len(values)))]
+    extremes = [(part.min(), part.max()) if len(part) else (np.nan, np.nan) for part in cells]
+    low, high = np.array(extremes).T
+    bottom, top = np.nanmin([np.nanmin(low), -(floor or 0)]), np.nanmax([np.nanmax(high), floor or 0])
+    scale = (height - 4) / max(top - bottom, 1e-300)
+
+    def y(value: float) -> float:
+        return round(float(2 + (top - value) * scale), 1)
+
+    step = width / len(cells)
+    strokes = [
+        f"M{(i + 0.5) * step:.1f} {y(a) + 0.5:.1f}V{y(b) - 0.5:.1f}"
+        for i, (a, b) in enumerate(zip(low, high, strict=True))
+        if np.isfinite(a)
+    ]
+    parts = []
+    if floor is not None:
+        parts.append(
+            f'<rect x="0" width="{width}" y="{y(floor)}" height="{y(-floor) - y(floor):.1f}" fill="currentColor" '
+            'opacity="0.15"/>'
+        )
+    parts.append(f'<path d="{"".join(strokes)}" stroke="#3b7ddd" stroke-width="{max(step * 0.8, 1):.2f}" fill="none"/>')
+    return Safe(
+        f'<svg viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" aria-label="residual" '
+        f'style="max-width:100%;height:auto;display:block">{"".join(parts)}</svg>'
+    )
+
+

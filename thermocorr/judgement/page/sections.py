@@ -1,0 +1,224 @@
+"""A diagnosis as sections of a page, in the order of the user's questions; sentences first, then figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from ...effects import CATALOGUE
+from ..where import interval_seconds
+from .data import PageData
+from .html import Safe, Section, bar, decibels, join, number, percent, probability, table, tag
+
+if TYPE_CHECKING:
+    from ..diagnosis import Diagnosis
+
+SHOWN_PLACES = 8
+"""Places of failure in the first table; the rest is folded."""
+
+VERDICTS = {
+    "nothing missing": "Nothing is missing: what is left looks like noise.",
+    "missing": "Something is missing, and this record can tell what.",
+    "ambiguous": "Something is missing, and this record cannot tell two explanations apart.",
+    "unexplained": "Structure is left in the residual that no known effect explains by itself.",
+}
+
+
+def section(identity: str, title: str, *parts: Any) -> Section:
+    """A section under a heading."""
+    made = Section(tag("section", tag("h2", title), *parts, id=identity))
+    made.identity, made.heading = identity, title
+    return made
+
+
+def effect_name(kind: str, column: Any) -> str:
+    """Kind and column in words."""
+    words = kind.replace("_", " ")
+    return words if column is None or (isinstance(column, float) and pd.isna(column)) else f"{words}: {column}"
+
+
+def verdict_box(found: Diagnosis) -> Safe:
+    """The verdict in a word and in a sentence."""
+    named = ""
+    if found.best is not None and len(found.ranking):
+        first = found.ranking.iloc[0]
+        named = effect_name(first.kind, first.column)
+    return tag(
+        "p",
+        tag("strong", found.verdict, class_="verdict", data_verdict=found.verdict),
+        " ",
+        VERDICTS.get(found.verdict, ""),
+        join((" Most likely: ", tag("strong", named), ".")) if named else "",
+        class_="verdict-line",
+    )
+
+
+def anything(found: Diagnosis, *figures: Any) -> Section:
+    """1: residual against noise floor."""
+    largest = max(found.residual_rms, found.noise_floor)
+    rows = [
+        (label, number(value, found.unit), bar(value / largest if largest else 0.0))
+        for label, value in (("residual of the model", found.residual_rms), ("noise floor", found.noise_floor))
+    ]
+    whiteness = "looks like white noise" if found.colour <= 1.05 else "still has structure"
+    return section(
+        "anything",
+        "1 Is anything missing?",
+        verdict_box(found),
+        tag(
+            "p",
+            "The residual has an rms of ",
+            number(found.residual_rms, found.unit),
+            "; the noise floor, which no effect can explain, is ",
+            number(found.noise_floor, found.unit),
+            " for one sample. ",
+            percent(found.explainable),
+            f" of the residual's variance could still be explained. What all suspects together leave {whiteness} "
+            "(variance over innovation variance ",
+            number(found.colour, digits=3),
+            "; 1 is white).",
+        ),
+        table(("", "rms", ""), rows, class_="bars"),
+        *figures,
+    )
+
+
+def places(found: Diagnosis, data: PageData | None, *figures: Any) -> Section:
+    """2: where the model fails."""
+    where = found.where
+    if not len(where):
+        return section(
+            "where", "2 Where does it fail?", tag("p", "Nowhere more than elsewhere: the error is evenly spread."), *figures
+        )
+    worst = where.iloc[0]
+    sentence = tag(
+        "p",
+        "It fails most in ",
+        tag("strong", f"{worst.condition} {worst.interval}"),
+        ": ",
+        percent(worst.share),
+        " of the error beyond the noise lies in ",
+        percent(worst.share / worst.lift),
+        " of the samples. A bar is a place's share of that error; its mark is the place's share of the samples.",
+    )
+    rows = [_place(row, found.unit, data) for row in where.itertuples()]
+    head = ("condition", "range", "share of the error", "", "times its due", f"rms [{found.unit}]" if found.unit else "rms")
+    folded = tag(
+        "details",
+        tag("summary", f"{len(rows) - SHOWN_PLACES} more places"),
+        table(head, rows[SHOWN_PLACES:], class_="places", left=2),
+    )
+    return section(
+        "where",
+        "2 Where does it fail?",
+        sentence,
+        *figures,
+        table(head, rows[:SHOWN_PLACES], class_="places", left=2),
+        folded if len(rows) > SHOWN_PLACES else "",
+    )
+
+
+def _place(row: Any, unit: str, data: PageData | None) -> tuple[Any, ...]:
+    interval: Any = row.interval
+    if data is not None and row.condition == "time" and not data.traces.shifted:
+        stretch = interval_seconds(row.interval)
+        if stretch is not None:
+            interval = tag(
+                "button", row.interval, class_="show", type="button", data_from=stretch[0], data_to=stretch[1]
+            )
+    return (
+        row.condition,
+        interval,
+        percent(row.share),
+        bar(row.share, row.share / row.lift if row.lift else None),
+        number(row.lift, digits=3),
+        number(row.rms, digits=3),
+    )
+
+
+def suspects(found: Diagnosis, *figures: Any) -> Section:
+    """3: the ranking of suspects."""
+    ranking = found.ranking
+    if not len(ranking):
+        return section("what", "3 What is missing?", tag("p", "No suspect could be tried on this record."), *figures)
+    lead = {
+        "nothing missing": "No suspect is worth adding. For completeness, the first of those tried:",
+        "unexplained": "No suspect explains it by itself. The first of those tried:",
+        "ambiguous": "These explain it equally well on this record:",
+    }.get(found.verdict, "The suspects, best first. The gain is on blocks of time that the fit did not see.")
+    rows = [
+        (
+            tag("strong", effect_name(row.kind, row.column)),
+            percent(row.share),
+            bar(row.share),
+            decibels(row.gain_db),
+            probability(row.p_value),
+            tag("span", ", ".join(name.replace("_", " ") for name in row.confusable_with) or "–", class_="l"),
+        )
+        for row in ranking.itertuples()
+    ]
+    head = ("suspect", "explains", "of the structure", "held-out gain", "error probability", "not told apart from")
+    kinds = list(dict.fromkeys(ranking["kind"].head(3)))
+    physics = [
+        tag("li", tag("strong", kind.replace("_", " ")), ": ", info.physics)
+        for kind in kinds
+        if kind in CATALOGUE and (info := CATALOGUE[kind].info) is not None
+    ]
+    return section(
+        "what",
+        "3 What is missing?",
+        tag("p", lead),
+        tag("ul", *physics),
+        table(head, rows, class_="suspects"),
+        tag(
+            "p",
+            "Error probabilities are those of the whole family of suspects, on residuals made white; a suspect is named "
+            "below 0.01.",
+            class_="fine",
+        ),
+        *figures,
+    )
+
+
+def cure(found: Diagnosis) -> Section:
+    """4: the effect ready to be added, and the measurement that would confirm it or part rivals."""
+    title = "4 What to do?"
+    if found.best is None:
+        advice = {
+            "nothing missing": "Nothing. To go lower, lower the noise: average longer, or measure better.",
+        }.get(
+            found.verdict,
+            "Record more of what may act on the instrument (supply, load, humidity, pressure, a second temperature), or "
+            "longer, and diagnose again.",
+        )
+        return section("cure", title, tag("p", advice))
+    steps = [tag("p", "Add the effect, and see whether the error falls on data that the fit did not see:")]
+    steps.append(
+        tag(
+            "pre",
+            tag("code", f"effect = {found.best!r}\nbetter = model.with_effect(effect).fit(X, y)\n# or: refine(model, X, y)"),
+        )
+    )
+    first = found.ranking.iloc[0]
+    rivals = list(dict.fromkeys([first.kind, *(name.split(":")[0] for name in first.confusable_with)]))
+    checks = [
+        tag("li", tag("strong", kind.replace("_", " ")), ": ", info.bench_check)
+        for kind in rivals
+        if kind in CATALOGUE and (info := CATALOGUE[kind].info) is not None
+    ]
+    lead = "Confirm it on the bench:" if len(checks) == 1 else "Part them on the bench; each of these tells one from the rest:"
+    return section("cure", title, *steps, tag("p", lead), tag("ul", *checks))
+
+
+def judged(found: Diagnosis, data: PageData | None, figures: dict[str, Sequence[Any]]) -> list[Section]:
+    """The four questions."""
+    return [
+        anything(found, *figures.get("anything", ())),
+        places(found, data, *figures.get("where", ())),
+        suspects(found, *figures.get("what", ())),
+        cure(found),
+    ]
+
+

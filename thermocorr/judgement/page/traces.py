@@ -1,0 +1,169 @@
+"""Time series of a record for the page: every row, or smallest and largest of many rows, in bounded memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...records import Record
+from ...records.read import is_frame, numeric_reading
+
+MOST_POINTS = 100_000
+"""Points of one line. A record of so many rows is shown whole; of a longer one, the extremes of groups of rows."""
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Time series of a record, thinned out without hiding a spike."""
+
+    seconds: np.ndarray
+    """Time since the record's first row [s], shape (n,), never decreasing. Runs that overlap stand one after the
+    other."""
+    columns: dict[str, np.ndarray]
+    """Temperature, reading, model, corrected, residual, and recorded columns asked for; NaN where unknown, and between
+    segments."""
+    rows_per_cell: int
+    """1: every row is there. Otherwise each cell of so many rows has two points: its extremes in their order in time,
+    at the times of its first and last row."""
+    n_rows: int
+    shifted: bool
+    """Whether runs were moved in time to stand one after the other."""
+    flags: dict[str, int]
+    """Number of rows that each flag of `DynamicBiasRegressor.flags` stands at."""
+    rms: float
+    """Of the residual of all rows, in the unit of the reading."""
+
+    @classmethod
+    def of(cls, model: Any, X: Any, y: Any, beside: tuple[Any, ...] = (), most: int = MOST_POINTS) -> Traces:
+        """Run once through a record, block by block.
+
+        Parameters
+        ----------
+        model : DynamicBiasRegressor
+            Fitted.
+        X, y : as for `DynamicBiasRegressor.evaluate_blocks`
+        beside : tuple
+            Recorded columns to show beside what the model makes of the record.
+        most : int
+            Most points of a line.
+        """
+        moves: np.ndarray | None = None
+        cells = Cells(most)
+        flags: dict[str, int] = {}
+        n_rows, known, squares = 0, 0, 0.0
+        reading = numeric_reading(y, X)
+        for block, values in model.evaluated_blocks(X, y):
+            moves = moved(block.record) if moves is None else moves
+            names, counts = np.unique(values["flag"].astype(str), return_counts=True)
+            for name, count in zip(names, counts, strict=True):
+                flags[str(name)] = flags.get(str(name), 0) + int(count)
+            columns = {"temperature": block.temperature, "reading": np.asarray(reading[block.rows], float)}
+            columns |= {name: values[name] for name in ("model", "corrected", "residual")}
+            columns |= {column_key(name): recorded(X, name, block.rows) for name in beside}
+            residual = values["residual"][np.isfinite(values["residual"])]
+            n_rows, known, squares = n_rows + len(block), known + len(residual), squares + float(residual @ residual)
+            cells.add(block.segment, block.seconds + moves[block.segment], np.column_stack(list(columns.values())))
+        assert moves is not None  # a record has at least one block
+        seconds, points = cells.points()
+        return cls(
+            seconds - seconds[0],
+            {name: points[:, i] for i, name in enumerate(columns)},
+            cells.width,
+            n_rows,
+            bool(moves.any()),
+            flags,
+            float(np.sqrt(squares / known)) if known else float("nan"),
+        )
+
+
+class Cells:
+    """Extremes of groups of consecutive rows. Groups double when there are too many, so the memory is bounded."""
+
+    def __init__(self, most: int):
+        self.most = most
+        self.width = 1
+        """Rows of a cell (fewer at the end of a segment)."""
+        self._parts: list[tuple[np.ndarray, ...]] = []
+        self._count = 0
+
+    def add(self, segment: int, seconds: np.ndarray, values: np.ndarray) -> None:
+        """Take the next rows of a segment: times of shape (n,), values of shape (n, k)."""
+        starts = np.arange(0, len(seconds), self.width)
+        low = np.fmin.reduceat(values, starts, axis=0)
+        high = np.fmax.reduceat(values, starts, axis=0)
+        cell = np.repeat(np.arange(len(starts)), np.diff([*starts, len(seconds)]))
+        place = np.arange(len(seconds))[:, None]
+        firsts = [
+            np.minimum.reduceat(np.where(values == extreme[cell], place, len(seconds)), starts, axis=0)
+            for extreme in (low, high)
+        ]
+        ends = np.append(starts[1:], len(seconds)) - 1
+        part = (np.full(len(starts), segment), seconds[starts], seconds[ends], low, high, firsts[1] < firsts[0])
+        self._parts.append(part)
+        self._count += len(starts)
+        while self._count > self.most // (1 if self.width == 1 else 2):
+            self._double()
+
+    def _double(self) -> None:
+        """Merge pairs of neighbours, inside segments as long as these have more than one cell."""
+        segment, first, last, low, high, falls = (np.concatenate(part) for part in zip(*self._parts, strict=True))
+        begins = np.flatnonzero(np.diff(segment, prepend=segment[0] - 1))
+        if 2 * len(begins) > len(segment):  # mostly segments of one cell: these may be merged too
+            begins = np.zeros(1, int)
+        place = np.arange(len(segment)) - np.repeat(begins, np.diff([*begins, len(segment)]))
+        starts = np.flatnonzero(place % 2 == 0)
+        lengths = np.diff([*starts, len(segment)])
+        partner = starts + lengths - 1
+        lows, highs = np.fmin(low[starts], low[partner]), np.fmax(high[starts], high[partner])
+        low_early, high_early = low[starts] == lows, high[starts] == highs
+        merged_falls = np.where(low_early & high_early, falls[starts], np.where(low_early, False, True))
+        late = ~low_early & ~high_early
+        merged_falls = np.where(late, falls[partner], merged_falls)
+        self._parts = [(segment[starts], first[starts], last[partner], lows, highs, merged_falls)]
+        self._count = len(starts)
+        self.width *= 2
+
+    def points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times of shape (n,) and values of shape (n, k), with a row of NaN between segments."""
+        segment, first, last, low, high, falls = (np.concatenate(part) for part in zip(*self._parts, strict=True))
+        if self.width == 1:
+            seconds, values, per = first, low, 1
+        else:
+            seconds = np.column_stack((first, last)).ravel()
+            values = np.stack((np.where(falls, high, low), np.where(falls, low, high)), axis=1).reshape(-1, low.shape[1])
+            per = 2
+        breaks = (np.flatnonzero(np.diff(segment)) + 1) * per
+        gaps = np.full((len(breaks), values.shape[1]), np.nan)
+        return np.insert(seconds, breaks, seconds[breaks - 1]), np.insert(values, breaks, gaps, axis=0)
+
+
+def moved(record: Record) -> np.ndarray:
+    """By how much each segment is moved in time [s] so that none begins before those before it have ended."""
+    zero = record.first_stamp()
+    starts = [record.times.between(record.stamp(segment.start), zero) for segment in record.segments]
+    ends = [start + record.duration(segment) for start, segment in zip(starts, record.segments, strict=True)]
+    moves = np.zeros(len(starts))
+    if all(later > earlier for earlier, later in zip(ends, starts[1:], strict=False)):
+        return moves
+    pause = 0.02 * sum(end - start for start, end in zip(starts, ends, strict=True)) + record.usual_step()
+    at = 0.0
+    for i, (start, end) in enumerate(zip(starts, ends, strict=True)):
+        same_run = i > 0 and record.segments[i].run == record.segments[i - 1].run and start > starts[i - 1]
+        moves[i] = moves[i - 1] if same_run else at - start
+        at = end + moves[i] + pause
+    return moves
+
+
+def recorded(X: Any, name: Any, rows: Any) -> np.ndarray:
+    """Some rows of a recorded column."""
+    if not is_frame(X):
+        return np.asarray(X[rows, name], float)
+    column = X[name]
+    return np.asarray(column.iloc[rows] if hasattr(column, "iloc") else column[rows], float)
+
+
+def column_key(name: Any) -> str:
+    """Key of a recorded column, apart from those of the model's own."""
+    return f"column {name}"
