@@ -157,7 +157,7 @@ def _when(record: Record, seconds: float) -> str:
 
 
 def interval_seconds(interval: str) -> tuple[float, float] | None:
-    """Ends of a ``time`` interval as numbers: seconds since 1970 for dates, else as in the record; None if unreadable."""
+    """Ends of a ``time`` interval: seconds since 1970 for dates, else since the first row; None if unreadable."""
     ends = interval.split(" to ")
     try:
         if all(end.endswith(" s") for end in ends):

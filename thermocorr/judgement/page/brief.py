@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from .charts import still
-from .html import Safe, decibels, join, number, percent, probability, tag
-from .sections import VERDICTS, effect_name
+from .html import Safe, decibels, join, number, percent, probability, tag, with_unit
+from .sections import VERDICTS, effect_name, place_text
 
 if TYPE_CHECKING:
     from ..diagnosis import Diagnosis
@@ -39,10 +39,10 @@ def brief_diagnosis(found: Diagnosis) -> str:
         ]
     if found.verdict != "nothing missing":
         rows = [
-            (f"{row.condition} {row.interval}", percent(row.share), percent(row.share / row.lift))
+            (place_text(row.condition, row.interval), percent(row.share), percent(row.share / row.lift))
             for row in found.where.head(SHOWN).itertuples()
         ]
-        parts.append(_table(("fails most in", "of the error", "of the samples"), rows))
+        parts.append(_table(("fails most", "of the error", "of the samples"), rows))
     rows = [
         (effect_name(row.kind, row.column), percent(row.share), decibels(row.gain_db), probability(row.p_value))
         for row in found.ranking.head(SHOWN).itertuples()
@@ -56,7 +56,6 @@ def brief_diagnosis(found: Diagnosis) -> str:
 def brief_refinement(refinement: Refinement) -> str:
     """The steps, and the last residual."""
     last = refinement.diagnoses[-1]
-    unit = f" [{last.unit}]" if last.unit else ""
     rows = [
         (
             f"{row.step} {row.effect or 'as given'}",
@@ -67,7 +66,7 @@ def brief_refinement(refinement: Refinement) -> str:
         )
         for row in refinement.steps.itertuples()
     ]
-    head = ("step", f"held-out rms{unit}", f"rms of the fit{unit}", "held out", "verdict")
+    head = ("step", with_unit("held-out rms", last.unit), with_unit("rms of the fit", last.unit), "held out", "verdict")
     parts: list[Any] = [_table(head, rows)]
     if last.data is not None:
         parts += [
@@ -85,7 +84,9 @@ def _table(head: tuple[Any, ...], rows: list[tuple[Any, ...]]) -> Safe:
         tag("tr", *(tag(kind, cell, style=f"{_CELL};text-align:{s}") for cell, s in zip(line, sides, strict=True)))
         for kind, line in (("th", head), *(("td", row) for row in rows))
     ]
-    return tag("table", *lines, style="border-collapse:collapse;margin:.5em 0;background:none;color:inherit;font-size:inherit")
+    return tag(
+        "table", *lines, style="border-collapse:collapse;margin:.5em 0;background:none;color:inherit;font-size:inherit"
+    )
 
 
 def _box(parts: list[Any]) -> str:

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ...estimators.variants import VariantComparison
 from .data import PageData, seconds_text
-from .html import Section, bar, decibels, join, number, table, tag
+from .html import DASH, MINUS, Section, bar, decibels, join, number, table, tag, unit_text, with_unit
 from .sections import section
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def steps(refinement: Refinement, title: str, *figures: Any) -> Section:
     else:
         sentence = join(
             (
-                f"The held-out error (blocks of time that the fit did not see) goes from ",
+                "The held-out error (blocks of time that the fit did not see) goes from ",
                 number(first.held_out_rms, unit),
                 " to ",
                 number(last.held_out_rms, unit),
@@ -61,8 +61,15 @@ def steps(refinement: Refinement, title: str, *figures: Any) -> Section:
         )
         for row in frame.itertuples()
     ]
-    per = f" [{unit}]" if unit else ""
-    head = ("step", "added", f"held-out rms{per}", "mark: noise floor", f"rms of the fit{per}", "held out", "verdict")
+    head = (
+        "step",
+        "added",
+        with_unit("held-out rms", unit),
+        "mark: noise floor",
+        with_unit("rms of the fit", unit),
+        "held out",
+        "verdict",
+    )
     return section("steps", title, tag("p", sentence), table(head, rows, class_="steps", left=2), *figures)
 
 
@@ -74,7 +81,7 @@ def variants(comparison: VariantComparison, title: str) -> Section:
         (
             name,
             *(
-                "" if np.isnan(value) else number(value, shown=shown.replace("-", "−") if "e" not in shown else None)
+                "" if np.isnan(value) else number(value, shown=shown.replace("-", MINUS) if "e" not in shown else None)
                 for value, shown in zip(figures.loc[name], words.loc[name], strict=True)
             ),
         )
@@ -113,7 +120,7 @@ def formula(data: PageData, title: str, *figures: Any) -> Section:
             row.effect,
             number(row.coefficient, digits=6),
             number(row.standard_error, digits=3),
-            tag("span", row.unit, class_="l"),
+            tag("span", unit_text(row.unit), class_="l"),
         )
         for name, row in zip(data.coefficients.index, data.coefficients.itertuples(), strict=True)
     ]
@@ -144,18 +151,23 @@ def quality(data: PageData, title: str) -> Section:
             items.append(tag("li", f"{count:,} rows flagged “{flag}”: {FLAGS.get(flag, flag)}."))
     outside = data.n_rows - data.traces.n_rows
     if outside:
-        items.append(tag("li", f"{outside:,} rows lie in no stretch: their temperature, or a needed column, is missing."))
+        items.append(
+            tag("li", f"{outside:,} rows lie in no stretch: their temperature, or a needed column, is missing.")
+        )
     parts: list[Any] = [tag("p", data.record_sentence())]
     parts.append(tag("ul", *items) if items else tag("p", "Nothing odd was found in the data."))
     if data.n_segments > 1:
         shown = len(data.segments)
         rows = [
-            (str(i), run or "–", first, last, f"{n:,}") for i, (run, first, last, n) in enumerate(data.segments, 1)
+            (str(i), run or DASH, first, last, f"{n:,}") for i, (run, first, last, n) in enumerate(data.segments, 1)
         ]
         parts.append(
             tag(
                 "details",
-                tag("summary", f"{data.n_segments} stretches" + (f", the first {shown}" if shown < data.n_segments else "")),
+                tag(
+                    "summary",
+                    f"{data.n_segments} stretches" + (f", the first {shown}" if shown < data.n_segments else ""),
+                ),
                 table(("", "run", "from", "to", "rows"), rows, left=4),
             )
         )
@@ -164,7 +176,7 @@ def quality(data: PageData, title: str) -> Section:
 
 def provenance(data: PageData, title: str, command: str, source: str) -> Section:
     """How the page came about."""
-    rows: list[Sequence[Any]] = [tag_pair for tag_pair in data.versions]
+    rows: list[Sequence[Any]] = list(data.versions)
     parts: list[Any] = []
     if source:
         parts.append(tag("p", "Data: ", tag("code", source)))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .html import Safe, tag
+from .html import Safe, tag, unit_text
 
 
 @dataclass(frozen=True)
@@ -19,11 +19,11 @@ class Line:
     values: np.ndarray
     """Shape (n,), beside the chart's x; NaN where there is none."""
     role: str
-    """What it shows, which gives it its colour: reading, model, corrected, residual, temperature, other, floor."""
+    """What it shows, which gives it its colour: reading, model, corrected, residual, average, temperature, other."""
     dash: bool = False
     dots: bool = False
-    hidden: bool = False
-    """Not drawn until its name in the legend is clicked."""
+    stretches: np.ndarray | None = None
+    """Where `values` belong to stretches of x: their first and last points, shape (m, 2)."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Chart:
             "name": self.name,
             "x": {
                 "label": self.x_label,
-                "unit": self.x_unit,
+                "unit": unit_text(self.x_unit),
                 "scale": self.x_scale,
                 "dates": self.dates,
                 "log": self.x_log,
@@ -74,7 +74,7 @@ class Chart:
             "panels": [
                 {
                     "label": panel.label,
-                    "unit": panel.unit,
+                    "unit": unit_text(panel.unit),
                     "log": panel.log,
                     "height": panel.height,
                     "rules": [[float(value), label] for value, label in panel.rules],
@@ -84,8 +84,8 @@ class Chart:
                             "role": line.role,
                             "dash": line.dash,
                             "dots": line.dots,
-                            "hidden": line.hidden,
                             "data": packed(line.values),
+                            "stretches": None if line.stretches is None else line.stretches.ravel().tolist(),
                         }
                         for line in panel.lines
                     ],
@@ -131,7 +131,8 @@ def still(values: np.ndarray, floor: float | None = None, *, width: int = 640, h
     floor : float, optional
         Half width of a grey band around zero.
     """
-    cells = [part[np.isfinite(part)] for part in np.array_split(np.asarray(values, float), min(width // 2, len(values)))]
+    parts = np.array_split(np.asarray(values, float), min(width // 2, len(values)))
+    cells = [part[np.isfinite(part)] for part in parts]
     extremes = [(part.min(), part.max()) if len(part) else (np.nan, np.nan) for part in cells]
     low, high = np.array(extremes).T
     bottom, top = np.nanmin([np.nanmin(low), -(floor or 0)]), np.nanmax([np.nanmax(high), floor or 0])
@@ -146,16 +147,18 @@ def still(values: np.ndarray, floor: float | None = None, *, width: int = 640, h
         for i, (a, b) in enumerate(zip(low, high, strict=True))
         if np.isfinite(a)
     ]
-    parts = []
+    drawn = []
     if floor is not None:
-        parts.append(
+        drawn.append(
             f'<rect x="0" width="{width}" y="{y(floor)}" height="{y(-floor) - y(floor):.1f}" fill="currentColor" '
             'opacity="0.15"/>'
         )
-    parts.append(f'<path d="{"".join(strokes)}" stroke="#3b7ddd" stroke-width="{max(step * 0.8, 1):.2f}" fill="none"/>')
+    drawn.append(f'<path d="{"".join(strokes)}" stroke="#4d86d8" stroke-width="{max(step * 0.8, 1):.2f}" fill="none"/>')
+    middles = [f"{(i + 0.5) * step:.1f} {y(part.mean())}" for i, part in enumerate(cells) if len(part) > 3]
+    drawn.append(
+        f'<path d="M{"L".join(middles)}" stroke="currentColor" stroke-width="1.5" fill="none"/>' if middles else ""
+    )
     return Safe(
         f'<svg viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" aria-label="residual" '
-        f'style="max-width:100%;height:auto;display:block">{"".join(parts)}</svg>'
+        f'style="max-width:100%;height:auto;display:block">{"".join(drawn)}</svg>'
     )
-
-

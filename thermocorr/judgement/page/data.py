@@ -82,7 +82,7 @@ class PageData:
             beside=tuple((column_key(name), str(name), unit_of(name, X)) for name in beside),
             start=record.first_stamp() / 1e9 if dated else None,
             zoned=record.times.kind == "datetime with time zone",
-            span=f"{record.times.label(record.row(record.segments[0].start))} to {record.times.label(record.row(last))}",
+            span=" to ".join(record.times.label(record.row(k)) for k in (record.segments[0].start, last)),
             n_rows=record.n_rows,
             n_readings=record.n_used - traces.flags.get("no reading", 0),
             step=record.usual_step(),

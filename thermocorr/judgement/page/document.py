@@ -13,7 +13,7 @@ from ..where import interval_seconds
 from . import chapters, figures
 from .charts import Chart
 from .data import PageData
-from .html import Safe, Section, join, script_data, tag, text
+from .html import DASH, Safe, Section, join, script_data, tag, text
 from .sections import judged, section
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def page(
         chapters.quality(data, f"{next(numbers)} The data"),
         chapters.provenance(data, f"{next(numbers)} Versions", command, source),
     ]
-    title = f"{data.reading} and {data.temperature}"
+    title = f"Thermal bias of {data.reading}"
     subtitle = data.record_sentence()
     return document(title, subtitle, body, charts)
 
@@ -93,7 +93,7 @@ def document(title: str, subtitle: str, body: Sequence[Section], charts: Sequenc
         Safe('<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'),
         Safe(f'<meta http-equiv="Content-Security-Policy" content="{text(policy)}">'),
         Safe('<meta name="color-scheme" content="light dark"><meta name="generator" content="thermocorr">'),
-        tag("title", f"{title} – thermocorr"),
+        tag("title", f"{title} {DASH} thermocorr"),
         Safe(f"<style>{styles}</style>"),
     )
     links = [tag("li", tag("a", part.heading, href=f"#{part.identity}")) for part in body]

@@ -26,7 +26,15 @@ def series(data: PageData, floor: float | None = None, worst: tuple[float, float
                 Line("corrected", columns["corrected"], "corrected"),
             ),
         ),
-        Panel("residual", data.unit, (Line("residual", columns["residual"], "residual"),), rules=rules),
+        Panel(
+            "residual",
+            data.unit,
+            (
+                Line("residual", columns["residual"], "residual"),
+                Line(f"mean of {traces.average_rows}", traces.average[1], "average", stretches=traces.average[0]),
+            ),
+            rules=rules,
+        ),
         Panel(
             data.temperature,
             data.temperature_unit,
@@ -34,9 +42,7 @@ def series(data: PageData, floor: float | None = None, worst: tuple[float, float
             height=140,
         ),
     ]
-    panels += [
-        Panel(name, unit_, (Line(name, columns[key], "other"),), height=140) for key, name, unit_ in data.beside
-    ]
+    panels += [Panel(name, unit_, (Line(name, columns[key], "other"),), height=140) for key, name, unit_ in data.beside]
     return Chart(
         "series",
         label,
@@ -65,6 +71,8 @@ def series_caption(data: PageData, floor: float | None, shaded: bool) -> str:
     parts = ["The reading as measured, modelled and corrected; what the model leaves; and the temperature."]
     if floor is not None:
         parts.append("Dashed: twice the noise floor; about one white-noise sample in twenty lies outside.")
+    span = seconds_text(data.traces.average_rows * data.step)
+    parts.append(f"The line inside the residual is its mean over stretches of {span}: what the noise hides.")
     if shaded:
         parts.append("Shaded: the stretch of time with most of the error.")
     width = data.traces.rows_per_cell

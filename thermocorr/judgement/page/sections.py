@@ -5,12 +5,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
 from ...effects import CATALOGUE
 from ..where import interval_seconds
-from .data import PageData
-from .html import Safe, Section, bar, decibels, join, number, percent, probability, table, tag
+from .data import PageData, seconds_text
+from .html import (
+    DASH,
+    Safe,
+    Section,
+    bar,
+    decibels,
+    join,
+    number,
+    percent,
+    plain,
+    probability,
+    table,
+    tag,
+    unit_text,
+    with_unit,
+)
 
 if TYPE_CHECKING:
     from ..diagnosis import Diagnosis
@@ -37,6 +53,30 @@ def effect_name(kind: str, column: Any) -> str:
     """Kind and column in words."""
     words = kind.replace("_", " ")
     return words if column is None or (isinstance(column, float) and pd.isna(column)) else f"{words}: {column}"
+
+
+def place_text(condition: str, interval: str) -> str:
+    """Where it fails, as part of a sentence."""
+    return f"from {interval}" if condition == "time" else f"at {condition} {interval}"
+
+
+def parameters_text(kind: str, parameters: dict[str, Any]) -> str:
+    """Parameters that have a unit, in words."""
+    info = CATALOGUE[kind].info if kind in CATALOGUE else None
+    parts = []
+    for name, unit in (info.parameters if info else {}).items():
+        value = parameters.get(name)
+        if value is None:
+            continue
+        several = value if isinstance(value, list | tuple | np.ndarray) else [value]
+        try:
+            numbers = [float(item) for item in several]
+        except (TypeError, ValueError):
+            shown = ", ".join(map(str, several))
+        else:
+            shown = ", ".join(seconds_text(v) if unit == "s" else f"{plain(v, 3)} {unit_text(unit)}" for v in numbers)
+        parts.append(f"{name.replace('_', ' ').removesuffix('s' if len(several) == 1 else '')} {shown}")
+    return "; ".join(parts)
 
 
 def verdict_box(found: Diagnosis) -> Safe:
@@ -90,38 +130,48 @@ def places(found: Diagnosis, data: PageData | None, *figures: Any) -> Section:
     where = found.where
     if not len(where):
         return section(
-            "where", "2 Where does it fail?", tag("p", "Nowhere more than elsewhere: the error is evenly spread."), *figures
+            "where",
+            "2 Where does it fail?",
+            tag("p", "Nowhere more than elsewhere: the error is evenly spread."),
+            *figures,
         )
     worst = where.iloc[0]
-    sentence = tag(
+    sentence: str = tag(
         "p",
-        "It fails most in ",
-        tag("strong", f"{worst.condition} {worst.interval}"),
+        "It fails most ",
+        tag("strong", place_text(worst.condition, worst.interval)),
         ": ",
         percent(worst.share),
         " of the error beyond the noise lies in ",
         percent(worst.share / worst.lift),
         " of the samples. A bar is a place's share of that error; its mark is the place's share of the samples.",
     )
-    rows = [_place(row, found.unit, data) for row in where.itertuples()]
-    head = ("condition", "range", "share of the error", "", "times its due", f"rms [{found.unit}]" if found.unit else "rms")
+    bands = where[where["condition"] == "frequency"]
+    longest = float(max(where["share"].drop(bands.index).max(), 1e-300))
+    rows = [_place(row, longest, data) for row in where.itertuples()]
+    head = ("condition", "range", "share of the error", "", "times its due", with_unit("rms", found.unit))
+    if len(bands):
+        band = bands.loc[bands["share"].idxmax()]
+        sentence += tag("p", "Slow or fast: ", percent(band.share), f" of it has {band.interval}.")
     folded = tag(
         "details",
         tag("summary", f"{len(rows) - SHOWN_PLACES} more places"),
         table(head, rows[SHOWN_PLACES:], class_="places", left=2),
+        class_="long",
     )
     return section(
         "where",
         "2 Where does it fail?",
-        sentence,
+        Safe(sentence),
         *figures,
         table(head, rows[:SHOWN_PLACES], class_="places", left=2),
         folded if len(rows) > SHOWN_PLACES else "",
     )
 
 
-def _place(row: Any, unit: str, data: PageData | None) -> tuple[Any, ...]:
+def _place(row: Any, longest: float, data: PageData | None) -> tuple[Any, ...]:
     interval: Any = row.interval
+    scale = 1.0 if row.condition == "frequency" else longest
     if data is not None and row.condition == "time" and not data.traces.shifted:
         stretch = interval_seconds(row.interval)
         if stretch is not None:
@@ -132,7 +182,7 @@ def _place(row: Any, unit: str, data: PageData | None) -> tuple[Any, ...]:
         row.condition,
         interval,
         percent(row.share),
-        bar(row.share, row.share / row.lift if row.lift else None),
+        bar(row.share / scale, row.share / row.lift / scale if row.lift else None),
         number(row.lift, digits=3),
         number(row.rms, digits=3),
     )
@@ -150,12 +200,17 @@ def suspects(found: Diagnosis, *figures: Any) -> Section:
     }.get(found.verdict, "The suspects, best first. The gain is on blocks of time that the fit did not see.")
     rows = [
         (
-            tag("strong", effect_name(row.kind, row.column)),
+            join(
+                (
+                    tag("strong", effect_name(row.kind, row.column)),
+                    tag("small", parameters_text(row.kind, row.parameters)),
+                )
+            ),
             percent(row.share),
             bar(row.share),
             decibels(row.gain_db),
             probability(row.p_value),
-            tag("span", ", ".join(name.replace("_", " ") for name in row.confusable_with) or "–", class_="l"),
+            tag("span", ", ".join(name.replace("_", " ") for name in row.confusable_with) or DASH, class_="l"),
         )
         for row in ranking.itertuples()
     ]
@@ -174,8 +229,8 @@ def suspects(found: Diagnosis, *figures: Any) -> Section:
         table(head, rows, class_="suspects"),
         tag(
             "p",
-            "Error probabilities are those of the whole family of suspects, on residuals made white; a suspect is named "
-            "below 0.01.",
+            "Error probabilities are those of the whole family of suspects, on residuals made white; a suspect is "
+            "named below 0.01.",
             class_="fine",
         ),
         *figures,
@@ -190,15 +245,18 @@ def cure(found: Diagnosis) -> Section:
             "nothing missing": "Nothing. To go lower, lower the noise: average longer, or measure better.",
         }.get(
             found.verdict,
-            "Record more of what may act on the instrument (supply, load, humidity, pressure, a second temperature), or "
-            "longer, and diagnose again.",
+            "Record more of what may act on the instrument (supply, load, humidity, pressure, a second temperature), "
+            "or longer, and diagnose again.",
         )
         return section("cure", title, tag("p", advice))
     steps = [tag("p", "Add the effect, and see whether the error falls on data that the fit did not see:")]
     steps.append(
         tag(
             "pre",
-            tag("code", f"effect = {found.best!r}\nbetter = model.with_effect(effect).fit(X, y)\n# or: refine(model, X, y)"),
+            tag(
+                "code",
+                f"effect = {found.best!r}\nbetter = model.with_effect(effect).fit(X, y)\n# or: refine(model, X, y)",
+            ),
         )
     )
     first = found.ranking.iloc[0]
@@ -208,7 +266,11 @@ def cure(found: Diagnosis) -> Section:
         for kind in rivals
         if kind in CATALOGUE and (info := CATALOGUE[kind].info) is not None
     ]
-    lead = "Confirm it on the bench:" if len(checks) == 1 else "Part them on the bench; each of these tells one from the rest:"
+    lead = (
+        "Confirm it on the bench:"
+        if len(checks) == 1
+        else "Part them on the bench; each of these tells one from the rest:"
+    )
     return section("cure", title, *steps, tag("p", lead), tag("ul", *checks))
 
 
@@ -220,5 +282,3 @@ def judged(found: Diagnosis, data: PageData | None, figures: dict[str, Sequence[
         suspects(found, *figures.get("what", ())),
         cure(found),
     ]
-
-

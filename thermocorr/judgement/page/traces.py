@@ -13,6 +13,11 @@ from ...records.read import is_frame, numeric_reading
 MOST_POINTS = 100_000
 """Points of one line. A record of so many rows is shown whole; of a longer one, the extremes of groups of rows."""
 
+AVERAGES = 400
+"""Stretches that the residual is averaged over, to show what its noise hides."""
+LEAST = 4
+"""Fewest rows of such a stretch."""
+
 
 @dataclass(frozen=True)
 class Traces:
@@ -34,6 +39,10 @@ class Traces:
     """Number of rows that each flag of `DynamicBiasRegressor.flags` stands at."""
     rms: float
     """Of the residual of all rows, in the unit of the reading."""
+    average: tuple[np.ndarray, np.ndarray]
+    """Means of the residual over short stretches: first and last point of each, shape (m, 2), and mean, shape (m,)."""
+    average_rows: int
+    """Rows of such a stretch."""
 
     @classmethod
     def of(cls, model: Any, X: Any, y: Any, beside: tuple[Any, ...] = (), most: int = MOST_POINTS) -> Traces:
@@ -56,8 +65,8 @@ class Traces:
         reading = numeric_reading(y, X)
         for block, values in model.evaluated_blocks(X, y):
             moves = moved(block.record) if moves is None else moves
-            names, counts = np.unique(values["flag"].astype(str), return_counts=True)
-            for name, count in zip(names, counts, strict=True):
+            flagged, counts = np.unique(values["flag"].astype(str), return_counts=True)
+            for name, count in zip(flagged, counts, strict=True):
                 flags[str(name)] = flags.get(str(name), 0) + int(count)
             columns = {"temperature": block.temperature, "reading": np.asarray(reading[block.rows], float)}
             columns |= {name: values[name] for name in ("model", "corrected", "residual")}
@@ -67,14 +76,18 @@ class Traces:
             cells.add(block.segment, block.seconds + moves[block.segment], np.column_stack(list(columns.values())))
         assert moves is not None  # a record has at least one block
         seconds, points = cells.points()
+        names = list(columns)
+        group = cells.group()
         return cls(
             seconds - seconds[0],
-            {name: points[:, i] for i, name in enumerate(columns)},
+            {name: points[:, i] for i, name in enumerate(names)},
             cells.width,
             n_rows,
             bool(moves.any()),
             flags,
             float(np.sqrt(squares / known)) if known else float("nan"),
+            cells.averages(names.index("residual"), group),
+            group * cells.width,
         )
 
 
@@ -100,7 +113,9 @@ class Cells:
             for extreme in (low, high)
         ]
         ends = np.append(starts[1:], len(seconds)) - 1
-        part = (np.full(len(starts), segment), seconds[starts], seconds[ends], low, high, firsts[1] < firsts[0])
+        known = np.isfinite(values)
+        sums = [np.add.reduceat(part, starts, axis=0) for part in (np.where(known, values, 0.0), known.astype(float))]
+        part = (np.full(len(starts), segment), seconds[starts], seconds[ends], low, high, firsts[1] < firsts[0], *sums)
         self._parts.append(part)
         self._count += len(starts)
         while self._count > self.most // (1 if self.width == 1 else 2):
@@ -108,7 +123,7 @@ class Cells:
 
     def _double(self) -> None:
         """Merge pairs of neighbours, inside segments as long as these have more than one cell."""
-        segment, first, last, low, high, falls = (np.concatenate(part) for part in zip(*self._parts, strict=True))
+        segment, first, last, low, high, falls, *sums = self._joined()
         begins = np.flatnonzero(np.diff(segment, prepend=segment[0] - 1))
         if 2 * len(begins) > len(segment):  # mostly segments of one cell: these may be merged too
             begins = np.zeros(1, int)
@@ -118,25 +133,48 @@ class Cells:
         partner = starts + lengths - 1
         lows, highs = np.fmin(low[starts], low[partner]), np.fmax(high[starts], high[partner])
         low_early, high_early = low[starts] == lows, high[starts] == highs
-        merged_falls = np.where(low_early & high_early, falls[starts], np.where(low_early, False, True))
-        late = ~low_early & ~high_early
-        merged_falls = np.where(late, falls[partner], merged_falls)
-        self._parts = [(segment[starts], first[starts], last[partner], lows, highs, merged_falls)]
+        order = np.where(low_early == high_early, np.where(low_early, falls[starts], falls[partner]), high_early)
+        sums = [np.add.reduceat(part, starts, axis=0) for part in sums]
+        self._parts = [(segment[starts], first[starts], last[partner], lows, highs, order, *sums)]
         self._count = len(starts)
         self.width *= 2
 
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Times of shape (n,) and values of shape (n, k), with a row of NaN between segments."""
-        segment, first, last, low, high, falls = (np.concatenate(part) for part in zip(*self._parts, strict=True))
+        segment, first, last, low, high, falls, *_ = self._joined()
         if self.width == 1:
             seconds, values, per = first, low, 1
         else:
             seconds = np.column_stack((first, last)).ravel()
-            values = np.stack((np.where(falls, high, low), np.where(falls, low, high)), axis=1).reshape(-1, low.shape[1])
+            values = np.stack((np.where(falls, high, low), np.where(falls, low, high)), axis=1).reshape(
+                -1, low.shape[1]
+            )
             per = 2
         breaks = (np.flatnonzero(np.diff(segment)) + 1) * per
         gaps = np.full((len(breaks), values.shape[1]), np.nan)
         return np.insert(seconds, breaks, seconds[breaks - 1]), np.insert(values, breaks, gaps, axis=0)
+
+    def group(self, most: int = AVERAGES) -> int:
+        """Cells of a stretch to average over."""
+        return max(-(-self._count // most), -(-LEAST // self.width))
+
+    def averages(self, column: int, group: int) -> tuple[np.ndarray, np.ndarray]:
+        """First and last point (as `points` counts them) and mean of stretches of `group` cells inside segments."""
+        segment, *_, total, known = self._joined()
+        begins = np.flatnonzero(np.diff(segment, prepend=segment[0] - 1))
+        place = np.arange(len(segment)) - np.repeat(begins, np.diff([*begins, len(segment)]))
+        starts = np.flatnonzero(place % group == 0)
+        ends = np.append(starts[1:], len(segment)) - 1
+        per = 1 if self.width == 1 else 2
+        gaps = np.cumsum(np.diff(segment, prepend=segment[0]) != 0)  # rows of NaN before each cell
+        points = np.column_stack((starts * per, ends * per + per - 1)) + gaps[starts][:, None]
+        sums, counts = (np.add.reduceat(part[:, column], starts) for part in (total, known))
+        return points[counts > 0], sums[counts > 0] / counts[counts > 0]
+
+    def _joined(self) -> list[np.ndarray]:
+        """Segment, first and last time, low, high, whether it falls, sum and number of known values of each cell."""
+        self._parts = [tuple(np.concatenate(part) for part in zip(*self._parts, strict=True))]
+        return list(self._parts[0])
 
 
 def moved(record: Record) -> np.ndarray:

@@ -24,6 +24,11 @@
     for (let i = 0; i < raw.length; i++) out[i] = raw[i] === raw[i] ? raw[i] + packed.add : null;
     return out;
   }
+  function held(points, means, n) { // means that belong to stretches of points, from the first to the last of each
+    const out = new Array(n).fill(null);
+    for (let i = 0; i < means.length; i++) out.fill(means[i], points[2 * i], points[2 * i + 1] + 1);
+    return out;
+  }
   function places(packed) {
     if (packed.f8) return floats(packed.f8, false);
     return Float64Array.from({ length: packed.n }, (_, i) => packed.start + i * packed.step);
@@ -80,7 +85,8 @@
       this.spec = spec;
       this.place = document.getElementById("chart-" + spec.name);
       this.x = places(spec.x.data);
-      this.columns = spec.panels.map((panel) => panel.lines.map((line) => values(line.data)));
+      this.columns = spec.panels.map((panel) => panel.lines.map((line) => (
+        line.stretches ? held(line.stretches, values(line.data), this.x.length) : values(line.data))));
       this.panels = [];
       this.hosts = [];
       this.axis = 0; // common width of the vertical axes, so that panels stand in line
@@ -186,10 +192,9 @@
           ...panel.lines.map((line) => ({
             label: line.label,
             stroke: colour(line.role),
-            width: 1.2,
+            width: line.role === "average" ? 2 : 1.2,
             dash: line.dash ? [6, 4] : undefined,
             points: line.dots ? { show: true, size: 6, fill: colour(line.role) } : undefined,
-            show: !line.hidden,
             value: (u, v) => figure(v, panel.unit),
           })),
         ],
@@ -248,7 +253,7 @@
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => every((chart) => chart.draw()));
   const paper = (on) => { // light colours and the width of a page, details open
     if (on) root.dataset.print = "1"; else delete root.dataset.print;
-    for (const part of document.querySelectorAll("details")) {
+    for (const part of document.querySelectorAll("details:not(.long)")) {
       if (on && !part.open) { part.open = true; part.dataset.opened = "1"; }
       else if (!on && part.dataset.opened) { part.open = false; delete part.dataset.opened; }
     }
