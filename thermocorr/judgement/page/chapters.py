@@ -16,6 +16,8 @@ from .sections import section
 if TYPE_CHECKING:
     from ..refinement import Refinement
 
+OPEN_ROWS = 20
+"""A table of coefficients of more rows is folded at first."""
 FLAGS = {
     "washout": "after a start of unknown state: the lags have not forgotten it",
     "outside fitted range": "temperature outside the fitted range: the model extrapolates",
@@ -57,7 +59,7 @@ def steps(refinement: Refinement, title: str, *figures: Any) -> Section:
             bar(row.held_out_rms / largest, floor / largest),
             number(row.rms),
             decibels(row.db) if row.step else "",
-            tag("span", row.verdict, class_="l"),
+            row.verdict,
         )
         for row in frame.itertuples()
     ]
@@ -70,30 +72,33 @@ def steps(refinement: Refinement, title: str, *figures: Any) -> Section:
         "held out",
         "verdict",
     )
-    return section("steps", title, tag("p", sentence), table(head, rows, class_="steps", left=2), *figures)
+    return section("steps", title, tag("p", sentence), table(head, rows, "llrlrrl", "steps"), *figures)
 
 
 def variants(comparison: VariantComparison, title: str) -> Section:
-    """Static and dynamic, linear and nonlinear."""
-    words = comparison.formatted()
-    figures = comparison.frame()
-    rows = [
-        (
-            name,
-            *(
-                "" if np.isnan(value) else number(value, shown=shown.replace("-", MINUS) if "e" not in shown else None)
-                for value, shown in zip(figures.loc[name], words.loc[name], strict=True)
-            ),
-        )
-        for name in figures.index
-    ]
+    """Static and dynamic, linear and nonlinear: on the fitted record, then on data that the fits did not see."""
+    figures, names = comparison.frame(), comparison.formatted().columns
+    middle = len(names) // 2
+    tables = []
+    for chosen in (slice(0, middle), slice(middle, None)):
+        rows = [
+            (name, *(_variant_cell(column, figures.loc[name, column]) for column in figures.columns[chosen]))
+            for name in figures.index
+        ]
+        tables.append(table(("variant", *names[chosen]), rows, "l" + "r" * (len(rows[0]) - 1), "variants"))
     return section(
         "variants",
         title,
         tag("p", _variants_sentence(figures)),
-        table(("variant", *words.columns), rows, class_="variants"),
+        *tables,
         tag("p", comparison.caption(), class_="fine"),
     )
+
+
+def _variant_cell(column: str, value: float) -> str:
+    if np.isnan(value):
+        return ""
+    return number(value, shown=f"{value:.1f}".replace("-", MINUS) if column.endswith("_db") else None)
 
 
 def _variants_sentence(figures: pd.DataFrame) -> Any:
@@ -101,14 +106,13 @@ def _variants_sentence(figures: pd.DataFrame) -> Any:
     held = figures["held_out_reduction_db"].dropna()
     if "static nonlinear" not in held or "dynamic nonlinear" not in held:
         return "Reductions of the error; negative is good."
+    words = []
+    for name in ("static nonlinear", "dynamic nonlinear"):
+        sense = "lowers" if held[name] < 0 else "raises"
+        words.append((f"{sense} the error by ", number(held[name], shown=f"{abs(held[name]):.1f} dB")))
+    static, dynamic = words
     return join(
-        (
-            "On blocks of time that the fit did not see, a static law reduces the error by ",
-            decibels(held["static nonlinear"]),
-            ", the dynamic one by ",
-            decibels(held["dynamic nonlinear"]),
-            ".",
-        )
+        ("On blocks of time that the fit did not see, a static law ", *static, "; the dynamic one ", *dynamic, ".")
     )
 
 
@@ -120,7 +124,7 @@ def formula(data: PageData, title: str, *figures: Any) -> Section:
             row.effect,
             number(row.coefficient, digits=6),
             number(row.standard_error, digits=3),
-            tag("span", unit_text(row.unit), class_="l"),
+            unit_text(row.unit),
         )
         for name, row in zip(data.coefficients.index, data.coefficients.itertuples(), strict=True)
     ]
@@ -131,14 +135,14 @@ def formula(data: PageData, title: str, *figures: Any) -> Section:
         "model",
         title,
         tag("p", lead, " Standard errors stay true for residuals that are correlated in time."),
-        tag("div", tag("pre", tag("code", data.equation)), class_="scroll", tabindex=0),
+        tag("pre", tag("code", data.equation), class_="tall", tabindex=0),
         tag(
             "details",
             tag("summary", f"{len(rows)} coefficients"),
-            table(head, rows, class_="coefficients", left=2),
-            open="open",
+            table(head, rows, "llrrl", "coefficients"),
+            open="open" if len(rows) <= OPEN_ROWS else None,
         ),
-        tag("details", tag("summary", "The estimator as code"), tag("pre", tag("code", data.model))),
+        tag("details", tag("summary", "The estimator as code"), tag("pre", tag("code", data.model), class_="tall")),
         *figures,
     )
 
@@ -168,7 +172,7 @@ def quality(data: PageData, title: str) -> Section:
                     "summary",
                     f"{data.n_segments} stretches" + (f", the first {shown}" if shown < data.n_segments else ""),
                 ),
-                table(("", "run", "from", "to", "rows"), rows, left=4),
+                table(("", "run", "from", "to", "rows"), rows, "llllr"),
             )
         )
     return section("quality", title, *parts)
@@ -181,5 +185,5 @@ def provenance(data: PageData, title: str, command: str, source: str) -> Section
     if source:
         parts.append(tag("p", "Data: ", tag("code", source)))
     if command:
-        parts += [tag("p", "The command that made this page:"), tag("pre", tag("code", command))]
-    return section("versions", title, *parts, table(("package", "version"), rows, left=2))
+        parts += [tag("p", "The command that made this page:"), tag("pre", tag("code", command), class_="wrap")]
+    return section("versions", title, *parts, table(("package", "version"), rows, "ll"))

@@ -16,8 +16,8 @@ class Line:
     """One line of a panel."""
 
     label: str
-    values: np.ndarray
-    """Shape (n,), beside the chart's x; NaN where there is none."""
+    values: np.ndarray | tuple[str, int, int]
+    """Shape (n,), beside the chart's x, NaN where there is none; or chart, panel and line that has the same values."""
     role: str
     """What it shows, which gives it its colour: reading, model, corrected, residual, average, temperature, other."""
     dash: bool = False
@@ -37,6 +37,8 @@ class Panel:
     rules: tuple[tuple[float, str], ...] = ()
     """Horizontal lines: value and name."""
     height: int = 200
+    scale_of: int | None = None
+    """Panel of the same chart whose vertical scale this one has too."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +48,8 @@ class Chart:
     name: str
     """Identifier in the page: letters only."""
     x_label: str
-    x: np.ndarray
-    """Shape (n,), never decreasing; seconds since 1970 where `dates`."""
+    x: np.ndarray | str
+    """Shape (n,), or the chart that has the same x; never decreasing; seconds since 1970 where `dates`."""
     panels: tuple[Panel, ...]
     caption: Any
     """One or two sentences: what is to be seen."""
@@ -77,6 +79,7 @@ class Chart:
                     "unit": unit_text(panel.unit),
                     "log": panel.log,
                     "height": panel.height,
+                    "like": panel.scale_of,
                     "rules": [[float(value), label] for value, label in panel.rules],
                     "lines": [
                         {
@@ -106,16 +109,20 @@ class Chart:
         )
 
 
-def packed(values: np.ndarray) -> dict[str, Any]:
+def packed(values: np.ndarray | tuple[str, int, int]) -> dict[str, Any]:
     """Single-precision distances from the middle, in base64: exact to 6e-8 of the span."""
+    if isinstance(values, tuple):
+        return {"same": list(values)}
     numbers = np.asarray(values, float)
     known = numbers[np.isfinite(numbers)]
     middle = float((known.min() + known.max()) / 2) if len(known) else 0.0
     return {"add": middle, "f4": base64.b64encode((numbers - middle).astype("<f4").tobytes()).decode()}
 
 
-def packed_times(x: np.ndarray) -> dict[str, Any]:
+def packed_times(x: np.ndarray | str) -> dict[str, Any]:
     """Even steps as three numbers, others in base64 at full precision."""
+    if isinstance(x, str):
+        return {"same": x}
     x = np.asarray(x, float)
     if len(x) > 2 and np.ptp(np.diff(x)) <= 1e-9 * max(abs(x[-1] - x[0]), 1e-300):
         return {"start": float(x[0]), "step": float((x[-1] - x[0]) / (len(x) - 1)), "n": len(x)}

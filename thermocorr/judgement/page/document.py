@@ -61,7 +61,13 @@ def page(
         body.append(section("record", "The record", tag("p", unjudged) if unjudged else "", chart.html()))
     numbers = iter(range(5 if diagnosis is not None else 1, 99))
     if refinement is not None:
-        body.append(chapters.steps(refinement, f"{next(numbers)} The error, step by step"))
+        before = refinement.diagnoses[0].data
+        drawn: list[Chart] = []
+        if len(refinement.diagnoses) > 1 and before is not None and diagnosis is refinement.diagnoses[0]:
+            drawn.append(figures.refined(before, data, refinement.diagnoses[-1].noise_floor))
+        charts += drawn
+        title = f"{next(numbers)} The error, step by step"
+        body.append(chapters.steps(refinement, title, *(chart.html() for chart in drawn)))
     if comparison is not None:
         body.append(chapters.variants(comparison, f"{next(numbers)} Static and dynamic, linear and nonlinear"))
     body += [
@@ -69,9 +75,7 @@ def page(
         chapters.quality(data, f"{next(numbers)} The data"),
         chapters.provenance(data, f"{next(numbers)} Versions", command, source),
     ]
-    title = f"Thermal bias of {data.reading}"
-    subtitle = data.record_sentence()
-    return document(title, subtitle, body, charts)
+    return document(f"Thermal bias of {data.reading}", data.record_sentence(), body, charts)
 
 
 def worst_stretch(diagnosis: Diagnosis, data: PageData) -> tuple[float, float] | None:

@@ -109,9 +109,8 @@ def bar(share: float, mark: float | None = None, title: str = "") -> Safe:
     return tag("span", *parts, class_="bar", title=title or None)
 
 
-def table(head: Sequence[Any], rows: Sequence[Sequence[Any]], class_: str = "", left: int = 1) -> Safe:
-    """A table that scrolls in its own box; columns from `left` on are numbers, and stand to the right."""
-    sides = ["l" if i < left else "r" for i in range(len(head))]
+def table(head: Sequence[Any], rows: Sequence[Sequence[Any]], sides: str, class_: str = "") -> Safe:
+    """A table that scrolls in its own box; `sides` has a letter per column: l for words, r for numbers."""
     top = tag("tr", *(tag("th", cell, class_=side, scope="col") for cell, side in zip(head, sides, strict=True)))
     body = [tag("tr", *(tag("td", cell, class_=side) for cell, side in zip(row, sides, strict=True))) for row in rows]
     return tag(

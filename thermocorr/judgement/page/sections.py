@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from ..where import interval_seconds
 from .data import PageData, seconds_text
 from .html import (
     DASH,
+    MINUS,
     Safe,
     Section,
     bar,
@@ -57,25 +59,45 @@ def effect_name(kind: str, column: Any) -> str:
 
 def place_text(condition: str, interval: str) -> str:
     """Where it fails, as part of a sentence."""
-    return f"from {interval}" if condition == "time" else f"at {condition} {interval}"
+    words = interval_text(interval)
+    return f"from {words}" if condition == "time" else f"where {condition_text(condition)} is {words}"
 
 
-def parameters_text(kind: str, parameters: dict[str, Any]) -> str:
-    """Parameters that have a unit, in words."""
+def condition_text(condition: str) -> str:
+    """A condition with its seconds as a person writes them: lag difference, 10.3 h [K]."""
+    return re.sub(r"(?<=, )[\d.e+-]+ s(?= \[)", lambda found: seconds_text(float(found[0][:-2])), condition)
+
+
+def interval_text(interval: str) -> str:
+    """An interval with spans of time as a person writes them, and with real minus signs."""
+    if interval.endswith(" s"):
+        in_words = interval.removeprefix("periods of ").replace(" s", "").split(" to ")
+        start = interval[: len(interval) - len(interval.removeprefix("periods of "))]
+        return start + " to ".join(seconds_text(float(seconds)) for seconds in in_words)
+    return re.sub(r"(?<![\w-])-(?=\d)", MINUS, interval)
+
+
+def parameters_text(kind: str, parameters: dict[str, Any], data: PageData | None) -> str:
+    """Parameters that have a unit, in words; moments of a record with dates as dates."""
     info = CATALOGUE[kind].info if kind in CATALOGUE else None
     parts = []
     for name, unit in (info.parameters if info else {}).items():
         value = parameters.get(name)
-        if value is None:
-            continue
         several = value if isinstance(value, list | tuple | np.ndarray) else [value]
         try:
             numbers = [float(item) for item in several]
         except (TypeError, ValueError):
-            shown = ", ".join(map(str, several))
+            continue
+        if not numbers:
+            continue
+        if name == "time" and data is not None and data.start is not None:
+            shown = [str(pd.Timestamp(data.start + number, unit="s").round("s")) for number in numbers]
+        elif unit == "s":
+            shown = [seconds_text(number) for number in numbers]
         else:
-            shown = ", ".join(seconds_text(v) if unit == "s" else f"{plain(v, 3)} {unit_text(unit)}" for v in numbers)
-        parts.append(f"{name.replace('_', ' ').removesuffix('s' if len(several) == 1 else '')} {shown}")
+            absolute = data is not None and name in ("knee", "reference_temperature")
+            shown = [f"{plain(v, 3)} {unit_text(data.temperature_unit if absolute else unit)}" for v in numbers]
+        parts.append(f"{name.replace('_', ' ').removesuffix('s' if len(several) == 1 else '')} {', '.join(shown)}")
     return "; ".join(parts)
 
 
@@ -120,7 +142,7 @@ def anything(found: Diagnosis, *figures: Any) -> Section:
             number(found.colour, digits=3),
             "; 1 is white).",
         ),
-        table(("", "rms", ""), rows, class_="bars"),
+        table(("", "rms", ""), rows, "lrl"),
         *figures,
     )
 
@@ -149,14 +171,14 @@ def places(found: Diagnosis, data: PageData | None, *figures: Any) -> Section:
     bands = where[where["condition"] == "frequency"]
     longest = float(max(where["share"].drop(bands.index).max(), 1e-300))
     rows = [_place(row, longest, data) for row in where.itertuples()]
-    head = ("condition", "range", "share of the error", "", "times its due", with_unit("rms", found.unit))
+    head = ("condition", "range", "share of the error", "", "times its share of samples", with_unit("rms", found.unit))
     if len(bands):
         band = bands.loc[bands["share"].idxmax()]
-        sentence += tag("p", "Slow or fast: ", percent(band.share), f" of it has {band.interval}.")
+        sentence += tag("p", "Slow or fast: ", percent(band.share), f" of it has {interval_text(band.interval)}.")
     folded = tag(
         "details",
         tag("summary", f"{len(rows) - SHOWN_PLACES} more places"),
-        table(head, rows[SHOWN_PLACES:], class_="places", left=2),
+        table(head, rows[SHOWN_PLACES:], "llrlrr", "places"),
         class_="long",
     )
     return section(
@@ -164,22 +186,20 @@ def places(found: Diagnosis, data: PageData | None, *figures: Any) -> Section:
         "2 Where does it fail?",
         Safe(sentence),
         *figures,
-        table(head, rows[:SHOWN_PLACES], class_="places", left=2),
+        table(head, rows[:SHOWN_PLACES], "llrlrr", "places"),
         folded if len(rows) > SHOWN_PLACES else "",
     )
 
 
 def _place(row: Any, longest: float, data: PageData | None) -> tuple[Any, ...]:
-    interval: Any = row.interval
+    interval: Any = interval_text(row.interval)
     scale = 1.0 if row.condition == "frequency" else longest
     if data is not None and row.condition == "time" and not data.traces.shifted:
         stretch = interval_seconds(row.interval)
         if stretch is not None:
-            interval = tag(
-                "button", row.interval, class_="show", type="button", data_from=stretch[0], data_to=stretch[1]
-            )
+            interval = tag("button", interval, class_="show", type="button", data_from=stretch[0], data_to=stretch[1])
     return (
-        row.condition,
+        condition_text(row.condition),
         interval,
         percent(row.share),
         bar(row.share / scale, row.share / row.lift / scale if row.lift else None),
@@ -188,7 +208,7 @@ def _place(row: Any, longest: float, data: PageData | None) -> tuple[Any, ...]:
     )
 
 
-def suspects(found: Diagnosis, *figures: Any) -> Section:
+def suspects(found: Diagnosis, data: PageData | None, *figures: Any) -> Section:
     """3: the ranking of suspects."""
     ranking = found.ranking
     if not len(ranking):
@@ -203,18 +223,18 @@ def suspects(found: Diagnosis, *figures: Any) -> Section:
             join(
                 (
                     tag("strong", effect_name(row.kind, row.column)),
-                    tag("small", parameters_text(row.kind, row.parameters)),
+                    tag("small", parameters_text(row.kind, row.parameters, data)),
                 )
             ),
             percent(row.share),
             bar(row.share),
             decibels(row.gain_db),
             probability(row.p_value),
-            tag("span", ", ".join(name.replace("_", " ") for name in row.confusable_with) or DASH, class_="l"),
+            ", ".join(name.replace("_", " ") for name in row.confusable_with) or DASH,
         )
         for row in ranking.itertuples()
     ]
-    head = ("suspect", "explains", "of the structure", "held-out gain", "error probability", "not told apart from")
+    head = ("suspect", "explains of the structure", "", "held-out gain", "error probability", "not told apart from")
     kinds = list(dict.fromkeys(ranking["kind"].head(3)))
     physics = [
         tag("li", tag("strong", kind.replace("_", " ")), ": ", info.physics)
@@ -226,7 +246,7 @@ def suspects(found: Diagnosis, *figures: Any) -> Section:
         "3 What is missing?",
         tag("p", lead),
         tag("ul", *physics),
-        table(head, rows, class_="suspects"),
+        table(head, rows, "lrlrrl", "suspects"),
         tag(
             "p",
             "Error probabilities are those of the whole family of suspects, on residuals made white; a suspect is "
@@ -279,6 +299,6 @@ def judged(found: Diagnosis, data: PageData | None, figures: dict[str, Sequence[
     return [
         anything(found, *figures.get("anything", ())),
         places(found, data, *figures.get("where", ())),
-        suspects(found, *figures.get("what", ())),
+        suspects(found, data, *figures.get("what", ())),
         cure(found),
     ]

@@ -20,6 +20,7 @@
     return out;
   }
   function values(packed) {
+    if (packed.same) return charts[packed.same[0]].columns[packed.same[1]][packed.same[2]];
     const raw = floats(packed.f4, true), out = new Array(raw.length);
     for (let i = 0; i < raw.length; i++) out[i] = raw[i] === raw[i] ? raw[i] + packed.add : null;
     return out;
@@ -30,6 +31,7 @@
     return out;
   }
   function places(packed) {
+    if (packed.same) return charts[packed.same].x;
     if (packed.f8) return floats(packed.f8, false);
     return Float64Array.from({ length: packed.n }, (_, i) => packed.start + i * packed.step);
   }
@@ -86,13 +88,12 @@
       this.place = document.getElementById("chart-" + spec.name);
       this.x = places(spec.x.data);
       this.columns = spec.panels.map((panel) => panel.lines.map((line) => (
-        line.stretches ? held(line.stretches, values(line.data), this.x.length) : values(line.data))));
+        line.stretches && !line.data.same ? held(line.stretches, values(line.data), this.x.length) : values(line.data))));
       this.panels = [];
       this.hosts = [];
       this.axis = 0; // common width of the vertical axes, so that panels stand in line
       this.quiet = false;
-      const time = spec.x.dates || spec.x.scale !== 1;
-      if (time || spec.name === "series") this.tools();
+      if (spec.name === "series" || spec.name === "refined") this.tools();
       for (const panel of spec.panels) {
         const host = document.createElement("div");
         host.className = "panel";
@@ -124,7 +125,10 @@
       const kept = this.panels.length ? [this.panels[0].scales.x.min, this.panels[0].scales.x.max] : null;
       this.panels.forEach((u) => u.destroy());
       this.axis = 0;
-      this.panels = this.spec.panels.map((panel, i) => new uPlot(this.options(panel, i), [this.x, ...this.columns[i]], this.hosts[i]));
+      this.panels = [];
+      this.spec.panels.forEach((panel, i) => {
+        this.panels.push(new uPlot(this.options(panel, i), [this.x, ...this.columns[i]], this.hosts[i]));
+      });
       if (kept) this.zoom(...kept);
     }
     zoom(low = this.x[0], high = this.x[this.x.length - 1]) {
@@ -157,9 +161,13 @@
       }
       return this.axis;
     }
+    title(panel, unit) { // a name too long for the axis stands in the legend alone
+      const whole = panel.label + (unit ? " [" + unit + "]" : "");
+      return whole.length * 6.6 < panel.height - 24 ? whole : unit ? "[" + unit + "]" : "";
+    }
     options(panel, i) {
       const { spec } = this, last = i === spec.panels.length - 1;
-      const power = panel.log ? 0 : exponent(this.columns[i]), scale = 10 ** power;
+      const power = panel.log ? 0 : exponent(this.columns[panel.like ?? i]), scale = 10 ** power;
       const unit = (power ? "10" + raised(power) + (panel.unit ? " " + panel.unit : "") : panel.unit);
       const text = colour("text"), grid = { stroke: colour("grid"), width: 1 }, ticks = { stroke: colour("grid"), width: 1, size: 5 };
       const font = "12px " + getComputedStyle(document.body).fontFamily;
@@ -179,16 +187,19 @@
         legend: { live: true, markers: { width: 0, fill: (u, k) => colour(panel.lines[k - 1].role) } },
         scales: {
           x: { time: spec.x.dates, distr: spec.x.log ? 3 : 1 },
-          y: { distr: panel.log ? 3 : 1 },
+          y: { distr: panel.log ? 3 : 1, range: panel.like == null ? undefined : () => {
+            const { min, max } = this.panels[panel.like].scales.y;
+            return [min, max];
+          } },
         },
         axes: [xs, {
           stroke: text, grid, ticks, font, labelFont: font, space: 34, labelSize: 20, labelGap: 2,
-          label: panel.label + (unit ? " [" + unit + "]" : ""),
+          label: this.title(panel, unit),
           values: panel.log ? logarithmic : linear(scale),
           size: (u, texts) => this.size(u, texts),
         }],
         series: [
-          { label: spec.x.label, value: (u, v) => (spec.x.dates ? moment(v, step) : figure(v, spec.x.unit)) },
+          { label: spec.name === "series" || spec.name === "refined" ? "time" : spec.x.label, value: (u, v) => (spec.x.dates ? moment(v, step) : figure(v, spec.x.unit)) },
           ...panel.lines.map((line) => ({
             label: line.label,
             stroke: colour(line.role),
