@@ -154,16 +154,3 @@ def _when(record: Record, seconds: float) -> str:
     if record.times.kind.startswith("datetime"):
         return str(pd.Timestamp(record.first_stamp() + seconds * 1e9).round("s"))
     return f"{seconds:.6g} s"
-
-
-def interval_seconds(interval: str) -> tuple[float, float] | None:
-    """Ends of a ``time`` interval: seconds since 1970 for dates, else since the first row; None if unreadable."""
-    ends = interval.split(" to ")
-    try:
-        if all(end.endswith(" s") for end in ends):
-            low, high = (float(end.removesuffix(" s")) for end in ends)
-        else:
-            low, high = (pd.Timestamp(end).timestamp() for end in ends)
-    except ValueError:
-        return None
-    return low, high

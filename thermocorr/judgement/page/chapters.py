@@ -135,6 +135,13 @@ def formula(data: PageData, title: str, *figures: Any) -> Section:
         "model",
         title,
         tag("p", lead, " Standard errors stay true for residuals that are correlated in time."),
+        tag("p", "What moves the reading, by this model: the rms of each effect's contribution about its mean."),
+        table(
+            ("effect", with_unit("rms", data.unit), ""),
+            [(name, number(value), bar(value / max(data.shares.max(), 1e-300))) for name, value in data.shares.items()],
+            "lrl",
+        ),
+        *figures,
         tag("pre", tag("code", data.equation), class_="tall", tabindex=0),
         tag(
             "details",
@@ -143,7 +150,6 @@ def formula(data: PageData, title: str, *figures: Any) -> Section:
             open="open" if len(rows) <= OPEN_ROWS else None,
         ),
         tag("details", tag("summary", "The estimator as code"), tag("pre", tag("code", data.model), class_="tall")),
-        *figures,
     )
 
 

@@ -22,6 +22,10 @@ class Line:
     """What it shows, which gives it its colour: reading, model, corrected, residual, average, temperature, other."""
     dash: bool = False
     dots: bool = False
+    joined: bool = True
+    """Whether points are joined by a line."""
+    edge: bool = False
+    """Edge of the band around the line before it: two follow one another, the lower first."""
     stretches: np.ndarray | None = None
     """Where `values` belong to stretches of x: their first and last points, shape (m, 2)."""
 
@@ -54,8 +58,8 @@ class Chart:
     caption: Any
     """One or two sentences: what is to be seen."""
     x_unit: str = ""
-    x_scale: float = 1.0
-    """Seconds in one unit of x, where x is a time."""
+    joints: tuple[tuple[float, float], ...] = ()
+    """Where x is no true time: x and true time at which segments begin."""
     dates: bool = False
     x_log: bool = False
     shades: tuple[tuple[float, float, str], ...] = field(default=())
@@ -68,7 +72,7 @@ class Chart:
             "x": {
                 "label": self.x_label,
                 "unit": unit_text(self.x_unit),
-                "scale": self.x_scale,
+                "joints": [list(joint) for joint in self.joints],
                 "dates": self.dates,
                 "log": self.x_log,
                 "data": packed_times(self.x),
@@ -87,6 +91,8 @@ class Chart:
                             "role": line.role,
                             "dash": line.dash,
                             "dots": line.dots,
+                            "joined": line.joined,
+                            "edge": line.edge,
                             "data": packed(line.values),
                             "stretches": None if line.stretches is None else line.stretches.ravel().tolist(),
                         }
@@ -100,7 +106,7 @@ class Chart:
 
     def html(self) -> Safe:
         """Place and caption of the chart."""
-        names = ", ".join(dict.fromkeys(line.label for panel in self.panels for line in panel.lines))
+        names = ", ".join(dict.fromkeys(line.label for panel in self.panels for line in panel.lines if not line.edge))
         return tag(
             "figure",
             tag("figcaption", self.caption),

@@ -13,6 +13,9 @@ import pandas as pd
 
 from ...records import Record
 from ...records.units import unit_of
+from ..displays import AllanDisplay, ContributionsDisplay, ResidualLoopDisplay, StepResponseDisplay
+from ..displays._timeline import TimeLine
+from ..displays._walk import Walk
 from .traces import MOST_POINTS, Traces, column_key
 
 UPLOT = "1.6.32"
@@ -32,10 +35,7 @@ class PageData:
     traces: Traces
     beside: tuple[tuple[str, str, str], ...]
     """Recorded columns in the traces: key, name, unit."""
-    start: float | None
-    """Seconds since 1970 of the first row; None for a record without dates."""
-    zoned: bool
-    """Whether the dates are UTC for certain."""
+    timeline: TimeLine
     span: str
     """First to last time, in words."""
     n_rows: int
@@ -52,6 +52,14 @@ class PageData:
     model: str
     """The estimator as code."""
     residual_rms: float
+    allan: pd.DataFrame
+    """`AllanDisplay.frame`: Allan deviation before and after correction."""
+    loop: pd.DataFrame
+    """`ResidualLoopDisplay.frame`: mean residual and temperature of short stretches."""
+    step_response: pd.DataFrame
+    """`StepResponseDisplay.frame`: bias after a step of temperature by one unit."""
+    shares: pd.Series
+    """`ContributionsDisplay.rms`: what each effect moves the reading by, largest first."""
     versions: tuple[tuple[str, str], ...]
 
     @classmethod
@@ -69,9 +77,9 @@ class PageData:
         most : int
             Most points of a line.
         """
-        record: Record = model.features_.resume(X)[0]
-        traces = Traces.of(model, X, y, beside, most)
-        dated = record.times.kind.startswith("datetime")
+        walk = Walk(model, X)
+        record: Record = walk.record
+        traces = Traces.of(model, X, y, walk.timeline, beside, most)
         last = record.segments[-1].stop - 1
         return cls(
             reading=model.reading_.name,
@@ -80,8 +88,7 @@ class PageData:
             temperature_unit=model.reading_.temperature_unit,
             traces=traces,
             beside=tuple((column_key(name), str(name), unit_of(name, X)) for name in beside),
-            start=record.first_stamp() / 1e9 if dated else None,
-            zoned=record.times.kind == "datetime with time zone",
+            timeline=walk.timeline,
             span=" to ".join(record.times.label(record.row(k)) for k in (record.segments[0].start, last)),
             n_rows=record.n_rows,
             n_readings=record.n_used - traces.flags.get("no reading", 0),
@@ -102,8 +109,17 @@ class PageData:
             time_constants=np.array(model.time_constants_, float),
             model=repr(model),
             residual_rms=traces.rms,
+            allan=AllanDisplay.from_estimator(model, X, y).frame(),
+            loop=ResidualLoopDisplay.from_estimator(model, X, y).frame(),
+            step_response=StepResponseDisplay.from_estimator(model).frame(),
+            shares=ContributionsDisplay.from_estimator(model, X).rms,
             versions=versions(),
         )
+
+    @property
+    def start(self) -> float | None:
+        """Seconds since 1970 of the first row; None for a record without dates."""
+        return self.timeline.first / 1e9 if self.timeline.dates else None
 
     def record_sentence(self) -> str:
         """What was measured, in one sentence."""

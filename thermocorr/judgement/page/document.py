@@ -9,7 +9,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from ...estimators.variants import VariantComparison
-from ..where import interval_seconds
+from ..displays._intervals import stretches
 from . import chapters, figures
 from .charts import Chart
 from .data import PageData
@@ -52,9 +52,12 @@ def page(
     body: list[Section] = []
     if diagnosis is not None:
         first = diagnosis.data or data
-        chart = figures.series(first, diagnosis.noise_floor, worst_stretch(diagnosis, first))
-        charts.append(chart)
-        body += judged(diagnosis, first, {"where": [chart.html()]})
+        chart = figures.series(first, diagnosis.noise_floor, stretches(diagnosis, first.timeline))
+        small = {"anything": figures.stability(first), "where": figures.loop(first)}
+        shown = {name: [drawn] for name, drawn in small.items() if drawn is not None}
+        shown["where"] = [chart, *shown.get("where", [])]
+        charts += [drawn for name in ("anything", "where") for drawn in shown.get(name, [])]
+        body += judged(diagnosis, first, {name: [drawn.html() for drawn in some] for name, some in shown.items()})
     else:
         chart = figures.series(data)
         charts.append(chart)
@@ -70,20 +73,14 @@ def page(
         body.append(chapters.steps(refinement, title, *(chart.html() for chart in drawn)))
     if comparison is not None:
         body.append(chapters.variants(comparison, f"{next(numbers)} Static and dynamic, linear and nonlinear"))
+    after = figures.following(data)
+    charts += [] if after is None else [after]
     body += [
-        chapters.formula(data, f"{next(numbers)} The model"),
+        chapters.formula(data, f"{next(numbers)} The model", *([] if after is None else [after.html()])),
         chapters.quality(data, f"{next(numbers)} The data"),
         chapters.provenance(data, f"{next(numbers)} Versions", command, source),
     ]
     return document(f"Thermal bias of {data.reading}", data.record_sentence(), body, charts)
-
-
-def worst_stretch(diagnosis: Diagnosis, data: PageData) -> tuple[float, float] | None:
-    """The stretch of time that has most of the error; None where none stands out."""
-    times = diagnosis.where[diagnosis.where["condition"] == "time"]
-    if diagnosis.verdict == "nothing missing" or data.traces.shifted or not len(times):
-        return None
-    return interval_seconds(times.iloc[0].interval)
 
 
 def document(title: str, subtitle: str, body: Sequence[Section], charts: Sequence[Chart]) -> str:

@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 
 from ...effects import CATALOGUE
-from ..where import interval_seconds
+from ..displays import WhereDisplay
 from .data import PageData, seconds_text
+from .figures import placed
 from .html import (
     DASH,
     MINUS,
@@ -170,7 +171,7 @@ def places(found: Diagnosis, data: PageData | None, *figures: Any) -> Section:
     )
     bands = where[where["condition"] == "frequency"]
     longest = float(max(where["share"].drop(bands.index).max(), 1e-300))
-    rows = [_place(row, longest, data) for row in where.itertuples()]
+    rows = [_place(row, longest, data) for row in WhereDisplay(where).frame().itertuples()]
     head = ("condition", "range", "share of the error", "", "times its share of samples", with_unit("rms", found.unit))
     if len(bands):
         band = bands.loc[bands["share"].idxmax()]
@@ -194,8 +195,8 @@ def places(found: Diagnosis, data: PageData | None, *figures: Any) -> Section:
 def _place(row: Any, longest: float, data: PageData | None) -> tuple[Any, ...]:
     interval: Any = interval_text(row.interval)
     scale = 1.0 if row.condition == "frequency" else longest
-    if data is not None and row.condition == "time" and not data.traces.shifted:
-        stretch = interval_seconds(row.interval)
+    if data is not None and row.condition == "time":
+        stretch = placed(data, row.low, row.high)
         if stretch is not None:
             interval = tag("button", interval, class_="show", type="button", data_from=stretch[0], data_to=stretch[1])
     return (

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ...records import Record
 from ...records.read import is_frame, numeric_reading
+from ..displays._timeline import TimeLine
 
 MOST_POINTS = 90_000
 """Points of one line. A record of so many rows is shown whole; of a longer one, the extremes of groups of rows."""
@@ -24,8 +24,8 @@ class Traces:
     """Time series of a record, thinned out without hiding a spike."""
 
     seconds: np.ndarray
-    """Time since the record's first row [s], shape (n,), never decreasing. Runs that overlap stand one after the
-    other."""
+    """Place on the time line [s], shape (n,), never decreasing: time since the first row, unless runs overlap or the
+    record is mostly gaps, see `thermocorr.judgement.displays._timeline.TimeLine`."""
     columns: dict[str, np.ndarray]
     """Temperature, reading, model, corrected, residual, and recorded columns asked for; NaN where unknown, and between
     segments."""
@@ -33,8 +33,6 @@ class Traces:
     """1: every row is there. Otherwise each cell of so many rows has two points: its extremes in their order in time,
     at the times of its first and last row."""
     n_rows: int
-    shifted: bool
-    """Whether runs were moved in time to stand one after the other."""
     flags: dict[str, int]
     """Number of rows that each flag of `DynamicBiasRegressor.flags` stands at."""
     rms: float
@@ -45,7 +43,9 @@ class Traces:
     """Rows of such a stretch."""
 
     @classmethod
-    def of(cls, model: Any, X: Any, y: Any, beside: tuple[Any, ...] = (), most: int = MOST_POINTS) -> Traces:
+    def of(
+        cls, model: Any, X: Any, y: Any, timeline: TimeLine, beside: tuple[Any, ...] = (), most: int = MOST_POINTS
+    ) -> Traces:
         """Run once through a record, block by block.
 
         Parameters
@@ -53,18 +53,19 @@ class Traces:
         model : DynamicBiasRegressor
             Fitted.
         X, y : as for `DynamicBiasRegressor.evaluate_blocks`
+        timeline : TimeLine
+            Of the record.
         beside : tuple
             Recorded columns to show beside what the model makes of the record.
         most : int
             Most points of a line.
         """
-        moves: np.ndarray | None = None
         cells = Cells(most)
         flags: dict[str, int] = {}
         n_rows, known, squares = 0, 0, 0.0
         reading = numeric_reading(y, X)
         for block, values in model.evaluated_blocks(X, y):
-            moves = moved(block.record) if moves is None else moves
+            zero = block.record.times.between(block.record.first_stamp(), block.zero)
             flagged, counts = np.unique(values["flag"].astype(str), return_counts=True)
             for name, count in zip(flagged, counts, strict=True):
                 flags[str(name)] = flags.get(str(name), 0) + int(count)
@@ -73,17 +74,19 @@ class Traces:
             columns |= {column_key(name): recorded(X, name, block.rows) for name in beside}
             residual = values["residual"][np.isfinite(values["residual"])]
             n_rows, known, squares = n_rows + len(block), known + len(residual), squares + float(residual @ residual)
-            cells.add(block.segment, block.seconds + moves[block.segment], np.column_stack(list(columns.values())))
-        assert moves is not None  # a record has at least one block
+            cells.add(
+                block.segment,
+                block.seconds - zero + timeline.shifts[block.segment],
+                np.column_stack(list(columns.values())),
+            )
         seconds, points = cells.points()
         names = list(columns)
         group = cells.group()
         return cls(
-            seconds - seconds[0],
+            seconds,
             {name: points[:, i] for i, name in enumerate(names)},
             cells.width,
             n_rows,
-            bool(moves.any()),
             flags,
             float(np.sqrt(squares / known)) if known else float("nan"),
             cells.averages(names.index("residual"), group),
@@ -175,23 +178,6 @@ class Cells:
         """Segment, first and last time, low, high, whether it falls, sum and number of known values of each cell."""
         self._parts = [tuple(np.concatenate(part) for part in zip(*self._parts, strict=True))]
         return list(self._parts[0])
-
-
-def moved(record: Record) -> np.ndarray:
-    """By how much each segment is moved in time [s] so that none begins before those before it have ended."""
-    zero = record.first_stamp()
-    starts = [record.times.between(record.stamp(segment.start), zero) for segment in record.segments]
-    ends = [start + record.duration(segment) for start, segment in zip(starts, record.segments, strict=True)]
-    moves = np.zeros(len(starts))
-    if all(later > earlier for earlier, later in zip(ends, starts[1:], strict=False)):
-        return moves
-    pause = 0.02 * sum(end - start for start, end in zip(starts, ends, strict=True)) + record.usual_step()
-    at = 0.0
-    for i, (start, end) in enumerate(zip(starts, ends, strict=True)):
-        same_run = i > 0 and record.segments[i].run == record.segments[i - 1].run and start > starts[i - 1]
-        moves[i] = moves[i - 1] if same_run else at - start
-        at = end + moves[i] + pause
-    return moves
 
 
 def recorded(X: Any, name: Any, rows: Any) -> np.ndarray:

@@ -161,6 +161,14 @@
       }
       return this.axis;
     }
+    when(v, step) { // x as a person writes it; the true time where segments were moved
+      const { dates, unit, joints } = this.spec.x;
+      if (dates || v == null) return moment(v, step);
+      const joint = joints.findLast((pair) => pair[0] <= v);
+      if (!joint) return figure(v, unit);
+      const size = { ms: 1e-3, s: 1, min: 60, h: 3600, days: 86400, years: 31557600 }[unit];
+      return joint[1] > 1e7 ? moment(joint[1] + (v - joint[0]) * size, step * size) : figure(joint[1] + v - joint[0], unit);
+    }
     title(panel, unit) { // a name too long for the axis stands in the legend alone
       const whole = panel.label + (unit ? " [" + unit + "]" : "");
       return whole.length * 6.6 < panel.height - 24 ? whole : unit ? "[" + unit + "]" : "";
@@ -185,6 +193,7 @@
         tzDate: (seconds) => uPlot.tzDate(new Date(seconds * 1000), "Etc/UTC"),
         cursor: { sync: { key: spec.name, scales: ["x", null] }, drag: { x: true, y: false }, points: { size: 7 } },
         legend: { live: true, markers: { width: 0, fill: (u, k) => colour(panel.lines[k - 1].role) } },
+        bands: panel.lines.flatMap((line, k) => (line.edge && !panel.lines[k - 1].edge ? [{ series: [k + 2, k + 1], fill: colour(line.role) + "38" }] : [])),
         scales: {
           x: { time: spec.x.dates, distr: spec.x.log ? 3 : 1 },
           y: { distr: panel.log ? 3 : 1, range: panel.like == null ? undefined : () => {
@@ -199,13 +208,15 @@
           size: (u, texts) => this.size(u, texts),
         }],
         series: [
-          { label: spec.name === "series" || spec.name === "refined" ? "time" : spec.x.label, value: (u, v) => (spec.x.dates ? moment(v, step) : figure(v, spec.x.unit)) },
+          { label: spec.name === "series" || spec.name === "refined" ? "time" : spec.x.label, value: (u, v) => this.when(v, step) },
           ...panel.lines.map((line) => ({
             label: line.label,
-            stroke: colour(line.role),
+            class: line.edge ? "edge" : undefined,
+            stroke: line.edge ? "transparent" : colour(line.role),
+            paths: line.joined ? undefined : () => null,
             width: line.role === "average" ? 2 : 1.2,
             dash: line.dash ? [6, 4] : undefined,
-            points: line.dots ? { show: true, size: 6, fill: colour(line.role) } : undefined,
+            points: line.edge ? { show: false } : line.dots ? { show: true, size: line.joined ? 6 : 4, width: 0, fill: colour(line.role) } : undefined,
             value: (u, v) => figure(v, panel.unit),
           })),
         ],
@@ -248,8 +259,8 @@
   for (const spec of specs) charts[spec.name] = new Chart(spec);
   for (const button of document.querySelectorAll("button.show")) {
     button.addEventListener("click", () => {
-      const chart = charts.series, scale = chart.spec.x.scale;
-      const low = Number(button.dataset.from) / scale, high = Number(button.dataset.to) / scale, margin = 0.25 * (high - low);
+      const chart = charts.series;
+      const low = Number(button.dataset.from), high = Number(button.dataset.to), margin = 0.25 * (high - low);
       chart.zoom(low - margin, high + margin);
       chart.place.closest("figure").scrollIntoView({ block: "start" });
     });
