@@ -186,8 +186,8 @@ def loop(data: PageData) -> Chart | None:
         frame["temperature"].to_numpy(float),
         (Panel("residual", data.unit, lines, height=260),),
         caption=(
-            f"Means of the residual over {len(frame)} stretches of time, over the temperature. Two separate clouds are a "
-            "lag or a hysteresis that the model does not have; a common bend is a static law that it does not have."
+            f"Means of the residual over {len(frame)} stretches of time, over the temperature. Two separate clouds are "
+            "a lag or a hysteresis that the model does not have; a common bend is a static law that it does not have."
         ),
         x_unit=data.temperature_unit,
     )
@@ -210,7 +210,7 @@ def following(data: PageData) -> Chart | None:
         "time after the step",
         frame["time"].to_numpy(float),
         (Panel("bias", data.unit, lines, height=220),),
-        caption=f"How the reading follows a step of the temperature by 1 {degree}, by this model. Band: 95 % confidence.",
+        caption=f"How the reading follows a step of temperature of 1 {degree}, by this model. Band: 95 % confidence.",
         x_unit="samples" if data.timeline.samples else "s",
         x_log=True,
     )

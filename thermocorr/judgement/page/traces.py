@@ -101,59 +101,60 @@ class Cells:
         self.most = most
         self.width = 1
         """Rows of a cell (fewer at the end of a segment)."""
+        self.across = False
+        """Whether segments are so short and many that cells reach over them."""
         self._parts: list[tuple[np.ndarray, ...]] = []
         self._count = 0
+        self._segment = -1
+        self._rows = np.zeros(2, int)  # taken so far: of all, and of this segment
 
     def add(self, segment: int, seconds: np.ndarray, values: np.ndarray) -> None:
         """Take the next rows of a segment: times of shape (n,), values of shape (n, k)."""
+        if segment != self._segment:
+            self._segment, self._rows[1] = segment, 0
         starts = np.arange(0, len(seconds), self.width)
-        low = np.fmin.reduceat(values, starts, axis=0)
-        high = np.fmax.reduceat(values, starts, axis=0)
-        cell = np.repeat(np.arange(len(starts)), np.diff([*starts, len(seconds)]))
-        place = np.arange(len(seconds))[:, None]
-        firsts = [
-            np.minimum.reduceat(np.where(values == extreme[cell], place, len(seconds)), starts, axis=0)
-            for extreme in (low, high)
-        ]
+        low, high, falls = extremes(values, values, None, starts)
         ends = np.append(starts[1:], len(seconds)) - 1
         known = np.isfinite(values)
         sums = [np.add.reduceat(part, starts, axis=0) for part in (np.where(known, values, 0.0), known.astype(float))]
-        part = (np.full(len(starts), segment), seconds[starts], seconds[ends], low, high, firsts[1] < firsts[0], *sums)
-        self._parts.append(part)
+        rows = starts[:, None] + self._rows
+        self._parts.append(
+            (np.full(len(starts), segment), rows, seconds[starts], seconds[ends], low, high, falls, *sums)
+        )
+        self._rows += len(seconds)
         self._count += len(starts)
-        while self._count > self.most // (1 if self.width == 1 else 2):
-            self._double()
+        if self._count > self._limit():
+            self._merge()
+        while self._count > self._limit():
+            self.width *= 2
+            self._merge()
 
-    def _double(self) -> None:
-        """Merge pairs of neighbours, inside segments as long as these have more than one cell."""
-        segment, first, last, low, high, falls, *sums = self._joined()
-        begins = np.flatnonzero(np.diff(segment, prepend=segment[0] - 1))
-        if 2 * len(begins) > len(segment):  # mostly segments of one cell: these may be merged too
-            begins = np.zeros(1, int)
-        place = np.arange(len(segment)) - np.repeat(begins, np.diff([*begins, len(segment)]))
-        starts = np.flatnonzero(place % 2 == 0)
-        lengths = np.diff([*starts, len(segment)])
-        partner = starts + lengths - 1
-        lows, highs = np.fmin(low[starts], low[partner]), np.fmax(high[starts], high[partner])
-        low_early, high_early = low[starts] == lows, high[starts] == highs
-        order = np.where(low_early == high_early, np.where(low_early, falls[starts], falls[partner]), high_early)
+    def _limit(self) -> int:
+        return self.most if self.width == 1 else self.most // 2
+
+    def _merge(self) -> None:
+        """Merge cells that fit into one of `width` rows, inside segments as long as these have several cells."""
+        segment, rows, first, last, low, high, falls, *sums = self._joined()
+        self.across |= 2 * (np.count_nonzero(np.diff(segment)) + 1) > len(segment)
+        number = rows[:, 0 if self.across else 1] // self.width
+        changes = np.diff(number) != 0 if self.across else (np.diff(number) != 0) | (np.diff(segment) != 0)
+        starts = np.concatenate(([0], np.flatnonzero(changes) + 1))
+        ends = np.append(starts[1:], len(segment)) - 1
+        low, high, falls = extremes(low, high, falls, starts)
         sums = [np.add.reduceat(part, starts, axis=0) for part in sums]
-        self._parts = [(segment[starts], first[starts], last[partner], lows, highs, order, *sums)]
+        self._parts = [(segment[starts], rows[starts], first[starts], last[ends], low, high, falls, *sums)]
         self._count = len(starts)
-        self.width *= 2
 
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Times of shape (n,) and values of shape (n, k), with a row of NaN between segments."""
-        segment, first, last, low, high, falls, *_ = self._joined()
+        _, _, first, last, low, high, falls, *_ = self._joined()
         if self.width == 1:
             seconds, values, per = first, low, 1
         else:
             seconds = np.column_stack((first, last)).ravel()
-            values = np.stack((np.where(falls, high, low), np.where(falls, low, high)), axis=1).reshape(
-                -1, low.shape[1]
-            )
-            per = 2
-        breaks = (np.flatnonzero(np.diff(segment)) + 1) * per
+            pairs = np.stack((np.where(falls, high, low), np.where(falls, low, high)), axis=1)
+            values, per = pairs.reshape(-1, low.shape[1]), 2
+        breaks = np.flatnonzero(self._begins()[1:]) * per + per
         gaps = np.full((len(breaks), values.shape[1]), np.nan)
         return np.insert(seconds, breaks, seconds[breaks - 1]), np.insert(values, breaks, gaps, axis=0)
 
@@ -163,21 +164,56 @@ class Cells:
 
     def averages(self, column: int, group: int) -> tuple[np.ndarray, np.ndarray]:
         """First and last point (as `points` counts them) and mean of stretches of `group` cells inside segments."""
-        segment, *_, total, known = self._joined()
-        begins = np.flatnonzero(np.diff(segment, prepend=segment[0] - 1))
-        place = np.arange(len(segment)) - np.repeat(begins, np.diff([*begins, len(segment)]))
+        *_, total, known = self._joined()
+        begins = np.flatnonzero(self._begins())
+        place = np.arange(len(total)) - np.repeat(begins, np.diff([*begins, len(total)]))
         starts = np.flatnonzero(place % group == 0)
-        ends = np.append(starts[1:], len(segment)) - 1
+        ends = np.append(starts[1:], len(total)) - 1
         per = 1 if self.width == 1 else 2
-        gaps = np.cumsum(np.diff(segment, prepend=segment[0]) != 0)  # rows of NaN before each cell
-        points = np.column_stack((starts * per, ends * per + per - 1)) + gaps[starts][:, None]
+        gaps = np.cumsum(self._begins())[starts] - 1  # rows of NaN before each stretch
+        points = np.column_stack((starts * per, ends * per + per - 1)) + gaps[:, None]
         sums, counts = (np.add.reduceat(part[:, column], starts) for part in (total, known))
         return points[counts > 0], sums[counts > 0] / counts[counts > 0]
 
+    def _begins(self) -> np.ndarray:
+        """Whether a line begins at each cell."""
+        segment = self._joined()[0]
+        return np.concatenate(([True], (np.diff(segment) != 0) & (not self.across)))
+
     def _joined(self) -> list[np.ndarray]:
-        """Segment, first and last time, low, high, whether it falls, sum and number of known values of each cell."""
+        """Segment, first rows (of all, of the segment), first and last time, low, high, whether it falls, sum and
+        number of known values of each cell.
+        """
         self._parts = [tuple(np.concatenate(part) for part in zip(*self._parts, strict=True))]
         return list(self._parts[0])
+
+
+def extremes(
+    low: np.ndarray, high: np.ndarray, falls: np.ndarray | None, starts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lowest and highest values of groups that begin at `starts`, and whether the highest comes first.
+
+    Parameters
+    ----------
+    low, high : array of shape (n, k)
+        The same array for single samples, or extremes of cells; NaN where unknown.
+    falls : array of shape (n, k), optional
+        Whether the highest of each cell came first.
+    starts : array of shape (m,)
+    """
+    n = len(low)
+    lowest, highest = np.fmin.reduceat(low, starts, axis=0), np.fmax.reduceat(high, starts, axis=0)
+    group = np.repeat(np.arange(len(starts)), np.diff([*starts, n]))
+    place = np.arange(n)[:, None]
+    at_low, at_high = (
+        np.minimum.reduceat(np.where(values == found[group], place, n), starts, axis=0)
+        for values, found in ((low, lowest), (high, highest))
+    )
+    order = at_high < at_low
+    if falls is not None:
+        inside = np.take_along_axis(falls, np.minimum(at_low, n - 1), axis=0)
+        order = np.where(at_high == at_low, inside, order)
+    return lowest, highest, order
 
 
 def recorded(X: Any, name: Any, rows: Any) -> np.ndarray:

@@ -70,12 +70,15 @@
     const d = decimals(step / scale);
     return splits.map((v) => (v == null ? "" : minus((v / scale).toFixed(d))));
   };
-  const logarithmic = (u, splits) => splits.map((v) => {
-    if (v == null) return "";
-    const power = Math.log10(v);
-    if (Math.abs(power - Math.round(power)) > 1e-9) return "";
-    return power < -2.5 || power > 4.5 ? "10" + raised(Math.round(power)) : String(Number(v.toPrecision(1)));
-  });
+  const decade = (v) => v != null && Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-9;
+  const decades = (u, splits) => splits.map((v) => (decade(v) ? v : null));
+  const logarithmic = (u, splits) => {
+    const known = splits.filter(decade), powers = known[0] < 2e-3 || known[known.length - 1] > 2e4;
+    return splits.map((v) => {
+      if (!decade(v)) return "";
+      return powers ? "10" + raised(Math.round(Math.log10(v))) : String(Number(v.toPrecision(1)));
+    });
+  };
   function exponent(columns) { // a power of a thousand for an axis of very small or very large numbers
     let size = 0;
     for (const column of columns) for (const v of column) if (v != null && Math.abs(v) > size) size = Math.abs(v);
@@ -179,7 +182,8 @@
       const unit = (power ? "10" + raised(power) + (panel.unit ? " " + panel.unit : "") : panel.unit);
       const text = colour("text"), grid = { stroke: colour("grid"), width: 1 }, ticks = { stroke: colour("grid"), width: 1, size: 5 };
       const font = "12px " + getComputedStyle(document.body).fontFamily;
-      const xs = { stroke: text, grid, ticks, font, labelFont: font, space: 70 };
+      const gridded = (log) => (log ? { ...grid, filter: decades } : grid);
+      const xs = { stroke: text, grid: gridded(spec.x.log), ticks, font, labelFont: font, space: 70 };
       if (last) { xs.label = spec.x.label + (spec.x.unit ? " [" + spec.x.unit + "]" : ""); xs.labelSize = 18; xs.labelGap = 2; }
       if (spec.x.dates) xs.values = DATES;
       else xs.values = spec.x.log ? logarithmic : linear(1);
@@ -202,7 +206,7 @@
           } },
         },
         axes: [xs, {
-          stroke: text, grid, ticks, font, labelFont: font, space: 34, labelSize: 20, labelGap: 2,
+          stroke: text, grid: gridded(panel.log), ticks, font, labelFont: font, space: 34, labelSize: 20, labelGap: 2,
           label: this.title(panel, unit),
           values: panel.log ? logarithmic : linear(scale),
           size: (u, texts) => this.size(u, texts),
@@ -216,7 +220,7 @@
             paths: line.joined ? undefined : () => null,
             width: line.role === "average" ? 2 : 1.2,
             dash: line.dash ? [6, 4] : undefined,
-            points: line.edge ? { show: false } : line.dots ? { show: true, size: line.joined ? 6 : 4, width: 0, fill: colour(line.role) } : undefined,
+            points: line.edge || line.dash ? { show: false } : line.dots ? { show: true, size: line.joined ? 6 : 4, width: 0, fill: colour(line.role) } : undefined,
             value: (u, v) => figure(v, panel.unit),
           })),
         ],
