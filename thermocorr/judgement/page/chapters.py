@@ -10,7 +10,7 @@ import pandas as pd
 
 from ...estimators.variants import VariantComparison
 from .data import PageData, seconds_text
-from .html import DASH, MINUS, Section, bar, decibels, join, number, table, tag, unit_text, with_unit
+from .html import DASH, MINUS, Safe, Section, bar, decibels, join, number, table, tag, unit_text, with_unit
 from .sections import section
 
 if TYPE_CHECKING:
@@ -30,25 +30,9 @@ def steps(refinement: Refinement, title: str, *figures: Any) -> Section:
     """The error, step by step."""
     frame = refinement.steps
     unit = refinement.diagnoses[0].unit
-    first, last = frame.iloc[0], frame.iloc[-1]
-    if len(frame) == 1:
-        sentence: Any = "Nothing was added: no effect lowers the error on blocks of time that the fit did not see."
-    else:
-        sentence = join(
-            (
-                "The held-out error (blocks of time that the fit did not see) goes from ",
-                number(first.held_out_rms, unit),
-                " to ",
-                number(last.held_out_rms, unit),
-                " (",
-                decibels(last.db),
-                "). The verdict goes from ",
-                tag("strong", first.verdict),
-                " to ",
-                tag("strong", last.verdict),
-                ".",
-            )
-        )
+    sentence: Any = "Nothing was added: no effect lowers the error on blocks of time that the fit did not see."
+    if len(frame) > 1:
+        sentence = join(("Held out are blocks of time that the fit did not see. ", in_short(refinement)))
     largest = float(np.nanmax(frame["held_out_rms"]))
     floor = refinement.diagnoses[-1].noise_floor
     rows = [
@@ -73,6 +57,27 @@ def steps(refinement: Refinement, title: str, *figures: Any) -> Section:
         "verdict",
     )
     return section("steps", title, tag("p", sentence), table(head, rows, "llrlrrl", "steps"), *figures)
+
+
+def in_short(refinement: Refinement) -> Safe:
+    """What refinement achieved, in a sentence."""
+    first, last = refinement.steps.iloc[0], refinement.steps.iloc[-1]
+    unit = refinement.diagnoses[0].unit
+    return join(
+        (
+            "Refinement takes the held-out error from ",
+            number(first.held_out_rms, unit),
+            " to ",
+            number(last.held_out_rms, unit),
+            " (",
+            decibels(last.db),
+            "), the verdict from ",
+            tag("strong", first.verdict),
+            " to ",
+            tag("strong", last.verdict),
+            ".",
+        )
+    )
 
 
 def variants(comparison: VariantComparison, title: str) -> Section:

@@ -6,7 +6,7 @@ import base64
 import hashlib
 from collections.abc import Sequence
 from importlib.resources import files
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...estimators.variants import VariantComparison
 from ..displays._intervals import stretches
@@ -80,10 +80,13 @@ def page(
         chapters.quality(data, f"{next(numbers)} The data"),
         chapters.provenance(data, f"{next(numbers)} Versions", command, source),
     ]
-    return document(f"Thermal bias of {data.reading}", data.record_sentence(), body, charts)
+    leads: list[Any] = [data.record_sentence()]
+    if refinement is not None and len(refinement.steps) > 1:
+        leads.append(chapters.in_short(refinement))
+    return document(f"Thermal bias of {data.reading}", leads, body, charts)
 
 
-def document(title: str, subtitle: str, body: Sequence[Section], charts: Sequence[Chart]) -> str:
+def document(title: str, leads: Sequence[Any], body: Sequence[Section], charts: Sequence[Chart]) -> str:
     """Head, body and scripts. A policy in the head lets nothing run or load but what is written here."""
     styles = asset("uplot.min.css") + asset("page.css")
     scripts = [asset("uplot.min.js"), asset("page.js")]
@@ -100,7 +103,12 @@ def document(title: str, subtitle: str, body: Sequence[Section], charts: Sequenc
     links = [tag("li", tag("a", part.heading, href=f"#{part.identity}")) for part in body]
     inner = tag(
         "body",
-        tag("header", tag("h1", title), tag("p", subtitle, class_="lead"), tag("nav", tag("ol", *links))),
+        tag(
+            "header",
+            tag("h1", title),
+            *(tag("p", lead, class_="lead") for lead in leads),
+            tag("nav", tag("ol", *links)),
+        ),
         tag("main", *body),
         tag("noscript", tag("p", "The charts need JavaScript; the tables do not.")),
         script_data("charts", [chart.payload() for chart in charts]),

@@ -193,13 +193,13 @@
       return {
         width: this.width(i),
         height: panel.height + (last ? 48 : 0),
-        padding: [10, 14, 0, 0],
+        padding: [10, 20, 0, 0],
         tzDate: (seconds) => uPlot.tzDate(new Date(seconds * 1000), "Etc/UTC"),
         cursor: { sync: { key: spec.name, scales: ["x", null] }, drag: { x: true, y: false }, points: { size: 7 } },
         legend: { live: true, markers: { width: 0, fill: (u, k) => colour(panel.lines[k - 1].role) } },
         bands: panel.lines.flatMap((line, k) => (line.edge && !panel.lines[k - 1].edge ? [{ series: [k + 2, k + 1], fill: colour(line.role) + "38" }] : [])),
         scales: {
-          x: { time: spec.x.dates, distr: spec.x.log ? 3 : 1 },
+          x: spec.x.log ? { time: false, distr: 3, range: (u, low, high) => [low / 1.15, high * 1.15] } : { time: spec.x.dates },
           y: { distr: panel.log ? 3 : 1, range: panel.like == null ? undefined : () => {
             const { min, max } = this.panels[panel.like].scales.y;
             return [min, max];
