@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -188,9 +189,17 @@ def test_short_forms_need_no_script_and_names_are_no_markup(hostile, gappy):
     assert "DynamicBiasRegressor" in gappy[2]._repr_html_()  # scikit-learn's own diagram
 
 
-def test_a_diagnosis_without_data_says_so(gappy):
-    from dataclasses import replace
+@pytest.mark.parametrize("verdict", ["nothing missing", "missing", "ambiguous", "unexplained"])
+def test_every_verdict_has_its_page(gappy, verdict):
+    best = gappy[3].best if verdict in ("missing", "ambiguous") else None
+    html = replace(gappy[3], verdict=verdict, best=best).to_html()
+    assert f'data-verdict="{verdict}"' in html
+    assert ("with_effect" in html) == (best is not None)
+    assert ("It fails most" in html) == (verdict != "nothing missing")
+    assert replace(gappy[3], verdict=verdict, best=best)._repr_html_()
 
+
+def test_a_diagnosis_without_data_says_so(gappy):
     bare = replace(gappy[3], data=None)
     with pytest.raises(ValueError, match="holds no data"):
         bare.to_html()

@@ -34,7 +34,7 @@ def brief_diagnosis(found: Diagnosis) -> str:
     ]
     if found.data is not None:
         parts += [
-            tag("div", "Residual over time; grey: twice the noise floor.", style="opacity:.75;margin-top:.5em"),
+            tag("div", "Residual over time; dashed: twice the noise floor.", style="opacity:.75;margin-top:.5em"),
             still(found.data.traces.columns["residual"], 2 * found.noise_floor),
         ]
     if found.verdict != "nothing missing":
@@ -43,11 +43,11 @@ def brief_diagnosis(found: Diagnosis) -> str:
             for row in found.where.head(SHOWN).itertuples()
         ]
         parts.append(_table(("fails most", "of the error", "of the samples"), rows))
-    rows = [
-        (effect_name(row.kind, row.column), percent(row.share), decibels(row.gain_db), probability(row.p_value))
-        for row in found.ranking.head(SHOWN).itertuples()
-    ]
-    parts.append(_table(("suspect", "explains", "held-out gain", "error probability"), rows))
+        rows = [
+            (effect_name(row.kind, row.column), percent(row.share), decibels(row.gain_db), probability(row.p_value))
+            for row in found.ranking.head(SHOWN).itertuples()
+        ]
+        parts.append(_table(("suspect", "explains", "held-out gain", "error probability"), rows))
     if found.best is not None and found.best.info is not None:
         parts.append(tag("div", "On the bench: ", found.best.info.bench_check))
     return _box(parts)
@@ -70,7 +70,7 @@ def brief_refinement(refinement: Refinement) -> str:
     parts: list[Any] = [_table(head, rows)]
     if last.data is not None:
         parts += [
-            tag("div", "Residual of the last model over time; grey: twice the noise floor.", style="opacity:.75"),
+            tag("div", "Residual of the last model over time; dashed: twice the noise floor.", style="opacity:.75"),
             still(last.data.traces.columns["residual"], 2 * last.noise_floor),
         ]
     return _box(parts)

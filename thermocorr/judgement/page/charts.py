@@ -142,7 +142,7 @@ def still(values: np.ndarray, floor: float | None = None, *, width: int = 640, h
     ----------
     values : array of shape (n,)
     floor : float, optional
-        Half width of a grey band around zero.
+        Dashed lines at plus and minus this.
     """
     parts = np.array_split(np.asarray(values, float), min(width // 2, len(values)))
     cells = [part[np.isfinite(part)] for part in parts]
@@ -161,16 +161,14 @@ def still(values: np.ndarray, floor: float | None = None, *, width: int = 640, h
         if np.isfinite(a)
     ]
     drawn = []
-    if floor is not None:
-        drawn.append(
-            f'<rect x="0" width="{width}" y="{y(floor)}" height="{y(-floor) - y(floor):.1f}" fill="currentColor" '
-            'opacity="0.15"/>'
-        )
     drawn.append(f'<path d="{"".join(strokes)}" stroke="#4d86d8" stroke-width="{max(step * 0.8, 1):.2f}" fill="none"/>')
     middles = [f"{(i + 0.5) * step:.1f} {y(part.mean())}" for i, part in enumerate(cells) if len(part) > 3]
     drawn.append(
         f'<path d="M{"L".join(middles)}" stroke="currentColor" stroke-width="1.5" fill="none"/>' if middles else ""
     )
+    if floor is not None:
+        edges = "".join(f"M0 {y(edge)}H{width}" for edge in (floor, -floor))
+        drawn.append(f'<path d="{edges}" stroke="currentColor" stroke-dasharray="6 4" opacity="0.7" fill="none"/>')
     return Safe(
         f'<svg viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" aria-label="residual" '
         f'style="max-width:100%;height:auto;display:block">{"".join(drawn)}</svg>'

@@ -158,8 +158,40 @@ def places(found: Diagnosis, data: PageData | None, *figures: Any) -> Section:
             tag("p", "Nowhere more than elsewhere: the error is evenly spread."),
             *figures,
         )
+    sentence = _worst_sentence(found)
+    shown = 0 if found.verdict == "nothing missing" else SHOWN_PLACES
+    bands = where[where["condition"] == "frequency"]
+    longest = float(max(where["share"].drop(bands.index).max(), 1e-300))
+    rows = [_place(row, longest, data) for row in WhereDisplay(where).frame().itertuples()]
+    head = ("condition", "range", "share of the error", "", "times its share of samples", with_unit("rms", found.unit))
+    folded = tag(
+        "details",
+        tag("summary", f"{len(rows) - shown} more places" if shown else f"{len(rows)} places"),
+        table(head, rows[shown:], "llrlrr", "places"),
+        class_="long",
+    )
+    return section(
+        "where",
+        "2 Where does it fail?",
+        sentence,
+        *figures,
+        table(head, rows[:shown], "llrlrr", "places") if shown else "",
+        folded if len(rows) > shown else "",
+    )
+
+
+def _worst_sentence(found: Diagnosis) -> Safe:
+    """The worst place, and slow or fast."""
+    where = found.where
+    bars = "A bar is a place's share of the error beyond the noise; its mark is the place's share of the samples."
+    if found.verdict == "nothing missing":
+        return tag(
+            "p",
+            "Nowhere in particular: nothing is missing, and the little beyond the noise is where chance put it. ",
+            bars,
+        )
     worst = where.iloc[0]
-    sentence: str = tag(
+    sentence = tag(
         "p",
         "It fails most ",
         tag("strong", place_text(worst.condition, worst.interval)),
@@ -167,28 +199,14 @@ def places(found: Diagnosis, data: PageData | None, *figures: Any) -> Section:
         percent(worst.share),
         " of the error beyond the noise lies in ",
         percent(worst.share / worst.lift),
-        " of the samples. A bar is a place's share of that error; its mark is the place's share of the samples.",
+        f" of the samples. {bars}",
     )
     bands = where[where["condition"] == "frequency"]
-    longest = float(max(where["share"].drop(bands.index).max(), 1e-300))
-    rows = [_place(row, longest, data) for row in WhereDisplay(where).frame().itertuples()]
-    head = ("condition", "range", "share of the error", "", "times its share of samples", with_unit("rms", found.unit))
-    if len(bands):
-        band = bands.loc[bands["share"].idxmax()]
-        sentence += tag("p", "Slow or fast: ", percent(band.share), f" of it has {interval_text(band.interval)}.")
-    folded = tag(
-        "details",
-        tag("summary", f"{len(rows) - SHOWN_PLACES} more places"),
-        table(head, rows[SHOWN_PLACES:], "llrlrr", "places"),
-        class_="long",
-    )
-    return section(
-        "where",
-        "2 Where does it fail?",
-        Safe(sentence),
-        *figures,
-        table(head, rows[:SHOWN_PLACES], "llrlrr", "places"),
-        folded if len(rows) > SHOWN_PLACES else "",
+    if not len(bands):
+        return sentence
+    band = bands.loc[bands["share"].idxmax()]
+    return join(
+        (sentence, tag("p", "Slow or fast: ", percent(band.share), f" of it has {interval_text(band.interval)}."))
     )
 
 
@@ -215,7 +233,7 @@ def suspects(found: Diagnosis, data: PageData | None, *figures: Any) -> Section:
     if not len(ranking):
         return section("what", "3 What is missing?", tag("p", "No suspect could be tried on this record."), *figures)
     lead = {
-        "nothing missing": "No suspect is worth adding. For completeness, the first of those tried:",
+        "nothing missing": "Nothing that was tried: no suspect is worth adding.",
         "unexplained": "No suspect explains it by itself. The first of those tried:",
         "ambiguous": "These explain it equally well on this record:",
     }.get(found.verdict, "The suspects, best first. The gain is on blocks of time that the fit did not see.")
@@ -242,12 +260,16 @@ def suspects(found: Diagnosis, data: PageData | None, *figures: Any) -> Section:
         for kind in kinds
         if kind in CATALOGUE and (info := CATALOGUE[kind].info) is not None
     ]
+    listed = table(head, rows, "lrlrrl", "suspects")
+    if found.verdict == "nothing missing":
+        listed = tag("details", tag("summary", f"The first {len(rows)} of those tried"), listed)
+        physics = []
     return section(
         "what",
         "3 What is missing?",
         tag("p", lead),
-        tag("ul", *physics),
-        table(head, rows, "lrlrrl", "suspects"),
+        tag("ul", *physics) if physics else "",
+        listed,
         tag(
             "p",
             "Error probabilities are those of the whole family of suspects, on residuals made white; a suspect is "

@@ -79,6 +79,13 @@
       return powers ? "10" + raised(Math.round(Math.log10(v))) : String(Number(v.toPrecision(1)));
     });
   };
+  const ladder = (u, i, low, high) => { // 1 to 9 times each power of ten
+    const steps = [];
+    for (let power = Math.floor(Math.log10(low)); power <= Math.log10(high); power++) {
+      for (let k = 1; k < 10; k++) if (k * 10 ** power >= low && k * 10 ** power <= high) steps.push(k * 10 ** power);
+    }
+    return steps;
+  };
   function exponent(columns) { // a power of a thousand for an axis of very small or very large numbers
     let size = 0;
     for (const column of columns) for (const v of column) if (v != null && Math.abs(v) > size) size = Math.abs(v);
@@ -187,6 +194,7 @@
       if (last) { xs.label = spec.x.label + (spec.x.unit ? " [" + spec.x.unit + "]" : ""); xs.labelSize = 18; xs.labelGap = 2; }
       if (spec.x.dates) xs.values = DATES;
       else xs.values = spec.x.log ? logarithmic : linear(1);
+      if (spec.x.log) { xs.splits = ladder; xs.filter = (u, splits) => splits; }
       if (!last) { xs.values = (u, splits) => splits.map(() => ""); xs.size = 8; }
       else xs.size = spec.x.dates ? 40 : 28;
       const step = this.x.length > 1 ? this.x[1] - this.x[0] : 1;
