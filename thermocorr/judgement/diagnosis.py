@@ -128,15 +128,15 @@ class Diagnosis:
     data: PageData | None = field(default=None, repr=False, compare=False)
     """Series, formula and coefficients of the model on the record, for the page."""
 
-    def to_html(self, **details: str) -> str:
-        """A self-contained HTML page; `details` are `source` and `command`, see `thermocorr.judgement.page.page`."""
+    def to_html(self, *, source: str = "", command: str = "") -> str:
+        """One self-contained HTML page that needs no network; `source` and `command` are named at its end."""
         if self.data is None:
             raise ValueError("This diagnosis holds no data to draw. Make it with diagnose(model, X, y).")
-        return page(self.data, diagnosis=self, **details)
+        return page(self.data, diagnosis=self, source=source, command=command)
 
-    def save_html(self, path: str | PathLike[str], **details: str) -> None:
+    def save_html(self, path: str | PathLike[str], *, source: str = "", command: str = "") -> None:
         """Write `to_html` to a file."""
-        Path(path).write_text(self.to_html(**details), encoding="utf-8")
+        Path(path).write_text(self.to_html(source=source, command=command), encoding="utf-8")
 
     def _repr_html_(self) -> str:
         return brief_diagnosis(self)

@@ -38,15 +38,15 @@ class Refinement:
     diagnoses: tuple[Diagnosis, ...] = field(repr=False)
     """Diagnosis of the model after each step."""
 
-    def to_html(self, **details: str) -> str:
-        """A self-contained HTML page; `details` are `source` and `command`, see `thermocorr.judgement.page.page`."""
+    def to_html(self, *, source: str = "", command: str = "") -> str:
+        """One self-contained HTML page that needs no network; `source` and `command` are named at its end."""
         if self.diagnoses[-1].data is None:
             raise ValueError("This refinement holds no data to draw. Make it with refine(model, X, y).")
-        return page(self.diagnoses[-1].data, refinement=self, **details)
+        return page(self.diagnoses[-1].data, refinement=self, source=source, command=command)
 
-    def save_html(self, path: str | PathLike[str], **details: str) -> None:
+    def save_html(self, path: str | PathLike[str], *, source: str = "", command: str = "") -> None:
         """Write `to_html` to a file."""
-        Path(path).write_text(self.to_html(**details), encoding="utf-8")
+        Path(path).write_text(self.to_html(source=source, command=command), encoding="utf-8")
 
     def _repr_html_(self) -> str:
         return brief_refinement(self)

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from ...estimators.variants import VariantComparison
-from .data import PageData, seconds_text
+from ..displays._timeline import time_text
+from .data import PageData
 from .html import DASH, MINUS, Safe, Section, bar, decibels, join, number, table, tag, unit_text, with_unit
 from .sections import section
 
@@ -134,7 +135,7 @@ def formula(data: PageData, title: str, *figures: Any) -> Section:
         for name, row in zip(data.coefficients.index, data.coefficients.itertuples(), strict=True)
     ]
     head = ("column", "effect", "coefficient", "standard error", "unit")
-    taus = ", ".join(seconds_text(tau) for tau in data.time_constants)
+    taus = ", ".join(time_text(tau) for tau in data.time_constants)
     lead = f"Its lags have the time constants {taus}." if taus else "It has no lags."
     return section(
         "model",

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...effects.thermal import column_text
 from ...records import Record
 from ...records.units import unit_of
 from ..displays import AllanDisplay, ContributionsDisplay, ResidualLoopDisplay, StepResponseDisplay
-from ..displays._timeline import TimeLine
+from ..displays._timeline import TimeLine, time_text
 from ..displays._walk import Walk
 from .traces import MOST_POINTS, Traces, column_key
 
@@ -83,11 +84,11 @@ class PageData:
         last = record.segments[-1].stop - 1
         return cls(
             reading=model.reading_.name,
-            temperature=str(record.temperature_name),
+            temperature=walk.temperature_name,
             unit=model.reading_.unit,
             temperature_unit=model.reading_.temperature_unit,
             traces=traces,
-            beside=tuple((column_key(name), str(name), unit_of(name, X)) for name in beside),
+            beside=tuple((column_key(name), column_text(name), unit_of(name, X)) for name in beside),
             timeline=walk.timeline,
             span=" to ".join(record.times.label(record.row(k)) for k in (record.segments[0].start, last)),
             n_rows=record.n_rows,
@@ -124,15 +125,11 @@ class PageData:
     def record_sentence(self) -> str:
         """What was measured, in one sentence."""
         many = "" if self.n_segments == 1 else f", in {self.n_segments} stretches"
-        return f"{self.n_readings:,} readings of {self.reading}, {self.span}, every {seconds_text(self.step)}{many}."
-
-
-def seconds_text(seconds: float) -> str:
-    """A time span as a person writes it: 15 s, 20.5 min, 2.15 h, 14.6 d."""
-    for size, unit in ((86_400.0, "d"), (3600.0, "h"), (60.0, "min")):
-        if seconds >= 2 * size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds:.3g} s"
+        said = f"{self.n_readings:,} readings of {self.reading}"
+        if self.timeline.samples:
+            return f"{said}, at unknown times{many}."
+        zone = "" if self.timeline.zone is None else " UTC"
+        return f"{said}, {self.span}{zone}, every {time_text(self.step)}{many}."
 
 
 def versions() -> tuple[tuple[str, str], ...]:

@@ -9,12 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ...estimators.resolution import CONFIDENCE_95
-from ..displays._timeline import SECONDS_OF, elapsed_unit
+from ..displays._timeline import SECONDS_OF, elapsed_unit, time_text
 from .charts import Chart, Line, Panel
-from .data import PageData, seconds_text
+from .data import PageData
 
 NOISY = 0.3
 """Noise floor over residual from which the noise hides what is to be seen."""
+FEW = 8
+"""Fewer means than this are not drawn."""
 MOST_JOINTS = 5000
 """Segments whose true times a pointer can show."""
 
@@ -70,6 +72,8 @@ def residual_lines(data: PageData, floor: float | None) -> tuple[Line, ...]:
     own = Line("residual", traces.columns["residual"], "residual")
     if floor is not None and floor < NOISY * traces.rms:
         return (replace(own, role="average"),)
+    if len(traces.average[1]) < FEW:
+        return (own,)
     return own, Line(f"mean of {traces.average_rows}", traces.average[1], "average", stretches=traces.average[0])
 
 
@@ -117,6 +121,8 @@ def time_axis(data: PageData) -> Axis:
     if line.dates and line.in_order:
         zero = line.first / 1e9
         return Axis(places + zero, zone, "", 1.0, True, zero, ())
+    if line.samples and line.in_order:
+        return Axis(places, "sample", "", 1.0, False, 0.0, ())
     unit = "samples" if line.samples else elapsed_unit(line.span)
     scale = 1.0 if line.samples else SECONDS_OF[unit]
     label = "time since the first row" if line.in_order else "recorded time, long gaps left out"
@@ -222,7 +228,7 @@ def series_caption(data: PageData, floor: float | None, shaded: bool) -> str:
     if floor is not None:
         parts.append("Dashed: twice the noise floor; about one white-noise sample in twenty lies outside.")
     if len(residual_lines(data, floor)) > 1:
-        span = seconds_text(data.traces.average_rows * data.step)
+        span = time_text(data.traces.average_rows * data.step)
         parts.append(f"The line inside the residual is its mean over stretches of {span}: what the noise hides.")
     if shaded:
         parts.append("Shaded: where it fails clearly more than elsewhere.")
@@ -230,7 +236,7 @@ def series_caption(data: PageData, floor: float | None, shaded: bool) -> str:
     if width > 1:
         parts.append(
             f"The record has {data.traces.n_rows:,} rows: shown are the smallest and the largest of every {width} "
-            f"({seconds_text(width * data.step)}), so that no spike is hidden."
+            f"({time_text(width * data.step)}), so that no spike is hidden."
         )
     parts.append("Drag across to zoom, double-click for the whole record.")
     return " ".join(parts)

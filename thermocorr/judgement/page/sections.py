@@ -11,7 +11,8 @@ import pandas as pd
 
 from ...effects import CATALOGUE
 from ..displays import WhereDisplay
-from .data import PageData, seconds_text
+from ..displays._timeline import time_text
+from .data import PageData
 from .figures import placed
 from .html import (
     DASH,
@@ -66,7 +67,7 @@ def place_text(condition: str, interval: str) -> str:
 
 def condition_text(condition: str) -> str:
     """A condition with its seconds as a person writes them: lag difference, 10.3 h [K]."""
-    return re.sub(r"(?<=, )[\d.e+-]+ s(?= \[)", lambda found: seconds_text(float(found[0][:-2])), condition)
+    return re.sub(r"(?<=, )[\d.e+-]+ s(?= \[)", lambda found: time_text(float(found[0][:-2])), condition)
 
 
 def interval_text(interval: str) -> str:
@@ -74,7 +75,7 @@ def interval_text(interval: str) -> str:
     if interval.endswith(" s"):
         in_words = interval.removeprefix("periods of ").replace(" s", "").split(" to ")
         start = interval[: len(interval) - len(interval.removeprefix("periods of "))]
-        return start + " to ".join(seconds_text(float(seconds)) for seconds in in_words)
+        return start + " to ".join(time_text(float(seconds)) for seconds in in_words)
     return re.sub(r"(?<![\w-])-(?=\d)", MINUS, interval)
 
 
@@ -94,7 +95,7 @@ def parameters_text(kind: str, parameters: dict[str, Any], data: PageData | None
         if name == "time" and data is not None and data.start is not None:
             shown = [str(pd.Timestamp(data.start + number, unit="s").round("s")) for number in numbers]
         elif unit == "s":
-            shown = [seconds_text(number) for number in numbers]
+            shown = [time_text(number) for number in numbers]
         else:
             absolute = data is not None and name in ("knee", "reference_temperature")
             shown = [f"{plain(v, 3)} {unit_text(data.temperature_unit if absolute else unit)}" for v in numbers]

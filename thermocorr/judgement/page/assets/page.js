@@ -203,7 +203,7 @@
         height: panel.height + (last ? 48 : 0),
         padding: [10, 20, 0, 0],
         tzDate: (seconds) => uPlot.tzDate(new Date(seconds * 1000), "Etc/UTC"),
-        cursor: { sync: { key: spec.name, scales: ["x", null] }, drag: { x: true, y: false }, points: { size: 7 } },
+        cursor: { y: false, sync: { key: spec.name, scales: ["x", null] }, drag: { x: true, y: false }, points: { size: 7 } },
         legend: { live: true, markers: { width: 0, fill: (u, k) => colour(panel.lines[k - 1].role) } },
         bands: panel.lines.flatMap((line, k) => (line.edge && !panel.lines[k - 1].edge ? [{ series: [k + 2, k + 1], fill: colour(line.role) + "38" }] : [])),
         scales: {
