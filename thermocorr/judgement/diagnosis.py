@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +20,7 @@ from ..records.read import is_frame, numeric_reading
 from .adding import held_out_rms, with_missing
 from .averages import Averages, averaged, filled
 from .evidence import Evidence, evidence, orthonormal, own_part
-from .page import PageData, brief_diagnosis, page
+from .page import DiagnosisPage, PageData
 from .where import where_it_fails
 
 RICH_LAGS = 16
@@ -104,7 +102,7 @@ class Suspect:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(DiagnosisPage):
     """What `diagnose` found. Prints as a page."""
 
     verdict: str
@@ -127,19 +125,6 @@ class Diagnosis:
     unit: str
     data: PageData | None = field(default=None, repr=False, compare=False)
     """Series, formula and coefficients of the model on the record, for the page."""
-
-    def to_html(self, *, source: str = "", command: str = "") -> str:
-        """One self-contained HTML page that needs no network; `source` and `command` are named at its end."""
-        if self.data is None:
-            raise ValueError("This diagnosis holds no data to draw. Make it with diagnose(model, X, y).")
-        return page(self.data, diagnosis=self, source=source, command=command)
-
-    def save_html(self, path: str | PathLike[str], *, source: str = "", command: str = "") -> None:
-        """Write `to_html` to a file."""
-        Path(path).write_text(self.to_html(source=source, command=command), encoding="utf-8")
-
-    def _repr_html_(self) -> str:
-        return brief_diagnosis(self)
 
     def __str__(self) -> str:
         lines = [

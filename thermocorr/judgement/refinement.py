@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,7 @@ from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from .adding import held_out_rms, with_missing
 from .diagnosis import Diagnosis, diagnose
-from .page import brief_refinement, page
+from .page import RefinementPage
 
 WORSE = 1.001
 """Held-out error of a model with an effect more, over that before, above which the effect is not kept."""
@@ -27,7 +25,7 @@ TUNING = (0.1, 0.03)
 
 
 @dataclass(frozen=True)
-class Refinement:
+class Refinement(RefinementPage):
     """What `refine` did, step by step. Prints as a table."""
 
     steps: pd.DataFrame
@@ -37,19 +35,6 @@ class Refinement:
     """The final model, fitted."""
     diagnoses: tuple[Diagnosis, ...] = field(repr=False)
     """Diagnosis of the model after each step."""
-
-    def to_html(self, *, source: str = "", command: str = "") -> str:
-        """One self-contained HTML page that needs no network; `source` and `command` are named at its end."""
-        if self.diagnoses[-1].data is None:
-            raise ValueError("This refinement holds no data to draw. Make it with refine(model, X, y).")
-        return page(self.diagnoses[-1].data, refinement=self, source=source, command=command)
-
-    def save_html(self, path: str | PathLike[str], *, source: str = "", command: str = "") -> None:
-        """Write `to_html` to a file."""
-        Path(path).write_text(self.to_html(source=source, command=command), encoding="utf-8")
-
-    def _repr_html_(self) -> str:
-        return brief_refinement(self)
 
     def __str__(self) -> str:
         lines = [

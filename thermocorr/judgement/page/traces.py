@@ -221,7 +221,9 @@ def recorded(X: Any, name: Any, rows: Any) -> np.ndarray:
     if not is_frame(X):
         return np.asarray(X[rows, name], float)
     column = X[name]
-    return np.asarray(column.iloc[rows] if hasattr(column, "iloc") else column[rows], float)
+    if hasattr(column, "iloc"):
+        return column.iloc[rows].to_numpy(dtype=float, na_value=np.nan)  # type: ignore[no-any-return]
+    return np.asarray(column[rows], float)
 
 
 def column_key(name: Any) -> str:
