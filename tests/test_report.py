@@ -199,6 +199,14 @@ def test_every_verdict_has_its_page(gappy, verdict):
     assert replace(gappy[3], verdict=verdict, best=best)._repr_html_()
 
 
+def test_a_record_of_many_segments_does_not_swell_the_page(gappy):
+    data = gappy[3].data
+    many = pd.concat([data.coefficients] * 500)
+    long = replace(data, coefficients=many, equation="\n".join(["+ 1 * decay"] * len(many)))
+    assert len(page(long)) < len(page(data)) + 1e5
+    assert f"{len(many)} coefficients, the first" in page(long)
+
+
 def test_a_diagnosis_without_data_says_so(gappy):
     bare = replace(gappy[3], data=None)
     with pytest.raises(ValueError, match="holds no data"):

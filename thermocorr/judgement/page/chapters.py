@@ -17,6 +17,8 @@ from .sections import section
 if TYPE_CHECKING:
     from ..refinement import Refinement
 
+LISTED = 200
+"""Coefficients listed, and lines of the formula: a record of many segments has decays for each."""
 OPEN_ROWS = 20
 """A table of coefficients of more rows is folded at first."""
 FLAGS = {
@@ -89,7 +91,7 @@ def variants(comparison: VariantComparison, title: str) -> Section:
     for chosen in (slice(0, middle), slice(middle, None)):
         rows = [
             (name, *(_variant_cell(column, figures.loc[name, column]) for column in figures.columns[chosen]))
-            for name in figures.index
+            for name in figures.index[figures.iloc[:, chosen].notna().any(axis=1)]
         ]
         tables.append(table(("variant", *names[chosen]), rows, "l" + "r" * (len(rows[0]) - 1), "variants"))
     return section(
@@ -132,8 +134,11 @@ def formula(data: PageData, title: str, *figures: Any) -> Section:
             number(row.standard_error, digits=3),
             unit_text(row.unit),
         )
-        for name, row in zip(data.coefficients.index, data.coefficients.itertuples(), strict=True)
+        for name, row in zip(data.coefficients.index[:LISTED], data.coefficients[:LISTED].itertuples(), strict=True)
     ]
+    count, lines = len(data.coefficients), data.equation.split("\n")
+    summary = f"{count} coefficients" + (f", the first {LISTED} of them" if count > LISTED else "")
+    shown = lines if len(lines) <= LISTED else [*lines[:LISTED], "    + ... (whole: model.equation())"]
     head = ("column", "effect", "coefficient", "standard error", "unit")
     taus = ", ".join(time_text(tau) for tau in data.time_constants)
     lead = f"Its lags have the time constants {taus}." if taus else "It has no lags."
@@ -148,10 +153,10 @@ def formula(data: PageData, title: str, *figures: Any) -> Section:
             "lrl",
         ),
         *figures,
-        tag("pre", tag("code", data.equation), class_="tall", tabindex=0),
+        tag("pre", tag("code", "\n".join(shown)), class_="tall", tabindex=0),
         tag(
             "details",
-            tag("summary", f"{len(rows)} coefficients"),
+            tag("summary", summary),
             table(head, rows, "llrrl", "coefficients"),
             open="open" if len(rows) <= OPEN_ROWS else None,
         ),

@@ -10,7 +10,7 @@ import numpy as np
 from ...records.read import is_frame, numeric_reading
 from ..displays._timeline import TimeLine
 
-MOST_POINTS = 90_000
+MOST_POINTS = 85_000
 """Points of one line. A record of so many rows is shown whole; of a longer one, the extremes of groups of rows."""
 
 AVERAGES = 400
