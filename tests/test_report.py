@@ -16,6 +16,7 @@ from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose, refine
 from thermocorr.datasets import make_record
 from thermocorr.judgement.page import PageData, page
 from thermocorr.judgement.page.html import number, plain, script_data, table, text
+from thermocorr.judgement.page.sections import interval_text
 from thermocorr.judgement.page.traces import Cells
 from thermocorr.outside.cli import main
 from thermocorr.outside.report import write_report
@@ -149,6 +150,21 @@ def test_memory_is_bounded_even_where_every_row_is_a_segment():
 def test_numbers_are_written_as_a_person_writes_them(value, shown):
     assert plain(value) == shown
     assert float(re.search(r'value="([^"]+)"', number(value))[1]) == value  # every digit is there for a machine
+
+
+@pytest.mark.parametrize(
+    ("interval", "shown"),
+    [
+        ("2018-02-14 19:10:19 to 2018-02-14 20:45:19", "2018-02-14 19:10:19 to 20:45:19"),
+        ("2024-03-17 20:42:08 to 2024-03-18 13:57:22", "2024-03-17 20:42:08 to 2024-03-18 13:57:22"),
+        ("-0.26 to -0.08", "\u22120.26 to \u22120.08"),
+        ("7200 s to 10800 s", "2 h to 3 h"),
+        ("periods of 7.2e+03 to 2.88e+04 s", "periods of 2 h to 8 h"),
+        ("18 to 20 h", "18 to 20 h"),
+    ],
+)
+def test_places_are_written_as_a_person_writes_them(interval, shown):
+    assert interval_text(interval) == shown
 
 
 def test_names_are_made_harmless_in_text_and_in_data():

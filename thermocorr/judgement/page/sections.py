@@ -76,6 +76,7 @@ def interval_text(interval: str) -> str:
         in_words = interval.removeprefix("periods of ").replace(" s", "").split(" to ")
         start = interval[: len(interval) - len(interval.removeprefix("periods of "))]
         return start + " to ".join(time_text(float(seconds)) for seconds in in_words)
+    interval = re.sub(r"^(\d{4}-\d\d-\d\d )(.+ to )\1", r"\1\2", interval)  # the same day is named once
     return re.sub(r"(?<![\w-])-(?=\d)", MINUS, interval)
 
 
