@@ -222,9 +222,9 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         n_rows = len(numeric_reading(y, X))
         columns: dict[str, np.ndarray] = {name: np.full(n_rows, np.nan) for name in ("corrected", "model", "residual")}
         columns["flag"] = np.full(n_rows, "no temperature", dtype=object)
-        for rows, values in self._evaluated(X, y):
+        for block, values in self.evaluated_blocks(X, y):
             for name, part in values.items():
-                columns[name][rows] = part
+                columns[name][block.rows] = part
         return pd.DataFrame(columns, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     def evaluate_blocks(self, X: Any, y: Any) -> Iterator[pd.DataFrame]:
@@ -232,7 +232,8 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
 
         Rows without a temperature are left out. The index is X's, or row numbers where it has none.
         """
-        for rows, values in self._evaluated(X, y):
+        for block, values in self.evaluated_blocks(X, y):
+            rows = block.rows
             if isinstance(X, pd.DataFrame):
                 index = X.index[rows]
             else:
@@ -378,15 +379,15 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
             parts = [step.columns[:, low:high] @ coef[low:high] for low, high in pairwise(edges)]
             yield step.block, np.column_stack(parts)
 
-    def _evaluated(self, X: Any, y: Any) -> Iterator[tuple[Any, dict[str, np.ndarray]]]:
-        """Rows and the columns of `evaluate`, block by block."""
+    def evaluated_blocks(self, X: Any, y: Any) -> Iterator[tuple[Block, dict[str, np.ndarray]]]:
+        """The columns of `evaluate` as arrays, each with the block (times, segment, temperature) that it belongs to."""
         reading = numeric_reading(y, X)
         removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
         for block, parts in self._walk_contributions(X):
             measured = np.asarray(reading[block.rows], float)
             model = parts.sum(axis=1) + self.intercept_
             yield (
-                block.rows,
+                block,
                 {
                     "corrected": measured - parts[:, removed].sum(axis=1),
                     "model": model,

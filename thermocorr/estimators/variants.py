@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -74,7 +75,7 @@ class VariantComparison:
     def to_html(self) -> str:
         """The table as HTML, caption included."""
         table = self.formatted().to_html(border=0, classes="thermocorr-variants")
-        return f"{table}\n<p>{self.caption()}</p>"
+        return f"{table}\n<p>{escape(self.caption())}</p>"
 
     def _repr_html_(self) -> str:
         return self.to_html()

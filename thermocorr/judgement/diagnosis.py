@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
 from .helping import helping
 from .lagging import Lagging, thermal_parts
+from .page import DiagnosisPage, PageData
 from .suspects import further_candidates, given_effects, suspect_record
 from .trial import FAIR_SHARE, LEVEL, MOST_CAUSES, TIE, Suspect, Trial, tied
 from .where import against_white, where_it_fails
@@ -29,7 +30,7 @@ CLEAR_SHARE = 0.8
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(DiagnosisPage):
     """What `diagnose` found. Prints as a page."""
 
     verdict: str
@@ -52,6 +53,8 @@ class Diagnosis:
     colour: float
     """Variance over innovation variance of what all suspects together leave: 1 for white noise."""
     unit: str
+    data: PageData | None = field(default=None, repr=False, compare=False)
+    """Series, formula and coefficients of the model on the record, for the page."""
 
     def __str__(self) -> str:
         lines = [
@@ -177,6 +180,7 @@ def _conclude(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, lagging
         rms,
         trial.evidence.noise.colour,
         model.reading_.unit,
+        PageData.of(model, X, y, beside=tuple(dict.fromkeys(ranked[0].effect.inputs() if ranked else ()))),
     )
 
 

@@ -15,6 +15,7 @@ from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from .adding import held_out_rms, with_missing
 from .diagnosis import Diagnosis, diagnose
+from .page import RefinementPage
 
 WORSE = 1.001
 """Held-out error of a model with an effect more, over that before, above which the effect is not kept."""
@@ -25,7 +26,7 @@ TUNING = (0.1, 0.03)
 
 
 @dataclass(frozen=True)
-class Refinement:
+class Refinement(RefinementPage):
     """What `refine` did, step by step. Prints as a table."""
 
     steps: pd.DataFrame

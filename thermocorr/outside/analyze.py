@@ -5,15 +5,17 @@ from __future__ import annotations
 import argparse
 import warnings
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import pandas as pd
 
 from ..datasets import load_voltage_reference
 from ..estimators import DynamicBiasRegressor, compare_variants
-from ..judgement import Diagnosis, diagnose, refine
+from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..records import RecordError, RecordWarning
 from .files import prepare_folder, read_log, require_column, write_corrected, write_model
+from .report import require_writable, write_report
 
 TIME_NAMES = ("time", "timestamp", "datetime", "date", "time_s")
 
@@ -47,12 +49,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--refine", action="store_true", help="add missing effects, one by one, while the error falls")
     parser.add_argument("--out", metavar="FOLDER", help="where to write corrected.csv and the fitted model")
+    parser.add_argument(
+        "--report",
+        metavar="FILE",
+        nargs="?",
+        const="",
+        help="write everything as one HTML page (default: report.html, in the folder of --out)",
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
 
 
 def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> None:
     """Do it: `say` prints results, `progress` shows what is being done."""
     folder = None if options.out is None else prepare_folder(options.out)
+    report = None if options.report is None else require_writable(options.report or (folder or Path()) / "report.html")
     log, index, model, reading = _load(options)
     X, y = log.drop(columns=reading), log[reading]
     with warnings.catch_warnings(record=True) as caught:
@@ -73,10 +83,35 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
         say(f"Note: {note}\n")
     say(f"{comparison}\n")
     say(f"Time constants of the last model: {', '.join(f'{tau:.4g} s' for tau in best.time_constants_)}\n")
-    best = _judge(best, X, y, options, say, progress)
+    judged = _judge(best, X, y, options, say, progress)
+    best = judged.model
     if folder is not None:
         written = [write_corrected(folder, log, best.evaluate(X, y), index), *write_model(folder, best)]
         say(f"Written: {', '.join(str(path) for path in written)}")
+    if report is not None:
+        write_report(
+            report,
+            best,
+            X,
+            y,
+            diagnosis=judged.diagnosis,
+            refinement=judged.refinement,
+            comparison=comparison,
+            unjudged=judged.reason,
+            source=options.log or "the built-in voltage reference with a hidden effect",
+            command=options.as_written,
+        )
+        say(f"Report: {report}")
+
+
+class Judged(NamedTuple):
+    """The model to keep, and what was found."""
+
+    model: DynamicBiasRegressor
+    diagnosis: Diagnosis | None = None
+    refinement: Refinement | None = None
+    reason: str = ""
+    """Why there is no diagnosis."""
 
 
 def _judge(
@@ -86,8 +121,8 @@ def _judge(
     options: argparse.Namespace,
     say: Callable[[str], None],
     progress: Callable[[str], None],
-) -> DynamicBiasRegressor:
-    """Say where the model fails and what is missing; with --refine, add it. Returns the model to keep."""
+) -> Judged:
+    """Say where the model fails and what is missing; with --refine, add it."""
     show = (lambda text: None) if options.quiet else progress
     show("looking for what is missing")
     try:
@@ -98,15 +133,15 @@ def _judge(
                 say(f"{found}\n\n{places(found)}")
                 if found.best is not None:
                     say("\nAdd --refine to add what is missing and watch the error fall.")
-                return model
+                return Judged(model, found)
             refinement = refine(model, X, y, progress=show)
     except RecordError as error:
         say(f"Not judged: {error}")
-        return model
+        return Judged(model, reason=f"Not judged: {error}")
     first = refinement.diagnoses[0]
     say(f"{first}\n\n{places(first)}\n\nThe error, step by step (held out: blocks of time that the fit did not see):\n")
     say(f"{refinement}\n")
-    return refinement.model_
+    return Judged(refinement.model_, first, refinement)
 
 
 def places(found: Diagnosis) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Sequence
 
@@ -25,6 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     analyze.add_arguments(analyze_parser)
     analyze_parser.set_defaults(execute=analyze.run)
     options = parser.parse_args(arguments)
+    options.as_written = shlex.join(["thermocorr", *(sys.argv[1:] if arguments is None else arguments)])
     try:
         options.execute(options, print, show_progress)
     except (ValueError, TypeError) as error:

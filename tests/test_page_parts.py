@@ -1,0 +1,107 @@
+"""Parts of the page: series thinned out without hiding a spike, numbers in words, names made harmless."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from thermocorr.judgement.page.html import number, plain, script_data, table, text
+from thermocorr.judgement.page.sections import interval_text
+from thermocorr.judgement.page.traces import Cells
+
+# ---- thinning out
+
+
+def test_short_records_are_shown_whole():
+    cells = Cells(100)
+    values = np.random.default_rng(0).normal(size=(90, 2))
+    cells.add(0, np.arange(40.0), values[:40])
+    cells.add(1, np.arange(50.0, 100.0), values[40:])
+    seconds, points = cells.points()
+    assert cells.width == 1
+    assert np.isnan(points[40]).all()  # the line breaks between segments
+    np.testing.assert_array_equal(np.delete(points, 40, axis=0), values)
+    assert (np.diff(seconds) >= 0).all()
+
+
+@pytest.mark.parametrize("block", [64, 100, 1000])
+def test_no_extreme_is_lost_and_extremes_keep_their_order(block):
+    rng = np.random.default_rng(1)
+    n, most = 20_000, 500
+    values = np.cumsum(rng.normal(size=(n, 2)), axis=0)
+    values[rng.integers(n, size=300), 0] = np.nan
+    values[12_345, 1] = 1e6  # a spike of one sample
+    cells = Cells(most)
+    for start in range(0, n, block):
+        cells.add(0, np.arange(start, min(start + block, n), dtype=float), values[start : start + block])
+    seconds, points = cells.points()
+    assert len(points) <= most
+    starts, stops = seconds[::2].astype(int), seconds[1::2].astype(int) + 1
+    np.testing.assert_array_equal(starts[1:], stops[:-1])  # every row is in one cell
+    for k, (start, stop) in enumerate(zip(starts, stops, strict=True)):
+        part = values[start:stop]
+        np.testing.assert_array_equal(np.sort(points[2 * k : 2 * k + 2], axis=0)[0], np.nanmin(part, axis=0))
+        np.testing.assert_array_equal(np.sort(points[2 * k : 2 * k + 2], axis=0)[1], np.nanmax(part, axis=0))
+        for j in range(2):
+            first_is_high = points[2 * k, j] > points[2 * k + 1, j]
+            assert first_is_high == (np.nanargmax(part[:, j]) < np.nanargmin(part[:, j]))
+
+
+def test_averages_are_means_of_stretches_inside_segments():
+    rng = np.random.default_rng(2)
+    values, cells = rng.normal(size=(5000, 1)), Cells(600)
+    cells.add(0, np.arange(3001.0), values[:3001])
+    cells.add(1, np.arange(3001.0, 5000.0), values[3001:])
+    seconds, _ = cells.points()
+    points, means = cells.averages(0, 4)
+    for (first, last), mean in zip(points, means, strict=True):
+        rows = slice(int(seconds[first]), int(seconds[last]) + 1)
+        assert (rows.start < 3001) == (rows.stop <= 3001)
+        assert mean == pytest.approx(values[rows].mean(), abs=1e-12)
+
+
+def test_memory_is_bounded_even_where_every_row_is_a_segment():
+    cells = Cells(50)
+    for i in range(2000):
+        cells.add(i, np.array([float(i)]), np.array([[float(i % 7)]]))
+    seconds, points = cells.points()
+    assert len(seconds) <= 50
+    assert seconds[-1] == 1999.0 and cells.width < 256
+    assert np.ptp(points, axis=0) == 6.0
+
+
+# ---- text
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [(0.0, "0"), (2.0, "2.000"), (-0.25, "\u22120.2500"), (6.199e-5, "6.199 \u00d7 10⁻⁵"), (99997.94, "99998")],
+)
+def test_numbers_are_written_as_a_person_writes_them(value, shown):
+    assert plain(value) == shown
+    assert float(re.search(r'value="([^"]+)"', number(value))[1]) == value  # every digit is there for a machine
+
+
+@pytest.mark.parametrize(
+    ("interval", "shown"),
+    [
+        ("2018-02-14 19:10:19 to 2018-02-14 20:45:19", "2018-02-14 19:10:19 to 20:45:19"),
+        ("2024-03-17 20:42:08 to 2024-03-18 13:57:22", "2024-03-17 20:42:08 to 2024-03-18 13:57:22"),
+        ("-0.26 to -0.08", "\u22120.26 to \u22120.08"),
+        ("7200 s to 10800 s", "2 h to 3 h"),
+        ("periods of 7.2e+03 to 2.88e+04 s", "periods of 2 h to 8 h"),
+        ("18 to 20 h", "18 to 20 h"),
+    ],
+)
+def test_places_are_written_as_a_person_writes_them(interval, shown):
+    assert interval_text(interval) == shown
+
+
+def test_names_are_made_harmless_in_text_and_in_data():
+    attack = "</script><!-- <script> & ]]> \u2028"
+    assert "<" not in text(attack)
+    data = script_data("x", {"name": attack})
+    assert data.count("<") == data.count(">") == 2 and "&" not in data
+    assert "<b>" not in table(("<b>",), [("<b>",)], "l")
