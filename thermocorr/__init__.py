@@ -10,6 +10,8 @@ from .estimators import (
     held_out_residuals,
 )
 from .judgement import Diagnosis, Refinement, diagnose, refine
+from .outside.codec import ModelFileError
+from .outside.model_file import load_model, save_model
 from .records import ParquetLog, RecordError, RecordWarning
 
 __version__ = "0.1.0"
@@ -18,6 +20,7 @@ __all__ = [
     "DiffusiveFeatures",
     "DynamicBiasRegressor",
     "MergedRidge",
+    "ModelFileError",
     "ParquetLog",
     "RecordError",
     "RecordWarning",
@@ -27,5 +30,7 @@ __all__ = [
     "compare_variants",
     "diagnose",
     "held_out_residuals",
+    "load_model",
     "refine",
+    "save_model",
 ]
