@@ -12,6 +12,7 @@ from .estimators import (
 from .judgement import Diagnosis, Refinement, diagnose, refine
 from .outside.codec import ModelFileError
 from .outside.model_file import load_model, save_model
+from .outside.online import OnlineCorrector
 from .records import ParquetLog, RecordError, RecordWarning
 
 __version__ = "0.1.0"
@@ -21,6 +22,7 @@ __all__ = [
     "DynamicBiasRegressor",
     "MergedRidge",
     "ModelFileError",
+    "OnlineCorrector",
     "ParquetLog",
     "RecordError",
     "RecordWarning",
