@@ -61,6 +61,8 @@ class Stepper:
     """Takes over a state of `Effect.columns`; None where a segment begins."""
     state: Callable[[], Any] = lambda: None
     """The state after the last sample, as `Effect.columns` would return it; None before the first."""
+    over: Callable[[int | None], float] = lambda key: math.inf
+    """Time in a segment (one that belongs to the fitted one `key`) after which all columns are zero [s]."""
 
 
 def stepper_of(effect: Effect, times: Times, zero: float, temperature_name: object) -> Stepper:
@@ -291,7 +293,7 @@ def _initial_transient(effect: Any, zero_seconds: float) -> Stepper:
             columns[i] = math.exp(exponent) if exponent >= -46.0 else 0.0  # eq. (18)
         return columns
 
-    return Stepper(step)
+    return Stepper(step, over=lambda key: -1.0 if key is None else over.get(key, -1.0))
 
 
 def _covariate(effect: Any, zero_seconds: float) -> Stepper:

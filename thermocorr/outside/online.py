@@ -102,10 +102,12 @@ class OnlineCorrector:
         self._inputs = [column for column in needed_columns(self._effects) if column != temperature]
         self._given = [column_text(column) for column in self._inputs]
         self._steppers = [stepper_of(effect, times, self._history.zero, temperature) for effect in self._effects]
-        self._steps = [stepper.step for stepper in self._steppers]
         self._removed = [effect.removed_by_correct for effect in self._effects]
-        widths = [len(effect.names()) for effect in self._effects]
-        self._weights = (model.coef_ * np.repeat(np.array(self._removed, float), widths)).tolist()
+        edges = np.cumsum([0, *(len(effect.names()) for effect in self._effects)]).tolist()
+        self._coefficients = [
+            (model.coef_[low:high] * removed).tolist()
+            for (low, high), removed in zip(pairwise(edges), self._removed, strict=True)
+        ]
         self._low, self._high = model.reading_.temperature_range
         self._washout = model.washout_
         self._max_gap = math.inf if self._history.max_gap is None else self._history.max_gap
@@ -120,7 +122,7 @@ class OnlineCorrector:
         self._last: Any = None
         self._run: Any = None
         self._seen: list[Any] = []
-        self._open = False
+        self._open, self._until = False, -math.inf
         for part in (self.average, self.track):
             if part is not None:
                 part.reset()
@@ -152,14 +154,14 @@ class OnlineCorrector:
         TypeError
             For columns that are missing, or no numbers.
         """
-        stamp = self._clock.stamp(time)
         run = columns.get(self._run_column) if self._run_column is not None else None
         values = {self._temperature: _number(temperature)}
         for column, name in zip(self._inputs, self._given, strict=True):
             if name not in columns:
                 raise TypeError(f"update() needs the column {name!r}, which the model uses.")
             values[column] = _number(columns[name])
-        return self._advance(stamp, run, values, _number(reading))
+        U = _number(reading)
+        return self._advance(self._clock.stamp(time), run, values, U)
 
     def _advance(self, stamp: Any, run: Any, values: dict[Any, float], U: float) -> Corrected:
         """Correct one sample whose values are numbers."""
@@ -167,13 +169,13 @@ class OnlineCorrector:
         same_run = last is not None and run == self._run
         step = clock.between(stamp, last) if same_run else math.inf
         if step <= 0.0:
-            return Corrected(math.nan, math.nan, _STALE if step == 0.0 else _BACKWARD)
+            return self._nothing(_STALE if step == 0.0 else _BACKWARD)
         self._last, self._run = stamp, run
         T = values[self._temperature]
         for value in values.values():
             if value - value != 0.0:  # NaN or infinity
                 self._open = False
-                return Corrected(math.nan, math.nan, _NO_TEMPERATURE)
+                return self._nothing(_NO_TEMPERATURE)
         if self._open and same_run and step <= self._max_gap:
             sample.begins, sample.step = False, step
         else:
@@ -182,6 +184,8 @@ class OnlineCorrector:
         sample.temperature, sample.values, sample.stamp = T, values, stamp
         sample.seconds = clock.between(stamp, self._history.zero)
         sample.elapsed = elapsed = clock.between(stamp, sample.segment_zero)
+        if elapsed > self._until:
+            self._settle(elapsed)
         row: list[float] = []
         for advance in self._steps:
             row += advance(sample)
@@ -201,6 +205,17 @@ class OnlineCorrector:
         reference = math.nan if self.track is None else self.track.one(stamp * clock.unit, corrected, not mask & 7)
         return Corrected(corrected, bias, _FLAGS[mask], smoothed, reference)
 
+    def _nothing(self, flags: tuple[str, ...]) -> Corrected:
+        return Corrected(math.nan, math.nan, flags, reference=math.nan if self.track is None else self.track.value)
+
+    def _settle(self, elapsed: float) -> None:
+        """Leave out effects that have nothing more to say in this segment: start-up decays that are over."""
+        key = self._sample.key
+        active = [i for i, stepper in enumerate(self._steppers) if stepper.over(key) >= elapsed]
+        self._steps = [self._steppers[i].step for i in active]
+        self._weights = [weight for i in active for weight in self._coefficients[i]]
+        self._until = min((self._steppers[i].over(key) for i in active), default=math.inf)
+
     def _begin(self, stamp: Any, run: Any, values: Any) -> float:
         """Start a segment; returns the step since the sample that it continues [s], 0 where it starts afresh."""
         start, states = self._tied(stamp, run, values)
@@ -210,7 +225,7 @@ class OnlineCorrector:
         sample.begins, sample.step = not known, start.step if known else 1.0  # type: ignore[union-attr, assignment]
         for stepper, state in zip(self._steppers, states, strict=True):
             stepper.start(state)
-        self._open = True
+        self._open, self._until = True, -math.inf
         return sample.step if known else 0.0
 
     def _tied(self, stamp: Any, run: Any, values: Any) -> tuple[SegmentStart | None, list[Any]]:
@@ -247,7 +262,8 @@ class OnlineCorrector:
         X = X if is_frame(X) else np.asarray(X)
         n = len(X)
         reading = np.full(n, np.nan) if y is None else _floats(y)
-        columns = {name: _column(X, name) for name in (self._temperature, *self._inputs)}
+        columns = {name: _column(X, name, "column") for name in self._inputs}
+        columns[self._temperature] = _column(X, self._temperature, "temperature")
         out = _Output(n)
         if n:
             layout = self.model.features_._layout()
@@ -307,7 +323,7 @@ class OnlineCorrector:
             flags[(flags == "") & (steps[block.rows] > self._gap)] = "gap"
             out.flags[into] = flags
         out.corrected[given] = measured - out.bias[given]
-        self._open = bool(valid[-1])
+        self._open, self._until = bool(valid[-1]), -math.inf
         if self._open:
             assert walked is not None
             self._sample.key, self._sample.segment_zero = walked.block.segment_key, walked.block.segment_zero
@@ -392,11 +408,11 @@ def _floats(values: Any) -> np.ndarray:
     return array
 
 
-def _column(X: Any, name: Any) -> np.ndarray:
+def _column(X: Any, name: Any, role: str) -> np.ndarray:
     try:
         return _floats(X[name] if is_frame(X) else X[:, name])
     except (KeyError, IndexError, TypeError, ValueError):
-        return _floats(numeric_column(X, name))  # the same, or a sentence about what is wrong
+        return _floats(numeric_column(X, name, role))  # the same, or a sentence about what is wrong
 
 
 def _stretches(X: Any, run_column: Any, n: int) -> list[tuple[int, int, Any]]:
