@@ -13,9 +13,7 @@ from ..datasets import load_voltage_reference
 from ..estimators import DynamicBiasRegressor, compare_variants
 from ..judgement import Diagnosis, diagnose, refine
 from ..records import RecordError, RecordWarning
-from .files import prepare_folder, read_log, require_column, write_corrected, write_model
-
-TIME_NAMES = ("time", "timestamp", "datetime", "date", "time_s")
+from .files import TIME_NAMES, prepare_folder, read_log, require_column, write_corrected, write_model
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -75,7 +73,7 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
     say(f"Time constants of the last model: {', '.join(f'{tau:.4g} s' for tau in best.time_constants_)}\n")
     best = _judge(best, X, y, options, say, progress)
     if folder is not None:
-        written = [write_corrected(folder, log, best.evaluate(X, y), index), *write_model(folder, best)]
+        written = [write_corrected(folder, log, best.evaluate(X, y), index), *write_model(folder, best, (X, y))]
         say(f"Written: {', '.join(str(path) for path in written)}")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -15,6 +16,7 @@ from ..records.times import Times
 
 _NS = 1_000_000_000
 _EPOCH, _EPOCH_UTC = datetime(1970, 1, 1), datetime(1970, 1, 1, tzinfo=UTC)
+_ISO_DATE = re.compile(r"\d{4}-\d\d-\d\d")  # pandas would read "now" and "5" too
 _MICROSECOND = timedelta(microseconds=1)
 
 
@@ -107,7 +109,7 @@ class Clock:
 
     def _parsed(self, time: Any, wanted: str) -> Any:
         date: Any = pd.NaT
-        if isinstance(time, str | datetime | np.datetime64):
+        if isinstance(time, datetime | np.datetime64) or (isinstance(time, str) and _ISO_DATE.match(time)):
             try:
                 date = pd.Timestamp(time)
             except (TypeError, ValueError):

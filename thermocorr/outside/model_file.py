@@ -79,14 +79,7 @@ def save(
         "model": pack_model(model, history_rows),
     }
     content = {"format": FORMAT, "version": VERSION, "digest": digest_of(content), **content}
-    target = Path(path)
-    draft = target.with_name(f".{target.name}.{os.getpid()}")
-    try:
-        draft.write_text(render(content) + "\n", encoding="utf-8")
-        os.replace(draft, target)
-    finally:
-        draft.unlink(missing_ok=True)
-    return target
+    return replace_file(Path(path), render(content) + "\n")
 
 
 def load(path: str | os.PathLike[str], *, allow_imports: Collection[str] = ()) -> DynamicBiasRegressor:
@@ -124,6 +117,17 @@ def load(path: str | os.PathLike[str], *, allow_imports: Collection[str] = ()) -
 
 save_model, load_model = save, load
 """The same under the names that `thermocorr` shows."""
+
+
+def replace_file(path: Path, content: str) -> Path:
+    """Write a text file as a whole: whatever goes wrong, the one that was there before stays."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        draft.write_text(content, encoding="utf-8")
+        os.replace(draft, path)
+    finally:
+        draft.unlink(missing_ok=True)
+    return path
 
 
 def _remedy(found: str) -> str:
