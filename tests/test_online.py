@@ -14,8 +14,17 @@ import pytest
 from effect_records import EXAMPLES, NAMES, log
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sklearn.preprocessing import SplineTransformer
 
-from thermocorr import DynamicBiasRegressor, ModelFileError, OnlineCorrector, RecordError, load_model, save_model
+from thermocorr import (
+    DynamicBiasRegressor,
+    ModelFileError,
+    OnlineCorrector,
+    ParquetLog,
+    RecordError,
+    load_model,
+    save_model,
+)
 from thermocorr.effects import Drift, Effect, LaggedCovariate
 from thermocorr.equations import lag_differences
 
@@ -358,6 +367,21 @@ def test_bad_calls_say_what_is_wrong(default):
     assert len(live.update_many(X[:0], y[:0])) == 0
     single = live.update(X.index[900], 23.0, 1.0)
     assert single == OnlineCorrector(model).update(X.index[900], 23.0, 1.0)  # nothing of the above has left a trace
+
+
+def test_parquet_logs_and_transformers_live(default, tmp_path):
+    pytest.importorskip("pyarrow")
+    _, X, y = default
+    X, y = X[:700], y[:700]
+    model = DynamicBiasRegressor(time_constants=[300.0], effects=[SplineTransformer(3)]).fit(X[:600], y[:600])
+    X[600:].assign(reading=y[600:]).to_parquet(tmp_path / "log.parquet")
+    part = ParquetLog(tmp_path / "log.parquet")
+    got = OnlineCorrector(model).update_many(part, part["reading"])
+    agree(model, X[600:], y[600:], got["corrected"], got["flag"])
+    single = one_by_one(OnlineCorrector(model), X[600:], y[600:])
+    agree(model, X[600:], y[600:], [s.corrected for s in single], [s.flag for s in single])
+    with pytest.raises(RecordError, match=r"X has 100 rows and y has the shape \(99,\)"):
+        OnlineCorrector(model).update_many(X[600:], y[601:])
 
 
 def test_a_stream_goes_on_with_a_loaded_model(default, tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from numbers import Integral, Real
 from typing import Any
@@ -330,7 +331,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         plain = self._features(())
         if self.products:  # the lags are chosen beside products of a coarse grid, lest they imitate these
             plain.set_params(products=False, effects=[*as_effects(self.effects), ("products", CoarseProducts())])
-        return search(plain, X, y, settings)
+        return replace(search(plain, X, y, settings), factored=None)  # the record itself would stay in memory
 
     def _count(self) -> int | None:
         """How many time constants to choose: None leaves their number open, 0 means that they are given."""
@@ -346,7 +347,8 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
 
     def _features(self, time_constants: Any) -> DiffusiveFeatures:
         names = (set(DiffusiveFeatures._get_param_names()) & set(self._get_param_names())) - {"time_constants"}
-        return DiffusiveFeatures(time_constants, **{name: getattr(self, name) for name in names})
+        features = DiffusiveFeatures(time_constants, **{name: getattr(self, name) for name in names})
+        return features.set_output(transform="default")  # arrays inside, whatever scikit-learn is set to
 
     def _contributions(self, X: Any) -> np.ndarray:
         """Contribution of each effect at each row, shape (n_rows, n_effects)."""

@@ -16,7 +16,7 @@ from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
 from ..records import Log, Record, RecordError, read_record
-from ..records.read import is_frame, numeric_reading
+from ..records.read import from_polars, is_frame, numeric_reading
 from .adding import held_out_rms, with_missing
 from .averages import Averages, averaged, filled
 from .evidence import Evidence, evidence, orthonormal, own_part
@@ -429,6 +429,7 @@ def key_of(effect: Effect) -> Key:
 
 def suspect_record(model: DynamicBiasRegressor, X: Any, y: Any, columns: Sequence[Any] | None) -> Record:
     """The record with every suspect column beside those that the model uses."""
+    X = from_polars(X)
     if isinstance(X, Log):
         raise RecordError("Diagnosis works on a frame or an array. Pass a part of the log that fits in memory.")
     layout = model.features_._layout()

@@ -16,8 +16,8 @@ from ..effects.steppers import Sample, stepper_of
 from ..effects.stream import Walked, needed_columns, states_before, walk
 from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
-from ..records import Record, Segment, SegmentStart
-from ..records.read import is_frame, numeric_column, times_of
+from ..records import Record, RecordError, Segment, SegmentStart
+from ..records.read import from_polars, is_frame, numeric_column, times_of
 from ..records.times import Times
 from .averages import MovingAverage, Tracker
 from .clock import Clock
@@ -259,9 +259,10 @@ class OnlineCorrector:
         DataFrame
             `corrected`, `bias`, `flag`, and `smoothed`, `reference` where they were asked for; rows as they came.
         """
+        X = from_polars(X)
         X = X if is_frame(X) else np.asarray(X)
         n = len(X)
-        reading = np.full(n, np.nan) if y is None else _floats(y)
+        reading = np.full(n, np.nan) if y is None else _readings(y, n)
         columns = {name: _column(X, name, "column") for name in self._inputs}
         columns[self._temperature] = _column(X, self._temperature, "temperature")
         out = _Output(n)
@@ -408,9 +409,19 @@ def _floats(values: Any) -> np.ndarray:
     return array
 
 
+def _readings(y: Any, n: int) -> np.ndarray:
+    values = _floats(from_polars(y)[:])
+    values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+    if values.shape != (n,):
+        raise RecordError(
+            f"X has {n} rows and y has the shape {values.shape}. Each row needs one reading (NaN where none)."
+        )
+    return values
+
+
 def _column(X: Any, name: Any, role: str) -> np.ndarray:
     try:
-        return _floats(X[name] if is_frame(X) else X[:, name])
+        return _floats(X[name][:] if is_frame(X) else X[:, name])
     except (KeyError, IndexError, TypeError, ValueError):
         return _floats(numeric_column(X, name, role))  # the same, or a sentence about what is wrong
 
@@ -419,7 +430,7 @@ def _stretches(X: Any, run_column: Any, n: int) -> list[tuple[int, int, Any]]:
     """Stretches of rows of the same run: first row, row after the last, label."""
     if run_column is None:
         return [(0, n, None)]
-    labels = pd.Series(X[run_column] if is_frame(X) else X[:, run_column])
+    labels = pd.Series(X[run_column][:] if is_frame(X) else X[:, run_column])
     codes = pd.factorize(labels, use_na_sentinel=False)[0]
     edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), n]
     return [(low, high, labels.iloc[low]) for low, high in pairwise(edges)]
