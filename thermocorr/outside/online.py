@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from operator import mul
 from typing import Any, NamedTuple
@@ -269,6 +270,8 @@ class OnlineCorrector:
         if n:
             layout = self.model.features_._layout()
             times = times_of(X, layout)
+            if times.ticks is not None:
+                times = replace(times, ticks=np.asarray(times.ticks[:]))
             stamps = self._clock.stamps(times)
             for low, high, run in _stretches(X, self._run_column, n):
                 self._stretch(slice(low, high), run, times, stamps, columns, reading, out)
