@@ -85,7 +85,7 @@ def test_columns_in_any_order_under_other_names(lab, tmp_path, capsys):
     renamed[[*renamed.columns[::-1]]].assign(flag="x").to_csv(tmp_path / "r.csv", index=False)
     options = ("--temperature", "oven, left", "--reading", "R", "--time", "stamp", "--average", 3, "--track", "2h")
     assert correct(lab, tmp_path / "r.csv", *options) == 0
-    got = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    got = pd.read_csv(io.StringIO(capsys.readouterr().out), float_precision="round_trip")
     assert list(got.columns[-5:]) == ["corrected", "bias", "flag_thermocorr", "smoothed", "reference"]
     expected = model.correct(log[600:], log["reading"][600:])
     np.testing.assert_allclose(got["corrected"], expected, rtol=1e-13)

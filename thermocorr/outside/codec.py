@@ -115,7 +115,7 @@ def unpack(node: Any, where: str, effect: Callable[[Any, str], Any] | None = Non
 def _unpack_dict(pairs: list[Any], where: str, effect: Callable[[Any, str], Any] | None) -> dict[Any, Any]:
     result: dict[Any, Any] = {}
     for i, pair in enumerate(pairs):
-        if not (isinstance(pair, list) and len(pair) == 2 and isinstance(pair[0], str | int)) or pair[0] in result:
+        if not (isinstance(pair, list) and len(pair) == 2 and type(pair[0]) in (str, int)) or pair[0] in result:
             raise unexpected(f"{where}[{i}]", _shown(pair), "a key that stands once and its value")
         result[pair[0]] = unpack(pair[1], f"{where}[{pair[0]!r}]", effect)
     return result

@@ -32,7 +32,7 @@ def read_log(path: str | Path) -> pd.DataFrame:
         if path.suffix.lower() in (".parquet", ".pq"):
             frame = pd.read_parquet(path)
         else:
-            frame = pd.read_csv(path, low_memory=False)
+            frame = pd.read_csv(path, low_memory=False, float_precision="round_trip")
     except pd.errors.EmptyDataError:
         raise RecordError(
             f"{path} is empty: a header line with the columns' names is needed, then one line per sample."

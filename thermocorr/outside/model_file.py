@@ -224,7 +224,7 @@ def data_digest(model: DynamicBiasRegressor, X: Any, y: Any) -> str:
             f"data has {record.n_rows} rows, and the model was fitted to {features.history_.n_fitted}. Pass the record "
             "that it was fitted to."
         )
-    ticks = np.arange(record.n_rows) if record.times.ticks is None else record.times.ticks
+    ticks = np.arange(record.n_rows) if record.times.ticks is None else np.asarray(record.times.ticks[:])
     columns = [np.asarray(record.columns[name][:]) for name in features.history_.record.columns]
     return _hashed(ticks, *columns, np.asarray(numeric_reading(y, X)[:]))
 

@@ -9,6 +9,7 @@ import numpy as np
 from sklearn.pipeline import Pipeline
 
 from ..effects.stream import needed_columns
+from ..effects.wrap import as_effects
 from ..estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
 from ..estimators.reading import Reading
 from ..records import History, Record, Segment, seconds_of
@@ -233,14 +234,20 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
         if parameters[key] is not None:
             name(parameters[key], f"{where}.parameters.{key}")
     model = DynamicBiasRegressor(**parameters)
+    given_effects = model.effects if isinstance(model.effects, list | tuple) else ()
+    for i, item in enumerate(given_effects):
+        if isinstance(item, tuple) and len(item) == 2:
+            text(item[0], f"{where}.parameters.effects[{i}]")
     try:
+        as_effects(model.effects)
         for key in ("sampling_period", "max_gap", "washout"):
-            if parameters[key] not in (None, "auto"):
-                seconds_of(parameters[key], key)
+            value = parameters[key]
+            if value is not None and not (isinstance(value, str) and value == "auto"):
+                seconds_of(value, key)
         model._validate_params()
         features = model._features(())
         features._validate_params()
-    except ValueError as error:
+    except (ValueError, TypeError) as error:
         raise ModelFileError(f"{where}.parameters: {error}") from None
     named = []
     for i, item in enumerate(items(node["effects"], f"{where}.effects")):
@@ -267,7 +274,7 @@ def _restore_features(features: DiffusiveFeatures, node: dict[str, Any], where: 
     lags: Any = next((effect for effect in effects if effect.kind == "thermal_lag"), None)
     features.reference_temperature_ = static.reference_temperature_  # type: ignore[attr-defined]
     features.time_constants_ = np.zeros(0) if lags is None else lags.time_constants_
-    features.set_params(time_constants=features.time_constants_.tolist())
+    features.time_constants = features.time_constants_.tolist()
     try:
         names = list(features.get_feature_names_out())
         for effect in effects:
