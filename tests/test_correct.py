@@ -19,6 +19,7 @@ from thermocorr.datasets import make_record
 from thermocorr.effects import LaggedCovariate
 from thermocorr.outside.cli import main
 from thermocorr.outside.correct import follow
+from thermocorr.outside.files import EVERY_DIGIT
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +86,7 @@ def test_columns_in_any_order_under_other_names(lab, tmp_path, capsys):
     renamed[[*renamed.columns[::-1]]].assign(flag="x").to_csv(tmp_path / "r.csv", index=False)
     options = ("--temperature", "oven, left", "--reading", "R", "--time", "stamp", "--average", 3, "--track", "2h")
     assert correct(lab, tmp_path / "r.csv", *options) == 0
-    got = pd.read_csv(io.StringIO(capsys.readouterr().out), float_precision="round_trip")
+    got = pd.read_csv(io.StringIO(capsys.readouterr().out), **EVERY_DIGIT)
     assert list(got.columns[-5:]) == ["corrected", "bias", "flag_thermocorr", "smoothed", "reference"]
     expected = model.correct(log[600:], log["reading"][600:])
     np.testing.assert_allclose(got["corrected"], expected, rtol=1e-13)

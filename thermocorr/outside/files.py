@@ -14,6 +14,10 @@ from ..records.errors import listing
 from .model_file import save
 
 RESULT_COLUMNS = ("corrected", "model", "residual", "flag")
+EVERY_DIGIT: dict[str, Any] = (
+    {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
+)
+"""How pandas is told to read numbers as they were written: a matter of course from 3.1 on."""
 TIME_NAMES = ("time", "timestamp", "datetime", "date", "time_s")
 """Columns that are taken as times where none is named, the first that is there."""
 
@@ -32,7 +36,7 @@ def read_log(path: str | Path) -> pd.DataFrame:
         if path.suffix.lower() in (".parquet", ".pq"):
             frame = pd.read_parquet(path)
         else:
-            frame = pd.read_csv(path, low_memory=False, float_precision="round_trip")
+            frame = pd.read_csv(path, low_memory=False, **EVERY_DIGIT)
     except pd.errors.EmptyDataError:
         raise RecordError(
             f"{path} is empty: a header line with the columns' names is needed, then one line per sample."
