@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import joblib
 import numpy as np
 import pandas as pd
 import pytest
 
+from thermocorr import load_model
 from thermocorr.datasets import make_record
 from thermocorr.outside.cli import main
 
@@ -32,7 +32,7 @@ def test_corrected_log_has_the_same_rows_and_the_model_loads(log, tmp_path, caps
     before, after = pd.read_csv(log), pd.read_csv(out / "corrected.csv", keep_default_na=False)
     pd.testing.assert_frame_equal(after[before.columns], before)
     assert list(after.columns[-4:]) == ["corrected", "model", "residual", "flag"]
-    model = joblib.load(out / "model.joblib")
+    model = load_model(out / "model.json")
     np.testing.assert_allclose(model.predict(before.drop(columns="reading")), after["model"], rtol=1e-12)
     assert "lag[600 s]" in (out / "model.txt").read_text()
 

@@ -25,6 +25,9 @@ from .judgement import (
     diagnose,
     refine,
 )
+from .outside.codec import ModelFileError
+from .outside.model_file import load_model, save_model
+from .outside.online import OnlineCorrector
 from .records import ParquetLog, RecordError, RecordWarning
 
 __version__ = "0.1.0"
@@ -35,6 +38,8 @@ __all__ = [
     "DiffusiveFeatures",
     "DynamicBiasRegressor",
     "MergedRidge",
+    "ModelFileError",
+    "OnlineCorrector",
     "ParquetLog",
     "RecordError",
     "RecordWarning",
@@ -52,5 +57,7 @@ __all__ = [
     "compare_variants",
     "diagnose",
     "held_out_residuals",
+    "load_model",
     "refine",
+    "save_model",
 ]

@@ -86,12 +86,13 @@ def resume(
     record, starts, replay = history.locate(record)
     states: dict[int, list[Any]] = {}
     for number, row in replay.items():
-        key = starts[number].key
-        if row is None:
-            states[number] = list(history.end_states[key])
-        else:
-            states[number] = _replay(effects, history, key, row)
+        states[number] = states_before(effects, history, starts[number].key, row)
     return record, starts, states
+
+
+def states_before(effects: Sequence[Effect], history: History, key: int, row: int | None) -> list[Any]:
+    """States after the kept rows of fitted segment `key` that come before `row`; after all of them for None."""
+    return list(history.end_states[key]) if row is None else _replay(effects, history, key, row)
 
 
 def _replay(effects: Sequence[Effect], history: History, key: int, row: int) -> list[Any]:

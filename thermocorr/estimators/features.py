@@ -17,6 +17,7 @@ from ..effects.protocol import Effect
 from ..effects.stream import Walked, needed_columns, own_starts, resume, walk
 from ..effects.wrap import EffectsParameters, as_effects
 from ..records import History, Layout, Log, Record, RecordError, read_record, seconds_of
+from ..records.read import from_polars
 from ..records.record import SegmentStart
 
 LAYOUT_CONSTRAINTS: dict[str, Any] = {
@@ -289,6 +290,7 @@ def _copy(effect: Effect) -> Effect:
 
 def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
     """scikit-learn's checks of X for frames (names and number) and arrays (shape, dtype, infinities)."""
+    X = from_polars(X)
     if isinstance(X, pd.Series):
         raise RecordError(
             "X is a Series. Reshape your data: pass a DataFrame, for example with X.to_frame(), whose columns are the "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from numbers import Integral, Real
 from typing import Any
@@ -17,6 +18,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..effects.products import CoarseProducts
 from ..effects.protocol import Effect
+from ..effects.stream import Walked
 from ..effects.thermal import column_text
 from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import solve_ridge
@@ -171,6 +173,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         features.remember(record, self._swept.end_states)
         ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
         self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
+        self.__dict__.pop("_errors", None)
         self.reading_ = reading
         self.notes_ = (*record.notes, *self._unresolved(record))
         self.washout_ = (
@@ -214,7 +217,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         record, starts, _ = self.features_.resume(X)
         flags = np.full(record.n_rows, "no temperature", dtype=object)
         for block in record.blocks(starts=starts, zero=self.features_.history_.zero):
-            flags[block.rows] = self._block_flags(block, None if reading is None else reading[block.rows])
+            flags[block.rows] = self.block_flags(block, None if reading is None else reading[block.rows])
         return like(X, flags, "flag")
 
     def evaluate(self, X: Any, y: Any) -> pd.DataFrame:
@@ -246,9 +249,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         Standard errors stay true for residuals that are correlated in time (delete-a-block jackknife), as long as
         they forget within a twentieth of the record.
         """
-        check_is_fitted(self, "pipeline_")
-        with one_blas_thread():
-            errors = standard_errors(self._swept, self._solution, self.alpha_)
+        errors = self.standard_errors()
         return coefficient_table(self.features_.effect_list(), self._all_coefficients(), errors, self.reading_)
 
     def combined_errors(self, combinations: np.ndarray) -> np.ndarray:
@@ -267,6 +268,14 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         rows = np.column_stack((np.zeros(len(combinations)), combinations))
         with one_blas_thread():
             return standard_errors(self._swept, self._solution, self.alpha_, rows)
+
+    def standard_errors(self) -> np.ndarray:
+        """Standard errors of U0 and of every coefficient, shape (1 + n_columns,); see `coef_table`."""
+        check_is_fitted(self, "pipeline_")
+        if not hasattr(self, "_errors"):
+            with one_blas_thread():
+                self._errors = standard_errors(self._swept, self._solution, self.alpha_)
+        return self._errors
 
     def equation(self) -> str:
         """The fitted formula as text."""
@@ -340,7 +349,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         plain = self._features(())
         if self.products:  # the lags are chosen beside products of a coarse grid, lest they imitate these
             plain.set_params(products=False, effects=[*as_effects(self.effects), ("products", CoarseProducts())])
-        return search(plain, X, y, settings)
+        return replace(search(plain, X, y, settings), factored=None)  # the record itself would stay in memory
 
     def _count(self) -> int | None:
         """How many time constants to choose: None leaves their number open, 0 means that they are given."""
@@ -356,7 +365,8 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
 
     def _features(self, time_constants: Any) -> DiffusiveFeatures:
         names = (set(DiffusiveFeatures._get_param_names()) & set(self._get_param_names())) - {"time_constants"}
-        return DiffusiveFeatures(time_constants, **{name: getattr(self, name) for name in names})
+        features = DiffusiveFeatures(time_constants, **{name: getattr(self, name) for name in names})
+        return features.set_output(transform="default")  # arrays inside, whatever scikit-learn is set to
 
     def _contributions(self, X: Any) -> np.ndarray:
         """Contribution of each effect at each row, shape (n_rows, n_effects)."""
@@ -370,12 +380,15 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
 
     def _walk_contributions(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
         """The same block by block."""
-        features = self.features_
-        effects, coef = features.effect_list(), self.coef_
-        edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
-        record, starts, states = features.resume(X)
+        record, starts, states = self.features_.resume(X)
         check_range(self.reading_, record)
-        for step in features.walk_resumed(record, starts, states):
+        return self.weighed(self.features_.walk_resumed(record, starts, states))
+
+    def weighed(self, steps: Iterator[Walked]) -> Iterator[tuple[Block, np.ndarray]]:
+        """Each block of a walk, and the contributions of all effects in its rows, shape (n, n_effects)."""
+        effects, coef = self.features_.effect_list(), self.coef_
+        edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
+        for step in steps:
             parts = [step.columns[:, low:high] @ coef[low:high] for low, high in pairwise(edges)]
             yield step.block, np.column_stack(parts)
 
@@ -392,14 +405,15 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
                     "corrected": measured - parts[:, removed].sum(axis=1),
                     "model": model,
                     "residual": measured - model,
-                    "flag": self._block_flags(block, measured),
+                    "flag": self.block_flags(block, measured),
                 },
             )
 
     def _all_coefficients(self) -> np.ndarray:
         return np.concatenate(([self.intercept_], self.coef_))
 
-    def _block_flags(self, block: Block, reading: np.ndarray | None) -> np.ndarray:
+    def block_flags(self, block: Block, reading: np.ndarray | None) -> np.ndarray:
+        """Flags of a block's rows, see `flags`."""
         T = block.temperature
         low, high = self.reading_.temperature_range
         flags = np.where((low > T) | (high < T), "outside fitted range", "").astype(object)

@@ -13,7 +13,7 @@ from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Log, Record, RecordError, read_record
-from ..records.read import is_frame, numeric_reading
+from ..records.read import from_polars, is_frame, numeric_reading
 from .averages import filled
 
 
@@ -21,6 +21,7 @@ def suspect_record(
     model: DynamicBiasRegressor, X: Any, y: Any, columns: Sequence[Any] | None, further: Sequence[Effect] = ()
 ) -> Record:
     """The record with every suspect column beside those that the model and further effects use."""
+    X = from_polars(X)
     if isinstance(X, Log):
         raise RecordError("Diagnosis works on a frame or an array. Pass a part of the log that fits in memory.")
     layout = model.features_._layout()

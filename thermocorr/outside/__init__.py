@@ -1,1 +1,1 @@
-"""Floor 5: the outside world: command line, files."""
+"""Floor 5: the outside world: command line, model files, live correction, clusters."""

@@ -14,10 +14,8 @@ from ..datasets import load_voltage_reference
 from ..estimators import DynamicBiasRegressor, compare_variants
 from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..records import RecordError, RecordWarning
-from .files import prepare_folder, read_log, require_column, write_corrected, write_model
+from .files import TIME_NAMES, prepare_folder, read_log, require_column, write_corrected, write_model
 from .report import require_writable, write_report
-
-TIME_NAMES = ("time", "timestamp", "datetime", "date", "time_s")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -86,7 +84,7 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
     judged = _judge(best, X, y, options, say, progress)
     best = judged.model
     if folder is not None:
-        written = [write_corrected(folder, log, best.evaluate(X, y), index), *write_model(folder, best)]
+        written = [write_corrected(folder, log, best.evaluate(X, y), index), *write_model(folder, best, (X, y))]
         say(f"Written: {', '.join(str(path) for path in written)}")
     if report is not None:
         write_report(

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from .. import __version__
-from . import analyze
+from . import analyze, correct
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -25,6 +25,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     analyze.add_arguments(analyze_parser)
     analyze_parser.set_defaults(execute=analyze.run)
+    correct_parser = commands.add_parser(
+        "correct",
+        help="correct a log, or a stream of lines, with a fitted model",
+        description=correct.__doc__,
+    )
+    correct.add_arguments(correct_parser)
+    correct_parser.set_defaults(execute=correct.run)
     options = parser.parse_args(arguments)
     options.as_written = shlex.join(["thermocorr", *(sys.argv[1:] if arguments is None else arguments)])
     try:

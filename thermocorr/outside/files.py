@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import Any
 
-import joblib
 import pandas as pd
 
 from ..estimators import DynamicBiasRegressor
 from ..records import RecordError
 from ..records.errors import listing
+from .model_file import save
 
 RESULT_COLUMNS = ("corrected", "model", "residual", "flag")
+EVERY_DIGIT: dict[str, Any] = (
+    {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
+)
+"""How pandas is told to read numbers as they were written: a matter of course from 3.1 on."""
+TIME_NAMES = ("time", "timestamp", "datetime", "date", "time_s")
+"""Columns that are taken as times where none is named, the first that is there."""
 
 
 def read_log(path: str | Path) -> pd.DataFrame:
@@ -28,7 +36,7 @@ def read_log(path: str | Path) -> pd.DataFrame:
         if path.suffix.lower() in (".parquet", ".pq"):
             frame = pd.read_parquet(path)
         else:
-            frame = pd.read_csv(path, low_memory=False)
+            frame = pd.read_csv(path, low_memory=False, **EVERY_DIGIT)
     except pd.errors.EmptyDataError:
         raise RecordError(
             f"{path} is empty: a header line with the columns' names is needed, then one line per sample."
@@ -66,20 +74,25 @@ def require_column(frame: pd.DataFrame, name: str | None, option: str, guesses: 
 
 def write_corrected(folder: Path, log: pd.DataFrame, evaluated: pd.DataFrame, index: bool) -> Path:
     """Write corrected.csv: the log as it came, and four columns more."""
-    names = {name: name if name not in log.columns else f"{name}_thermocorr" for name in RESULT_COLUMNS}
-    result = log.assign(**{names[name]: evaluated[name].to_numpy() for name in RESULT_COLUMNS})
+    names = new_names(RESULT_COLUMNS, log.columns)
+    result = log.assign(**{new: evaluated[old].to_numpy() for new, old in zip(names, RESULT_COLUMNS, strict=True)})
     path = folder / "corrected.csv"
     result.to_csv(path, index=index)  # floats are written with all the digits that tell them apart
     return path
 
 
-def write_model(folder: Path, model: DynamicBiasRegressor) -> list[Path]:
-    """Write the fitted model: model.joblib to load again, model.txt to read."""
-    joblib.dump(model, folder / "model.joblib")
+def new_names(names: Sequence[str], taken: Collection[str]) -> list[str]:
+    """Names for columns beside others: those that are taken get an ending."""
+    return [name if name not in taken else f"{name}_thermocorr" for name in names]
+
+
+def write_model(folder: Path, model: DynamicBiasRegressor, data: tuple[Any, Any] | None = None) -> list[Path]:
+    """Write the fitted model: model.json for `thermocorr.load_model` and `thermocorr correct`, model.txt to read."""
+    path = save(model, folder / "model.json", data=data)
     table = model.coef_table().to_string()
     notes = "\n".join(f"Note: {note}" for note in model.notes_)
     (folder / "model.txt").write_text(f"{model.equation()}\n\n{table}\n{notes}\n", encoding="utf-8")
-    return [folder / "model.joblib", folder / "model.txt"]
+    return [path, folder / "model.txt"]
 
 
 def prepare_folder(path: str | Path) -> Path:

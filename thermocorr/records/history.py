@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -36,9 +36,11 @@ class History:
     max_gap: float | None
 
     @classmethod
-    def of(cls, record: Record, end_states: Sequence[State], max_gap: float | None) -> History:
-        """Keep what later rows need of a record that has just been walked through."""
-        stride = max(1, -(-record.n_used // HISTORY_ROWS))
+    def of(
+        cls, record: Record, end_states: Sequence[State], max_gap: float | None, limit: int | None = None
+    ) -> History:
+        """Keep what later rows need of a record that has just been walked through, thinned beyond `limit` rows."""
+        stride = max(1, -(-record.n_used // (HISTORY_ROWS if limit is None else limit)))
         kept, segments, at = [], [], 0
         for start, stop, run in record.segments:
             rows = np.arange(start, stop, stride)
@@ -53,7 +55,7 @@ class History:
         if ticks is None:
             thin = Times(len(rows), "rows", rows + times.first_row, period=times.period)
         else:
-            thin = Times(len(rows), times.kind, ticks[rows].copy(), times.per_second)
+            thin = replace(times, n=len(rows), ticks=ticks[rows].copy())
         columns = {name: np.array(values[rows], np.float64) for name, values in record.columns.items()}
         small = Record(thin, record.temperature_name, columns, tuple(segments))
         return cls(
@@ -66,6 +68,13 @@ class History:
             record.usual_step(),
             max_gap,
         )
+
+    def thinned(self, limit: int) -> History:
+        """The same with at most about `limit` kept rows, first and last rows of segments among them."""
+        if self.record.n_rows <= limit:
+            return self
+        fewer = History.of(self.record, self.end_states, self.max_gap, limit)
+        return replace(self, record=fewer.record, stride=self.stride * fewer.stride)
 
     def between(self, later: float, earlier: float) -> float:
         """Difference of two stamps [s]."""
@@ -98,47 +107,55 @@ class History:
         replay: dict[int, int | None] = {}
         seen: set[object] = set()
         for number, segment in enumerate(record.segments):
-            first_of_run = segment.run not in seen
+            row = record.row(segment.start)
+            values = {name: column[row] for name, column in record.columns.items()}
+            tied = self.tie(record.stamp(segment.start), segment.run, values, segment.run not in seen)
             seen.add(segment.run)
-            self._tie(record, number, segment, first_of_run, starts, replay)
+            if tied is not None:
+                starts[number] = tied[0]
+                if tied[0].step is not None:
+                    replay[number] = tied[1]
         return record, starts, replay
 
-    def _tie(
-        self,
-        record: Record,
-        number: int,
-        segment: Segment,
-        first_of_run: bool,
-        starts: dict[int, SegmentStart],
-        replay: dict[int, int | None],
-    ) -> None:
-        stamp = record.stamp(segment.start)
-        key = self._segment_before(stamp, segment.run)
+    def tie(
+        self, stamp: float, run: object, values: Mapping[object, float], first_of_run: bool
+    ) -> tuple[SegmentStart, int | None] | None:
+        """Tie a segment to the fitted ones by its first row; None for one that starts afresh.
+
+        Parameters
+        ----------
+        stamp, run, values : time, run and columns of the segment's first row
+        first_of_run : bool
+            Whether no segment of its run came before it.
+
+        Returns
+        -------
+        start : SegmentStart
+        replay : int or None
+            Kept row up to which the fitted record must be replayed, None for the state at the end of the fitted segment
+            (where `start.step` is a time), or for no state at all (where it is None).
+        """
+        key = self._segment_before(stamp, run)
         if key is None:
-            return
+            return None
         start, stop, _ = self.record.segments[key]
         zero = self.record.stamp(start)
         row = self._first_row_at_or_after(key, stamp)
         if row == stop:  # after the fitted segment
             step = self.between(stamp, self.record.stamp(stop - 1))
-            if first_of_run and (self.max_gap is None or step <= self.max_gap):
-                starts[number], replay[number] = SegmentStart(key, zero, step), None
-            return
+            follows = first_of_run and (self.max_gap is None or step <= self.max_gap)
+            return (SegmentStart(key, zero, step), None) if follows else None
         if self.record.stamp(row) == stamp:  # a fitted row, unless another log counts its time from the same zero
-            if all(
-                record.columns[name][record.row(segment.start)] == values[row]
-                for name, values in self.record.columns.items()
-            ):
-                if row == start:
-                    starts[number] = SegmentStart(key, zero, None)
-                else:
-                    step = self.between(stamp, self.record.stamp(row - 1))
-                    starts[number], replay[number] = SegmentStart(key, zero, step), row
-            return
+            if any(values[name] != kept[row] for name, kept in self.record.columns.items()):
+                return None
+            if row == start:
+                return SegmentStart(key, zero, None), None
+            return SegmentStart(key, zero, self.between(stamp, self.record.stamp(row - 1))), row
         step = self.between(stamp, self.record.stamp(row - 1))
         hole = self.between(self.record.stamp(row), self.record.stamp(row - 1))
         if self.stride > 1 or hole > 1.5 * self.usual_step:  # rows that were left out of the fit
-            starts[number], replay[number] = SegmentStart(key, zero, step), row
+            return SegmentStart(key, zero, step), row
+        return None
 
     def _segment_before(self, stamp: float, run: object) -> int | None:
         """The fitted segment of this run that starts last among those that start no later than `stamp`."""

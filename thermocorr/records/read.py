@@ -65,6 +65,7 @@ def read_record(
         record = X.to_record(layout, y, needed)
         if record is not None:
             return record  # type: ignore[no-any-return]
+    X = from_polars(X)
     frame = is_frame(X)
     n = len(X)
     name = temperature_column(X, layout, quiet)
@@ -86,6 +87,30 @@ def read_record(
         for note in notes:
             warnings.warn(note, RecordWarning, stacklevel=4)
     return record
+
+
+def times_of(X: Any, layout: Layout) -> Times:
+    """Times of the rows as they come, in whatever order: the first step of `read_record`, without its other checks."""
+    return _times(X, layout, is_frame(X), len(X), [])
+
+
+def from_polars(X: Any) -> Any:
+    """A polars DataFrame as a pandas one (times as in pandas, missing values as NaN); anything else as it is."""
+    if not type(X).__module__.startswith("polars.") or type(X).__name__ not in ("DataFrame", "LazyFrame"):
+        return X
+    if type(X).__name__ == "LazyFrame":
+        raise RecordError("The data are a polars LazyFrame, whose rows are not there yet. Pass X.collect().")
+    columns: dict[str, Any] = {}
+    for name in X.columns:
+        series = X[name]
+        if str(series.dtype).startswith(("String", "Utf8", "Categorical", "Enum")):
+            columns[name] = pd.Series(series.to_list(), dtype=object)
+            continue
+        columns[name] = pd.Series(series.to_numpy())
+        zone = getattr(series.dtype, "time_zone", None)
+        if zone is not None:  # to_numpy gives the time in UTC, without saying so
+            columns[name] = columns[name].dt.tz_localize("UTC").dt.tz_convert(zone)
+    return pd.DataFrame(columns)
 
 
 def is_frame(X: Any) -> bool:
@@ -140,6 +165,7 @@ def numeric_column(X: Any, column: object, role: str = "column") -> NDArray[Any]
 
 def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
     """Readings as numbers, row by row beside X."""
+    y = from_polars(y)
     if isinstance(y, pd.DataFrame):
         if y.shape[1] != 1:
             raise RecordError(

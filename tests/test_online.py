@@ -1,0 +1,435 @@
+"""Live correction: the numbers of the whole record, however the samples arrive, stop and go on."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import time
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pandas as pd
+import pytest
+from effect_records import EXAMPLES, NAMES, log
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.preprocessing import SplineTransformer
+
+from thermocorr import (
+    DynamicBiasRegressor,
+    ModelFileError,
+    OnlineCorrector,
+    ParquetLog,
+    RecordError,
+    load_model,
+    save_model,
+)
+from thermocorr.effects import Drift, Effect, LaggedCovariate
+from thermocorr.equations import lag_differences
+
+# The live path adds the columns' shares in another order and takes exponentials from C: both are good to the last digit
+# or two of a reading of some tens, whose range is a few units.
+CLOSE = 1e-13
+
+
+def stream(n=3000, seed=0, holes=True):
+    """A log with irregular steps, gaps, and missing temperatures and readings."""
+    X = log(n, seed, 0.5, holes=[n // 3, n // 2, n - 40] if holes else [])
+    rng = np.random.default_rng(seed)
+    y = X["temperature"] + rng.normal(0, 0.1, n)
+    if holes:
+        X.iloc[[n // 4, n // 4 + 1, n - 20], 0] = np.nan
+        X.iloc[n // 5, 1] = np.nan
+        y.iloc[[7, n // 2, n - 1]] = np.nan
+    return X, y
+
+
+@pytest.fixture(scope="module")
+def default():
+    """The default kind of model (six lags, degree 2) fitted to the first third of a stream, and the stream."""
+    X, y = stream()
+    model = DynamicBiasRegressor(time_constants=[60.0, 180.0, 600.0, 1800.0, 5400.0, 16_000.0], max_gap="1 h")
+    return model.fit(X[:900], y[:900]), X, y
+
+
+def one_by_one(live, X, y, **columns):
+    rows = zip(X.index, X["temperature"], y, *columns.values(), strict=True)
+    return [live.update(t, T, U, **dict(zip(columns, more, strict=True))) for t, T, U, *more in rows]
+
+
+def agree(model, X, y, corrected, flags, tolerance=CLOSE):
+    expected = model.evaluate(X, y)
+    scale = np.nanmax(y) - np.nanmin(y)
+    np.testing.assert_allclose(corrected, expected["corrected"], rtol=0, atol=tolerance * scale + 4e-15 * np.nanmax(y))
+    for said, meant in zip(flags, expected["flag"], strict=True):
+        assert said == meant or (meant == "" and said == "gap")
+
+
+@pytest.mark.parametrize("rows", [slice(0, 3000), slice(900, 3000), slice(400, 3000), slice(1700, 3000)])
+def test_live_is_what_the_whole_record_says(default, rows):
+    """From the fitted record's start on, after its end, from its middle on, and (beyond a long gap) afresh."""
+    model, X, y = default
+    X, y = X[rows], y[rows]
+    single = one_by_one(OnlineCorrector(model), X, y)
+    agree(model, X, y, [sample.corrected for sample in single], [sample.flag for sample in single])
+    many = OnlineCorrector(model).update_many(X, y)
+    np.testing.assert_array_equal(many["corrected"], model.correct(X, y))
+    np.testing.assert_array_equal(many["bias"], model.bias(X))
+    assert many.index.equals(X.index)
+    assert [sample.flag for sample in single] == many["flag"].tolist()
+
+
+class Fan(Effect):
+    """A user's own effect: no stepper."""
+
+    kind = "fan"
+
+    def inputs(self):
+        return ["humidity"]
+
+    def learn(self, record):
+        self.mean_ = record.moments("humidity").mean
+
+    def names(self):
+        return ["fan", "late fan", "age"]
+
+    def columns(self, block, state):
+        values = block["humidity"] - self.mean_
+        lag, state = lag_differences(values, block.steps, np.array([600.0]), state)
+        return np.column_stack((values**2, lag, block.seconds / 86_400 + block.elapsed / 3600)), state
+
+
+@pytest.mark.parametrize("effect", [*EXAMPLES, Fan()], ids=[*NAMES, "own"])
+def test_every_kind_of_effect_lives(effect):
+    X, y = stream(600, 3)
+    model = DynamicBiasRegressor(time_constants=[300.0], max_gap="1 h").with_effect(effect).fit(X[:450], y[:450])
+    for rows in (slice(0, 600), slice(450, 600)):
+        some, readings = X[rows], y[rows]
+        single = one_by_one(OnlineCorrector(model), some, readings, humidity=some["humidity"])
+        agree(model, some, readings, [s.corrected for s in single], [s.flag for s in single])
+        live = OnlineCorrector(model)
+        got = []
+        for start in range(0, len(some), 37):  # by turns one by one and in blocks, with a restart in between
+            part, values = some[start : start + 37], readings[start : start + 37]
+            if start % 2:
+                got += [s.corrected for s in one_by_one(live, part, values, humidity=part["humidity"])]
+            else:
+                got += live.update_many(part, values)["corrected"].tolist()
+            live = OnlineCorrector.from_state(model, json.loads(json.dumps(live.state(), allow_nan=False)))
+        agree(model, some, readings, got, [s.flag for s in single])
+
+
+@settings(max_examples=40, deadline=None)
+@given(cuts=st.lists(st.integers(1, 2099), max_size=30), seed=st.integers(0, 2**16))
+def test_cuts_and_restarts_change_nothing(default, cuts, seed):
+    model, X, y = default
+    X, y = X[900:], y[900:]
+    rng, live, got = np.random.default_rng(seed), OnlineCorrector(model, average=5, track="2 h"), []
+    edges = [0, *sorted(set(cuts)), len(X)]
+    for low, high in itertools.pairwise(edges):
+        part, values = X[low:high], y[low:high]
+        if rng.random() < 0.5 and high - low < 300:
+            got.append(pd.DataFrame(one_by_one(live, part, values), index=part.index))
+        else:
+            got.append(live.update_many(part, values))
+        live = OnlineCorrector.from_state(model, json.loads(json.dumps(live.state(), allow_nan=False)))
+    got = pd.concat(got)
+    whole = OnlineCorrector(model, average=5, track="2 h").update_many(X, y)
+    for column in ("corrected", "bias", "smoothed", "reference"):
+        np.testing.assert_allclose(got[column], whole[column], rtol=0, atol=5e-14)
+
+
+LAYOUTS = {
+    "zone": lambda X: (X.tz_localize("Europe/Berlin"), {}),
+    "spans": lambda X: (X.set_axis(X.index - X.index[0]), {}),
+    "seconds": lambda X: (X.assign(s=0.1 + (X.index - X.index[0]).total_seconds()), {"time": "s"}),
+    "rows": lambda X: (X.reset_index(drop=True), {"sampling_period": "1 min"}),
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_every_kind_of_time_lives(layout):
+    X, y = stream(500, 4, holes=False)
+    X, more = LAYOUTS[layout](X)
+    y = y.set_axis(X.index)
+    model = DynamicBiasRegressor(time_constants=[300.0, 5000.0], **more).fit(X[:300], y[:300])
+    X, y = X[300:], y[300:]
+    times = {"seconds": X.get("s"), "rows": [None] * 200}.get(layout, X.index)
+    live = OnlineCorrector(model)
+    single = [live.update(t, T, U) for t, T, U in zip(times, X["temperature"], y, strict=True)]
+    agree(model, X, y, [s.corrected for s in single], [s.flag for s in single])
+    live = OnlineCorrector(model)
+    halves = [live.update_many(X[:90], y[:90]), live.update_many(X[90:], y[90:])]
+    agree(model, X, y, pd.concat(halves)["corrected"], pd.concat(halves)["flag"])
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        lambda t: t.to_pydatetime(), str, lambda t: t.to_datetime64(), lambda t: t.isoformat(),
+        lambda t: t.as_unit("s"),
+    ],
+    ids=["datetime", "text", "numpy", "iso", "other unit"],
+)  # fmt: skip
+def test_dates_may_come_in_any_form(form):
+    X, y = stream(200, 5, holes=False)
+    X = X.set_axis(X.index.round("1s"))
+    y = y.set_axis(X.index)
+    model = DynamicBiasRegressor(time_constants=[300.0]).fit(X[:150], y[:150])
+    live = OnlineCorrector(model)
+    rows = zip(X.index[150:], X["temperature"][150:], y[150:], strict=True)
+    got = [live.update(form(t), T, U) for t, T, U in rows]
+    agree(model, X[150:], y[150:], [s.corrected for s in got], [s.flag for s in got])
+
+
+def test_zoned_dates_and_spans_may_come_in_any_form():
+    X, y = stream(200, 5, holes=False)
+    zoned = X.set_axis(X.index.round("1s").tz_localize("UTC"))
+    model = DynamicBiasRegressor(time_constants=[300.0]).fit(zoned[:150], y[:150].to_numpy())
+    t = zoned.index[150]
+    forms = [
+        t,
+        t.to_pydatetime(),
+        t.isoformat(),
+        t.tz_convert("Asia/Tokyo"),
+        datetime.fromtimestamp(t.timestamp(), UTC),
+    ]
+    got = {OnlineCorrector(model).update(form, 23.0, 1.0) for form in forms}
+    assert len(got) == 1
+    spans = X.set_axis(X.index - X.index[0])
+    model = DynamicBiasRegressor(time_constants=[300.0]).fit(spans[:150], y[:150].to_numpy())
+    forms = [pd.Timedelta("4 h"), "4 h", timedelta(hours=4), 14_400, 14_400.0, np.timedelta64(4, "h")]
+    assert len({OnlineCorrector(model).update(form, 23.0, 1.0) for form in forms}) == 1
+
+
+# --------------------------------------------------------------------------------------------------------------- flags
+
+
+def test_flags_tell_every_reason(default):
+    model, X, _y = default
+    end = X.index[899]
+    live = OnlineCorrector(model)
+    high = X["temperature"].max() + 5
+    minute = pd.Timedelta("1 min")
+    assert live.update(end + minute, 23.0, 1.0).flags == ()
+    assert live.update(end + minute, 23.0, 1.0).flags == ("stale time",)
+    assert live.update(end, 23.0, 1.0).flags == ("backward time",)
+    assert live.update(end + 2 * minute, high, 1.0).flags == ("outside fitted range",)
+    silent = live.update(end + 3 * minute, high, None)
+    assert silent.flags == ("no reading", "outside fitted range") and math.isnan(silent.corrected)
+    assert math.isfinite(silent.bias) and silent.flag == "no reading"
+    lost = live.update(end + 4 * minute, math.nan, 1.0)
+    assert lost.flags == ("no temperature",) and math.isnan(lost.corrected) and math.isnan(lost.bias)
+    assert live.update(end + 5 * minute, 23.0, 1.0).flags == ("washout",)
+    after = end + 5 * minute + 2 * pd.Timedelta(seconds=model.washout_)
+    assert live.update(after, 23.0, 1.0).flags == ("washout", "gap")  # max_gap starts a new segment
+    assert live.update(after + minute, math.inf, 1.0).flags == ("no temperature",)
+
+
+def test_a_gap_without_max_gap_is_flagged_and_bridged():
+    X, y = stream(500, 6, holes=False)
+    model = DynamicBiasRegressor(time_constants=[300.0]).fit(X[:300], y[:300])
+    kept = np.r_[300:350, 420:500]
+    X, y = X.iloc[kept], y.iloc[kept]
+    single = one_by_one(OnlineCorrector(model), X, y)
+    assert [k for k, s in enumerate(single) if s.flags == ("gap",)] == [50]
+    agree(model, X, y, [s.corrected for s in single], [s.flag for s in single])
+    assert OnlineCorrector(model).update_many(X, y)["flag"].iloc[50] == "gap"
+
+
+def test_refused_samples_change_nothing(default):
+    """Duplicates and samples out of order, one by one and in blocks."""
+    model, X, y = default
+    X, y = X[900:1300], y[900:1300]
+    order = np.arange(400)
+    messy = np.insert(order, [50, 51, 200, 399], [49, 10, 199, 0])
+    bad = np.zeros(404, bool)
+    bad[[50, 52, 202, 402]] = True
+    assert (messy[~bad] == order).all()
+    clean = OnlineCorrector(model).update_many(X, y)
+    for cut in (0, 51, 202, 404):
+        live = OnlineCorrector(model)
+        got = pd.concat([live.update_many(X.iloc[part], y.iloc[part]) for part in (messy[:cut], messy[cut:])])
+        np.testing.assert_allclose(got["corrected"][~bad], clean["corrected"], rtol=0, atol=1e-14)
+        assert got["flag"][bad].tolist() == ["stale time", "backward time", "stale time", "backward time"]
+        assert got["corrected"][bad].isna().all()
+    single = one_by_one(OnlineCorrector(model), X.iloc[messy], y.iloc[messy])
+    assert [s.flag for s in single] == got["flag"].tolist()
+
+
+def test_rows_that_hardly_ever_follow_on_one_another(default):
+    model, X, y = default
+    X, y = X[900:1200].copy(), y[900:1200]
+    X.iloc[::2, 0] = np.nan
+    got = OnlineCorrector(model).update_many(X, y)
+    agree(model, X, y, got["corrected"], got["flag"])
+    assert got["corrected"].notna().sum() == 150
+
+
+def test_runs_start_anew():
+    X, y = stream(900, 7, holes=False)
+    X = X.assign(run=np.repeat(["a", "b", "c"], 300))
+    model = DynamicBiasRegressor(time_constants=[300.0], run="run").fit(X[:600], y[:600])
+    later, readings = X[500:], y[500:]
+    single = one_by_one(OnlineCorrector(model), later, readings, run=later["run"])
+    agree(model, later, readings, [s.corrected for s in single], [s.flag for s in single])
+    assert single[100].flag == "washout"
+    live = OnlineCorrector(model)
+    got = pd.concat([live.update_many(later[:150], readings[:150]), live.update_many(later[150:], readings[150:])])
+    agree(model, later, readings, got["corrected"], got["flag"])
+
+
+def test_another_instrument_starts_afresh(default):
+    model, X, _y = default
+    sample = OnlineCorrector(model, continues=False).update(X.index[900], 23.0, 1.0)
+    assert sample.flags == ("washout",)
+    assert OnlineCorrector(model).update(X.index[900], 23.0, 1.0).flags == ()
+    live = OnlineCorrector(model)
+    first = live.update(X.index[900], 23.0, 1.0)
+    live.update(X.index[910], 25.0, 1.0)
+    live.reset()
+    assert live.update(X.index[900], 23.0, 1.0) == first
+
+
+# ------------------------------------------------------------------------------------------------ averages, tracked U0
+
+
+def test_the_moving_average_looks_back_over_corrected_readings(default):
+    model, X, y = default
+    X, y = X[900:], y[900:]
+    single = one_by_one(OnlineCorrector(model, average=25), X, y)
+    corrected = pd.Series([s.corrected for s in single])
+    known = corrected.dropna()
+    expected = known.rolling(25, min_periods=1).mean().reindex(corrected.index)  # eq. (26), NaN passed over
+    np.testing.assert_allclose([s.smoothed for s in single], expected, rtol=1e-13)
+    many = OnlineCorrector(model, average=25).update_many(X, y)
+    np.testing.assert_allclose(many["smoothed"], expected, rtol=1e-13)
+
+
+def test_the_tracked_reference_follows_a_drift_late():
+    """A reading that creeps at rate r is followed r tau behind, once the start is forgotten."""
+    t = 10.0 * np.arange(6000)
+    X = pd.DataFrame({"temperature": 23 + np.sin(t / 900), "s": t})
+    drift = 1e-4
+    y = pd.Series(2 * X["temperature"] + drift * t)
+    model = DynamicBiasRegressor(time="s", time_constants=[100.0], degree=1, effects=[Drift()]).fit(X, y)
+    live = OnlineCorrector(model, track=2000.0)
+    references = np.array([live.update(*row).reference for row in zip(t, X["temperature"], y, strict=True)])
+    # Exponential weights over samples 10 s apart lag tau (1 - dt/2 tau) behind, up to a term of (dt/tau)^2.
+    behind = model.correct(X, y) - references
+    np.testing.assert_allclose(behind[-100:], drift * (2000.0 - 5.0), rtol=1e-4)
+    np.testing.assert_allclose(
+        OnlineCorrector(model, track=2000.0).update_many(X, y)["reference"], references, rtol=1e-14
+    )
+    assert references[0] == model.intercept_
+
+
+def test_untrusted_readings_do_not_move_the_tracked_reference(default):
+    model, X, _y = default
+    live = OnlineCorrector(model, track="1 h")
+    minute, end = pd.Timedelta("1 min"), X.index[899]
+    before = live.update(end + minute, 23.0, 23.0).reference
+    assert live.update(end + 2 * minute, 99.0, 1e6).reference == before
+    assert live.update(end + 3 * minute, 23.0, math.nan).reference == before
+    live.update(end + 4 * minute, math.nan, 1.0)
+    assert live.update(end + 5 * minute, 23.0, 1e6).reference == before  # washout
+
+
+@pytest.mark.parametrize("bad", [{"average": 0}, {"average": 2.5}, {"average": True}, {"track": 0}, {"track": "soon"}])
+def test_bad_settings_are_named(default, bad):
+    with pytest.raises(ValueError, match=f"The '{next(iter(bad))}' parameter must be"):
+        OnlineCorrector(default[0], **bad)
+
+
+# -------------------------------------------------------------------------------------------- bad calls, saved states
+
+
+def test_bad_calls_say_what_is_wrong(default):
+    model, X, y = default
+    live = OnlineCorrector(model)
+    for bad in (None, 5.0, "soon", pd.NaT, "2024-01-01T00:00:00+01:00", [1]):
+        with pytest.raises(RecordError, match="must be a date without a time zone"):
+            live.update(bad, 23.0, 1.0)
+    with pytest.raises((TypeError, ValueError)):
+        live.update(X.index[950], "warm", 1.0)
+    with pytest.raises(RecordError, match="no temperature 'temperature'"):
+        live.update_many(X[["humidity"]], y)
+    with pytest.raises(RecordError, match="is not a number in row 3"):
+        live.update_many(X.astype(object).assign(temperature=["1", "2", "3", "x"] * 750), y)
+    with pytest.raises(RecordError, match="times of kind"):
+        live.update_many(X.reset_index(drop=True), y)
+    with pytest.raises(TypeError, match="must be a DynamicBiasRegressor"):
+        OnlineCorrector(model.features_)
+    wet = DynamicBiasRegressor(time_constants=[300.0], effects=[LaggedCovariate("humidity")]).fit(X[:200], y[:200])
+    with pytest.raises(TypeError, match="needs the column 'humidity'"):
+        OnlineCorrector(wet).update(X.index[250], 23.0, 1.0)
+    assert len(live.update_many(X[:0], y[:0])) == 0
+    single = live.update(X.index[900], 23.0, 1.0)
+    assert single == OnlineCorrector(model).update(X.index[900], 23.0, 1.0)  # nothing of the above has left a trace
+
+
+def test_parquet_logs_and_transformers_live(default, tmp_path):
+    pytest.importorskip("pyarrow")
+    _, X, y = default
+    X, y = X[:700], y[:700]
+    model = DynamicBiasRegressor(time_constants=[300.0], effects=[SplineTransformer(3)]).fit(X[:600], y[:600])
+    X[600:].assign(reading=y[600:]).to_parquet(tmp_path / "log.parquet")
+    part = ParquetLog(tmp_path / "log.parquet")
+    got = OnlineCorrector(model).update_many(part, part["reading"])
+    agree(model, X[600:], y[600:], got["corrected"], got["flag"])
+    single = one_by_one(OnlineCorrector(model), X[600:], y[600:])
+    agree(model, X[600:], y[600:], [s.corrected for s in single], [s.flag for s in single])
+    with pytest.raises(RecordError, match=r"X has 100 rows and y has the shape \(99,\)"):
+        OnlineCorrector(model).update_many(X[600:], y[601:])
+
+
+def test_a_stream_goes_on_with_a_loaded_model(default, tmp_path):
+    model, X, y = default
+    X, y = X[900:], y[900:]
+    live = OnlineCorrector(model)
+    live.update_many(X[:333], y[:333])
+    (tmp_path / "state.json").write_text(json.dumps(live.state()))
+    save_model(model, tmp_path / "model.json")
+    again = OnlineCorrector.from_state(
+        load_model(tmp_path / "model.json"), json.loads((tmp_path / "state.json").read_text())
+    )
+    pd.testing.assert_frame_equal(again.update_many(X[333:], y[333:]), live.update_many(X[333:], y[333:]))
+
+
+def test_states_of_other_models_and_damaged_ones_are_refused(default):
+    model, X, y = default
+    live = OnlineCorrector(model, average=3, track=60.0)
+    live.update_many(X[:100], y[:100])
+    state = live.state()
+    other = DynamicBiasRegressor(time_constants=[300.0]).fit(X[:200], y[:200])
+    with pytest.raises(ModelFileError, match="belongs to another model"):
+        OnlineCorrector.from_state(other, state)
+    hostile = [None, -1, 2.5, "x", [], {}, [[]], {"$effect": {}}, float("nan"), 10**30, True]
+    refused = 0
+    for key in state:
+        for value in hostile:
+            try:
+                OnlineCorrector.from_state(model, {**state, key: value}).update(X.index[150], 23.0, 1.0)
+            except ModelFileError:
+                refused += 1
+        with pytest.raises(ModelFileError, match="cannot go on"):
+            OnlineCorrector.from_state(model, {k: v for k, v in state.items() if k != key})
+    assert refused > 0.6 * len(state) * len(hostile)
+
+
+# ------------------------------------------------------------------------------------------------------------- speed
+
+
+def test_it_is_fast_enough(default):
+    """A third of what `benchmarks/live.py` asks for, in processor time, since other work may share the machine."""
+    model, X, y = default
+    X, y = X[900:].dropna(), y[X.index[900:][X[900:].notna().all(axis=1)]]
+    times, T, U = X.index.tolist(), X["temperature"].tolist(), y.tolist()
+    best = math.inf
+    for _ in range(5):
+        update, begin = OnlineCorrector(model).update, time.process_time()
+        for row in zip(times, T, U, strict=True):
+            update(*row)
+        best = min(best, (time.process_time() - begin) / len(T))
+    assert best < 60e-6

@@ -1,0 +1,108 @@
+"""Steppers: every kind of the catalogue, sample by sample in plain floats, against its columns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from effect_records import EXAMPLES, NAMES, learned, log, whole
+
+from thermocorr.effects import CATALOGUE, Effect, ThermalLag
+from thermocorr.effects.steppers import STEPPERS, Lags, Sample, decay_and_gain_of_step, stepper_of
+from thermocorr.effects.stream import own_starts
+from thermocorr.equations import lag_differences
+from thermocorr.equations.lags import decay_and_gain
+
+
+class Squared(Effect):
+    """An effect without a stepper, which asks for all that a block offers."""
+
+    kind = "squared"
+
+    def inputs(self):
+        return ["humidity"]
+
+    def names(self):
+        return ["square", "clock", "late"]
+
+    def columns(self, block, state):
+        lag, state = lag_differences(block["humidity"], block.steps, np.array([500.0]), state)
+        clock = block.seconds - 2 * block.elapsed
+        return np.column_stack((block["humidity"] ** 2, clock, lag)), state
+
+
+ALL = [*EXAMPLES, ThermalLag([90.0, 4000.0], "zero_order", "zero"), ThermalLag([90.0], form="paper"), Squared()]
+
+
+def test_every_kind_has_a_stepper():
+    assert set(STEPPERS) == set(CATALOGUE)
+
+
+def stepped(effect, record, cuts=()):
+    """Columns by the stepper; where `cuts` says, a block of rows goes through `columns` and hands on its state."""
+    times = record.times
+    stepper = stepper_of(effect, times, record.first_stamp(), "temperature")
+    rows = []
+    for block in record.blocks(10**9, starts=own_starts(record)):
+        stepper.start(None)
+        assert stepper.state() is None
+        for k in range(len(block)):
+            sample = Sample()
+            sample.begins, sample.step, sample.temperature = k == 0, float(block.steps[k]), float(block.temperature[k])
+            sample.values = {name: float(column[block.start + k]) for name, column in record.columns.items()}
+            sample.seconds, sample.elapsed = float(block.seconds[k]), float(block.elapsed[k])
+            sample.stamp, sample.segment_zero, sample.key = (
+                record.stamp(block.start + k),
+                block.segment_zero,
+                block.segment,
+            )
+            rows.append(list(stepper.step(sample)))
+            if block.start + k in cuts:  # another stepper takes over
+                state, stepper = stepper.state(), stepper_of(effect, times, record.first_stamp(), "temperature")
+                stepper.start(state)
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("effect", ALL, ids=[*NAMES, "zero", "paper", "own"])
+@pytest.mark.parametrize("irregular", [0.0, 0.5])
+def test_steppers_agree_with_columns(effect, irregular):
+    effect, record = learned(effect, log(300, seed=1, irregular=irregular, holes=[120]), max_gap="1 h")
+    expected = whole(effect, record)
+    # Both sides round each product once; NumPy's and C's exponentials differ in the last digit. The recursion forgets.
+    scale = np.abs(expected).max(axis=0) + 1e-300
+    for cuts in ((), (50, 51, 119, 200)):
+        np.testing.assert_array_less(np.abs(stepped(effect, record, cuts) - expected) / scale, 2e-14)
+
+
+@pytest.mark.parametrize("effect", ALL, ids=[*NAMES, "zero", "paper", "own"])
+def test_states_of_steppers_and_of_columns_are_interchangeable(effect):
+    effect, record = learned(effect, log(200, seed=2, irregular=0.3))
+    (block,) = record.blocks(10**9, starts=own_starts(record))
+    _, state = effect.columns(block, None)
+    stepper = stepper_of(effect, record.times, record.first_stamp(), "temperature")
+    stepper.start(state)
+    again = stepper.state()
+    assert type(again) is type(state)
+    flat = [
+        np.asarray(part, float) for part in (state if isinstance(state, tuple) else () if state is None else (state,))
+    ]
+    back = [
+        np.asarray(part, float) for part in (again if isinstance(again, tuple) else () if again is None else (again,))
+    ]
+    for one, other in zip(flat, back, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_decay_and_gain_of_a_single_step_are_those_of_floor_0():
+    ratios = np.concatenate([np.geomspace(1e-9, 50, 2000), [0.1, np.nextafter(0.1, 0)]])
+    for hold in ("first_order", "zero_order"):
+        decay, gain = decay_and_gain(ratios * 7.0, 7.0, hold)
+        single = np.array([decay_and_gain_of_step(ratio * 7.0, 7.0, hold == "first_order") for ratio in ratios])
+        np.testing.assert_allclose(single[:, 0], decay, rtol=4.5e-16)  # two units in the last place
+        np.testing.assert_allclose(single[:, 1], gain, rtol=2e-15)  # (1 - a) / r at r = 0.1 loses a digit of a
+
+
+def test_a_jittering_clock_does_not_fill_the_memory():
+    lags = Lags(np.array([60.0, 900.0]), "first_order")
+    for step in np.random.default_rng(0).uniform(1, 2, 1000).tolist():
+        lags.step(20.0, step)
+    assert len(lags.known) <= 64

@@ -1,0 +1,119 @@
+"""Times of a stream as stamps: the absolute times that a fitted record counts in, one or many at once."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..records import History, RecordError
+from ..records.times import Times
+
+_NS = 1_000_000_000
+_EPOCH, _EPOCH_UTC = datetime(1970, 1, 1), datetime(1970, 1, 1, tzinfo=UTC)
+_ISO_DATE = re.compile(r"\d{4}-\d\d-\d\d")  # pandas would read "now" and "5" too
+_MICROSECOND = timedelta(microseconds=1)
+
+
+class Clock:
+    """Stamps of one kind of time, see `Times.stamp`: nanoseconds, seconds or row numbers."""
+
+    def __init__(self, history: History):
+        self.kind = history.kind
+        self.next_row = history.n_fitted
+        period = float(history.record.times.period)
+        self.unit = {"rows": period, "seconds": 1.0}.get(self.kind, 1.0 / _NS)
+        """Length of one stamp [s], to rounding; see `seconds`."""
+        self._per = {"rows": 1.0, "seconds": 1.0}.get(self.kind, float(_NS))
+        self._times = period if self.kind == "rows" else 1.0
+        convert: dict[str, Callable[[Any], float]] = {
+            "rows": self._row,
+            "seconds": self._seconds,
+            "timedelta": self._span,
+            "datetime": self._date,
+            "datetime with time zone": self._zoned_date,
+        }
+        self.stamp = convert[self.kind]
+        """Function that turns one time into its stamp; RecordError for what is no time of this kind."""
+
+    def between(self, later: Any, earlier: Any) -> Any:
+        """Difference of two stamps (or arrays of them) [s]."""
+        return (later - earlier) * self._times / self._per
+
+    def stamps(self, times: Times) -> np.ndarray:
+        """Stamps of many times, shape (n,)."""
+        if times.kind != self.kind:
+            raise RecordError(
+                f"The fitted record has times of kind {self.kind!r}, these rows have {times.kind!r}. Give both the "
+                "same kind of time (dates with or without zone, time spans, seconds, or none at all)."
+            )
+        if times.ticks is None:
+            stamps = self.next_row + np.arange(times.n)
+            self.next_row += times.n
+            return stamps
+        return times.ticks if self.kind == "seconds" else times.ticks * (_NS // times.per_second)
+
+    def _refuse(self, time: Any, wanted: str) -> RecordError:
+        return RecordError(f"A sample's time must be {wanted}, as in the fitted record. Got {time!r} instead.")
+
+    def _row(self, time: Any) -> int:
+        if time is not None:
+            raise self._refuse(time, "None (the next row)")
+        self.next_row += 1
+        return self.next_row - 1
+
+    def _seconds(self, time: Any) -> float:
+        try:
+            seconds = float(time)
+        except (TypeError, ValueError):
+            seconds = math.nan
+        if not math.isfinite(seconds):
+            raise self._refuse(time, "a number of seconds")
+        return seconds
+
+    def _span(self, time: Any) -> int:
+        try:
+            value = pd.Timedelta(time, unit="s" if isinstance(time, int | float) else None)
+        except (TypeError, ValueError):
+            value = pd.NaT
+        if value is pd.NaT:
+            raise self._refuse(time, "a time span or a number of seconds")
+        return int(value.value)
+
+    def _date(self, time: Any) -> int:
+        kind = type(time)
+        if kind is pd.Timestamp and time.tzinfo is None:
+            return time.value  # type: ignore[no-any-return]
+        if kind is datetime and time.tzinfo is None:
+            return (time - _EPOCH) // _MICROSECOND * 1000
+        date = self._parsed(time, "a date without a time zone")
+        if date.tzinfo is not None:
+            raise self._refuse(time, "a date without a time zone")
+        return int(date.value)
+
+    def _zoned_date(self, time: Any) -> int:
+        kind = type(time)
+        if kind is pd.Timestamp and time.tzinfo is not None:
+            return time.value  # type: ignore[no-any-return]
+        if kind is datetime and time.tzinfo is not None:
+            return (time - _EPOCH_UTC) // _MICROSECOND * 1000
+        date = self._parsed(time, "a date with a time zone")
+        if date.tzinfo is None:
+            raise self._refuse(time, "a date with a time zone")
+        return int(date.value)
+
+    def _parsed(self, time: Any, wanted: str) -> Any:
+        date: Any = pd.NaT
+        if isinstance(time, datetime | np.datetime64) or (isinstance(time, str) and _ISO_DATE.match(time)):
+            try:
+                date = pd.Timestamp(time)
+            except (TypeError, ValueError):
+                date = pd.NaT
+        if date is pd.NaT:
+            raise self._refuse(time, wanted)
+        return date

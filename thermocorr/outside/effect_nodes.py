@@ -1,0 +1,316 @@
+"""Effects in a model file: what each kind has learned, checked value by value when it is read."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable, Collection
+from typing import Any
+
+import numpy as np
+
+from ..effects import CATALOGUE, Effect, ThermalLag
+from ..effects.rates import DelayState
+from ..effects.thermal import seconds_array
+from ..equations import LagState
+from .codec import ModelFileError, fields, integer, name, number, pack, positive, text, unexpected, unpack, vector
+
+Check = Callable[[Any, str], Any]
+
+
+def _times_of(effect: Any) -> Check:
+    """Time constants in seconds: those of the effect's parameter."""
+
+    def check(value: Any, where: str) -> None:
+        if not np.array_equal(vector(value, where), seconds_array(effect.time_constants)):
+            raise unexpected(where, "time constants", "those of the effect's parameters")
+
+    return check
+
+
+def _lags_of(effect: Any) -> Check:
+    def check(value: Any, where: str) -> None:
+        same = type(value) is ThermalLag and hasattr(value, "time_constants_")
+        same = same and all(
+            np.array_equal(getattr(value, key), getattr(effect, key)) for key in ("time_constants", "hold")
+        )
+        if not same or value.initial_state != effect.initial_state or value.form != "unit_gain":
+            raise unexpected(where, "an effect", "a thermal lag of the same parameters")
+
+    return check
+
+
+def _pairs_of(effect: Any) -> Check:
+    def check(value: Any, where: str) -> None:
+        n = len(effect.lags_.time_constants_)
+        right = isinstance(value, list) and len(value) == n * (n + 1) // 2
+        if not right or repr(value) != repr([(j, k) for j in range(n) for k in range(j, n)]):
+            raise unexpected(where, "a list", f"the pairs of {n} lags")
+
+    return check
+
+
+def _decays_of(effect: Any) -> Check:
+    def check(value: Any, where: str) -> None:
+        times = seconds_array(effect.time_constants)
+        if not isinstance(value, dict) or any(type(key) is not int or key < 0 for key in value):
+            raise unexpected(where, "keys", "numbers of segments")
+        for key, taus in value.items():
+            if not len(vector(taus, f"{where}[{key}]")) or not np.isin(taus, times).all():
+                raise unexpected(f"{where}[{key}]", "time constants", "some of those of the effect's parameters")
+
+    return check
+
+
+def _first_columns_of(effect: Any) -> Check:
+    def check(value: Any, where: str) -> None:
+        at, expected = 0, {}
+        for key, taus in effect.decays_.items():
+            expected[key] = at
+            at += len(taus)
+        if repr(value) != repr(expected):  # 1.0 and True are no column numbers
+            raise unexpected(where, "column numbers", f"{expected}")
+
+    return check
+
+
+def _labels_of(effect: Any) -> Check:
+    def check(value: Any, where: str) -> None:
+        if not isinstance(value, dict) or set(value) != set(effect.decays_):
+            raise unexpected(where, "labels", "one for each segment with decays")
+        for key, item in value.items():
+            text(item, f"{where}[{key}]")
+
+    return check
+
+
+def _count_of(effect: Any) -> Check:
+    total = sum(len(taus) for taus in effect.decays_.values())
+    return lambda value, where: integer(value, where, total, total)
+
+
+def _optional_positive(value: Any, where: str) -> None:
+    if value is not None:
+        positive(value, where)
+
+
+def _in_range(value: Any, where: str) -> None:
+    number(value, where, -1e300, 1e300)
+
+
+LEARNED: dict[str, Callable[[Any], dict[str, Any]]] = {
+    "static_polynomial": lambda e: {"temperature_name_": name, "reference_temperature_": _in_range},
+    "thermal_lag": lambda e: {
+        "time_constants_": _times_of,
+        **({"reference_temperature_": _in_range} if e.initial_state == "zero" else {}),
+    },
+    "initial_transient": lambda e: {
+        "decays_": _decays_of,
+        "first_column_": _first_columns_of,
+        "labels_": _labels_of,
+        "n_columns_": _count_of,
+    },
+    "lag_products": lambda e: {
+        "lags_": _lags_of,
+        "pairs_": _pairs_of,
+        **({"reference_temperature_": _in_range, "temperature_name_": name} if e.temperature_products else {}),
+    },
+    "rate": lambda e: {"time_constant_": _optional_positive},
+    "delay": lambda e: {"delay_": positive},
+    "covariate": lambda e: {"mean_": _in_range},
+    "lagged_covariate": lambda e: {"mean_": _in_range, "time_constants_": _times_of},
+    "interaction": lambda e: {"mean_": _in_range, "reference_temperature_": _in_range, "temperature_name_": name},
+    "drift": lambda e: {"centre_": _in_range},
+    "log_ageing": lambda e: {"onset_": positive, "mean_": _in_range},
+    "sensitivity_drift": lambda e: {
+        "centre_": _in_range,
+        "reference_temperature_": _in_range,
+        "temperature_name_": name,
+    },
+    "step": lambda e: {"seconds_": _in_range, "moment_": text},
+    "hysteresis": lambda e: {},
+    "hinge": lambda e: {"time_constants_": _times_of},
+    "periodic": lambda e: {"period_": positive},
+}
+"""Kind -> learned attributes and their checks; a check that depends on the effect is made from it, in this order."""
+_FROM_EFFECT = {_times_of, _lags_of, _pairs_of, _decays_of, _first_columns_of, _labels_of, _count_of}
+MOST_HARMONICS = 10_000
+
+
+class EffectCodec:
+    """Effects to JSON and back.
+
+    Parameters
+    ----------
+    allow_imports : collection of str
+        Import paths of effects that are not in the catalogue and may be loaded, such as "mypackage.effects.FanNoise".
+    """
+
+    def __init__(self, allow_imports: Collection[str] = ()):
+        if isinstance(allow_imports, str):
+            allow_imports = [allow_imports]
+        self.allow_imports = tuple(allow_imports)
+
+    # ---------------------------------------------------------------------------------------------------------- to JSON
+
+    def pack(self, effect: Any, where: str, learned: bool) -> dict[str, Any]:
+        """One effect, with what it has learned or without."""
+        if not isinstance(effect, Effect) or effect.kind == "transformer":
+            inner = getattr(effect, "transformer", effect)
+            if hasattr(inner, "transform"):
+                raise ModelFileError(
+                    f"{where} is the scikit-learn transformer {type(inner).__name__}, which a model file cannot hold "
+                    "without running code when it is read. Write it as an effect of your own (see "
+                    "thermocorr.effects.Effect), or keep the model with skops or joblib."
+                )
+            raise ModelFileError(f"{where} is a {type(effect).__name__}, which has no place in a model file.")
+        node: dict[str, Any] = {"kind": effect.kind}
+        if CATALOGUE.get(effect.kind) is not type(effect):
+            node["import"] = import_path(type(effect), where)
+        parameters = effect.get_params(deep=False)
+        node["parameters"] = {key: pack(value, f"{where}.{key}", self.pack_effect) for key, value in parameters.items()}
+        if learned:
+            found = {key: value for key, value in vars(effect).items() if key not in parameters}
+            stray = next((key for key in found if not key.endswith("_") or key.startswith("_")), None)
+            if stray is not None:
+                raise ModelFileError(
+                    f"{where} ({type(effect).__name__}) keeps something in {stray!r}. What an effect learns must stand "
+                    "in attributes whose names end with an underscore."
+                )
+            node["learned"] = {key: pack(value, f"{where}.{key}", self.pack_learned) for key, value in found.items()}
+        return node
+
+    def pack_effect(self, value: Any, where: str) -> Any:
+        """An effect among parameters."""
+        return {"$effect": self.pack(value, where, learned=False)}
+
+    def pack_learned(self, value: Any, where: str) -> Any:
+        """An effect that another one has made and taught."""
+        return {"$effect": self.pack(value, where, learned=True)}
+
+    # -------------------------------------------------------------------------------------------------------- from JSON
+
+    def unpack_nested(self, node: Any, where: str) -> Effect:
+        """An effect among parameters or learned attributes: taught where the file says so."""
+        return self.unpack(node, where, learned=isinstance(node, dict) and "learned" in node)
+
+    def unpack(self, node: Any, where: str, learned: bool) -> Effect:
+        """One effect; raises ModelFileError for what is not one, and for imports that are not allowed."""
+        required = ("kind", "parameters", "learned") if learned else ("kind", "parameters")
+        node = fields(node, where, required, ("import", "name"))
+        cls = self._class_of(node, where)
+        parameters = fields(node["parameters"], f"{where}.parameters", tuple(cls._get_param_names()))
+        given = {
+            key: unpack(value, f"{where}.parameters.{key}", self.unpack_nested) for key, value in parameters.items()
+        }
+        own = "import" in node
+        try:
+            effect = cls(**given)
+            if not own:
+                effect._validate_params()
+                _check_parameters(effect, f"{where}.parameters")
+        except ModelFileError:
+            raise
+        except Exception as error:
+            raise ModelFileError(f"{where}.parameters are refused by {cls.__name__}: {error}") from None
+        if learned:
+            self._teach(effect, node["learned"], f"{where}.learned", own)
+        return effect
+
+    def _teach(self, effect: Effect, node: Any, where: str, own: bool) -> None:
+        if own:
+            if not isinstance(node, dict) or any(not k.endswith("_") or k.startswith("_") for k in node):
+                raise unexpected(where, "something", "names that end with an underscore")
+            wanted: dict[str, Any] = dict.fromkeys(node)
+        else:
+            wanted = LEARNED[effect.kind](effect)
+        node = fields(node, where, tuple(wanted))
+        for key, check in wanted.items():
+            place = f"{where}.{key}"
+            value = unpack(node[key], place, self.unpack_nested)
+            if check is not None:
+                try:
+                    (check(effect) if check in _FROM_EFFECT else check)(value, place)
+                except ModelFileError:
+                    raise
+                except (ValueError, TypeError, OverflowError) as error:
+                    raise ModelFileError(f"{place}: {error}") from None
+            setattr(effect, key, value)
+
+    def _class_of(self, node: dict[str, Any], where: str) -> type[Effect]:
+        kind, path = text(node["kind"], f"{where}.kind"), node.get("import")
+        if path is None:
+            if kind not in CATALOGUE:
+                raise unexpected(f"{where}.kind", repr(kind), f"one of {', '.join(CATALOGUE)}")
+            return CATALOGUE[kind]
+        path = text(path, f"{where}.import")
+        if path not in self.allow_imports:
+            raise ModelFileError(
+                f"{where} is an effect of its own, {path!r}, which would be imported and run. If you trust it, load "
+                f"with allow_imports=[{path!r}]"
+            )
+        module, _, qualified = path.rpartition(".")
+        try:
+            found: Any = importlib.import_module(module)
+            found = getattr(found, qualified)
+        except (ImportError, AttributeError, ValueError) as error:
+            raise ModelFileError(f"{where} needs {path!r}, which cannot be imported: {error}") from None
+        if not (isinstance(found, type) and issubclass(found, Effect)) or found.kind != kind:
+            raise ModelFileError(f"{where} needs {path!r}, which is no effect of the kind {kind!r}")
+        return found
+
+
+def import_path(cls: type, where: str) -> str:
+    """Where a class can be imported from; ModelFileError for one that cannot."""
+    path = f"{cls.__module__}.{cls.__qualname__}"
+    if getattr(sys.modules.get(cls.__module__), cls.__qualname__, None) is not cls:
+        raise ModelFileError(
+            f"{where} is of the class {path}, which cannot be imported from there. Define it at the top level of a "
+            "module."
+        )
+    return path
+
+
+def _check_parameters(effect: Any, where: str) -> None:
+    """What the effects themselves check only while they learn, or not at all."""
+    if hasattr(effect, "time_constants"):
+        try:
+            seconds_array(effect.time_constants)
+        except (ValueError, TypeError, OverflowError) as error:
+            raise ModelFileError(f"{where}.time_constants: {error}") from None
+    if hasattr(effect, "column"):
+        name(effect.column, f"{where}.column")
+    if hasattr(effect, "harmonics"):
+        integer(effect.harmonics, f"{where}.harmonics", 1, MOST_HARMONICS)
+    for limited in ("width", "knee", "reference_temperature"):
+        value = getattr(effect, limited, None)
+        if isinstance(value, int | float):
+            number(value, f"{where}.{limited}", -1e300, 1e300)
+
+
+def check_state(effect: Any, state: Any, where: str) -> None:
+    """Refuse a state that the effect's `columns` cannot go on from; that of a user's own effect is not looked at."""
+    kind = effect.kind if CATALOGUE.get(effect.kind) is type(effect) else None
+    lags = {
+        "thermal_lag": lambda: len(effect.time_constants_),
+        "lag_products": lambda: len(effect.lags_.time_constants_),
+        "lagged_covariate": lambda: len(effect.time_constants_),
+        "hinge": lambda: len(effect.time_constants_) or None,
+        "rate": lambda: None if effect.time_constant_ is None else 1,
+    }
+    count = lags[kind]() if kind in lags else None
+    if count is not None:
+        if type(state) is not LagState:
+            raise unexpected(where, repr(state)[:60], f"the state of {count} lags")
+        vector(state.lag_difference, f"{where}.lag_difference", count)
+        number(state.temperature, f"{where}.temperature")
+    elif kind == "delay":
+        if type(state) is not DelayState or not len(vector(state.elapsed, where)):
+            raise unexpected(where, repr(state)[:60], "the samples that a delay looks back to")
+        vector(state.temperature, f"{where}.temperature", len(state.elapsed))
+        if (np.diff(state.elapsed) <= 0).any():
+            raise unexpected(f"{where}.elapsed", "times", "increasing times")
+    elif kind in ("hysteresis", "rate"):
+        number(state, where)
+    elif kind is not None and state is not None:
+        raise unexpected(where, repr(state)[:60], "null")

@@ -1,0 +1,309 @@
+"""Parts of a fitted model as JSON and back: history, reading, coefficients."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from sklearn.pipeline import Pipeline
+
+from ..effects.stream import needed_columns
+from ..effects.wrap import as_effects
+from ..estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
+from ..estimators.reading import Reading
+from ..records import History, Record, Segment, seconds_of
+from ..records.times import Times
+from .codec import (
+    LARGEST_INTEGER,
+    ModelFileError,
+    fields,
+    integer,
+    items,
+    label,
+    name,
+    number,
+    pack,
+    positive,
+    text,
+    unexpected,
+    unpack,
+    vector,
+)
+from .effect_nodes import EffectCodec, check_state
+
+KINDS = ("datetime", "datetime with time zone", "timedelta", "seconds", "rows")
+MOST_ROWS = 1 << 24
+
+
+# ------------------------------------------------------------------------------------------------------------- history
+
+
+def pack_history(history: History, effects: list[Any], codec: EffectCodec) -> dict[str, Any]:
+    """What ties later rows to the fitted record: kept rows, and the states at the end of each segment."""
+    record, times = history.record, history.record.times
+    ticks = times.ticks
+    assert ticks is not None
+    segments = []
+    for segment, states in zip(record.segments, history.end_states, strict=True):
+        packed = [
+            pack(state, f"the state of {effect.label()!r}", codec.pack_learned)
+            for effect, state in zip(effects, states, strict=True)
+        ]
+        segments.append({"stop": segment.stop, "run": pack(segment.run, "the label of a run"), "end_states": packed})
+    whole = ticks.dtype.kind in "iu"
+    return {
+        "kind": history.kind,
+        "zero": pack(history.zero, "the first time"),
+        "rows": history.n_fitted,
+        "stride": history.stride,
+        "usual_step": history.usual_step,
+        "max_gap": history.max_gap,
+        "ticks_per_second": times.per_second,
+        "period": float(times.period),
+        "temperature": pack(record.temperature_name, "the temperature's name"),
+        "segments": segments,
+        "first_tick": int(ticks[0]) if whole else float(ticks[0]),
+        "ticks": np.diff(ticks).tolist() if whole else ticks[1:].tolist(),
+        "columns": [
+            {"name": pack(column, "a column's name"), "values": pack(values, f"column {column!r}")}
+            for column, values in record.columns.items()
+        ],
+    }
+
+
+_HISTORY = (
+    "kind", "zero", "rows", "stride", "usual_step", "max_gap", "ticks_per_second", "period", "temperature", "segments",
+    "first_tick", "ticks", "columns",
+)  # fmt: skip
+
+
+def unpack_history(node: Any, where: str, effects: list[Any], codec: EffectCodec) -> History:
+    """The history; every count, order and state is checked."""
+    node = fields(node, where, _HISTORY)
+    kind = node["kind"]
+    if kind not in KINDS:
+        raise unexpected(f"{where}.kind", repr(kind)[:60], f"one of {', '.join(KINDS)}")
+    segments, ends, at = [], [], 0
+    for i, item in enumerate(items(node["segments"], f"{where}.segments")):
+        place = f"{where}.segments[{i}]"
+        item = fields(item, place, ("stop", "run", "end_states"))
+        stop = integer(item["stop"], f"{place}.stop", at + 1, MOST_ROWS)
+        segments.append(Segment(at, stop, label(unpack(item["run"], f"{place}.run"), f"{place}.run")))
+        at = stop
+        states = []
+        for k, state in enumerate(items(item["end_states"], f"{place}.end_states", len(effects))):
+            spot = f"{place}.end_states[{k}]"
+            states.append(unpack(state, spot, codec.unpack_nested))
+            check_state(effects[k], states[-1], spot)
+        ends.append(states)
+    if not segments:
+        raise unexpected(f"{where}.segments", "an empty list", "at least one segment")
+    ticks = _unpack_ticks(node, where, kind, at, [segment.start for segment in segments])
+    columns: dict[object, np.ndarray] = {}
+    for i, item in enumerate(items(node["columns"], f"{where}.columns")):
+        place = f"{where}.columns[{i}]"
+        item = fields(item, place, ("name", "values"))
+        column = name(item["name"], f"{place}.name")
+        if column in columns:
+            raise unexpected(f"{place}.name", repr(column)[:60], "another name")
+        columns[column] = vector(unpack(item["values"], f"{place}.values"), f"{place}.values", at)
+    temperature = name(node["temperature"], f"{where}.temperature")
+    for column in (temperature, *needed_columns(effects)):
+        if column not in columns:
+            raise ModelFileError(f"{where}.columns has no {column!r}, which the model needs")
+    per_second = integer(node["ticks_per_second"], f"{where}.ticks_per_second", 1, 1_000_000_000)
+    if per_second not in (1, 1_000, 1_000_000, 1_000_000_000):
+        raise unexpected(f"{where}.ticks_per_second", str(per_second), "1, 1000, 1000000 or 1000000000")
+    times = Times(at, kind, ticks, per_second, positive(node["period"], f"{where}.period"))
+    zero = times.stamp(0)
+    if type(node["zero"]) is not type(zero) or node["zero"] != zero:
+        raise unexpected(f"{where}.zero", repr(node["zero"])[:60], f"the first row's time {zero!r}")
+    return History(
+        kind,
+        zero,
+        Record(times, temperature, columns, tuple(segments)),
+        tuple(ends),
+        integer(node["rows"], f"{where}.rows", at),
+        integer(node["stride"], f"{where}.stride", 1),
+        positive(node["usual_step"], f"{where}.usual_step"),
+        None if node["max_gap"] is None else positive(node["max_gap"], f"{where}.max_gap"),
+    )
+
+
+def _unpack_ticks(node: dict[str, Any], where: str, kind: str, n: int, starts: list[int]) -> np.ndarray:
+    given = items(node["ticks"], f"{where}.ticks", n - 1)
+    if kind == "seconds":
+        values = [node["first_tick"], *given]
+        for i, value in enumerate(values):
+            if type(value) is not float:
+                raise unexpected(f"{where}.ticks[{i - 1}]", repr(value)[:60], "seconds")
+        ticks = np.array(values, float)
+    else:
+        for i, value in enumerate(given):
+            integer(value, f"{where}.ticks[{i}]")
+        total = integer(node["first_tick"], f"{where}.first_tick", 1 - LARGEST_INTEGER, LARGEST_INTEGER - 1)
+        stamps = [total]
+        for step in given:
+            total += step
+            stamps.append(total)
+        if max(map(abs, stamps)) >= LARGEST_INTEGER // (1_000_000_000 // max(_per_second(node), 1)):
+            raise unexpected(f"{where}.ticks", "times", "times within three centuries of 1970")
+        ticks = np.array(stamps, np.int64)
+    back = np.flatnonzero(np.diff(ticks) <= 0) + 1
+    wrong = np.setdiff1d(back, starts)
+    if len(wrong):
+        raise unexpected(f"{where}.ticks[{wrong[0] - 1}]", "a time that does not increase", "a later time")
+    return ticks
+
+
+def _per_second(node: dict[str, Any]) -> int:
+    value = node["ticks_per_second"]
+    return value if type(value) is int and 1 <= value <= 1_000_000_000 else 1
+
+
+# ------------------------------------------------------------------------------------------------- reading, the model
+
+
+def pack_reading(reading: Reading) -> dict[str, Any]:
+    """Names, units and ranges."""
+    return {**asdict(reading), "temperature_range": list(reading.temperature_range)}
+
+
+def unpack_reading(node: Any, where: str) -> Reading:
+    """Names, units and ranges, checked."""
+    node = fields(node, where, tuple(Reading.__dataclass_fields__))
+    low, high = (
+        number(value, f"{where}.temperature_range[{i}]")
+        for i, value in enumerate(items(node["temperature_range"], f"{where}.temperature_range", 2))
+    )
+    if low > high:
+        raise unexpected(f"{where}.temperature_range", f"{low} above {high}", "the lower one first")
+    return Reading(
+        *(text(node[key], f"{where}.{key}") for key in ("name", "unit", "temperature_unit")),
+        integer(node["n_readings"], f"{where}.n_readings", 1),
+        number(node["mean"], f"{where}.mean"),
+        number(node["std"], f"{where}.std", 0.0),
+        (low, high),
+    )
+
+
+_MODEL = (
+    "parameters", "intercept", "coefficients", "standard_errors", "columns", "alpha", "rank", "residual_std", "washout",
+    "notes", "n_features_in", "feature_names_in", "reading", "effects", "history",
+)  # fmt: skip
+
+
+def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[str, Any]:
+    """A fitted model; see `thermocorr.save_model`."""
+    codec = EffectCodec()
+    features, ridge = model.features_, model.pipeline_[1]
+    history = features.history_ if history_rows is None else features.history_.thinned(history_rows)
+    effects = []
+    for part, effect in features.effects_:
+        effects.append({"name": part, **codec.pack(effect, f"the effect {part!r}", learned=True)})
+    names = getattr(model, "feature_names_in_", None)
+    return {
+        "parameters": {
+            key: pack(value, f"the parameter {key!r}", codec.pack_effect)
+            for key, value in model.get_params(deep=False).items()
+        },
+        "columns": list(features.get_feature_names_out()),
+        "intercept": float(ridge.intercept_),
+        "coefficients": [float(value) for value in ridge.coef_],
+        "standard_errors": [float(value) for value in model.standard_errors()],
+        "alpha": float(model.alpha_),
+        "rank": int(ridge.rank_),
+        "residual_std": float(ridge.residual_std_),
+        "washout": float(model.washout_),
+        "reading": pack_reading(model.reading_),
+        "notes": list(model.notes_),
+        "n_features_in": int(model.n_features_in_),
+        "feature_names_in": None if names is None else [str(column) for column in names],
+        "effects": effects,
+        "history": pack_history(history, features.effect_list(), codec),
+    }
+
+
+def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegressor:
+    """The fitted model, every part of it checked."""
+    node = fields(node, where, _MODEL)
+    given = fields(node["parameters"], f"{where}.parameters", tuple(DynamicBiasRegressor._get_param_names()))
+    parameters = {key: unpack(value, f"{where}.parameters.{key}", codec.unpack_nested) for key, value in given.items()}
+    for key in ("temperature", "time", "run"):
+        if parameters[key] is not None:
+            name(parameters[key], f"{where}.parameters.{key}")
+    model = DynamicBiasRegressor(**parameters)
+    given_effects = model.effects if isinstance(model.effects, list | tuple) else ()
+    for i, item in enumerate(given_effects):
+        if isinstance(item, tuple) and len(item) == 2:
+            text(item[0], f"{where}.parameters.effects[{i}]")
+    try:
+        as_effects(model.effects)
+        for key in ("sampling_period", "max_gap", "washout"):
+            value = parameters[key]
+            if value is not None and not (isinstance(value, str) and value == "auto"):
+                seconds_of(value, key)
+        model._validate_params()
+        features = model._features(())
+        features._validate_params()
+    except (ValueError, TypeError) as error:
+        raise ModelFileError(f"{where}.parameters: {error}") from None
+    named = []
+    for i, item in enumerate(items(node["effects"], f"{where}.effects")):
+        place = f"{where}.effects[{i}]"
+        effect = codec.unpack(item, place, learned=True)
+        named.append((text(item.get("name"), f"{place}.name"), effect))
+    features.effects_ = named
+    _restore_features(features, node, where)
+    features.history_ = unpack_history(node["history"], f"{where}.history", features.effect_list(), codec)
+    features.n_features_in_ = model.n_features_in_ = integer(node["n_features_in"], f"{where}.n_features_in", 1)
+    if node["feature_names_in"] is not None:
+        names = items(node["feature_names_in"], f"{where}.feature_names_in", model.n_features_in_)
+        checked = [text(column, f"{where}.feature_names_in[{i}]") for i, column in enumerate(names)]
+        features.feature_names_in_ = model.feature_names_in_ = np.array(checked, dtype=object)
+    _restore_numbers(model, features, node, where)
+    return model
+
+
+def _restore_features(features: DiffusiveFeatures, node: dict[str, Any], where: str) -> None:
+    effects = features.effect_list()
+    static = next((effect for effect in effects if effect.kind == "static_polynomial"), None)
+    if static is None:
+        raise ModelFileError(f"{where}.effects has no static polynomial, with which every model begins")
+    lags: Any = next((effect for effect in effects if effect.kind == "thermal_lag"), None)
+    features.reference_temperature_ = static.reference_temperature_  # type: ignore[attr-defined]
+    features.time_constants_ = np.zeros(0) if lags is None else lags.time_constants_
+    features.time_constants = features.time_constants_.tolist()
+    try:
+        names = list(features.get_feature_names_out())
+        for effect in effects:
+            effect.label()
+            if len(effect.units()) != len(effect.names()):
+                raise ValueError(f"{type(effect).__name__} has another number of units than of names")
+    except Exception as error:
+        raise ModelFileError(f"{where}.effects cannot name their columns: {error}") from None
+    if names != node["columns"]:
+        raise unexpected(f"{where}.columns", "names", f"the {len(names)} names that the effects give")
+
+
+def _restore_numbers(model: Any, features: DiffusiveFeatures, node: dict[str, Any], where: str) -> None:
+    count = len(node["columns"])
+    ridge = MergedRidge(number(node["alpha"], f"{where}.alpha", 0.0))
+    ridge.coef_ = _numbers(node, "coefficients", where, count)
+    ridge.intercept_ = number(node["intercept"], f"{where}.intercept")
+    ridge.rank_ = integer(node["rank"], f"{where}.rank", 0, count)
+    ridge.residual_std_ = number(node["residual_std"], f"{where}.residual_std", 0.0)
+    ridge.n_features_in_ = count
+    model.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
+    model.alpha_, model.search_ = ridge.alpha, None
+    model.washout_ = number(node["washout"], f"{where}.washout", 0.0)
+    model.reading_ = unpack_reading(node["reading"], f"{where}.reading")
+    notes = items(node["notes"], f"{where}.notes")
+    model.notes_ = tuple(text(note, f"{where}.notes[{i}]") for i, note in enumerate(notes))
+    model._errors = _numbers(node, "standard_errors", where, count + 1, 0.0)
+
+
+def _numbers(node: dict[str, Any], key: str, where: str, count: int, low: float = -np.inf) -> np.ndarray:
+    values = items(node[key], f"{where}.{key}", count)
+    return np.array([number(value, f"{where}.{key}[{i}]", low) for i, value in enumerate(values)], float)
