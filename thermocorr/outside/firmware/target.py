@@ -1,0 +1,93 @@
+"""What the firmware runs on: type of its numbers, sampling, and how it starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...records import History
+from .language import Dtype, number
+
+MICROSECONDS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Target:
+    """Choices of an export that every part of the code depends on."""
+
+    name: str
+    """Prefix of every name in the C files."""
+    dtype: Dtype
+    period: float | None
+    """Fixed time between samples [s]; None where each update is told its step."""
+    reference_temperature: float
+    """Temperature from which the C code counts, exact in `dtype`."""
+    temperature_name: Any
+    history: History | None = None
+    """Fitted record, where the model still has it."""
+    continues: bool = False
+    """True: the first sample follows the last fitted row, with the states that the fit ended with."""
+
+    @property
+    def single(self) -> bool:
+        """Whether numbers are of single precision."""
+        return self.dtype == "float"
+
+    @property
+    def fixed(self) -> bool:
+        """Whether the time between samples is known now."""
+        return self.period is not None
+
+    def held(self, value: float) -> float:
+        """A number as the C type holds it."""
+        return float(np.float32(value)) if self.single else float(value)
+
+    def number(self, value: float) -> str:
+        """A literal."""
+        return number(value, self.dtype)
+
+    def call(self, function: str) -> str:
+        """Name of a libm function for this type."""
+        return function + ("f" if self.single else "")
+
+    def macro(self, name: str) -> str:
+        """A name in capitals with the prefix."""
+        return f"{self.name}_{name}".upper()
+
+    # Time: seconds since the first fitted row are `origin` + period * sample, or `origin` + what steps add up to.
+
+    @property
+    def last_row(self) -> int:
+        """Kept row that the first sample follows."""
+        return self._history.record.segments[-1].stop - 1
+
+    @property
+    def origin(self) -> float:
+        """Time [s] since the first fitted row that sample number 0 (or microsecond 0) stands for."""
+        if not self.continues:
+            return 0.0
+        history = self._history
+        last = history.between(history.record.stamp(self.last_row), history.zero)
+        return last + (self.period or 0.0)
+
+    @property
+    def segment_elapsed(self) -> float:
+        """Time from the start of the last fitted segment to its last row [s]."""
+        history = self._history
+        first = history.record.stamp(history.record.segments[-1].start)
+        return history.between(history.record.stamp(self.last_row), first)
+
+    def absolute_zero(self) -> float:
+        """Absolute time of the first fitted row [s], from which phases of periods count."""
+        return self._history.between(self._history.zero, 0)
+
+    @property
+    def _history(self) -> History:
+        if self.history is None:
+            raise ValueError(
+                "This model does not know the record that it was fitted to, which this export needs (effects with a "
+                "period, continue_from_fit=True). Export from the fitted model itself."
+            )
+        return self.history
