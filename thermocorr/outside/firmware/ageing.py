@@ -77,14 +77,13 @@ def periodic(part: Part) -> None:
             stride = round(target.period / effect.period_ * _TURN) % _TURN
             start = round((began + target.origin) / effect.period_ * _TURN) % _TURN
             count = f"(uint64_t)(int64_t){part.clock.count()}"
-            phase = f"(uint32_t)(({count} * {stride}ULL + {start}ULL) >> 32)"
+            phase = f"(uint32_t)(({count} * UINT64_C({stride}) + UINT64_C({start})) >> 32)"
             unit = program.shared("turn", 2.0 * math.pi / 2**32, "rad, turn/2^32")
         else:
             period = round(effect.period_ * MICROSECONDS)
             start = round((began + target.origin) * MICROSECONDS) % period
-            now = f"({part.clock.count()} % {period}LL + {period + start}LL)"
-            phase = f"{now} % {period}LL"
-            phase = f"({phase})"
+            length, ahead = f"INT64_C({period})", f"INT64_C({period + start})"  # never negative, before the fit too
+            phase = f"({part.clock.count()} % {length} + {ahead}) % {length}"
             unit = program.constant(part.name("radians"), 2.0 * math.pi / period, "rad/us")
         whole = part.name("phase")
         ctype = "uint32_t" if target.fixed else "int64_t"

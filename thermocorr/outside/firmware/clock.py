@@ -64,7 +64,7 @@ class Clock:
         else:
             count = math.ceil(left / self.target.period - _ALMOST)
         limit = 2**31 - 1 if self.counter_type == "int32_t" else 2**62
-        return f"{self.count()} >= {min(max(count, -limit), limit)}{'' if self.counter_type == 'int32_t' else 'LL'}"
+        return f"{self.count()} >= {'INT32_C' if limit < 2**31 else 'INT64_C'}({min(max(count, -limit), limit)})"
 
 
 def settling(program: Program, washout: float) -> None:
@@ -75,12 +75,12 @@ def settling(program: Program, washout: float) -> None:
     if target.period is None:
         count = math.ceil(washout * MICROSECONDS - _ALMOST)
         left = program.member("settling", "microseconds until the start is forgotten", ctype="uint64_t")
-        program.add("begin", f"{left} = {count}ULL;", counted=False)
+        program.add("begin", f"{left} = UINT64_C({count});", counted=False)
         program.add("advance", f"{left} -= step_us < {left} ? step_us : {left};", counted=False)
         program.add("store", f"if ({left} > 0) {{", counted=False)
     else:
         count = min(math.ceil(washout / target.period - _ALMOST), 2**32 - 1)
         left = program.member("settling", "samples until the start is forgotten", ctype="uint32_t")
-        program.add("begin", f"{left} = {count}UL;", counted=False)
+        program.add("begin", f"{left} = UINT32_C({count});", counted=False)
         program.add("store", f"if ({left} > 0) {{", f"    --{left};", counted=False)
     program.add("store", f"    result.flags |= {target.macro('WASHOUT')};", "}", counted=False)

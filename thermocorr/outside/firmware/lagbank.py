@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...equations import LagState
 from ...equations.lags import decay_and_gain
 from .language import Operations, count_operations
 from .program import Program
@@ -64,12 +65,19 @@ class LagBank:
         time_constants: Sequence[float],
         hold: str = "first_order",
         start: str = "rest",
-        ends: Sequence[float] | None = None,
+        end: LagState | None = None,
+        counted_from: float = 0.0,
     ) -> Group:
-        """Ask for lags; `ends` are their states at the end of the fit, for a program that continues it."""
+        """Ask for lags; `end` is their state at the end of the fit, for a program that continues it.
+
+        The C type rounds the last input, which the code counts from `counted_from`. The lagged value must not move by
+        that, so the lag differences take it up.
+        """
         group = self.groups.setdefault((source.key, hold, start), Group(source, hold, start))
+        last = 0.0 if end is None else end.temperature - counted_from
+        rounded_off = last - self.program.target.held(last)
         for j, tau in enumerate(time_constants):
-            group.ends[float(tau)] = 0.0 if ends is None else float(ends[j])
+            group.ends[float(tau)] = 0.0 if end is None else float(end.lag_difference[j]) + rounded_off
         return group
 
     def emit(self) -> None:

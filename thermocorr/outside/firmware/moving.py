@@ -22,8 +22,7 @@ def rate(part: Part) -> Finish | None:
     c, tau = float(part.coefficients[0]), effect.time_constant_
     moved = change(program)
     if tau is not None:
-        ends = None if part.state is None else part.state.lag_difference
-        group = part.lags.request(AMBIENT, [tau], ends=ends)
+        group = part.lags.request(AMBIENT, [tau], end=part.state)
         return lambda: program.weigh(part.name("rate"), [c / -tau], group.columns([tau]), part.per("K"))
     if target.period is not None:
         weight = program.constant(part.name("rate"), c / target.period, part.per("K"))
@@ -127,6 +126,5 @@ def hinge(part: Part) -> Finish:
         program.add("init", f"{before} = {ended};")
     program.add("store", f"{before} = {value};", counted=False)
     source = Source(key, f"{value} - {before}", "K")
-    ends = None if part.state is None else part.state.lag_difference
-    group = part.lags.request(source, taus, effect.hold, "rest", ends)
+    group = part.lags.request(source, taus, effect.hold, "rest", part.state)
     return lambda: program.weigh(part.name("mu"), c[1:], group.columns(taus), part.per("K"))

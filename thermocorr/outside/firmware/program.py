@@ -115,7 +115,7 @@ class Program:
         """Add lines, as a loop over j where `times` says so. Integer lines pass ``counted=False``."""
         lines = self.lines.setdefault(section, [])
         if times == 1:
-            statements = tuple(re.sub(r"\bj\b", "0", statement).replace("0 + ", "") for statement in statements)
+            statements = tuple(re.sub(r"\[j(?: \+ )?(\d*)\]", _place, statement) for statement in statements)
         else:
             lines.append(Line(f"for (int j = 0; j < {times}; ++j) {{", Operations()))
         indent = "" if times == 1 else "    "
@@ -177,6 +177,10 @@ class Program:
             return self.deviation()
         near = self.shared(f"near_{given.centred}", given.reference, f"a usual value of {given.value}")
         return self.local(given.centred, f"{given.value} - {near}")
+
+
+def _place(index: re.Match[str]) -> str:
+    return f"[{index[1] or 0}]"
 
 
 def _element(expression: str) -> tuple[str | None, int | None]:

@@ -60,8 +60,8 @@ def lagged_covariate(part: Part) -> Finish:
         program.add("store", f"{before} = {value};", counted=False)
         key = f"{given.value}^{effect.power}"
         source = Source(key, f"{value} - {before}", f"unit of the column^{effect.power}")
-    ends = None if part.state is None else part.state.lag_difference
-    group = part.lags.request(source, effect.time_constants_, effect.hold, "rest", ends)
+    counted_from = 0.0 if effect.power == 1 else given.reference**effect.power
+    group = part.lags.request(source, effect.time_constants_, effect.hold, "rest", part.state, counted_from)
     per = part.per(f"unit of the column^{effect.power}")
     return lambda: program.weigh(
         part.name("mu"), part.coefficients[1:], group.columns(effect.time_constants_), per

@@ -91,7 +91,7 @@ def test_program(source: Source, given: Inputs, bias: np.ndarray, flags: np.ndar
             "",
             _table(T, "temperatures", temperature),
             *([_table(T, "columns", columns)] if names else []),
-            *([] if t.fixed else [_table("uint64_t", "steps", [f"{us}ULL" for us in given.microseconds])]),
+            *([] if t.fixed else [_table("uint64_t", "steps", [f"UINT64_C({us})" for us in given.microseconds])]),
             _table(T, "biases", [t.number(value) for value in bias]),
             _table("uint32_t", "flags", [f"{flag}u" for flag in flags]),
             "",

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLag
 from ...effects.products import CoarseProducts
+from ...equations import LagState
 from .emitters import Finish, Part, emits
 from .lagbank import Group, Source
 from .program import Program
@@ -60,12 +61,11 @@ def ambient_lags(part: Part, effect: Any, state: Any) -> Group:
     program = part.program
     change(program)
     start = "rest"
-    if effect.initial_state == "zero":
+    if effect.initial_state == "zero" and not part.continues:
         shift = effect.reference_temperature_ - program.target.reference_temperature
         begins = program.shared("starts_from", shift, "K, where the device starts, less near T0")
         start = f"{begins} - {program.deviation()}"
-    ends = None if state is None else state.lag_difference
-    return part.lags.request(AMBIENT, effect.time_constants_, effect.hold, start, ends)
+    return part.lags.request(AMBIENT, effect.time_constants_, effect.hold, start, state)
 
 
 @emits(ThermalLag)
@@ -104,7 +104,8 @@ def initial_transient(part: Part) -> Finish | None:
     weights = part.coefficients[at : at + len(taus)]
     with np.errstate(under="ignore"):
         left = np.exp(-target.segment_elapsed / taus)
-    group = part.lags.request(Source("decay of the start", "", "1"), taus, ends=np.where(left < 1e-20, 0.0, left))
+    ended = LagState(np.where(left < 1e-20, 0.0, left), 0.0)
+    group = part.lags.request(Source("decay of the start", "", "1"), taus, end=ended)
     return lambda: part.program.weigh(part.name("nu"), weights, group.columns(taus), part.per(""))
 
 

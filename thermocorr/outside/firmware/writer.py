@@ -259,7 +259,7 @@ class Source:
         t, p = self.target, self.program
         lines = ["result.flags = 0;"]
         if not t.fixed:
-            lines += [f"if (step_us == 0 || step_us > {LONGEST_STEP_US}ULL) {{", "    step_us = 0;"]
+            lines += [f"if (step_us == 0 || step_us > UINT64_C({LONGEST_STEP_US})) {{", "    step_us = 0;"]
             lines += ["    if (s->started) {", f"        result.flags |= {t.macro('BAD_STEP')};"]
             lines += ["        temperature = s->temperature;", "    }", "}"]
             if self.clock.used:
