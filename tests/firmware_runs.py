@@ -65,11 +65,14 @@ def ambient(n, seed=0, irregular=False, kelvin=False, begin=BEGIN):
     T = 23 + 1.5 * np.sin(t / 13_751) + 0.4 * np.sin(t / 600) + slow + 0.02 * rng.normal(size=n)
     h = 45 + 8 * np.sin(t / 30_000 + 1) + 2 * np.sin(t / 4000) + 0.2 * rng.normal(size=n)
     return pd.DataFrame(
-        {"temperature": T + (273.15 if kelvin else 0), "humidity": h}, index=begin + pd.to_timedelta(ticks * 1000, unit="ns")
+        {"temperature": T + (273.15 if kelvin else 0), "humidity": h},
+        index=begin + pd.to_timedelta(ticks * 1000, unit="ns"),
     )
 
 
-def fitted(effects=(), n=6000, seed=1, kelvin=False, irregular=False, time_constants=(200.0, 2000.0), alpha=0.0, **settings):
+def fitted(
+    effects=(), n=6000, seed=1, kelvin=False, irregular=False, time_constants=(200.0, 2000.0), alpha=0.0, **settings
+):
     """A model fitted to a reading to which every column contributes about as much."""
     X = ambient(n, seed, irregular, kelvin)
     for effect in effects:

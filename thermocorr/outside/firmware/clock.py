@@ -37,10 +37,13 @@ class Clock:
         """The counter: samples, or microseconds, since the origin."""
         if not self.counter:
             what = "number of the next sample" if self.target.fixed else "microseconds"
-            since = "since the last fitted row" if self.target.continues else "since the first fitted row"
+            after_end = self.target.continues and self.target.fixed
+            since = "since the last fitted row" if after_end else "since the first fitted row"
             name = "sample" if self.target.fixed else "microseconds"
             self.program._taken.discard(name)
             self.counter = self.program.member(name, f"{what} {since}", ctype=self.counter_type)
+            if self.target.first_count:
+                self.program.add("init", f"{self.counter} = INT64_C({self.target.first_count});")
         return self.counter
 
     def seconds(self) -> str:
@@ -72,6 +75,7 @@ def settling(program: Program, washout: float) -> None:
     target = program.target
     if washout <= 0 or target.continues:
         return
+    program.flags_washout = True
     if target.period is None:
         count = math.ceil(washout * MICROSECONDS - _ALMOST)
         left = program.member("settling", "microseconds until the start is forgotten", ctype="uint64_t")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import platform
+import warnings
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -10,18 +10,24 @@ from typing import Any
 import numpy as np
 
 from ...effects import StaticPolynomial
-from ...records import RecordError, seconds_of
+from ...records import RecordError, RecordWarning, seconds_of
 from . import ageing, moving, recorded, thermal  # noqa: F401  (they register their emitters)
+from .body import source
 from .clock import Clock, settling
 from .costs import FirmwareExport
 from .emitters import EMITTERS, Part, refuse
+from .header import header
 from .lagbank import LagBank
-from .language import Dtype, comment, identifier
+from .language import Dtype, identifier
 from .program import Program
+from .provenance import fitted_range, provenance
 from .reference import reference_bias
-from .selftest import expected_flags, inputs, test_program
+from .selftest import TOLERANCE, expected_flags, inputs, test_program
 from .target import Target
-from .writer import Source
+from .writer import Firmware
+
+_ROUNDINGS = 4.0
+"""Roundings of each contribution that may add up: of its coefficient, its column, their product and the sum."""
 
 
 def export_c(
@@ -92,14 +98,21 @@ def export_c(
     weights = [np.asarray(model.coef_[low:high], float) for low, high in pairwise(edges)]
     states = [None] * len(effects) if not continue_from_fit else list(target._history.end_states[-1])
     program, clock = _compose(model, target, effects, removed, weights, states)
-    source = Source(program, clock, _provenance(model, target, effects), _range(model))
+    firmware = Firmware(program, clock, fitted_range(model))
     step = target.period or (history.usual_step if history is not None else 1.0)
-    given = inputs(source, _recorded(program, history, effects), step)
+    given = inputs(firmware, _recorded(program, history, effects), step)
     seconds = _seconds(target, given.steps)
     chosen = [[items[i] for i in removed] for items in (effects, weights, states)]
-    bias = reference_bias(target, *chosen, given.temperature, given.columns, seconds, given.steps)
-    test = test_program(source, given, bias, expected_flags(source, given, float(model.washout_)))
-    texts = {".h": source.header(), ".c": source.source, "_test.c": test}
+    bias, size = reference_bias(target, *chosen, given.temperature, given.columns, seconds, given.steps)
+    spread = max(float(np.ptp(bias)), getattr(getattr(model, "reading_", None), "std", 0.0))
+    if dtype == "float":
+        _warn_of_cancellation(size, spread)
+    flags = expected_flags(firmware, given, float(model.washout_))
+    texts = {
+        ".h": header(firmware, provenance(model, target, effects)),
+        ".c": source(firmware),
+        "_test.c": test_program(firmware, given, bias, flags, size),
+    }
     paths = _write(folder, target.name, texts)
     return FirmwareExport(
         target.name,
@@ -107,11 +120,24 @@ def export_c(
         target.period,
         paths,
         tuple(program.columns),
-        source.state_bytes,
-        source.constant_bytes,
-        source.operations,
+        firmware.state_bytes,
+        firmware.constant_bytes,
+        firmware.operations,
         tuple(effect.label() for effect in effects if not effect.removed_by_correct),
     )
+
+
+def _warn_of_cancellation(size: float, spread: float) -> None:
+    """Warn where large contributions cancel, so that the digits of single precision are lost with them."""
+    expected = _ROUNDINGS * float(np.finfo(np.float32).eps) / 2 * size
+    if expected > TOLERANCE["float"] * spread:
+        warnings.warn(
+            f"The contributions of the model's columns cancel: they reach {size:.3g} and leave a bias of {spread:.3g}. "
+            f"Single precision may be wrong by {expected:.1g}. Export with dtype='double', or fit fewer time constants "
+            "(or with a ridge penalty, alpha).",
+            RecordWarning,
+            stacklevel=3,
+        )
 
 
 def _compose(
@@ -159,59 +185,21 @@ def _period(given: Any, history: Any) -> float | None:
     return seconds_of(given, "sampling_period")
 
 
-def _range(model: Any) -> tuple[float, float]:
-    limits = getattr(model, "temperature_range_", None)
-    low, high = model.reading_.temperature_range if limits is None else limits
-    return float(low), float(high)
-
-
 def _seconds(target: Target, steps: np.ndarray) -> np.ndarray:
     """Times of samples since the first fitted row [s]."""
     if target.period is not None:
         return target.origin + target.period * np.arange(len(steps))
-    return target.origin + np.cumsum(np.round(steps * 1e6)) / 1e6
+    return target.origin + (target.first_count + np.cumsum(np.round(steps * 1e6))) / 1e6
 
 
 def _recorded(program: Program, history: Any, effects: list[Any]) -> dict[Any, np.ndarray]:
     """Values of the recorded columns for the self-test: fitted rows, or the mean where these are not known."""
-    means = {effect.inputs()[0]: float(effect.mean_) for effect in effects if hasattr(effect, "mean_") and effect.inputs()}
+    means = {
+        effect.inputs()[0]: float(effect.mean_) for effect in effects if hasattr(effect, "mean_") and effect.inputs()
+    }
     if history is None:
         return {name: np.array([means[name]]) for name in program.columns}
     return {name: np.asarray(history.record.columns[name], float) for name in program.columns}
-
-
-def _provenance(model: Any, target: Target, effects: list[Any]) -> list[str]:
-    """Lines of the header's first comment."""
-    from ... import __version__
-
-    lines = [f"{target.name}: dynamic thermal bias, corrected sample by sample. Made by thermocorr {__version__}"]
-    lines[0] += f" (Python {platform.python_version()}, numpy {np.__version__}); do not edit."
-    lines.append("")
-    reading = getattr(model, "reading_", None)
-    if reading is not None:
-        lines.append(f"Reading: {reading.name} [{reading.unit or 'its own unit'}], mean {reading.mean:.10g}")
-        lines.append(f"Fitted readings: {reading.n_readings}")
-    low, high = _range(model)
-    lines.append(f"Temperature: {target.temperature_name}, fitted from {low:.6g} to {high:.6g}")
-    lines.append(f"U0, reading at the reference temperature {model.reference_temperature_:.10g}: {model.intercept_:.17g}")
-    if target.history is not None:
-        record = target.history.record
-        first, last = (record.times.label(row) for row in (0, target.last_row))
-        lines.append(f"Fitted rows: {target.history.n_fitted}, from {first} to {last}")
-        lines.append(f"Their usual step: {target.history.usual_step:.10g} s")
-    taus = ", ".join(f"{tau:.6g}" for tau in model.time_constants_)
-    lines.append(f"Time constants: {taus or 'none'} s")
-    std = getattr(model, "residual_std_", None)
-    if std is not None:
-        lines.append(f"Standard deviation of the fitted residuals: {std:.6g}")
-    lines.append(f"Effects removed: {'; '.join(e.label() for e in effects if e.removed_by_correct) or 'none'}")
-    kept = "; ".join(e.label() for e in effects if not e.removed_by_correct)
-    lines.append(f"Effects kept in the corrected reading: {kept or 'none'}")
-    step = "given to each update" if target.period is None else f"{target.period:.17g} s, fixed"
-    lines.append(f"Time between samples: {step}")
-    start = "the fitted record's end" if target.continues else "a device at the start of a new segment"
-    lines.append(f"State after init: {start}; flagged {float(model.washout_):.6g} s from an unknown start")
-    return [comment(line) for line in lines]
 
 
 def _write(folder: Path, name: str, texts: dict[str, str]) -> tuple[Path, ...]:
@@ -221,5 +209,7 @@ def _write(folder: Path, name: str, texts: dict[str, str]) -> tuple[Path, ...]:
         for path, text in zip(paths, texts.values(), strict=True):
             path.write_text(text, encoding="ascii")
     except OSError as error:
-        raise RecordError(f"The C files cannot be written to {folder}: {error.strerror}. Choose another path.") from None
+        raise RecordError(
+            f"The C files cannot be written to {folder}: {error.strerror}. Choose another path."
+        ) from None
     return paths

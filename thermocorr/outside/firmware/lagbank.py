@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...equations import LagState
-from ...equations.lags import decay_and_gain
-from .language import Operations, count_operations
+from ...equations.lags import Hold, decay_and_gain
+from .factors import lag_factors
 from .program import Program
 from .target import Target
 
@@ -99,58 +99,63 @@ class LagBank:
             program.add("begin", f"{group.array}[j] = {group.start};", times=n)
         change = group.source.change
         if change and change != "change":
-            program.add("advance", f"const {target.dtype} change{suffix} = {change};")
-            change = f"change{suffix}"
+            program.add("advance", f"const {target.dtype} moved{suffix} = {change};")
+            change = f"moved{suffix}"
         fast = n_plain(group, taus, target)
         self._recursion(group, taus, change, suffix, 0, fast)
         self._recursion(group, taus, change, suffix, fast, n)
 
     def _recursion(self, group: Group, taus: np.ndarray, change: str, suffix: str, low: int, high: int) -> None:
+        """Lags `low` to `high` of a group, all of one form."""
         if low == high:
             return
         program, target, n = self.program, self.program.target, high - low
         compensated = low >= n_plain(group, taus, target)
+        first = "loss" if target.single or compensated else "decay"
         part = ("_fast" if high < len(taus) else "_slow" if low else "") + suffix
         lag = f"{group.array}[j + {low}]" if low else f"{group.array}[j]"
-        follows = bool(change)
-        held = group.hold == "zero_order"
-        lines = []
-        if target.fixed:
-            assert target.period is not None
-            first = "loss" if target.single or compensated else "decay"
-            decay, gain = decay_and_gain(np.full(n, target.period), taus[low:high], group.hold)  # type: ignore[arg-type]
-            loss = -np.expm1(-target.period / taus[low:high])
-            factor = program.constant(
-                f"{first}{part}", loss if first == "loss" else decay, "1 - exp(-dt/tau)" if first == "loss" else "exp(-dt/tau)"
-            ) + "[j]"  # fmt: skip
-            if target.single and group.hold == "first_order":
-                gain = loss * taus[low:high] / target.period
-            if follows and not held:
-                gained = program.constant(f"gain{part}", gain, "(1 - exp(-dt/tau)) tau/dt") + "[j]"
-        else:
-            first = "loss" if target.single or compensated else "decay"
-            helper = _factors(program, first)
-            tau = program.constant(f"time_constants{part}", taus[low:high], "s")
-            factor, gained = first, "gain"
-            lines.append(f"{target.dtype} {first};")
-            text = f"{helper}(step, {tau}[j], &{first});"
-            lines.append(f"const {target.dtype} gain = {text}" if follows and not held else f"(void){text}")
-        driven = "" if not follows else f" + {change}" if held else f" + {gained} * {change}"
+        lines, factor, gain = self._factors(group, taus[low:high], first, part)
+        driven = f" + {gain}{change}" if change else ""
         if compensated:
             rest = program.member(f"rest{part}", f"what rounding took from {group.array[3:]}", n) + "[j]"
             lines += [
-                f"const {target.dtype} increment = {rest} + {factor} * {lag}{driven};  /* eq. (25) */",
+                f"const {target.dtype} increment = {rest} + {factor} * {lag}{driven}; /* eq. (25) */",
                 f"const {target.dtype} next = {lag} - increment;",
                 f"{rest} = (next - {lag}) + increment;",
                 f"{lag} = next;",
             ]
         elif first == "loss":
-            lines.append(f"{lag} -= {factor} * {lag}{driven};  /* eq. (25) */")
+            lines.append(f"{lag} -= {factor} * {lag}{driven}; /* eq. (25) */")
         else:
-            lines.append(f"{lag} = {factor} * {lag}{driven.replace(' + ', ' - ')};  /* eq. (25) */")
+            lines.append(f"{lag} = {factor} * {lag}{driven.replace(' + ', ' - ')}; /* eq. (25) */")
         if n == 1 and len(lines) > 1:
             lines = ["{", *(f"    {line}" for line in lines), "}"]
         program.add("advance", *lines, times=n)
+
+    def _factors(self, group: Group, taus: np.ndarray, first: str, part: str) -> tuple[list[str], str, str]:
+        """Lines that come before a recursion; its factor (the loss 1 - a or the decay a); its gain with " * "."""
+        program, target = self.program, self.program.target
+        driven = bool(group.source.change) and group.hold == "first_order"
+        if target.period is None:
+            helper, T = lag_factors(program, first), target.dtype
+            tau = program.constant(f"time_constants{part}", taus, "s")
+            call = f"{helper}(step, {tau}[j], &{first});"
+            return (
+                [f"{T} {first};", f"const {T} gain = {call}" if driven else f"(void){call}"],
+                first,
+                "gain * " * driven,
+            )
+        hold: Hold = "first_order" if group.hold == "first_order" else "zero_order"
+        decay, gain = decay_and_gain(np.full(len(taus), target.period), taus, hold)
+        if first == "loss":
+            loss = -np.expm1(-target.period / taus)
+            factor = program.constant(f"loss{part}", loss, "1 - exp(-dt/tau)")
+            gain = loss * taus / target.period
+        else:
+            factor = program.constant(f"decay{part}", decay, "exp(-dt/tau)")
+        if not driven:
+            return [], f"{factor}[j]", ""
+        return [], f"{factor}[j]", program.constant(f"gain{part}", gain, "(1 - exp(-dt/tau)) tau/dt") + "[j] * "
 
 
 def n_plain(group: Group, taus: np.ndarray, target: Target) -> int:
@@ -162,59 +167,3 @@ def n_plain(group: Group, taus: np.ndarray, target: Target) -> int:
     if target.period is None:
         return 0
     return int(np.searchsorted(taus, COMPENSATED_FROM * target.period))
-
-
-_LOSS = """\
-static {T} lag_{first}({T} step, {T} tau, {T} *{first})
-{{
-    const {T} ratio = step / tau;
-    {T} gain;
-
-    if (ratio < {tenth}) {{ /* tanh(x)/x as a continued fraction, Abramowitz & Stegun 4.5.70 */
-        const {T} half = {half} * ratio;
-        const {T} square = half * half;
-        const {T} above = {ten} * square + {big};
-        gain = above / (((square + {mid}) * square + {big}) + half * above);
-        *{first} = {small_form};
-    }} else {{
-        *{first} = {large_form};
-        gain = {large_gain};
-    }}
-    return gain;
-}}
-"""
-
-
-def _factors(program: Program, first: str) -> str:
-    """The helper that computes the factors of a step known only at run time; returns its name."""
-    target = program.target
-    name = f"lag_{first}"
-    if name not in program.helpers:
-        n = target.number
-        loss = first == "loss"
-        text = _LOSS.format(
-            T=target.dtype,
-            first=first,
-            tenth=n(0.1),
-            half=n(0.5),
-            ten=n(10.0),
-            big=n(105.0),
-            mid=n(45.0),
-            small_form="ratio * gain" if loss else f"{n(1.0)} - ratio * gain",
-            large_form=f"-{target.call('expm1')}(-ratio)" if loss else f"{target.call('exp')}(-ratio)",
-            large_gain="*loss / ratio" if loss else f"({n(1.0)} - *decay) / ratio",
-        ).replace("*loss / ratio", "(*loss) / ratio")
-        common = [line for line in text.splitlines() if "ratio = step" in line]
-        inside = text.splitlines()
-        small = inside[inside.index(next(i for i in inside if "tanh" in i)) + 1 : _index(inside, "} else {")]
-        large = inside[_index(inside, "} else {") + 1 : _index(inside, "return gain")]
-        program.helpers[name] = (text, _cost(common) + _cost(small).most(_cost(large)))
-    return name
-
-
-def _index(lines: list[str], mark: str) -> int:
-    return next(i for i, line in enumerate(lines) if mark in line)
-
-
-def _cost(lines: list[str]) -> Operations:
-    return sum((count_operations(line.replace("*loss", "loss").replace("*decay", "decay")) for line in lines), Operations())

@@ -12,8 +12,10 @@ import numpy as np
 Dtype = Literal["float", "double"]
 
 _KEYWORDS = frozenset(
-    "auto break case char const continue default do double else enum extern float for goto if inline int long register "
-    "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while main".split()
+    """
+    auto break case char const continue default do double else enum extern float for goto if inline int long register
+    restrict return short signed sizeof static struct switch typedef union unsigned void volatile while main
+    """.split()  # noqa: SIM905
 )
 MATH = ("sin", "cos", "exp", "expm1", "log1p")
 """Functions of libm that generated code may call; with an f behind them in single precision."""

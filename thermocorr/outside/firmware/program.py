@@ -10,10 +10,12 @@ from typing import Any, Literal, NamedTuple
 from .language import Operations, count_operations, identifier
 from .target import Target
 
-Section = Literal["init", "begin", "advance", "output", "store"]
+Section = Literal["init", "begin", "advance", "output", "store", "close"]
 RESERVED = frozenset(
-    "s temperature reading columns column bias corrected change deviation result flags first step step_us started "
-    "seconds microseconds settle sample j number".split()
+    """
+    s temperature reading columns column bias corrected change deviation result flags first step step_us started seconds
+    microseconds sample j increment next gain loss decay
+    """.split()  # noqa: SIM905
 )
 """Names that the frame of `update` uses itself."""
 BYTES = {"float": 4, "double": 8, "uint32_t": 4, "int32_t": 4, "uint64_t": 8, "int64_t": 8}
@@ -74,6 +76,7 @@ class Program:
     helpers: dict[str, tuple[str, Operations]] = field(default_factory=dict)
     """Static functions: name -> (text, operations of its dearest way)."""
     bias_constant: float = 0.0
+    flags_washout: bool = False
     columns: dict[Any, str] = field(default_factory=dict)
     """Recorded columns in the order of their C array -> identifier."""
     temperature_power: int = 2
@@ -131,15 +134,17 @@ class Program:
         """Lines of a section."""
         return [line.text for line in self.lines.get(section, [])]
 
+    def all_texts(self) -> list[str]:
+        """Every line of `update`."""
+        return [line.text for lines in (self.locals, *self.lines.values()) for line in lines]
+
     def weigh(self, name: str, weights: Sequence[float], columns: Sequence[str], unit: str) -> None:
         """Add ``weight * column`` to the bias for each; columns that follow one another in an array share a loop."""
         at = 0
         while at < len(columns):
             array, index = _element(columns[at])
             run = 1
-            while (
-                array and at + run < len(columns) and _element(columns[at + run]) == (array, (index or 0) + run)
-            ):
+            while array and at + run < len(columns) and _element(columns[at + run]) == (array, (index or 0) + run):
                 run += 1
             if array and run > 1:
                 table = self.constant(name, list(weights[at : at + run]), unit)

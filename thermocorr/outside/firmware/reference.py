@@ -41,8 +41,8 @@ def reference_bias(
     columns: Mapping[Any, np.ndarray],
     seconds: np.ndarray,
     steps: np.ndarray,
-) -> np.ndarray:
-    """Bias of each sample, shape (n,), in the unit of the reading.
+) -> tuple[np.ndarray, float]:
+    """Bias of each sample, shape (n,), and what its parts reach without their signs, both in the unit of the reading.
 
     Parameters
     ----------
@@ -66,8 +66,10 @@ def reference_bias(
     record = SimpleNamespace(times=SimpleNamespace(between=lambda later, earlier: began))
     values = {target.temperature_name: temperature, **columns}
     block = Stretch(values, temperature, steps, seconds, elapsed, key, record)
-    bias = np.zeros(len(temperature))
+    bias, size = np.zeros(len(temperature)), np.zeros(len(temperature))
     for effect, weights, state in zip(effects, coefficients, states, strict=True):
         part, _ = effect.columns(block, state)
-        bias += np.asarray(part).reshape(len(temperature), -1) @ np.asarray(weights)
-    return bias
+        part = np.asarray(part).reshape(len(temperature), -1)
+        bias += part @ np.asarray(weights)
+        size += np.abs(part) @ np.abs(weights)
+    return bias, float(size.max(initial=0.0))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .writer import Source
+from .writer import Firmware
 
 SAMPLES = 160
 TOLERANCE = {"float": 1e-5, "double": 1e-12}
@@ -29,19 +29,21 @@ class Inputs:
     microseconds: tuple[int, ...]
 
 
-def inputs(source: Source, columns: Mapping[Any, np.ndarray], usual_step: float) -> Inputs:
+def inputs(firmware: Firmware, columns: Mapping[Any, np.ndarray], usual_step: float) -> Inputs:
     """A wander through the fitted range of temperatures and a little beyond; columns are drawn from given values."""
-    target = source.target
+    target = firmware.target
     rng = np.random.default_rng(20)
-    low, high = source.limits
+    low, high = firmware.limits
     wander = np.cumsum(rng.normal(0.0, 1.0, SAMPLES))
     wander = (wander - wander.min()) / np.ptp(wander)
     temperature = _held(low + (high - low) * (1.1 * wander - 0.05), target.single)
     for row in _MISSING:
         temperature[row] = temperature[row - 1]
     drawn = {
-        name: _held(np.asarray(columns[name])[np.linspace(0, len(columns[name]) - 1, SAMPLES).astype(int)], target.single)
-        for name in source.program.columns
+        name: _held(
+            np.asarray(columns[name])[np.linspace(0, len(columns[name]) - 1, SAMPLES).astype(int)], target.single
+        )
+        for name in firmware.program.columns
     }
     ticks = tuple(max(1, round(step * 1e6)) for step in rng.uniform(0.3, 2.0, SAMPLES) * usual_step)
     steps = np.full(SAMPLES, target.period) if target.fixed else np.array(ticks) / 1e6
@@ -52,33 +54,33 @@ def _held(values: np.ndarray, single: bool) -> np.ndarray:
     return np.array(values, np.float32 if single else np.float64).astype(float)
 
 
-def expected_flags(source: Source, given: Inputs, washout: float) -> np.ndarray:
+def expected_flags(firmware: Firmware, given: Inputs, washout: float) -> np.ndarray:
     """Flags of each sample, by their names' bits."""
-    bits = {name: bit for name, bit, _ in source.flags()}
-    low, high = (source.target.held(value) for value in source.limits)
+    bits = {name: bit for name, bit, _ in firmware.flags()}
+    low, high = (firmware.target.held(value) for value in firmware.limits)
     T = given.temperature
     flags = np.where((low > T) | (high < T), bits["OUTSIDE_RANGE"], 0)
     flags[list(_MISSING)] |= bits["NO_TEMPERATURE"]
-    if not source.target.continues:
+    if "WASHOUT" in bits:
         elapsed = np.cumsum(given.steps) - given.steps[0]
         flags[elapsed < washout] |= bits["WASHOUT"]
     return flags
 
 
-def tolerance(source: Source, bias: np.ndarray) -> float:
-    """Largest allowed error: the promised share of the range, or four units of the largest bias's last digit."""
-    eps = np.finfo(np.float32 if source.target.single else np.float64).eps
-    return float(max(TOLERANCE[source.target.dtype] * np.ptp(bias), 4 * eps * np.abs(bias).max(initial=0.0)))
+def tolerance(firmware: Firmware, bias: np.ndarray, size: float) -> float:
+    """Largest allowed error: the promised share of the range, or some units of the last digit of what is summed."""
+    eps = np.finfo(np.float32 if firmware.target.single else np.float64).eps
+    return float(max(TOLERANCE[firmware.target.dtype] * np.ptp(bias), 8 * eps * size))
 
 
-def test_program(source: Source, given: Inputs, bias: np.ndarray, flags: np.ndarray) -> str:
-    """Text of `<name>_test.c`; its exit status is 0 where bias, correction, flags and size agree."""
-    t, T, names = source.target, source.target.dtype, list(source.program.columns)
+def test_program(firmware: Firmware, given: Inputs, bias: np.ndarray, flags: np.ndarray, size: float) -> str:
+    """Text of `<name>_test.c`; its exit status is 0 where bias, correction, flags and the state's size agree."""
+    t, T, names = firmware.target, firmware.target.dtype, list(firmware.program.columns)
     temperature = [f"({T})NAN" if k in _MISSING else t.number(v) for k, v in enumerate(given.temperature)]
     columns = [t.number(given.columns[name][k]) for k in range(SAMPLES) for name in names]
     update = ["&state", *([] if t.fixed else ["steps[k]"]), "temperatures[k]", "reading"]
     update += [f"columns + k * {t.macro('COLUMNS')}"] if names else []
-    start = ", 0" if source.clock.used and not t.continues else ""
+    start = ", 0" if firmware.clock.used and not t.continues else ""
     return "\n".join(
         [
             f"/* Self-test: build with {t.name}.c and run; status 0 is a pass. The bias was computed in Python. */",
@@ -98,7 +100,7 @@ def test_program(source: Source, given: Inputs, bias: np.ndarray, flags: np.ndar
             "int main(void)",
             "{",
             f"    const {T} reading = {t.number(1.0)};",
-            f"    const {T} tolerance = {t.number(tolerance(source, bias))};",
+            f"    const {T} tolerance = {t.number(tolerance(firmware, bias, size))};",
             f"    {T} largest = {t.number(0.0)};",
             "    int wrong = 0;",
             f"    {t.name}_state state;",

@@ -56,7 +56,7 @@ class Target:
         """A name in capitals with the prefix."""
         return f"{self.name}_{name}".upper()
 
-    # Time: seconds since the first fitted row are `origin` + period * sample, or `origin` + what steps add up to.
+    # Time: seconds since the first fitted row are `origin` and what the clock shows.
 
     @property
     def last_row(self) -> int:
@@ -64,13 +64,20 @@ class Target:
         return self._history.record.segments[-1].stop - 1
 
     @property
+    def first_count(self) -> int:
+        """What the clock shows at the end of the fit [us]; 0 where it counts samples, or where `init` is told."""
+        return round(self._fitted_span * MICROSECONDS) if self.continues and not self.fixed else 0
+
+    @property
     def origin(self) -> float:
-        """Time [s] since the first fitted row that sample number 0 (or microsecond 0) stands for."""
+        """Time since the first fitted row [s] at which the clock shows 0."""
         if not self.continues:
             return 0.0
-        history = self._history
-        last = history.between(history.record.stamp(self.last_row), history.zero)
-        return last + (self.period or 0.0)
+        return self._fitted_span + (self.period or 0.0) - self.first_count / MICROSECONDS
+
+    @property
+    def _fitted_span(self) -> float:
+        return self._history.between(self._history.record.stamp(self.last_row), self._history.zero)
 
     @property
     def segment_elapsed(self) -> float:

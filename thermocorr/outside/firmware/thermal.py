@@ -10,11 +10,13 @@ import numpy as np
 
 from ...effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLag
 from ...effects.products import CoarseProducts
-from ...equations import LagState
+from ...equations import LagState, decays
 from .emitters import Finish, Part, emits
 from .lagbank import Group, Source
 from .program import Program
 
+_FORGOTTEN = 1e-9
+"""Decays below it at the end of the fit are nothing in single precision."""
 AMBIENT = Source("temperature", "change", "K")
 
 
@@ -101,12 +103,12 @@ def initial_transient(part: Part) -> Finish | None:
     if taus is None:
         return None
     at = effect.first_column_[last]
-    weights = part.coefficients[at : at + len(taus)]
-    with np.errstate(under="ignore"):
-        left = np.exp(-target.segment_elapsed / taus)
-    ended = LagState(np.where(left < 1e-20, 0.0, left), 0.0)
+    left = decays(np.array([target.segment_elapsed]), taus)[0]
+    felt = left > (_FORGOTTEN if target.single else 0.0)
+    weights, taus = np.asarray(part.coefficients[at : at + len(taus)])[felt], taus[felt]
+    ended = LagState(left[felt], 0.0)
     group = part.lags.request(Source("decay of the start", "", "1"), taus, end=ended)
-    return lambda: part.program.weigh(part.name("nu"), weights, group.columns(taus), part.per(""))
+    return lambda: part.program.weigh(part.name("nu"), weights.tolist(), group.columns(taus), part.per(""))
 
 
 @emits(LagProducts, CoarseProducts)
