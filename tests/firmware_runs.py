@@ -11,13 +11,80 @@ import numpy as np
 import pandas as pd
 
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
-from thermocorr.effects import Drift, LogAgeing, Periodic, SensitivityDrift, Step
+from thermocorr.effects import (
+    Covariate,
+    Delay,
+    Drift,
+    Hinge,
+    Hysteresis,
+    InitialTransient,
+    Interaction,
+    LaggedCovariate,
+    LagProducts,
+    LogAgeing,
+    Periodic,
+    Rate,
+    SensitivityDrift,
+    StaticPolynomial,
+    Step,
+    ThermalLag,
+)
+from thermocorr.effects.products import CoarseProducts
 from thermocorr.outside.firmware import FirmwareExport, export_c
 
 WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wconversion", "-Wdouble-promotion", "-Wshadow"]
 PERIOD = 15.0
-OF_TIME = (Drift, LogAgeing, SensitivityDrift, Step, Periodic)
 BEGIN = pd.Timestamp("2024-03-04 01:23:45")
+SIX = (60.0, 300.0, 1500.0, 7500.0, 30_000.0, 100_000.0)
+ALL_AT_ONCE = [
+    Hysteresis(0.6),
+    Hinge(23.0),
+    Interaction("humidity"),
+    SensitivityDrift(),
+    LagProducts([90.0, 4000.0], temperature_products=True),
+    StaticPolynomial(3, lowest_power=2),
+]
+KINDS = {
+    "static_polynomial": {"effects": [StaticPolynomial(3, lowest_power=2)]},
+    "thermal_lag": {"effects": [ThermalLag([90.0, 4000.0])]},
+    "thermal_lag, held, from T0": {
+        "effects": [ThermalLag([90.0, 4000.0], "zero_order", "zero")],
+        "hold": "zero_order",
+        "initial_state": "zero",
+    },
+    "thermal_lag, paper's form": {"effects": [ThermalLag([90.0, 4000.0], form="paper")]},
+    "thermal_lag, 1e7 s": {"time_constants": [1e7], "alpha": 1e-3},
+    "thermal_lag, paper's size": {"time_constants": SIX, "degree": 2, "n": 40_000},
+    "initial_transient": {"effects": [InitialTransient(["10 min", "5 h"])]},
+    "lag_products": {"effects": [LagProducts([90.0, 4000.0], temperature_products=True)]},
+    "lag_products, coarse": {"effects": [CoarseProducts(3)]},
+    "lag_products, from T0": {"products": True, "time_constants": [60.0, 600.0, 6000.0], "initial_state": "zero"},
+    "rate": {"effects": [Rate()]},
+    "rate, smoothed": {"effects": [Rate("5 min")]},
+    "delay, half a step": {"effects": [Delay(7.0)]},
+    "delay": {"effects": [Delay("25 min")]},
+    "delay, between samples": {"effects": [Delay(100.0)]},
+    "covariate": {"effects": [Covariate("humidity")]},
+    "covariate, cubed": {"effects": [Covariate("humidity", 3)]},
+    "lagged_covariate": {"effects": [LaggedCovariate("humidity", ["20 min"])]},
+    "lagged_covariate, squared": {"effects": [LaggedCovariate("humidity", ["20 min", "3 h"], power=2)]},
+    "lagged_covariate, of T": {
+        "effects": [Covariate("temperature", 2), LaggedCovariate("temperature", [900.0], power=2)]
+    },
+    "interaction": {"effects": [Interaction("humidity")]},
+    "drift": {"effects": [Drift(True)]},
+    "log_ageing": {"effects": [LogAgeing("2 h", True)]},
+    "sensitivity_drift": {"effects": [SensitivityDrift()]},
+    "step": {"effects": [Step(5000.0, True), Step(880_000.0, True)]},
+    "hysteresis": {"effects": [Hysteresis(0.6)]},
+    "hinge": {"effects": [Hinge(23.0, "above")]},
+    "hinge, lagged": {"effects": [Hinge(22.8, "below", ["10 min", "2 h"])]},
+    "periodic": {"effects": [Periodic("3 h", 3)]},
+    "periodic, tide": {"effects": [Periodic(44_714.16, 1)]},
+    "several": {"effects": ALL_AT_ONCE},
+    "several, in kelvin": {"effects": [Hinge(296.0), *ALL_AT_ONCE[2:]], "kelvin": True},
+}
+"""Models to export: the effect beside two lags and a slope; the first word is the kind."""
 DRIVER = """
 #include "@.h"
 #include <stdio.h>
@@ -75,9 +142,6 @@ def fitted(
 ):
     """A model fitted to a reading to which every column contributes about as much."""
     X = ambient(n, seed, irregular, kelvin)
-    for effect in effects:
-        if hasattr(effect, "removed_by_correct") and isinstance(effect, OF_TIME):
-            effect.removed_by_correct = True
     given = {"degree": 1, "max_gap": "1 h", **settings}
     features = DiffusiveFeatures(time_constants, effects=list(effects), **given)
     columns = features.fit_transform(X)

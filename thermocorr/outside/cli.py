@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from .. import __version__
 from . import analyze
+from .firmware import command as firmware
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -24,6 +25,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     analyze.add_arguments(analyze_parser)
     analyze_parser.set_defaults(execute=analyze.run)
+    firmware_parser = commands.add_parser(
+        "export-c",
+        help="write a fitted model as C source for a microcontroller",
+        description=firmware.__doc__,
+    )
+    firmware.add_arguments(firmware_parser)
+    firmware_parser.set_defaults(execute=firmware.run)
     options = parser.parse_args(arguments)
     try:
         options.execute(options, print, show_progress)

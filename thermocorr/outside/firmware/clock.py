@@ -9,8 +9,8 @@ from .target import MICROSECONDS
 
 YEARS_OF_A_COUNTER = 100
 _YEAR = 365.25 * 86_400.0
-_ALMOST = 1e-9
-"""Share of a sample by which a moment may miss it through rounding."""
+_ALMOST = {True: 1e-9, False: 1e-3}
+"""Share of a sample (of a microsecond) by which a moment may miss it through rounding, for a fixed period or not."""
 
 
 class Clock:
@@ -61,11 +61,8 @@ class Clock:
 
     def reached(self, moment: float) -> str:
         """C condition: the time since the first fitted row is at least `moment` [s]."""
-        left = moment - self.target.origin
-        if self.target.period is None:
-            count = math.ceil(left * MICROSECONDS - _ALMOST)
-        else:
-            count = math.ceil(left / self.target.period - _ALMOST)
+        tick = self.target.period or 1 / MICROSECONDS
+        count = math.ceil((moment - self.target.origin) / tick - _ALMOST[self.target.fixed])
         limit = 2**31 - 1 if self.counter_type == "int32_t" else 2**62
         return f"{self.count()} >= {'INT32_C' if limit < 2**31 else 'INT64_C'}({min(max(count, -limit), limit)})"
 
@@ -77,13 +74,13 @@ def settling(program: Program, washout: float) -> None:
         return
     program.flags_washout = True
     if target.period is None:
-        count = math.ceil(washout * MICROSECONDS - _ALMOST)
+        count = math.ceil(washout * MICROSECONDS - _ALMOST[False])
         left = program.member("settling", "microseconds until the start is forgotten", ctype="uint64_t")
         program.add("begin", f"{left} = UINT64_C({count});", counted=False)
         program.add("advance", f"{left} -= step_us < {left} ? step_us : {left};", counted=False)
         program.add("store", f"if ({left} > 0) {{", counted=False)
     else:
-        count = min(math.ceil(washout / target.period - _ALMOST), 2**32 - 1)
+        count = min(math.ceil(washout / target.period - _ALMOST[True]), 2**32 - 1)
         left = program.member("settling", "samples until the start is forgotten", ctype="uint32_t")
         program.add("begin", f"{left} = UINT32_C({count});", counted=False)
         program.add("store", f"if ({left} > 0) {{", f"    --{left};", counted=False)

@@ -52,7 +52,7 @@ def export_c(
     model : DynamicBiasRegressor
         Fitted, or loaded from its file.
     path : str or Path
-        Folder, or path of one of the files, whose stem becomes the name.
+        Folder (made where there is none), or a path that ends in .c or .h, whose stem becomes the name.
     dtype : {"float", "double"}, default "float"
         Numbers on the device. A float holds a reading to seven digits; where these are not enough, take the code's
         `bias` and subtract it in another form.
@@ -60,7 +60,7 @@ def export_c(
         Time between samples [s]; "fitted" is the fitted record's usual step. "variable" gives each update its step in
         microseconds, at the price of a division or two for each lag, and of `expm1` for steps above tau/10.
     name : str, optional
-        Prefix of all names in C; by default the stem of `path`, "thermal_bias" for a folder.
+        Prefix of all names in C, and name of the files; by default "thermal_bias", or the stem of `path`.
     continue_from_fit : bool, default False
         Start with the states at the end of the fitted record: the first sample follows its last row by one period.
 
@@ -169,10 +169,9 @@ def _compose(
 
 
 def _place(path: str | Path) -> tuple[Path, str]:
+    """Folder and name: a path that ends in .c or .h names the files, any other is a folder."""
     path = Path(path)
-    if path.is_dir():
-        return path, "thermal_bias"
-    return path.parent, path.stem if path.suffix in (".c", ".h") else path.name
+    return (path.parent, path.stem) if path.suffix in (".c", ".h") else (path, "thermal_bias")
 
 
 def _period(given: Any, history: Any) -> float | None:
