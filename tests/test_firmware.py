@@ -365,7 +365,7 @@ def test_it_builds_for_a_cortex_m4_and_fits(tmp_path, simple, everything):
         export = export_c(model, tmp_path / "bias")
         size_check = f"typedef char fits[sizeof({export.name}_state) == {export.state_bytes} ? 1 : -1];"
         source = tmp_path / "check.c"
-        source.write_text(f'#include "{export.paths[1].name}"\n{size_check}\nfits *unused(void);\n')
+        source.write_text(f'#include "{export.paths[1]}"\n{size_check}\nfits *unused(void);\n')
         built = subprocess.run(
             ["arm-none-eabi-gcc", *core, *WARNINGS, "-c", source, "-o", tmp_path / "check.o"],
             capture_output=True,
