@@ -8,9 +8,14 @@ from .language import comment
 from .program import Constant
 from .writer import Firmware
 
-LONGEST_STEP_US = 10**15
+LONGEST_STEP_US = 10**14
 _LARGEST_INPUT = 1e12
-"""An input beyond it counts as missing; so does one whose highest power the C type could not hold."""
+"""A column beyond it counts as missing; so does an input whose highest power the C type could not hold."""
+_SPANS, _KELVINS = 1000.0, 1000.0
+"""A temperature so many fitted spans (at least so many kelvins) from T0 is a fault of the thermometer.
+
+It counts as missing: taken as it is, the rounding of such a jump there and back would stay in the slow lags.
+"""
 
 
 def source(firmware: Firmware) -> str:
@@ -29,7 +34,7 @@ def source(firmware: Firmware) -> str:
             *(["#include <math.h>"] if math else []),
             "",
             "#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST)",
-            "#error Roundings are carried on and missing inputs are told by comparisons: build without fast mathematics",
+            "#error Roundings are carried on and missing inputs told by comparisons: build without fast mathematics",
             "#endif",
             "",
             *(_declare(firmware, constant) for constant in firmware.program.constants),
@@ -109,27 +114,32 @@ def _tick(firmware: Firmware) -> list[str]:
     return [f"if ({firmware.clock.counter} < {largest}) {{", f"    ++{firmware.clock.counter};", "}"]
 
 
-def _limit(firmware: Firmware, power: int) -> str:
-    largest = 1e37 if firmware.target.single else 1e300
-    return firmware.target.number(float(f"{min(_LARGEST_INPUT, largest ** (1 / power)):.3g}"))
+def _limit(firmware: Firmware, power: int, largest: float) -> str:
+    """Literal of the largest usable input."""
+    held = 1e37 if firmware.target.single else 1e300
+    return firmware.target.number(float(f"{min(largest, held ** (1 / power)):.3g}"))
 
 
 def _inputs(firmware: Firmware) -> list[str]:
     t, p = firmware.target, firmware.program
+    low, high = firmware.limits
+    hottest = abs(t.reference_temperature) + max(_SPANS * (high - low), _KELVINS)
     lines = ["result.flags = 0;"]
     if not t.fixed:
         lines += [f"if (step_us == 0 || step_us > UINT64_C({LONGEST_STEP_US})) {{", "    step_us = 0;"]
         lines += ["    if (s->started) {", f"        result.flags |= {t.macro('BAD_STEP')};"]
         lines += ["        temperature = s->temperature;", "    }", "}"]
         if firmware.clock.used:
-            lines.append(f"{firmware.clock.counter} += (int64_t)step_us;")
-    lines += [f"if (!is_within(temperature, {_limit(firmware, p.temperature_power)})) {{"]
+            lines.append(
+                f"{firmware.clock.counter} += {firmware.clock.counter} < INT64_MAX / 2 ? (int64_t)step_us : 0;"
+            )
+    lines += [f"if (!is_within(temperature, {_limit(firmware, p.temperature_power, hottest)})) {{"]
     lines += [f"    result.flags |= {t.macro('NO_TEMPERATURE')};", "    temperature = s->temperature;", "}"]
     if p.columns:
         n = len(p.columns)
         lines += [f"{t.dtype} column[{n}];", f"for (int j = 0; j < {n}; ++j) {{", "    column[j] = columns[j];"]
         bad_step = "" if t.fixed else f" || (result.flags & {t.macro('BAD_STEP')}) != 0"
-        lines += [f"    if (!is_within(column[j], {_limit(firmware, p.column_power)}){bad_step}) {{"]
+        lines += [f"    if (!is_within(column[j], {_limit(firmware, p.column_power, _LARGEST_INPUT)}){bad_step}) {{"]
         if t.fixed:
             lines += [f"        result.flags |= {t.macro('NO_COLUMN')};"]
         else:

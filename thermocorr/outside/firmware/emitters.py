@@ -9,7 +9,7 @@ from typing import Any
 from ...effects import CATALOGUE, Effect
 from .clock import Clock
 from .lagbank import LagBank
-from .program import Program
+from .program import Numbers, Program
 
 Finish = Callable[[], None]
 
@@ -20,7 +20,7 @@ class Part:
 
     effect: Any
     """Learned effect."""
-    coefficients: Sequence[float]
+    coefficients: Numbers
     """One for each of its columns."""
     state: Any
     """What it ended the fit with, for a program that continues it; else None."""

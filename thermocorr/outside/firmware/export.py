@@ -102,8 +102,8 @@ def export_c(
     step = target.period or (history.usual_step if history is not None else 1.0)
     given = inputs(firmware, _recorded(program, history, effects), step)
     seconds = _seconds(target, given.steps)
-    chosen = [[items[i] for i in removed] for items in (effects, weights, states)]
-    bias, size = reference_bias(target, *chosen, given.temperature, given.columns, seconds, given.steps)
+    parts = [(effects[i], weights[i], states[i]) for i in removed]
+    bias, size = reference_bias(target, parts, given.temperature, given.columns, seconds, given.steps)
     spread = max(float(np.ptp(bias)), getattr(getattr(model, "reading_", None), "std", 0.0))
     if dtype == "float":
         _warn_of_cancellation(size, spread)

@@ -43,6 +43,7 @@ def header(firmware: Firmware, provenance: list[str]) -> str:
             f"}} {t.name}_state;",
             "",
             f"#define {t.macro('STATE_BYTES')} {firmware.state_bytes}u",
+            *([f"#define {t.macro('PERIOD_S')} {t.number(t.period)} /* between samples */"] if t.period else []),
             "",
             "typedef struct {",
             f"    {T} bias;      /* what temperature and the other causes add to the reading, its unit */",
@@ -66,12 +67,20 @@ def header(firmware: Firmware, provenance: list[str]) -> str:
 
 
 def _documentation(firmware: Firmware) -> list[str]:
+    """How to call the two functions."""
     t = firmware.target
-    said = ["/* Call init once, then update for every sample, also where an input is missing (NaN)."]
-    if firmware.clock.used and not t.continues:
+    said = [
+        "/* Call init once, then update for every sample, also where an input is missing (NaN): its last good value",
+        " * stands in. After a long outage, or when the device was moved, call init again.",
+    ]
+    if t.continues:
+        said.append(f" * The first sample follows the last fitted row by {'one period' if t.fixed else 'its step'}.")
+    elif firmware.clock.used:
         unit = f"samples of {t.period:.10g} s" if t.fixed else "microseconds"
         first = "first sample" if t.fixed else "call of init, from which the first step counts"
         said.append(f" * start: {unit} from the first fitted row to the {first}.")
+        if t.history is not None and t.history.kind.startswith("datetime"):
+            said.append(f" * First fitted row: {t.absolute_zero():.6f} s since 1970 (UTC, or local without a zone).")
     if not t.fixed:
         said.append(" * step_us: microseconds since the update before.")
     if firmware.program.columns:

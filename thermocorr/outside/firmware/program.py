@@ -7,9 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ...effects.thermal import column_text
 from .language import Operations, count_operations, identifier
 from .target import Target
 
+Numbers = Sequence[float] | NDArray[np.float64]
 Section = Literal["init", "begin", "advance", "output", "store", "close"]
 RESERVED = frozenset(
     """
@@ -59,6 +64,8 @@ class Input:
     centred: str
     previous: str
     reference: float
+    said: str
+    """Name, for comments."""
 
 
 @dataclass
@@ -86,10 +93,10 @@ class Program:
     _taken: set[str] = field(default_factory=lambda: set(RESERVED))
     _columns_taken: set[str] = field(default_factory=lambda: {"s"})
 
-    def constant(self, name: str, values: float | Sequence[float], comment: str) -> str:
+    def constant(self, name: str, values: float | Numbers, comment: str) -> str:
         """Declare a constant (a number) or a table (a sequence); returns its name."""
         table = not isinstance(values, float | int)
-        taken = tuple(float(v) for v in (values if table else [values]))  # type: ignore[union-attr,list-item]
+        taken = (float(values),) if isinstance(values, float | int) else tuple(float(v) for v in values)
         name = identifier(name, self._taken)
         self.constants.append(Constant(name, taken, comment, table))
         return name
@@ -138,7 +145,7 @@ class Program:
         """Every line of `update`."""
         return [line.text for lines in (self.locals, *self.lines.values()) for line in lines]
 
-    def weigh(self, name: str, weights: Sequence[float], columns: Sequence[str], unit: str) -> None:
+    def weigh(self, name: str, weights: Numbers, columns: Sequence[str], unit: str) -> None:
         """Add ``weight * column`` to the bias for each; columns that follow one another in an array share a loop."""
         at = 0
         while at < len(columns):
@@ -159,7 +166,7 @@ class Program:
 
     def temperature(self) -> Input:
         """The temperature."""
-        return Input("temperature", "deviation", "s->temperature", self.target.reference_temperature)
+        return Input("temperature", "deviation", "s->temperature", self.target.reference_temperature, "temperature")
 
     def deviation(self) -> str:
         """Temperature less `Target.reference_temperature` [K]."""
@@ -174,13 +181,14 @@ class Program:
             self.columns[name] = identifier(name, self._columns_taken, "column")
             self._references[name] = self.target.held(near)
         number = list(self.columns).index(name)
-        return Input(f"column[{number}]", f"centred_{number}", f"s->column[{number}]", self._references[name])
+        index, said = f"[{number}]", column_text(name)
+        return Input(f"column{index}", f"centred_{number}", f"s->column{index}", self._references[name], said)
 
     def centred(self, given: Input) -> str:
         """The local variable that holds an input less its reference."""
         if given.value == "temperature":
             return self.deviation()
-        near = self.shared(f"near_{given.centred}", given.reference, f"a usual value of {given.value}")
+        near = self.shared(f"near_{given.centred}", given.reference, f"a usual value of {given.said}")
         return self.local(given.centred, f"{given.value} - {near}")
 
 

@@ -30,7 +30,7 @@ def add_power(part: Part, given: Input, coefficient: float) -> None:
     program, effect = part.program, part.effect
     constant, *rest = shifted({effect.power: coefficient}, given.reference)
     program.bias_constant += constant - coefficient * float(effect.mean_)
-    unit = part.per("unit of the column^i") + ", i-th power of the centred column"
+    unit = part.per(f"({given.said})^i") + f", i-th power of {given.said} less a usual value"
     value = horner(program, rest, program.centred(given), part.name("covariate"), unit)
     program.add("output", f"bias += {value};")
 
@@ -48,21 +48,21 @@ def lagged_covariate(part: Part) -> Finish:
     given = input_of(part)
     add_power(part, given, float(part.coefficients[0]))
     if effect.power == 1:
-        source = Source(given.value, f"{given.value} - {given.previous}", "unit of the column")
+        source = Source(given.said, f"{given.value} - {given.previous}", f"unit of {given.said}")
     else:
         _, *rest = shifted({effect.power: 1.0}, given.reference)
-        text = horner(program, rest, program.centred(given), part.name("power"), "of the centred column")
+        text = horner(program, rest, program.centred(given), part.name("power"), f"{given.said} less a usual value")
         value = program.local(part.name("powered"), text)
-        before = program.member(part.name("powered_before"), f"{given.value}^{effect.power} less a constant")
+        before = program.member(part.name("powered_before"), f"{given.said}^{effect.power} less a constant")
         if part.continues:
             ended = part.state.temperature - given.reference**effect.power
             program.add("init", f"{before} = {program.constant(part.name('powered_at_end'), ended, 'of the fit')};")
         program.add("store", f"{before} = {value};", counted=False)
-        key = f"{given.value}^{effect.power}"
-        source = Source(key, f"{value} - {before}", f"unit of the column^{effect.power}")
+        key = f"{given.said}^{effect.power}"
+        source = Source(key, f"{value} - {before}", f"unit of {given.said}^{effect.power}")
     counted_from = 0.0 if effect.power == 1 else given.reference**effect.power
     group = part.lags.request(source, effect.time_constants_, effect.hold, "rest", part.state, counted_from)
-    per = part.per(f"unit of the column^{effect.power}")
+    per = part.per(f"({given.said})^{effect.power}")
     return lambda: program.weigh(
         part.name("mu"), part.coefficients[1:], group.columns(effect.time_constants_), per
     )  # fmt: skip
@@ -77,11 +77,11 @@ def interaction(part: Part) -> None:
     shift_t = program.target.reference_temperature - effect.reference_temperature_
     shift_x = given.reference - float(effect.mean_)
     program.bias_constant += c * shift_t * shift_x
-    weight = program.constant(part.name("interaction"), c, part.per("K unit of the column"))
+    weight = program.constant(part.name("interaction"), c, part.per(f"(K {given.said})"))
     x, deviation = program.centred(given), program.deviation()
     slope = f"{weight} * {deviation}"
     if shift_t:
-        slope += f" + {program.constant(part.name('interaction_t0'), c * shift_t, part.per('unit of the column'))}"
+        slope += f" + {program.constant(part.name('interaction_t0'), c * shift_t, part.per(f'({given.said})'))}"
     text = f"({slope}) * {x}"
     if shift_x:
         text += f" + {program.constant(part.name('interaction_mean'), c * shift_x, part.per('K'))} * {deviation}"

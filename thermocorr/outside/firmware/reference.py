@@ -34,9 +34,7 @@ class Stretch:
 
 def reference_bias(
     target: Target,
-    effects: Sequence[Any],
-    coefficients: Sequence[np.ndarray],
-    states: Sequence[Any],
+    parts: Sequence[tuple[Any, np.ndarray, Any]],
     temperature: np.ndarray,
     columns: Mapping[Any, np.ndarray],
     seconds: np.ndarray,
@@ -48,7 +46,7 @@ def reference_bias(
     ----------
     target : Target
         Says whether the samples follow the fitted record.
-    effects, coefficients, states : sequences
+    parts : sequence of (effect, coefficients, state)
         Effects that `correct` removes, the coefficients of their columns, and their states before the first sample.
     temperature : array of shape (n,)
     columns : dict of column name -> array of shape (n,)
@@ -67,7 +65,7 @@ def reference_bias(
     values = {target.temperature_name: temperature, **columns}
     block = Stretch(values, temperature, steps, seconds, elapsed, key, record)
     bias, size = np.zeros(len(temperature)), np.zeros(len(temperature))
-    for effect, weights, state in zip(effects, coefficients, states, strict=True):
+    for effect, weights, state in parts:
         part, _ = effect.columns(block, state)
         part = np.asarray(part).reshape(len(temperature), -1)
         bias += part @ np.asarray(weights)

@@ -108,7 +108,7 @@ def initial_transient(part: Part) -> Finish | None:
     weights, taus = np.asarray(part.coefficients[at : at + len(taus)])[felt], taus[felt]
     ended = LagState(left[felt], 0.0)
     group = part.lags.request(Source("decay of the start", "", "1"), taus, end=ended)
-    return lambda: part.program.weigh(part.name("nu"), weights.tolist(), group.columns(taus), part.per(""))
+    return lambda: part.program.weigh(part.name("nu"), weights, group.columns(taus), part.per(""))
 
 
 @emits(LagProducts, CoarseProducts)

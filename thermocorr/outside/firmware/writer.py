@@ -6,17 +6,17 @@ import re
 
 from .clock import Clock
 from .language import Operations, count_operations
-from .program import BYTES, Line, Member, Program
+from .program import BYTES, Line, Member, Program, Section
 from .target import MICROSECONDS
 
 FLAGS = (
-    ("NO_TEMPERATURE", "temperature missing or not finite: the last good one was taken"),
-    ("NO_COLUMN", "a recorded column missing or not finite: its last good value was taken"),
+    ("NO_TEMPERATURE", "temperature missing or absurd: the last good one was taken"),
+    ("NO_COLUMN", "a recorded column missing or absurd: its last good value was taken"),
     ("NO_READING", "reading missing or not finite: no corrected reading"),
     ("WASHOUT", "the lags have not yet forgotten an unknown start"),
     ("OUTSIDE_RANGE", "temperature outside the fitted range: the bias is extrapolated"),
     ("NOT_STARTED", "no sample with all inputs yet: nothing is corrected"),
-    ("BAD_STEP", "step of zero or longer than 31 years: the sample was left out"),
+    ("BAD_STEP", "step of zero or longer than three years: the sample was left out"),
 )
 
 
@@ -59,8 +59,9 @@ class Firmware:
     def operations(self) -> Operations:
         """Of one update, counted in its statements; the larger number of each kind where there are two branches."""
         lines = [*self.program.locals]
-        for section in ("advance", "output", "close"):
-            lines += self.program.lines.get(section, [])  # type: ignore[call-overload]
+        sections: tuple[Section, ...] = ("advance", "output", "close")
+        for section in sections:
+            lines += self.program.lines.get(section, [])
         return sum((line.operations for line in lines), Operations())
 
     def flags(self) -> list[tuple[str, int, str]]:
