@@ -27,7 +27,7 @@ from thermocorr.outside.firmware import export_c
 
 CORTEX_M4 = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "-Os", "-ffunction-sections")
 SANITIZED = ("gcc", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-ARM = ("arm-linux-gnueabihf-gcc", "-O2", "-static")
+ARM = ("arm-linux-gnueabihf-gcc", "-O2", "-static", "-mfpu=vfpv4", "-ffp-contract=fast")
 WAYS = {
     "fixed, new": (False, False),
     "fixed, follows": (False, True),

@@ -382,9 +382,22 @@ def test_it_builds_for_a_cortex_m4_and_fits(tmp_path, simple, everything):
 @pytest.mark.parametrize("dtype", ["float", "double"])
 def test_an_emulated_arm_gives_the_same(dtype, tmp_path, everything):
     model, X = everything
-    command = ("arm-linux-gnueabihf-gcc", "-O2", "-static")
-    error, *_ = errors(model, X, tmp_path, dtype, 2000, command=command, before=("qemu-arm",))
+    command = ("arm-linux-gnueabihf-gcc", "-O2", "-static", "-mfpu=vfpv4", "-ffp-contract=fast")  # as firmware is built
+    error, export, *_ = errors(model, X, tmp_path, dtype, 2000, command=command, before=("qemu-arm",))
     assert error < BOUNDS[dtype]
+    program = build_selftest(export, command, tmp_path / "test")
+    subprocess.run(["qemu-arm", program], check=True, capture_output=True)
+
+
+@needs_gcc
+@pytest.mark.parametrize("variable", [False, True])
+def test_fused_multiply_adds_do_no_harm(variable, tmp_path):
+    """Compilers fuse a * b + c into one rounding unless told otherwise: the carried roundings must survive it."""
+    model, X = fitted(**KINDS["thermal_lag, paper's size"])
+    for dtype in ("float", "double"):
+        command = ("gcc", "-O3", "-march=native", "-ffp-contract=fast")
+        error, *_ = errors(model, X, tmp_path, dtype, ROWS, variable, command=command)
+        assert error < BOUNDS[dtype]
 
 
 # ------------------------------------------------------------------------ models from a file, command line

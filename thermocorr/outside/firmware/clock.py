@@ -40,7 +40,6 @@ class Clock:
             after_end = self.target.continues and self.target.fixed
             since = "since the last fitted row" if after_end else "since the first fitted row"
             name = "sample" if self.target.fixed else "microseconds"
-            self.program._taken.discard(name)
             self.counter = self.program.member(name, f"{what} {since}", ctype=self.counter_type)
             if self.target.first_count:
                 self.program.add("init", f"{self.counter} = INT64_C({self.target.first_count});")

@@ -96,7 +96,7 @@ def export_c(
     )
     edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
     weights = [np.asarray(model.coef_[low:high], float) for low, high in pairwise(edges)]
-    states = [None] * len(effects) if not continue_from_fit else list(target._history.end_states[-1])
+    states = [None] * len(effects) if not continue_from_fit else list(target.fitted_history.end_states[-1])
     program, clock = _compose(model, target, effects, removed, weights, states)
     firmware = Firmware(program, clock, fitted_range(model))
     step = target.period or (history.usual_step if history is not None else 1.0)
@@ -147,7 +147,7 @@ def _compose(
     program = Program(target)
     lags, clock = LagBank(program), Clock(program)
     if target.continues:
-        kept = target._history.record
+        kept = target.fitted_history.record
         last = target.last_row
         ended = program.constant("temperature_at_end", kept.columns[target.temperature_name][last], "of the fit")
         program.add("init", f"s->temperature = {ended};")

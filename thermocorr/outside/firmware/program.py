@@ -19,7 +19,7 @@ Section = Literal["init", "begin", "advance", "output", "store", "close"]
 RESERVED = frozenset(
     """
     s temperature reading columns column bias corrected change deviation result flags first step step_us started seconds
-    microseconds sample j increment next gain loss decay
+    j increment next gain loss decay
     """.split()  # noqa: SIM905
 )
 """Names that the frame of `update` uses itself."""

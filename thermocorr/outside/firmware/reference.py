@@ -59,7 +59,7 @@ def reference_bias(
     key = None
     if target.continues:
         elapsed = elapsed + target.segment_elapsed + steps[0]
-        key = len(target._history.record.segments) - 1
+        key = len(target.fitted_history.record.segments) - 1
     began = target.absolute_zero() if target.history is not None else np.nan
     record = SimpleNamespace(times=SimpleNamespace(between=lambda later, earlier: began))
     values = {target.temperature_name: temperature, **columns}

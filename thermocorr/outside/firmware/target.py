@@ -61,7 +61,7 @@ class Target:
     @property
     def last_row(self) -> int:
         """Kept row that the first sample follows."""
-        return self._history.record.segments[-1].stop - 1
+        return self.fitted_history.record.segments[-1].stop - 1
 
     @property
     def first_count(self) -> int:
@@ -77,21 +77,22 @@ class Target:
 
     @property
     def _fitted_span(self) -> float:
-        return self._history.between(self._history.record.stamp(self.last_row), self._history.zero)
+        return self.fitted_history.between(self.fitted_history.record.stamp(self.last_row), self.fitted_history.zero)
 
     @property
     def segment_elapsed(self) -> float:
         """Time from the start of the last fitted segment to its last row [s]."""
-        history = self._history
+        history = self.fitted_history
         first = history.record.stamp(history.record.segments[-1].start)
         return history.between(history.record.stamp(self.last_row), first)
 
     def absolute_zero(self) -> float:
         """Absolute time of the first fitted row [s], from which phases of periods count."""
-        return self._history.between(self._history.zero, 0)
+        return self.fitted_history.between(self.fitted_history.zero, 0)
 
     @property
-    def _history(self) -> History:
+    def fitted_history(self) -> History:
+        """The fitted record; ValueError where the model has forgotten it."""
         if self.history is None:
             raise ValueError(
                 "This model does not know the record that it was fitted to, which this export needs (effects with a "

@@ -98,7 +98,7 @@ def initial_transient(part: Part) -> Finish | None:
     target, effect = part.program.target, part.effect
     if not target.continues:
         return None
-    last = len(target._history.record.segments) - 1
+    last = len(target.fitted_history.record.segments) - 1
     taus = effect.decays_.get(last)
     if taus is None:
         return None
