@@ -194,6 +194,25 @@ def test_a_gap_is_one_long_step(tmp_path, simple):
         assert np.abs(run.bias - expected).max() < BOUNDS[dtype] * np.ptp(expected)
 
 
+@needs_gcc
+@pytest.mark.parametrize("follows", [False, True])
+@pytest.mark.parametrize("kind", ["several", "lag_products, from T0", "initial_transient"])
+def test_a_gap_beyond_max_gap_starts_anew(kind, follows, tmp_path):
+    """Python takes what comes after a gap longer than max_gap (1 h here) as a device of unknown state."""
+    model, X = fitted(**KINDS[kind])
+    new = later(model, X, 2000, irregular=True, follows=follows)
+    new.index = new.index + pd.to_timedelta(np.where(np.arange(2000) > 1000, 4000.0, 0.0), unit="s")
+    for dtype in ("float", "double"):
+        export = export_c(model, tmp_path / "bias", dtype, sampling_period="variable", continue_from_fit=follows)
+        first = round(PERIOD * 1e6) if follows else 0
+        program = compile_c(export, start=0 if follows else start_of(export, X, new))
+        run = run_c(program, new, np.ones(2000), export.columns, first_step=first)
+        expected = model.bias(new).to_numpy()
+        assert np.abs(run.bias - expected).max() < BOUNDS[dtype] * np.ptp(expected)
+        np.testing.assert_array_equal((run.flags & 8) > 0, model.flags(new) == "washout")
+        assert (run.flags[:1001] & 8).any() != follows and (run.flags[1001:] & 8).any()
+
+
 def test_what_correct_keeps_is_kept(tmp_path):
     model, _ = fitted([Drift()])
     export = export_c(model, tmp_path)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 from .language import comment
 from .program import Constant
+from .target import MICROSECONDS
 from .writer import Firmware
 
 LONGEST_STEP_US = 10**14
@@ -23,7 +25,7 @@ def source(firmware: Firmware) -> str:
     body = [*_init(firmware), "", *_update(firmware)]
     text = "\n".join(body)
     helpers = [helper for helper, _ in firmware.program.helpers.values()]
-    math = bool(re.search(r"\b(?:sin|cos|exp|expm1|log1p)f?\(", text + "".join(helpers)))
+    needs_math = bool(re.search(r"\b(?:sin|cos|exp|expm1|log1p)f?\(", text + "".join(helpers)))
     largest = "FLT_MAX" if firmware.target.single else "DBL_MAX"
     return "\n".join(
         [
@@ -31,7 +33,7 @@ def source(firmware: Firmware) -> str:
             f'#include "{firmware.target.name}.h"',
             "",
             "#include <float.h>",
-            *(["#include <math.h>"] if math else []),
+            *(["#include <math.h>"] if needs_math else []),
             "",
             "#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST)",
             "#error Roundings are carried on and missing inputs told by comparisons: build without fast mathematics",
@@ -83,9 +85,10 @@ def _update(firmware: Firmware) -> list[str]:
     begin, advance = p.texts("begin"), p.texts("advance")
     low, high = (t.number(value) for value in firmware.limits)
     body = [f"{t.name}_result result;", f"{t.dtype} bias = {firmware.bias_constant};"]
+    body += ["", *_inputs(firmware), ""]
     if begin or advance:
         body.append("const int first = s->started == 0;")
-    body += ["", *_inputs(firmware), "", *_first(firmware), "", *(line.text for line in p.locals)]
+    body += [*_first(firmware), "", *(line.text for line in p.locals)]
     body += _either(begin, advance)
     body += ["", *p.texts("output"), ""]
     body += [f"if (temperature < {low} || temperature > {high}) {{"]
@@ -129,6 +132,9 @@ def _inputs(firmware: Firmware) -> list[str]:
         lines += [f"if (step_us == 0 || step_us > UINT64_C({LONGEST_STEP_US})) {{", "    step_us = 0;"]
         lines += ["    if (s->started) {", f"        result.flags |= {t.macro('BAD_STEP')};"]
         lines += ["        temperature = s->temperature;", "    }", "}"]
+        if t.longest_step is not None:
+            gap = math.floor(t.longest_step * MICROSECONDS)
+            lines += [f"if (step_us > UINT64_C({gap})) {{", "    s->started = 0; /* a new segment */", "}"]
         if firmware.clock.used:
             lines.append(
                 f"{firmware.clock.counter} += {firmware.clock.counter} < INT64_MAX / 2 ? (int64_t)step_us : 0;"

@@ -69,7 +69,7 @@ class Clock:
 def settling(program: Program, washout: float) -> None:
     """Count down the stretch after a start that is flagged [s]."""
     target = program.target
-    if washout <= 0 or target.continues:
+    if washout <= 0 or not target.begins:
         return
     program.flags_washout = True
     if target.period is None:

@@ -58,7 +58,8 @@ def export_c(
         `bias` and subtract it in another form.
     sampling_period : float, time span, "fitted" or "variable", default "fitted"
         Time between samples [s]; "fitted" is the fitted record's usual step. "variable" gives each update its step in
-        microseconds, at the price of a division or two for each lag, and of `expm1` for steps above tau/10.
+        microseconds, at the price of a division or two for each lag, and of `expm1` (`exp` in double precision) for
+        steps above tau/10; a step longer than the model's `max_gap` starts anew, as in Python.
     name : str, optional
         Prefix of all names in C, and name of the files; by default "thermal_bias", or the stem of `path`.
     continue_from_fit : bool, default False

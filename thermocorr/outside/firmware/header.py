@@ -83,6 +83,10 @@ def _documentation(firmware: Firmware) -> list[str]:
             said.append(f" * First fitted row: {t.absolute_zero():.6f} s since 1970 (UTC, or local without a zone).")
     if not t.fixed:
         said.append(" * step_us: microseconds since the update before.")
+        if t.longest_step is not None:
+            said.append(
+                f" * A step longer than {t.longest_step:.10g} s starts a new segment, as max_gap did in the fit."
+            )
     if firmware.program.columns:
         said.append(" * columns: recorded columns in the order of the enum above, in their fitted units.")
     said[-1] += " */"

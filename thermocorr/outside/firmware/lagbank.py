@@ -95,8 +95,10 @@ class LagBank:
         if target.continues:
             ended = program.constant(f"{name}_at_end{suffix}", [group.ends[t] for t in taus], group.source.unit)
             program.add("init", f"{group.array}[j] = {ended}[j];", times=n)
-        elif group.start != "rest":
+        if target.begins and group.start != "rest":
             program.add("begin", f"{group.array}[j] = {group.start};", times=n)
+        elif target.longest_step is not None:  # what `init` does before the first sample
+            program.add("begin", f"{group.array}[j] = {target.number(0.0)};", times=n)
         change = group.source.change
         if change and change != "change":
             program.add("advance", f"const {target.dtype} moved{suffix} = {change};")
@@ -118,6 +120,8 @@ class LagBank:
         driven = f" + {gain}{change}" if change else ""
         if compensated:
             rest = program.member(f"rest{part}", f"what rounding took from {group.array[3:]}", n) + "[j]"
+            if target.longest_step is not None:
+                program.add("begin", f"{rest} = {target.number(0.0)};", times=n)
             lines += [
                 f"const {target.dtype} increment = {rest} + {factor} * {lag}{driven}; /* eq. (25) */",
                 f"const {target.dtype} next = {lag} - increment;",

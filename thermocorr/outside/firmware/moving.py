@@ -61,7 +61,7 @@ def delay(part: Part) -> None:
         past = np.interp(known.elapsed[-1] - ago, known.elapsed, known.temperature)
         table = program.constant(part.name("ring_at_end"), past, "unit of the temperature")
         program.add("init", f"{ring}[j] = {table}[j];", times=length)
-    else:
+    if target.begins:
         program.add("begin", f"{ring}[j] = temperature;", times=length, counted=False)
     weight = program.constant(part.name("delay"), float(part.coefficients[0]), part.per("K"))
     earlier = f"{ring}[{oldest}]"
@@ -91,7 +91,7 @@ def hysteresis(part: Part) -> None:
     if part.continues:
         ended = float(part.state) - program.target.reference_temperature
         program.add("init", f"{play} = {program.constant(part.name('play_at_end'), ended, 'K')};")
-    else:
+    if program.target.begins:
         program.add("begin", f"{play} = {deviation};")
     program.add(
         "advance",

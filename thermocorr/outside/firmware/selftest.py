@@ -45,7 +45,8 @@ def inputs(firmware: Firmware, columns: Mapping[Any, np.ndarray], usual_step: fl
         )
         for name in firmware.program.columns
     }
-    ticks = tuple(max(1, round(step * 1e6)) for step in rng.uniform(0.3, 2.0, SAMPLES) * usual_step)
+    longest = min(2.0 * usual_step, target.longest_step or np.inf)
+    ticks = tuple(max(1, int(step * 1e6)) for step in rng.uniform(0.2 * longest, longest, SAMPLES))
     steps = np.full(SAMPLES, target.period) if target.fixed else np.array(ticks) / 1e6
     return Inputs(temperature, drawn, steps, ticks)
 
@@ -61,7 +62,7 @@ def expected_flags(firmware: Firmware, given: Inputs, washout: float) -> np.ndar
     T = given.temperature
     flags = np.where((low > T) | (high < T), bits["OUTSIDE_RANGE"], 0)
     flags[list(_MISSING)] |= bits["NO_TEMPERATURE"]
-    if "WASHOUT" in bits:
+    if "WASHOUT" in bits and not firmware.target.continues:
         elapsed = np.cumsum(given.steps) - given.steps[0]
         flags[elapsed < washout] |= bits["WASHOUT"]
     return flags

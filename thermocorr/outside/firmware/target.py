@@ -31,6 +31,16 @@ class Target:
     """True: the first sample follows the last fitted row, with the states that the fit ended with."""
 
     @property
+    def longest_step(self) -> float | None:
+        """Steps longer than this start a new segment [s], as `max_gap` does in Python; None: no step does."""
+        return None if self.fixed or self.history is None else self.history.max_gap
+
+    @property
+    def begins(self) -> bool:
+        """Whether the program can start from an unknown state: at first, or after a long step."""
+        return not self.continues or self.longest_step is not None
+
+    @property
     def single(self) -> bool:
         """Whether numbers are of single precision."""
         return self.dtype == "float"

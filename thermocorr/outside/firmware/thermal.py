@@ -63,7 +63,7 @@ def ambient_lags(part: Part, effect: Any, state: Any) -> Group:
     program = part.program
     change(program)
     start = "rest"
-    if effect.initial_state == "zero" and not part.continues:
+    if effect.initial_state == "zero" and program.target.begins:
         shift = effect.reference_temperature_ - program.target.reference_temperature
         begins = program.shared("starts_from", shift, "K, where the device starts, less near T0")
         start = f"{begins} - {program.deviation()}"
