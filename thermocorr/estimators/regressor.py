@@ -263,8 +263,18 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         Returns
         -------
         array of shape (k,)
+
+        Raises
+        ------
+        ValueError
+            For a model read from a file, which holds the errors of single coefficients only.
         """
         check_is_fitted(self, "pipeline_")
+        if not hasattr(self, "_swept"):
+            raise ValueError(
+                "A model read from a file knows the errors of single coefficients only, not how they err together. "
+                "Fit it again to have bands of its response."
+            )
         rows = np.column_stack((np.zeros(len(combinations)), combinations))
         with one_blas_thread():
             return standard_errors(self._swept, self._solution, self.alpha_, rows)
@@ -315,6 +325,11 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
     def residual_std_(self) -> float:
         """Standard deviation of the residuals of the fitted record, in the unit of y."""
         return self.pipeline_[1].residual_std_  # type: ignore[no-any-return]
+
+    @property
+    def temperature_range_(self) -> tuple[float, float]:
+        """Lowest and highest temperature of the fitted rows."""
+        return self.reading_.temperature_range
 
     @property
     def time_constants_(self) -> np.ndarray:

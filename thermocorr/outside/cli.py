@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from .. import __version__
 from . import analyze, correct
+from .firmware import command as firmware
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -32,6 +33,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     correct.add_arguments(correct_parser)
     correct_parser.set_defaults(execute=correct.run)
+    firmware_parser = commands.add_parser(
+        "export-c",
+        help="write a fitted model as C source for a microcontroller",
+        description=firmware.__doc__,
+    )
+    firmware.add_arguments(firmware_parser)
+    firmware_parser.set_defaults(execute=firmware.run)
     options = parser.parse_args(arguments)
     options.as_written = shlex.join(["thermocorr", *(sys.argv[1:] if arguments is None else arguments)])
     try:

@@ -1,0 +1,227 @@
+"""Exported C against the model: records, a driver that reads and writes binary files, compilers."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
+from thermocorr.effects import (
+    Covariate,
+    Delay,
+    Drift,
+    Hinge,
+    Hysteresis,
+    InitialTransient,
+    Interaction,
+    LaggedCovariate,
+    LagProducts,
+    LogAgeing,
+    Periodic,
+    Rate,
+    SensitivityDrift,
+    StaticPolynomial,
+    Step,
+    ThermalLag,
+)
+from thermocorr.effects.products import CoarseProducts
+from thermocorr.outside.firmware import FirmwareExport, export_c
+
+WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wconversion", "-Wdouble-promotion", "-Wshadow"]
+PERIOD = 15.0
+BEGIN = pd.Timestamp("2024-03-04 01:23:45")
+SIX = (60.0, 300.0, 1500.0, 7500.0, 30_000.0, 100_000.0)
+ALL_AT_ONCE = [
+    Hysteresis(0.6),
+    Hinge(23.0),
+    Interaction("humidity"),
+    SensitivityDrift(),
+    LagProducts([90.0, 4000.0], temperature_products=True),
+    StaticPolynomial(3, lowest_power=2),
+]
+KINDS = {
+    "static_polynomial": {"effects": [StaticPolynomial(3, lowest_power=2)]},
+    "thermal_lag": {"effects": [ThermalLag([90.0, 4000.0])]},
+    "thermal_lag, held, from T0": {
+        "effects": [ThermalLag([90.0, 4000.0], "zero_order", "zero")],
+        "hold": "zero_order",
+        "initial_state": "zero",
+    },
+    "thermal_lag, paper's form": {"effects": [ThermalLag([90.0, 4000.0], form="paper")]},
+    "thermal_lag, 1e7 s": {"time_constants": [1e7], "alpha": 1e-3},
+    "thermal_lag, paper's size": {"time_constants": SIX, "degree": 2, "n": 40_000},
+    "initial_transient": {"effects": [InitialTransient(["10 min", "5 h"])]},
+    "lag_products": {"effects": [LagProducts([90.0, 4000.0], temperature_products=True)]},
+    "lag_products, coarse": {"effects": [CoarseProducts(3)]},
+    "lag_products, from T0": {"products": True, "time_constants": [60.0, 600.0, 6000.0], "initial_state": "zero"},
+    "rate": {"effects": [Rate()]},
+    "rate, smoothed": {"effects": [Rate("5 min")]},
+    "delay, half a step": {"effects": [Delay(7.0)]},
+    "delay": {"effects": [Delay("25 min")]},
+    "delay, between samples": {"effects": [Delay(100.0)]},
+    "covariate": {"effects": [Covariate("humidity")]},
+    "covariate, cubed": {"effects": [Covariate("humidity", 3)]},
+    "lagged_covariate": {"effects": [LaggedCovariate("humidity", ["20 min"])]},
+    "lagged_covariate, squared": {"effects": [LaggedCovariate("humidity", ["20 min", "3 h"], power=2)]},
+    "lagged_covariate, of T": {
+        "effects": [Covariate("temperature", 2), LaggedCovariate("temperature", [900.0], power=2)]
+    },
+    "interaction": {"effects": [Interaction("humidity")]},
+    "drift": {"effects": [Drift(True)]},
+    "log_ageing": {"effects": [LogAgeing("2 h", True)]},
+    "sensitivity_drift": {"effects": [SensitivityDrift()]},
+    "step": {"effects": [Step(5000.0, True), Step(880_000.0, True)]},
+    "hysteresis": {"effects": [Hysteresis(0.6)]},
+    "hinge": {"effects": [Hinge(23.0, "above")]},
+    "hinge, lagged": {"effects": [Hinge(22.8, "below", ["10 min", "2 h"])]},
+    "periodic": {"effects": [Periodic("3 h", 3)]},
+    "periodic, tide": {"effects": [Periodic(44_714.16, 1)]},
+    "several": {"effects": ALL_AT_ONCE},
+    "several, in kelvin": {"effects": [Hinge(296.0), *ALL_AT_ONCE[2:]], "kelvin": True},
+}
+"""Models to export: the effect beside two lags and a slope; the first word is the kind."""
+DRIVER = """
+#include "@.h"
+#include <stdio.h>
+int main(int argc, char **argv)
+{
+    static @_state state;
+    FILE *in = fopen(argv[1], "rb"), *out = fopen(argv[2], "wb");
+    double row[@WIDTH], answer[3];
+    @T columns[@COLUMNS + 1];
+    if (argc < 3 || !in || !out) return 1;
+    @_init(&state@START);
+    while (fread(row, sizeof(double), @WIDTH, in) == @WIDTH) {
+        @_result result;
+        for (int j = 0; j < @COLUMNS; ++j) columns[j] = (@T)row[3 + j];
+        (void)columns;
+        result = @_update(&state, @STEP(@T)row[1], (@T)row[2]@PASSED);
+        answer[0] = (double)result.bias;
+        answer[1] = (double)result.corrected;
+        answer[2] = (double)result.flags;
+        fwrite(answer, sizeof(double), 3, out);
+    }
+    fclose(in);
+    return fclose(out);
+}
+"""
+
+
+@dataclass
+class Run:
+    """What the C code made of a record, shape (n,) each."""
+
+    bias: np.ndarray
+    corrected: np.ndarray
+    flags: np.ndarray
+
+
+def ambient(n, seed=0, irregular=False, kelvin=False, begin=BEGIN):
+    """A room with a daily wave, an air conditioner and a slow wander; humidity beside it. Whole microseconds."""
+    rng = np.random.default_rng(seed)
+    steps = PERIOD * (rng.uniform(0.2, 1.8, n) if irregular else np.ones(n))
+    ticks = np.cumsum(np.round(steps * 1e6).astype(np.int64))
+    ticks -= ticks[0]
+    t = ticks / 1e6
+    slow = np.interp(t, np.linspace(0, t[-1], 60), np.cumsum(rng.normal(0, 0.4, 60)) / 2)
+    T = 23 + 1.5 * np.sin(t / 13_751) + 0.4 * np.sin(t / 600) + slow + 0.02 * rng.normal(size=n)
+    h = 45 + 8 * np.sin(t / 30_000 + 1) + 2 * np.sin(t / 4000) + 0.2 * rng.normal(size=n)
+    return pd.DataFrame(
+        {"temperature": T + (273.15 if kelvin else 0), "humidity": h},
+        index=begin + pd.to_timedelta(ticks * 1000, unit="ns"),
+    )
+
+
+def fitted(
+    effects=(), n=6000, seed=1, kelvin=False, irregular=False, time_constants=(200.0, 2000.0), alpha=0.0, **settings
+):
+    """A model fitted to a reading to which every column contributes about as much."""
+    X = ambient(n, seed, irregular, kelvin)
+    given = {"degree": 1, "max_gap": "1 h", **settings}
+    features = DiffusiveFeatures(time_constants, effects=list(effects), **given)
+    columns = features.fit_transform(X)
+    rng = np.random.default_rng(seed)
+    scale = np.where(columns.std(axis=0) > 0, columns.std(axis=0), 1.0)
+    y = 10.0 + (columns / scale) @ rng.uniform(0.5, 1.5, columns.shape[1]) + 1e-3 * rng.normal(size=n)
+    model = DynamicBiasRegressor("temperature", time_constants, effects=list(effects), alpha=alpha, **given)
+    return model.fit(X, y), X
+
+
+def later(model, X, n, seed=2, irregular=False, kelvin=False, follows=False, single=True, days=10):
+    """A record that starts anew some days after the fitted one, or follows it; numbers as the C type holds them."""
+    begin = X.index[-1] + (pd.Timedelta(PERIOD, "s") if follows else pd.Timedelta(days, "D"))
+    new = ambient(n, seed, irregular, kelvin, begin)
+    if follows:  # no jump at the seam: the record goes on from where it was
+        new["temperature"] += X["temperature"].iloc[-1] - new["temperature"].iloc[0]
+    return new.astype(np.float32).astype(float) if single else new
+
+
+def compile_c(export: FirmwareExport, command=("gcc", "-O2"), start=0) -> Path:
+    """Build code and driver; returns the program."""
+    header, source, _ = export.paths
+    with_start = "start)" in header.read_text()
+    replaced = {
+        "@WIDTH": 3 + len(export.columns),
+        "@COLUMNS": len(export.columns),
+        "@START": f", {start}LL" if with_start else "",
+        "@STEP": "" if export.sampling_period else "(uint64_t)row[0], ",
+        "@PASSED": ", columns" if export.columns else "",
+        "@T": export.dtype,
+        "@": export.name,
+    }
+    text = DRIVER
+    for mark, value in replaced.items():
+        text = text.replace(mark, str(value))
+    driver = source.with_name(f"{export.name}_driver.c")
+    driver.write_text(text)
+    program = source.with_name(f"{export.name}_{Path(command[0]).name}_{abs(hash(tuple(command))) % 9999}")
+    flags = [] if any(flag.startswith("-w") for flag in command) else WARNINGS
+    built = subprocess.run(
+        [*command, *flags, source, driver, "-o", program, "-lm"], capture_output=True, text=True, check=False
+    )
+    assert built.returncode == 0, built.stderr
+    return program
+
+
+def run_c(program: Path, record: pd.DataFrame, reading, columns=(), before=(), first_step=0) -> Run:
+    """Feed a record to a program; `before` stands in front of its command, as an emulator does."""
+    ticks = record.index.astype("datetime64[ns]").asi8 // 1000
+    steps = np.diff(ticks, prepend=ticks[0] - first_step)
+    rows = np.column_stack([steps, record["temperature"], reading, *(record[name] for name in columns)])
+    given, answers = program.with_suffix(".in"), program.with_suffix(".out")
+    np.ascontiguousarray(rows, float).tofile(given)
+    done = subprocess.run([*before, program, given, answers], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-3000:]
+    result = np.fromfile(answers).reshape(-1, 3)
+    given.unlink()
+    answers.unlink()
+    return Run(result[:, 0], result[:, 1], result[:, 2].astype(int))
+
+
+def start_of(export, X, new):
+    """The argument of init: samples or microseconds from the first fitted row to the new record's first."""
+    microseconds = (new.index[0] - X.index[0]) // pd.Timedelta(1, "us")
+    return microseconds if export.sampling_period is None else round(microseconds / (export.sampling_period * 1e6))
+
+
+def errors(model, X, folder, dtype, n, variable=False, follows=False, kelvin=False, command=("gcc", "-O2"), before=()):
+    """Largest difference between C and Python, as a share of the range of the bias; the export; the flags' match."""
+    new = later(model, X, n, irregular=variable, kelvin=kelvin, follows=follows, single=dtype == "float")
+    period = "variable" if variable else PERIOD
+    export = export_c(model, Path(folder) / "bias", dtype, sampling_period=period, continue_from_fit=follows)
+    start = 0 if follows else start_of(export, X, new)
+    program = compile_c(export, command, start)
+    first = round(PERIOD * 1e6) if follows else 0
+    run = run_c(program, new, np.ones(n), export.columns, before, first)
+    expected = model.bias(new).to_numpy()
+    return np.abs(run.bias - expected).max() / np.ptp(expected), export, run, expected, new
+
+
+def tool(name):
+    """Path of a program, or None."""
+    return shutil.which(name)

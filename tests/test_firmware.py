@@ -1,0 +1,242 @@
+"""Export to C: what the compiled code answers, against the model, and what it costs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from firmware_runs import (
+    KINDS,
+    PERIOD,
+    compile_c,
+    errors,
+    fitted,
+    later,
+    run_c,
+    start_of,
+    tool,
+)
+
+from thermocorr.effects import CATALOGUE, Covariate, Drift, LagProducts, Rate, Step
+from thermocorr.outside.firmware import export_c
+from thermocorr.outside.firmware.language import Operations, count_operations
+
+needs_gcc = pytest.mark.skipif(tool("gcc") is None, reason="no C compiler: install gcc to run the exported code")
+ROWS = 20_000
+BOUNDS = {"double": 1e-12, "float": 1e-5}
+"""Promised share of the range of the bias. Measured: 1e-14 and 1e-6, see benchmarks/firmware.py for a million rows."""
+
+
+@pytest.fixture(scope="module")
+def simple():
+    """A model with two lags, and its fitted record."""
+    return fitted()
+
+
+@pytest.fixture(scope="module")
+def with_columns():
+    return fitted([Covariate("humidity"), Rate(), Drift(True)])
+
+
+# ------------------------------------------------------------------------- the same numbers as the model gives
+
+
+@needs_gcc
+@pytest.mark.parametrize("kind", KINDS)
+def test_c_gives_the_bias_of_python(kind, tmp_path):
+    """A device that starts anew, at a fixed period; one that goes on where the fit ended, with steps of its own."""
+    settings = KINDS[kind]
+    model, X = fitted(**settings)
+    kelvin = settings.get("kelvin", False)
+    runs = [("double", False, False), ("float", False, False), ("float", True, True)]
+    if kind.startswith("delay"):
+        runs[-1] = ("float", False, True)
+    for dtype, variable, follows in runs:
+        error, *_ = errors(model, X, tmp_path, dtype, ROWS, variable, follows, kelvin, command=("gcc", "-O1"))
+        assert error < BOUNDS[dtype], (dtype, variable, follows)
+
+
+def test_every_kind_of_the_catalogue_is_among_them():
+    assert {kind.split(",")[0] for kind in KINDS} - {"several"} == set(CATALOGUE)
+
+
+@needs_gcc
+@pytest.mark.parametrize("dtype", ["float", "double"])
+def test_flags_and_correction_are_those_of_python(dtype, tmp_path):
+    model, X = fitted()
+    _error, _export, run, _expected, new = errors(model, X, tmp_path, dtype, 3000)
+    held = new.to_numpy()[:, 0]
+    low, high = model.reading_.temperature_range
+    python = model.flags(new)
+    outside = (held < np.float32(low)) | (held > np.float32(high)) if dtype == "float" else (held < low) | (held > high)
+    np.testing.assert_array_equal((run.flags & 8) > 0, python == "washout")
+    np.testing.assert_array_equal((run.flags & 16) > 0, outside)
+    assert 0 < (python == "washout").sum() < 3000 and 0 < outside.sum() < 3000
+    T = np.float32 if dtype == "float" else np.float64
+    np.testing.assert_array_equal(run.corrected, T(1.0) - run.bias.astype(T))
+
+
+@needs_gcc
+def test_a_slow_lag_does_not_stick_in_single_precision(tmp_path):
+    """tau/dt = 7e5: an increment is below half a unit of the state's last digit most of the time."""
+    model, X = fitted(**KINDS["thermal_lag, 1e7 s"])
+    error, _export, _run, _expected, new = errors(model, X, tmp_path, "float", ROWS)
+    assert error < 2e-6
+    column = [name.startswith("lag[") for name in model.features_.get_feature_names_out()].index(True)
+    exact = model.features_.transform(new)[:, column]
+    T, decay, d, plain = new["temperature"].to_numpy(np.float32), np.float32(np.exp(-PERIOD / 1e7)), np.float32(0), []
+    for step in np.diff(T, prepend=T[0]):
+        d = decay * d - step  # the gain is 1 to all digits of single precision
+        plain.append(float(d))
+    assert np.abs(np.array(plain) - exact).max() > 10 * error * np.ptp(exact)  # what the plain recursion would do
+
+
+@needs_gcc
+def test_roundings_do_not_pile_up_while_the_temperature_rests(tmp_path):
+    """Steps and long rests: every sample of a rest rounds the same way, which noise would have hidden."""
+    model, X = fitted(**KINDS["thermal_lag, paper's size"])
+    new = later(model, X, ROWS)
+    new["temperature"] = np.float32([21.3, 24.1, 22.2, 25.7])[np.arange(ROWS) // 5000].astype(float)
+    export = export_c(model, tmp_path / "bias")
+    run = run_c(compile_c(export), new, np.ones(ROWS))
+    expected = model.bias(new).to_numpy()
+    assert np.abs(run.bias - expected).max() < 2e-6 * np.ptp(expected)
+
+
+@needs_gcc
+@pytest.mark.parametrize("variable", [False, True])
+def test_fused_multiply_adds_do_no_harm(variable, tmp_path):
+    """Compilers fuse a * b + c into one rounding unless told otherwise: the carried roundings must survive it."""
+    model, X = fitted(**KINDS["thermal_lag, paper's size"])
+    for dtype in ("float", "double"):
+        command = ("gcc", "-O3", "-march=native", "-ffp-contract=fast")
+        error, *_ = errors(model, X, tmp_path, dtype, ROWS, variable, command=command)
+        assert error < BOUNDS[dtype]
+
+
+# ------------------------------------------------------------------------------------------ costs
+
+
+def test_a_model_of_the_papers_size_is_small(tmp_path):
+    model, _ = fitted(**KINDS["thermal_lag, paper's size"])
+    export = export_c(model, tmp_path)
+    assert export.state_bytes <= 64
+    assert export.operations.total <= 40  # fewer still are multiply-adds
+    # By hand: 6 lags of 2 multiply-adds and 1 for the bias, 2 for the square; 3 additions for each compensated lag
+    # (tau > 16 dt: five), T - T0, T - T before, reading - bias.
+    assert export.operations == Operations(multiply_adds=20, adds=5 * 3 + 3)
+    # By hand: 6 lags, 5 rests, temperature, washout and started, 4 bytes each.
+    assert export.state_bytes == 4 * (6 + 5 + 3)
+    frame = export.frame()
+    assert frame.loc["RAM: state", "value"] == 56 and "56 bytes" in str(export)
+
+
+@pytest.mark.parametrize(
+    ("statement", "expected"),
+    [
+        ("bias += mu[j + 1] * s->lag[j];", Operations(1)),
+        ("const float a = -(x - 1.0e-5f);", Operations(0, 1)),
+        ("y = (a_2 * u + a_1) * u; /* a * comment */", Operations(2)),
+        ("const double r = step / tau[j] + expm1(-x) * 2.5e+3;", Operations(1, 0, 1, 1)),
+        ("const float seconds = (float)s->sample * period;", Operations(1)),
+        ("s->rest[j] = (next - s->lag[j]) + increment;", Operations(0, 2)),
+        ("return value >= -limit;", Operations()),
+    ],
+)
+def test_operations_are_counted_from_the_text(statement, expected):
+    assert count_operations(statement) == expected
+
+
+def test_equal_lags_are_computed_once(tmp_path, simple):
+    plain = export_c(simple[0], tmp_path)
+    model, _ = fitted([LagProducts([200.0, 2000.0]), Rate(200.0)])
+    more = export_c(model, tmp_path)
+    assert more.state_bytes == plain.state_bytes
+
+
+# -------------------------------------------------------------------------------- missing inputs, starts, steps
+
+
+@needs_gcc
+def test_missing_inputs_are_flagged_and_forgotten(tmp_path, with_columns):
+    model, X = with_columns
+    new = later(model, X, 2000)
+    broken = new.copy()
+    broken.iloc[[0, 1], 0] = np.nan
+    broken.iloc[500:510, 0] = np.inf
+    broken.iloc[700, 0] = -1e4  # finite, and no temperature of a room
+    broken.iloc[505:520, 1] = np.nan
+    reading = np.ones(2000)
+    reading[900] = np.nan
+    export = export_c(model, tmp_path / "bias", sampling_period=PERIOD)
+    run = run_c(compile_c(export, start=start_of(export, X, new)), broken, reading, export.columns)
+    taken = broken.where(np.abs(broken) < 1e3).ffill()[2:]  # the last good value stands in
+    expected = model.bias(taken).to_numpy()
+    assert np.abs(run.bias[2:] - expected).max() < 1e-5 * np.ptp(expected)
+    rows = {bit: set(np.flatnonzero(run.flags & bit)) for bit in (1, 2, 4, 32)}
+    assert rows == {1: {0, 1, *range(500, 510), 700}, 2: set(range(505, 520)), 4: {900}, 32: {0, 1}}
+    np.testing.assert_array_equal(run.bias[:2], 0.0)
+    assert np.isnan(run.corrected[900]) and np.isfinite(np.delete(run.corrected, 900)).all()
+
+
+@needs_gcc
+def test_a_step_of_no_length_is_left_out(tmp_path, with_columns):
+    model, X = with_columns
+    new = later(model, X, 1000, irregular=True)
+    export = export_c(model, tmp_path / "bias", sampling_period="variable")
+    program = compile_c(export, start=start_of(export, X, new))
+    repeated = new.iloc[[*range(300), 299, *range(300, 1000)]].copy()
+    repeated.iloc[300] = [90.0, np.nan]
+    run = run_c(program, repeated, np.ones(1001), export.columns)
+    expected = model.bias(new).to_numpy()
+    assert np.flatnonzero(run.flags & 64).tolist() == [300]
+    assert np.abs(np.delete(run.bias, 300) - expected).max() < 1e-5 * np.ptp(expected)
+
+
+@needs_gcc
+def test_a_gap_is_one_long_step(tmp_path, simple):
+    """A straight line across the gap, as Python takes it within a segment; every form of exp is used."""
+    model, X = simple
+    new = later(model, X, 3000, irregular=True)
+    new.index = new.index + pd.to_timedelta(np.where(np.arange(3000) > 1000, 3000.0, 0.0), unit="s")
+    for dtype in ("float", "double"):
+        export = export_c(model, tmp_path / "bias", dtype, sampling_period="variable")
+        run = run_c(compile_c(export), new, np.ones(3000))
+        expected = model.bias(new).to_numpy()
+        assert np.abs(run.bias - expected).max() < BOUNDS[dtype] * np.ptp(expected)
+
+
+@needs_gcc
+@pytest.mark.parametrize("follows", [False, True])
+@pytest.mark.parametrize("kind", ["several", "lag_products, from T0", "initial_transient"])
+def test_a_gap_beyond_max_gap_starts_anew(kind, follows, tmp_path):
+    """Python takes what comes after a gap longer than max_gap (1 h here) as a device of unknown state."""
+    model, X = fitted(**KINDS[kind])
+    new = later(model, X, 2000, irregular=True, follows=follows)
+    new.index = new.index + pd.to_timedelta(np.where(np.arange(2000) > 1000, 4000.0, 0.0), unit="s")
+    for dtype in ("float", "double"):
+        export = export_c(model, tmp_path / "bias", dtype, sampling_period="variable", continue_from_fit=follows)
+        first = round(PERIOD * 1e6) if follows else 0
+        program = compile_c(export, start=0 if follows else start_of(export, X, new))
+        run = run_c(program, new, np.ones(2000), export.columns, first_step=first)
+        expected = model.bias(new).to_numpy()
+        assert np.abs(run.bias - expected).max() < BOUNDS[dtype] * np.ptp(expected)
+        np.testing.assert_array_equal((run.flags & 8) > 0, model.flags(new) == "washout")
+        assert (run.flags[:1001] & 8).any() != follows and (run.flags[1001:] & 8).any()
+
+
+def test_what_correct_keeps_is_kept(tmp_path):
+    model, _ = fitted([Drift()])
+    export = export_c(model, tmp_path)
+    assert export.kept == ("drift",) and "drift" in str(export)
+    assert "seconds" not in export.paths[1].read_text()
+
+
+def test_steps_of_the_clock_are_exact(tmp_path):
+    """A step between two samples is felt by the later one; one on a sample by itself."""
+    model, _ = fitted([Step(60.0 + PERIOD / 2, True)])
+    text = export_c(model, tmp_path / "bias", sampling_period=PERIOD).paths[1].read_text()
+    assert "INT32_C(5)" in text
+    model, _ = fitted([Step(60.0, True)])
+    text = export_c(model, tmp_path / "bias", sampling_period=PERIOD).paths[1].read_text()
+    assert "INT32_C(4)" in text

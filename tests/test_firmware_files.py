@@ -1,0 +1,281 @@
+"""Export to C: what is refused, what stands in the files, what compilers and checkers say of them, command line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from firmware_runs import (
+    ALL_AT_ONCE,
+    KINDS,
+    PERIOD,
+    WARNINGS,
+    ambient,
+    compile_c,
+    errors,
+    fitted,
+    later,
+    run_c,
+    start_of,
+    tool,
+)
+from sklearn.preprocessing import StandardScaler
+
+from thermocorr import DynamicBiasRegressor, RecordError, RecordWarning
+from thermocorr.effects import Covariate, Delay, Drift, Effect, Rate, ThermalLag
+from thermocorr.outside import cli
+from thermocorr.outside.firmware import export_c
+from thermocorr.outside.firmware.language import comment, identifier, number
+
+needs_gcc = pytest.mark.skipif(tool("gcc") is None, reason="no C compiler: install gcc to run the exported code")
+ROWS = 20_000
+BOUNDS = {"double": 1e-12, "float": 1e-5}
+"""Promised share of the range of the bias. Measured: 1e-14 and 1e-6, see benchmarks/firmware.py for a million rows."""
+
+
+@pytest.fixture(scope="module")
+def simple():
+    """A model with two lags, and its fitted record."""
+    return fitted()
+
+
+@pytest.fixture(scope="module")
+def with_columns():
+    return fitted([Covariate("humidity"), Rate(), Drift(True)])
+
+
+# --------------------------------------------------------------------------------------------- refusals, warnings
+
+
+class Fan(Effect):
+    kind = "fan"
+
+    def names(self):
+        return ["fan"]
+
+    def columns(self, block, state):
+        return np.sin(block.temperature), state
+
+
+class OwnLag(ThermalLag):
+    """A subclass may compute anything."""
+
+
+@pytest.mark.parametrize("effect", [Fan(), OwnLag([500.0]), StandardScaler()], ids=["own", "subclass", "transformer"])
+def test_effects_without_c_are_refused_by_name(effect, tmp_path):
+    model, _ = fitted([effect])
+    with pytest.raises(ValueError, match=r"(fan|OwnLag|StandardScaler).*cannot be exported to C"):
+        export_c(model, tmp_path / "new" / "bias")
+    assert not list(tmp_path.iterdir())
+
+
+def test_delays_have_bounds(tmp_path):
+    model, _ = fitted([Delay("25 min")])
+    with pytest.raises(ValueError, match=r"delay: 1500 s.*only at run time"):
+        export_c(model, tmp_path, sampling_period="variable")
+    with pytest.raises(ValueError, match=r"delay: 1500 s.*15000 temperatures"):
+        export_c(model, tmp_path, sampling_period=0.1)
+    assert not list(tmp_path.iterdir())
+
+
+def test_contributions_that_cancel_are_told(tmp_path):
+    model, _ = fitted(time_constants=[1e4, 1.02e4, 1.04e4])
+    with pytest.warns(RecordWarning, match="cancel"):
+        export_c(model, tmp_path)
+
+
+def test_bad_parameters(tmp_path, simple):
+    with pytest.raises(ValueError, match="'dtype' parameter of export_c must be 'float' or 'double'"):
+        export_c(simple[0], tmp_path, "half")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordError, match="cannot be written"):
+        export_c(simple[0], tmp_path / "file" / "bias")
+    with pytest.raises(ValueError, match="has no place in a C float"):
+        number(1e39, "float")
+    with pytest.raises(ValueError, match="has no place in a C float"):
+        number(1e-42, "float")
+
+
+# ------------------------------------------------------------------------------------------ names and digits
+
+
+def test_numbers_keep_all_their_digits():
+    rng = np.random.default_rng(0)
+    for value in (*rng.normal(size=200) * 10.0 ** rng.integers(-30, 30, 200), 0.0, 1.0, -3e8):
+        assert float(number(value, "double")) == value
+        single = number(value, "float")
+        assert single.endswith("f") and np.float32(single[:-1]) == np.float32(value)
+        assert any(mark in single for mark in ".e")  # a floating-point literal
+
+
+def test_names_of_the_user_stay_inside_their_comments():
+    nasty = 'a */ int x; /* "\\\n??/ \N{DEGREE SIGN}C'
+    said = comment(nasty)
+    assert "*/" not in said and "/*" not in said and "\n" not in said and "??" not in said and "\\" not in said
+    assert said.isascii() and said.isprintable()
+    taken = set()
+    names = [
+        identifier(text, taken) for text in ("Température (°C)", "temperature c", "TEMPERATURE_C", "int", "9 V", "")
+    ]
+    assert len({name.lower() for name in names}) == 6
+    assert all(name.isidentifier() and name.isascii() for name in names)
+
+
+@needs_gcc
+def test_nasty_column_names_compile(tmp_path):
+    names = ['*/ #error "out"\n', "int", "relative humidity [%]", "relative_humidity____", "\N{GREEK SMALL LETTER RHO}"]
+    X = ambient(400)
+    rng = np.random.default_rng(0)
+    for name in names:
+        X[name] = rng.normal(5, 1, 400)
+    X = X.drop(columns="humidity")
+    y = pd.Series(X.sum(axis=1), name="volt*/age\\")
+    effects = [Covariate(name) for name in names]
+    model = DynamicBiasRegressor("temperature", [300.0], 1, effects=effects).fit(X, y)
+    export = export_c(model, tmp_path / "9 int.c")
+    assert export.columns == tuple(names) and export.name == "thermal_bias_9_int"
+    run = run_c(compile_c(export), X.astype(np.float32).astype(float), y, export.columns)
+    assert np.ptp(run.corrected) < 0.01 * np.ptp(y)
+
+
+# --------------------------------------------------------------------------------------- self-test, other tools
+
+
+def build_selftest(export, command, output):
+    built = subprocess.run(
+        [*command, *WARNINGS, *export.paths[1:], "-o", output, "-lm"], capture_output=True, text=True, check=False
+    )
+    assert built.returncode == 0, built.stderr
+    return output
+
+
+@needs_gcc
+@pytest.mark.parametrize("dtype", ["float", "double"])
+@pytest.mark.parametrize("period", ["fitted", "variable"])
+@pytest.mark.parametrize("follows", [False, True])
+def test_the_self_test_passes_and_can_fail(dtype, period, follows, tmp_path, with_columns):
+    model, _ = with_columns
+    export = export_c(model, tmp_path / "bias", dtype, sampling_period=period, continue_from_fit=follows)
+    program = build_selftest(export, ["gcc", "-O1"], tmp_path / "test")
+    done = subprocess.run([program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "passed, 0 of 160" in done.stdout
+    code = export.paths[1].read_text()
+    line = next(line for line in code.splitlines() if line.startswith(f"static const {dtype} covariate"))
+    value = line.split(" = ")[1].split(";")[0]
+    wrong = number(float(value.rstrip("f")) * 1.001, dtype)
+    export.paths[1].write_text(code.replace(line, line.replace(value, wrong)))
+    program = build_selftest(export, ["gcc", "-O1"], tmp_path / "test")
+    done = subprocess.run([program], capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and "FAILED" in done.stdout
+
+
+@pytest.fixture(scope="module")
+def everything():
+    effects = [*ALL_AT_ONCE, *(KINDS[kind]["effects"][0] for kind in ("delay", "periodic", "log_ageing", "step"))]
+    return fitted(effects)
+
+
+@pytest.mark.skipif(tool("clang") is None, reason="clang is not installed")
+def test_clang_has_nothing_to_say(tmp_path, everything):
+    for dtype in ("float", "double"):
+        build_selftest(export_c(everything[0], tmp_path, dtype), ["clang", "-Wsign-conversion"], tmp_path / "test")
+
+
+@needs_gcc
+def test_sanitizers_have_nothing_to_say(tmp_path, everything):
+    model, X = everything
+    probe = subprocess.run(
+        ["gcc", "-fsanitize=address,undefined", "-x", "c", "-", "-o", tmp_path / "probe"],
+        input="int main(void){return 0;}",
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    if probe.returncode:
+        pytest.skip("gcc has no sanitizers here")
+    command = ("gcc", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    export = export_c(model, tmp_path / "bias", sampling_period=PERIOD)
+    new = later(model, X, 3000)
+    new.iloc[::97] = np.nan
+    run = run_c(compile_c(export, command, start_of(export, X, new)), new, np.ones(3000), export.columns)
+    assert np.isfinite(run.bias).all()
+
+
+@pytest.mark.skipif(tool("arm-none-eabi-gcc") is None, reason="arm-none-eabi-gcc is not installed")
+def test_it_builds_for_a_cortex_m4_and_fits(tmp_path, simple, everything):
+    core = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "-Os"]
+    for model in (simple[0], everything[0]):
+        export = export_c(model, tmp_path / "bias")
+        size_check = f"typedef char fits[sizeof({export.name}_state) == {export.state_bytes} ? 1 : -1];"
+        source = tmp_path / "check.c"
+        source.write_text(f'#include "{export.paths[1]}"\n{size_check}\nfits *unused(void);\n')
+        built = subprocess.run(
+            ["arm-none-eabi-gcc", *core, *WARNINGS, "-c", source, "-o", tmp_path / "check.o"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert built.returncode == 0, built.stderr
+
+
+@pytest.mark.skipif(
+    tool("arm-linux-gnueabihf-gcc") is None or tool("qemu-arm") is None,
+    reason="needs arm-linux-gnueabihf-gcc and qemu-arm",
+)
+@pytest.mark.parametrize("dtype", ["float", "double"])
+def test_an_emulated_arm_gives_the_same(dtype, tmp_path, everything):
+    model, X = everything
+    command = ("arm-linux-gnueabihf-gcc", "-O2", "-static", "-mfpu=vfpv4", "-ffp-contract=fast")  # as firmware is built
+    error, export, *_ = errors(model, X, tmp_path, dtype, 2000, command=command, before=("qemu-arm",))
+    assert error < BOUNDS[dtype]
+    program = build_selftest(export, command, tmp_path / "test")
+    subprocess.run(["qemu-arm", program], check=True, capture_output=True)
+
+
+# ------------------------------------------------------------------------ models from a file, command line
+
+
+def stripped(model, history=False):
+    """What a model needs to have for an export: no more."""
+    features = SimpleNamespace(effect_list=model.features_.effect_list)
+    if history:
+        features.history_ = model.features_.history_
+    names = ("coef_", "intercept_", "washout_", "time_constants_", "reference_temperature_")
+    given = {name: getattr(model, name) for name in names}
+    return SimpleNamespace(features_=features, temperature_range_=model.reading_.temperature_range, **given)
+
+
+def test_a_loaded_model_needs_little(tmp_path, with_columns):
+    whole = export_c(with_columns[0], tmp_path / "bias", sampling_period=PERIOD)
+    code = whole.paths[1].read_text()
+    bare = stripped(with_columns[0])
+    again = export_c(bare, tmp_path / "bias", sampling_period=PERIOD)
+    numbers = [[line.split("/*")[0] for line in text.splitlines()] for text in (code, again.paths[1].read_text())]
+    assert numbers[0] == numbers[1]
+    with pytest.raises(ValueError, match="pass sampling_period"):
+        export_c(bare, tmp_path)
+    with pytest.raises(ValueError, match="does not know the record"):
+        export_c(bare, tmp_path, sampling_period=PERIOD, continue_from_fit=True)
+
+
+def test_command_line(tmp_path, with_columns, monkeypatch, capsys):
+    loaded = []
+
+    def load(path):
+        loaded.append(path)
+        return with_columns[0]
+
+    monkeypatch.setitem(sys.modules, "thermocorr.outside.model_file", SimpleNamespace(load=load))
+    out = tmp_path / "firmware" / "bridge.c"
+    arguments = ["export-c", "--model", "m.json", "--out", str(out), "--double", "--sampling-period", "variable"]
+    assert cli.main(arguments) == 0
+    assert [str(path) for path in loaded] == ["m.json"]
+    assert sorted(path.name for path in out.parent.iterdir()) == ["bridge.c", "bridge.h", "bridge_test.c"]
+    said = capsys.readouterr().out
+    assert "RAM: state" in said and "bridge: double, steps given to update" in said
+    assert cli.main(["export-c", "--model", "m.json", "--out", str(out), "--sampling-period", "no time"]) == 2
+    assert "sampling_period" in capsys.readouterr().err

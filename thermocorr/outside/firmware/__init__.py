@@ -1,0 +1,6 @@
+"""Export of a fitted model to C99 for microcontrollers."""
+
+from .costs import FirmwareExport
+from .export import export_c
+
+__all__ = ["FirmwareExport", "export_c"]

@@ -1,0 +1,113 @@
+"""C as text: numbers with all their digits, names, comments, and the count of operations in a statement."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+
+Dtype = Literal["float", "double"]
+
+_KEYWORDS = frozenset(
+    """
+    auto break case char const continue default do double else enum extern float for goto if inline int long register
+    restrict return short signed sizeof static struct switch typedef union unsigned void volatile while main
+    """.split()  # noqa: SIM905
+)
+MATH = ("sin", "cos", "exp", "expm1", "log1p")
+"""Functions of libm that generated code may call; with an f behind them in single precision."""
+
+
+def number(value: float, dtype: Dtype) -> str:
+    """A constant in C that reads back as the same float (9 digits) or double (17 digits).
+
+    Raises ValueError for a number that the type cannot hold.
+    """
+    value = float(value)
+    if dtype == "double":
+        text = f"{value:.17g}"
+        held = np.isfinite(value)
+    else:
+        with np.errstate(over="ignore", under="ignore"):
+            single = np.float32(value)
+        text = f"{single:.9g}"
+        smallest = float(np.finfo(np.float32).tiny)
+        held = bool(np.isfinite(single)) and (value == 0.0 or abs(value) >= smallest)
+    if not held:
+        raise ValueError(f"The constant {value!r} has no place in a C {dtype}. Export with dtype='double'.")
+    if not any(mark in text for mark in ".e"):
+        text += ".0"
+    return text + ("f" if dtype == "float" else "")
+
+
+def comment(text: object) -> str:
+    """Text of the user that may stand in a C comment: one line, ASCII, and no end of the comment in it."""
+    plain = unicodedata.normalize("NFKD", str(text)).encode("ascii", "replace").decode()
+    plain = "".join(c if c.isprintable() else " " for c in plain)
+    return plain.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/").replace("??", "? ?")
+
+
+def identifier(text: object, taken: set[str] | None = None, fallback: str = "x") -> str:
+    """A C identifier close to a text of the user's, none of those in `taken` (to which it is added)."""
+    plain = unicodedata.normalize("NFKD", str(text)).encode("ascii", "ignore").decode()
+    name = re.sub(r"[^0-9A-Za-z]+", "_", plain).strip("_") or fallback
+    if name[0].isdigit() or name.lower() in _KEYWORDS:
+        name = f"{fallback}_{name}"
+    taken = set() if taken is None else taken
+    result, count = name, 1
+    while result.lower() in taken:
+        count += 1
+        result = f"{name}_{count}"
+    taken.add(result.lower())
+    return result
+
+
+@dataclass(frozen=True)
+class Operations:
+    """Floating-point operations of some code."""
+
+    multiply_adds: int = 0
+    """Multiplications, each with the addition that takes its product, if there is one in its statement."""
+    adds: int = 0
+    """Additions and subtractions beside those."""
+    divisions: int = 0
+    calls: int = 0
+    """Calls of libm: exp, sin, ..."""
+
+    def __add__(self, other: Operations) -> Operations:
+        return Operations(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
+
+    def __mul__(self, times: int) -> Operations:
+        return Operations(*(times * getattr(self, f.name) for f in fields(self)))
+
+    def most(self, other: Operations) -> Operations:
+        """An upper bound of two branches: the larger number of each kind."""
+        return Operations(*(max(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)))
+
+    @property
+    def total(self) -> int:
+        """All of them."""
+        return self.multiply_adds + self.adds + self.divisions + self.calls
+
+
+_LEFT_OUT = re.compile(r"/\*.*?\*/|\[[^\]]*\]|\((?:u?int\d+_t|float|double)\)")
+_DIGITS_OF_NAMES = re.compile(r"(?<=[A-Za-z_])\d+")
+_NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?[fFuUlL]*")
+
+
+def count_operations(statement: str) -> Operations:
+    """Operations in one C statement, by its text; what stands in subscripts is integer arithmetic and not counted.
+
+    >>> count_operations("const float next = s->lag[j + 1] - (rest + loss[j] * s->lag[j]);")
+    Operations(multiply_adds=1, adds=1, divisions=0, calls=0)
+    """
+    calls = sum(len(re.findall(rf"\b{name}f?\(", statement)) for name in MATH)
+    text = _LEFT_OUT.sub("", statement.replace("->", "."))
+    text = _NUMBER.sub("n", _DIGITS_OF_NAMES.sub("", text))
+    text = re.sub(r"\s+|\breturn\b", "", text)
+    products, divisions = text.count("*"), text.count("/")
+    sums = len(re.findall(r"(?<=[\w.)])[+-]", text))
+    return Operations(products, max(0, sums - products), divisions, calls)
