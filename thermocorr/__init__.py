@@ -9,11 +9,28 @@ from .estimators import (
     compare_variants,
     held_out_residuals,
 )
-from .judgement import Diagnosis, Refinement, diagnose, refine
+from .judgement import (
+    AllanDisplay,
+    ContributionsDisplay,
+    Diagnosis,
+    Refinement,
+    RefinementDisplay,
+    ResidualLoopDisplay,
+    ResidualsDisplay,
+    SpectrumDisplay,
+    StepResponseDisplay,
+    SuspectsDisplay,
+    VariantsDisplay,
+    WhereDisplay,
+    diagnose,
+    refine,
+)
 from .records import ParquetLog, RecordError, RecordWarning
 
 __version__ = "0.1.0"
 __all__ = [
+    "AllanDisplay",
+    "ContributionsDisplay",
     "Diagnosis",
     "DiffusiveFeatures",
     "DynamicBiasRegressor",
@@ -22,8 +39,16 @@ __all__ = [
     "RecordError",
     "RecordWarning",
     "Refinement",
+    "RefinementDisplay",
+    "ResidualLoopDisplay",
+    "ResidualsDisplay",
+    "SpectrumDisplay",
+    "StepResponseDisplay",
+    "SuspectsDisplay",
     "TimeConstantSearch",
     "VariantComparison",
+    "VariantsDisplay",
+    "WhereDisplay",
     "compare_variants",
     "diagnose",
     "held_out_residuals",

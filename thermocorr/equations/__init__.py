@@ -1,13 +1,18 @@
 """Floor 0: equations, on numpy and scipy alone. Start reading in `lags`."""
 
+from .allan import AllanDeviation, allan_deviation, regular_cells
+from .allan_stream import AllanStream
 from .lags import LagState, decay_and_gain, decays, equilibrium, lag_differences, lags_at_end, paper_form
 from .leastsquares import RidgeSolution, TriangularFactor, solve_ridge
 from .statistics import moving_average, reduction_db
 
 __all__ = [
+    "AllanDeviation",
+    "AllanStream",
     "LagState",
     "RidgeSolution",
     "TriangularFactor",
+    "allan_deviation",
     "decay_and_gain",
     "decays",
     "equilibrium",
@@ -16,5 +21,6 @@ __all__ = [
     "moving_average",
     "paper_form",
     "reduction_db",
+    "regular_cells",
     "solve_ridge",
 ]

@@ -134,13 +134,20 @@ def require_rows(n_readings: int, n_columns: int, what: str = "model") -> None:
         )
 
 
-def standard_errors(swept: Swept, solution: RidgeSolution, alpha: float) -> np.ndarray:
+def standard_errors(
+    swept: Swept, solution: RidgeSolution, alpha: float, combinations: np.ndarray | None = None
+) -> np.ndarray:
     """Standard errors of (U0, coefficients), true for residuals that stay correlated for less than a chunk.
 
     Delete-a-block jackknife over the chunks of time (Kuensch 1989, Annals of Statistics 17, 1217), never below the
     white-noise formula. Shape (1 + p,).
+
+    With `combinations`, shape (k, 1 + p), those of these linear combinations, shape (k,): coefficients of neighbouring
+    lags err together, so that their errors do not simply add.
     """
-    white = _white_errors(swept, solution)
+    if combinations is None:
+        combinations = np.eye(1 + len(solution.coef))
+    white = _white_errors(swept, solution, combinations)
     chunks = [chunk for chunk in swept.chunks if chunk.n_rows]
     if len(chunks) < 4:
         return white
@@ -153,15 +160,14 @@ def standard_errors(swept: Swept, solution: RidgeSolution, alpha: float) -> np.n
         seen = np.flatnonzero(np.linalg.norm(rest.r[:, 1:-1], axis=0) > 0.01 * norms) + 1
         part = solve_ridge(rest.select([0, *seen, last]), alpha)
         estimate[0], estimate[seen] = part.intercept, part.coef
-    spread = np.var(estimates, axis=0) * (len(chunks) - 1)
+    spread = np.var(estimates @ combinations.T, axis=0) * (len(chunks) - 1)
     return np.maximum(np.sqrt(spread), white)
 
 
-def _white_errors(swept: Swept, solution: RidgeSolution) -> np.ndarray:
+def _white_errors(swept: Swept, solution: RidgeSolution, combinations: np.ndarray) -> np.ndarray:
     n, p = solution.n_rows, len(solution.coef)
     variance = solution.residual_sum_of_squares / max(n - solution.rank - 1, 1)
-    coef = np.sqrt(variance * np.einsum("ij,ij->i", solution.inverse_triangle, solution.inverse_triangle))
     top = swept.total().r[0]
     means = top[1 : p + 1] / top[0]
-    through = solution.inverse_triangle.T @ means
-    return np.concatenate(([np.sqrt(variance * (1.0 / n + through @ through))], coef))
+    through = (combinations[:, 1:] - combinations[:, :1] * means) @ solution.inverse_triangle  # U0 = mean - means coef
+    return np.sqrt(variance * (combinations[:, 0] ** 2 / n + np.einsum("ij,ij->i", through, through)))

@@ -250,6 +250,23 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
             errors = standard_errors(self._swept, self._solution, self.alpha_)
         return coefficient_table(self.features_.effect_list(), self._all_coefficients(), errors, self.reading_)
 
+    def combined_errors(self, combinations: np.ndarray) -> np.ndarray:
+        """Standard errors of linear combinations of the coefficients, which err together; as in `coef_table`.
+
+        Parameters
+        ----------
+        combinations : array of shape (k, n_columns)
+            One combination of `coef_` per row.
+
+        Returns
+        -------
+        array of shape (k,)
+        """
+        check_is_fitted(self, "pipeline_")
+        rows = np.column_stack((np.zeros(len(combinations)), combinations))
+        with one_blas_thread():
+            return standard_errors(self._swept, self._solution, self.alpha_, rows)
+
     def equation(self) -> str:
         """The fitted formula as text."""
         check_is_fitted(self, "pipeline_")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import pandas as pd
 from sklearn.base import clone
 
 from ..equations import moving_average, reduction_db
+from ..records import Record, read_record
 from ..records.read import numeric_reading
 from .holdout import held_out_residuals, time_blocks
 from .regressor import DynamicBiasRegressor
@@ -41,6 +42,8 @@ class VariantComparison:
     window: int
     """Samples of the moving average."""
     n_blocks: int
+    record: Record | None = field(default=None, repr=False)
+    """Times, temperatures and readings compared: views of the user's data."""
 
     def frame(self) -> pd.DataFrame:
         """The figures: one row per variant."""
@@ -167,6 +170,7 @@ def compare_variants(
         fitted["static linear"].reading_.unit,
         window,
         len(blocks),
+        read_record(X, fitted["static linear"].features_._layout(), y=y, quiet=True),
     )
 
 

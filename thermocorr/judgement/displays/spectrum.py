@@ -1,0 +1,136 @@
+"""`SpectrumDisplay`: time constants of a model, and the spectrum that they stand for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...estimators.refinement import sensitivity
+from ...estimators.resolution import CONFIDENCE_95, interval_table, spectrum_table
+from ._drawing import BLUE, GREY, ORANGE, axes_grid, label_values, legend_above, log_time_axis, plain
+from ._walk import regressor_of
+
+
+class SpectrumDisplay:
+    """Coefficient of each lag over its time constant, 95 % intervals of both, and the whole spectrum mu(tau) below.
+
+    The spectrum is that of the search for time constants, over its whole pool. Grey is what the record could not have
+    seen: coefficients below twice their standard error, were each the only lag and the residuals white.
+
+    Attributes
+    ----------
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`.
+    """
+
+    def __init__(self, lags: pd.DataFrame, spectrum: pd.DataFrame | None, unit: str, samples: bool = False):
+        self.lags = lags
+        self.spectrum = spectrum
+        self.unit = unit
+        self.samples = samples
+
+    @classmethod
+    def from_estimator(cls, model: Any) -> SpectrumDisplay:
+        """From a fitted model, or from a fitted `TimeConstantSearch`.
+
+        Intervals of time constants are known where the model, or the search, chose them itself: a search has its own,
+        for a model they cost one more pass over the record, which must still be at hand. Given time constants have
+        none, and no spectrum.
+
+        Raises
+        ------
+        ValueError
+            For a model without lags.
+        """
+        fitted = regressor_of(model)
+        if not len(fitted.time_constants_):
+            raise ValueError("The model has no time constants: a static model has no spectrum.")
+        intervals, spectrum = _known(model, fitted)
+        table = fitted.coef_table()
+        lag = table[table["effect"] == "thermal lag"].iloc[: len(fitted.time_constants_)]
+        taus = fitted.time_constants_
+        lags = pd.DataFrame(
+            {
+                "time_constant": taus,
+                "low": np.nan,
+                "high": np.nan,
+                "coefficient": lag["coefficient"].to_numpy(),
+                "standard_error": lag["standard_error"].to_numpy(),
+            }
+        )
+        if intervals is not None and np.allclose(intervals["time_constant"], taus, rtol=1e-9):
+            lags[["low", "high"]] = intervals[["low", "high"]].to_numpy()
+        history = fitted.features_.history_
+        samples = history.kind == "rows" and fitted.sampling_period is None
+        return cls(lags, spectrum, str(lag["unit"].iloc[0]), samples)
+
+    def frame(self) -> pd.DataFrame:
+        """The lags: time_constant [s], its 95 % interval low to high, coefficient and standard_error.
+
+        The spectrum is the attribute `spectrum`: time_constant, coefficient, excitation, smallest_coefficient,
+        alike_next, see `thermocorr.estimators.resolution.spectrum_table`; None for given time constants.
+        """
+        return self.lags.copy()
+
+    def plot(self, ax: Any = None) -> SpectrumDisplay:
+        """Draw; `ax` may be one Axes, whose place is divided where there is a spectrum, or two."""
+        rows = 1 if self.spectrum is None else 2
+        axes = axes_grid(ax, rows, size=(7.0, 2.9 * rows), sharex=True)[:, 0]
+        top = axes[0]
+        taus = self.lags["time_constant"].to_numpy()
+        errors = CONFIDENCE_95 * self.lags["standard_error"].to_numpy()
+        top.vlines(taus, 0.0, self.lags["coefficient"], color=BLUE, lw=1.0, alpha=0.6)
+        top.errorbar(
+            taus, self.lags["coefficient"], yerr=errors, xerr=self._spans(), fmt="o", color=BLUE, ms=6, lw=1.6,
+            capsize=3, label="lags of the model, 95 % intervals",
+        )  # fmt: skip
+        limits = np.array([taus.min() / 2, taus.max() * 2])
+        if self.spectrum is not None:
+            self._draw_spectrum(axes[1])
+            ends = self.spectrum["time_constant"].iloc[[0, -1]].to_numpy() * (0.8, 1.25)
+            limits = np.array([min(limits[0], ends[0]), max(limits[1], ends[1])])
+        for axes_ in axes:
+            axes_.set_xlim(*limits)
+            axes_.axhline(0.0, color="0.4", lw=0.8, zorder=1)
+            plain(axes_)
+            log_time_axis(axes_, "time constant", self.samples)
+            legend_above(axes_)
+        for axes_ in axes[:-1]:
+            axes_.set_xlabel("")
+            axes_.tick_params(labelbottom=False)
+        label_values(top.yaxis, "coefficient", self.unit)
+        if self.spectrum is not None:
+            label_values(axes[1].yaxis, r"spectrum $\mu(\tau)$", self.unit)
+        self.axes_, self.ax_, self.figure_ = axes, top, top.figure
+        return self
+
+    def _spans(self) -> np.ndarray | None:
+        """Distances to both ends of the intervals of the time constants, shape (2, J)."""
+        spans = np.vstack(
+            (self.lags["time_constant"] - self.lags["low"], self.lags["high"] - self.lags["time_constant"])
+        )
+        return np.where(np.isfinite(spans), spans, 0.0) if np.isfinite(spans).any() else None
+
+    def _draw_spectrum(self, ax: Any) -> None:
+        assert self.spectrum is not None
+        tau, mu = self.spectrum["time_constant"], self.spectrum["coefficient"]
+        ax.plot(tau, mu, "o-", color=ORANGE, ms=4, lw=1.4, label="search's spectrum")
+        ax.fill_between(tau, 0.0, mu, color=ORANGE, alpha=0.2, lw=0)
+        low, high = ax.get_ylim()
+        least = self.spectrum["smallest_coefficient"]
+        ax.fill_between(tau, -least, least, color=GREY, alpha=0.25, lw=0, zorder=1, label="too small to be seen")
+        ax.set_ylim(low, high)
+
+
+def _known(model: Any, fitted: Any) -> tuple[pd.DataFrame | None, pd.DataFrame | None]:
+    """Intervals of the time constants and the spectrum, as far as somebody has searched for them."""
+    if hasattr(model, "spectrum_"):
+        return model.time_constants_, model.spectrum_
+    choice = fitted.search_
+    if choice is None or choice.factored is None or not len(choice.time_constants):
+        return None, None
+    spectrum = None if choice.reference is None else spectrum_table(choice.factored, choice.reference)
+    found = sensitivity(choice.factored, choice.time_constants, choice.alpha)
+    return interval_table(found.time_constants, found.errors()), spectrum
