@@ -28,7 +28,7 @@ _TITLES = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class VariantComparison:
     """Result of `compare_variants`: figures, models and residuals; prints as the paper's table."""
 
@@ -70,6 +70,9 @@ class VariantComparison:
         text = self.formatted()
         two = [text.iloc[:, :4], text.iloc[:, 4:]]
         return "\n\n".join([*(part.to_string() for part in two), self.caption()])
+
+    def __repr__(self) -> str:
+        return str(self)
 
     def to_html(self) -> str:
         """The table as HTML, caption included."""
