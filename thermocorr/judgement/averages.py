@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts
@@ -18,6 +19,11 @@ from ..records import BLOCK_ROWS, Record
 
 STRETCHES = 2500
 """Stretches that a record is averaged over: enough for slow causes, few enough for hundreds of candidates."""
+
+NEAR = 100
+"""Stretches over which the size of the noise is taken."""
+UNEVEN = 2.0
+"""Its largest over its smallest value, from which the noise counts as changing with time."""
 
 
 @dataclass(frozen=True)
@@ -34,19 +40,25 @@ class Averages:
     """Number of the segment of each stretch."""
     seconds: np.ndarray
     """Middle of each stretch [s]."""
+    one: np.ndarray
+    """The constant column: 1, or less where the noise is larger than usual."""
 
 
-def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = STRETCHES) -> Averages:
+def averaged(
+    record: Record, effects: Sequence[Effect], n_stretches: int = STRETCHES, *, evened: bool = True
+) -> Averages:
     """Average the readings and all effects' columns over stretches of equal numbers of rows.
 
-    Rows without a reading are left out of the averages, columns and all. Effects must have learned the record.
+    Rows without a reading are left out of the averages, columns and all. Effects must have learned the record. Where
+    the noise clearly changes in the course of the record, stretches are `evened`: readings and columns divided by its
+    relative size, which is weighted least squares.
     """
     assert record.reading is not None
     width = max(1, -(-record.n_used // n_stretches))
     size = max(width, BLOCK_ROWS // width * width)
     widths = [len(effect.names()) for effect in effects]
     parts: list[list[np.ndarray]] = [[] for _ in effects]
-    readings, counts, segments, seconds = [], [], [], []
+    readings, counts, segments, seconds, jumps = [], [], [], [], []
     states: list[Any] = []
     for block in record.blocks(size, starts=own_starts(record)):
         if block.start == record.segments[block.segment].start:
@@ -61,19 +73,41 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = STRET
         seconds.append((np.add.reduceat(block.seconds * share, starts) / np.maximum(count, 1))[kept])
         counts.append(count[kept])
         segments.append(np.full(int(kept.sum()), block.segment))
+        jumps.append(_jumps(reading, starts)[kept])
         for i, effect in enumerate(effects):
             columns, states[i] = effect.columns(block, states[i])
             columns = np.asarray(columns).reshape(len(block), widths[i])
             if not known.all():
                 columns = columns * share[:, None]
             parts[i].append((np.add.reduceat(columns, starts, axis=0) / np.maximum(count, 1)[:, None])[kept])
+    counted = np.concatenate(counts)
+    one = 1 / _unevenness(np.concatenate(jumps)) if evened else np.ones(len(counted))
     return Averages(
-        np.concatenate(readings),
-        [np.concatenate(part) for part in parts],
-        np.concatenate(counts),
+        np.concatenate(readings) * one,
+        [np.concatenate(part) * one[:, None] for part in parts],
+        counted,
         np.concatenate(segments),
         np.concatenate(seconds),
+        one,
     )
+
+
+def _jumps(reading: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Mean size of the steps between neighbouring readings of each stretch; NaN where there are none."""
+    jump = np.abs(np.diff(reading, prepend=np.nan))
+    known = np.isfinite(jump)
+    counts = np.add.reduceat(known.astype(float), starts)
+    sums = np.add.reduceat(np.where(known, jump, 0.0), starts)
+    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+
+
+def _unevenness(jumps: np.ndarray) -> np.ndarray:
+    """Size of the noise near each stretch over its usual one; 1 unless it clearly changes."""
+    level = pd.Series(jumps).rolling(NEAR, center=True, min_periods=NEAR // 4).median().bfill().ffill().to_numpy()
+    if len(level) < 10 * NEAR or not np.all(level > 0):
+        return np.ones(len(jumps))
+    low, usual, high = np.quantile(level, (0.05, 0.5, 0.95))
+    return level / usual if high > UNEVEN * low else np.ones(len(jumps))
 
 
 def filled(record: Record, most_missing: float = 0.05) -> Record:

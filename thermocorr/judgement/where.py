@@ -48,7 +48,7 @@ def where_it_fails(
     names = ["rate [K/h]", *([] if lag is None else [f"lag difference, {lag:.3g} s [K]"]), *map(str, recorded)]
     for effect in effects:
         effect.learn(record)
-    data = averaged(replace(record, reading=residual), [*effects, _Temperature()])
+    data = averaged(replace(record, reading=residual), [*effects, _Temperature()], evened=False)
     values = [columns[:, 0] for columns in data.columns]
     values[0] = values[0] * 3600.0
     for i, effect in enumerate(effects):
