@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...records.units import unit_of
 from ._cells import with_breaks
 from ._timeline import TimeLine, time_text
 
@@ -15,13 +16,13 @@ SKY, PURPLE, GREY, BLACK = "#56B4E9", "#CC79A7", "#737373", "#222222"
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 """Okabe & Ito's palette, which colour-blind readers can tell apart."""
 SHADE = "#F0E442"
-SEQUENTIAL = "cividis"
+SEQUENTIAL = "viridis"
 MARKED = 100
 """Up to this many rows, each is marked."""
-TIMES = (1e-3, 1e-2, 0.1, 1, 10, 60, 600, 3600, 36_000, 86_400, 864_000, 8_640_000, 31_557_600, 315_576_000)
+TIMES = (1e-3, 1e-2, 0.1, 1, 10, 60, 600, 3600, 21_600, 86_400, 864_000, 8_640_000, 31_557_600, 315_576_000)
 FINE_TIMES = (
-    1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200,
-    10_800, 21_600, 43_200, 86_400, 172_800, 432_000, 864_000, 1_728_000, 4_320_000, 8_640_000, 31_557_600,
+    1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 30, 60, 120, 300, 600, 1800, 3600, 7200, 21_600,
+    43_200, 86_400, 172_800, 432_000, 864_000, 2_592_000, 8_640_000, 31_557_600,
 )  # fmt: skip
 
 
@@ -66,8 +67,15 @@ def axes_grid(
     return axes
 
 
-def labelled(name: str, unit: str) -> str:
-    """``voltage [mV]``; without a unit the name alone."""
+def labelled(name: str, unit: str, power: int = 0) -> str:
+    """``voltage [mV]``; without a unit the name alone. A unit at the end of the name is not said twice.
+
+    With a power of ten, ``voltage [10^-3 mV]``.
+    """
+    if unit and "_" in name and unit_of(name, None) == unit:
+        name = name.rsplit("_", 1)[0]
+    if power:
+        unit = f"$10^{{{power}}}$ {unit}".strip()
     return f"{name} [{unit}]" if unit else name
 
 
@@ -85,8 +93,7 @@ def label_values(axis: Any, name: str, unit: str) -> None:
     axis.set_major_formatter(formatter)
     if power:
         axis.get_offset_text().set_visible(False)
-        unit = f"$10^{{{power}}}$ {unit}".strip()
-    axis.set_label_text(labelled(name, unit))
+    axis.set_label_text(labelled(name, unit, power))
 
 
 def legend_above(ax: Any, **options: Any) -> None:
@@ -114,6 +121,13 @@ def plain(ax: Any) -> None:
     ax.set_axisbelow(True)
 
 
+def pale(colour: str, share: float = 0.35) -> tuple[float, ...]:
+    """A colour mixed with white; unlike a transparent one it does not change what it is drawn on."""
+    from matplotlib.colors import to_rgb
+
+    return tuple(1 - share * (1 - part) for part in to_rgb(colour))
+
+
 def draw_cells(
     ax: Any, frame: pd.DataFrame, timeline: TimeLine, name: str, colour: str, label: str | None = None, lw: float = 1.0
 ) -> None:
@@ -124,9 +138,8 @@ def draw_cells(
             x,
             spaced[f"{name}_low"],
             spaced[f"{name}_high"],
-            facecolor=colour,
-            edgecolor=colour,
-            alpha=0.35,
+            facecolor=pale(colour),
+            edgecolor=pale(colour, 0.5),
             lw=0.8,
             zorder=2,
         )
@@ -149,7 +162,7 @@ def name_runs(ax: Any, timeline: TimeLine) -> None:
     if len(joints) > 1 and any(name for _, name in joints[1:]):
         for place, name in joints:
             ax.annotate(
-                name,
+                f"run {name}" if name.isdigit() else name,
                 (float(timeline.on_axis(np.array(place))), 1.0),
                 xycoords=("data", "axes fraction"),
                 xytext=(2, -2),

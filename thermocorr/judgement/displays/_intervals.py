@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from ._timeline import TimeLine
+from ._timeline import TimeLine, time_text
 
 if TYPE_CHECKING:
     from ..diagnosis import Diagnosis
 
 WORSE = 1.5
 """Share of the excess error over the share of the samples from which on a stretch is shown as failing."""
+YEARLY = 200 * 86_400.0
+"""Span of a record above which dates are written with their year [s]."""
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
 
 
@@ -22,6 +24,19 @@ def ends(interval: str) -> tuple[float, float]:
     """Both ends of ``20.1 to 22.4``, ``0 to 2 h``, ``3.2 s to 9 s`` or of two dates (then in seconds since 1970)."""
     low, _, high = interval.partition(" to ")
     return _end(low), _end(high)
+
+
+def short_ends(interval: str, span: float) -> tuple[str, str]:
+    """Both ends of an interval, as short as they are readable; of dates, which stretch over `span` seconds in all."""
+    low, _, high = interval.removeprefix("periods of ").partition(" to ")
+    seconds = high.endswith(" s")
+    return _short(low, seconds, span), _short(high, seconds, span)
+
+
+def _short(text: str, seconds: bool, span: float) -> str:
+    if re.match(r"\d{4}-\d\d-\d\d", text):
+        return pd.Timestamp(text).strftime("%d %b %Y" if span > YEARLY else "%d %b %H:%M")
+    return time_text(float(text.removesuffix(" s"))) if seconds else text
 
 
 def _end(text: str) -> float:
@@ -37,7 +52,7 @@ def stretches(diagnosis: Diagnosis, timeline: TimeLine) -> list[tuple[float, flo
     None where the diagnosis finds nothing missing, or where runs overlap in time, so that a time has several places.
     """
     where = diagnosis.where
-    if diagnosis.verdict == "nothing missing" or (np.diff(timeline.starts - timeline.shifts) < 0).any():
+    if diagnosis.verdict == "nothing missing" or timeline.overlapping:
         return []
     chosen = where[(where["condition"] == "time") & (where["lift"] > WORSE)]
     zero = timeline.first / 1e9 if timeline.dates else 0.0

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from ..refinement import Refinement
 
 
-def plot_diagnosis(diagnosis: Diagnosis) -> Any:
-    """Draw suspects above, places of failure below; returns the figure."""
+def plot_diagnosis(diagnosis: Diagnosis, X: Any = None) -> Any:
+    """Draw suspects above, places of failure below; returns the figure. `X`, the record, tells units of columns."""
     figure = pyplot().figure(figsize=(9.5, 8.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, height_ratios=(1, 1.2))
     SuspectsDisplay.from_diagnosis(diagnosis).plot(upper)
-    WhereDisplay.from_diagnosis(diagnosis).plot(lower)
+    WhereDisplay.from_diagnosis(diagnosis, X).plot(lower)
     unit = f" {diagnosis.unit}" if diagnosis.unit else ""
     figure.suptitle(
         f"Residual {diagnosis.residual_rms:.3g}{unit}, noise floor {diagnosis.noise_floor:.3g}{unit}: "

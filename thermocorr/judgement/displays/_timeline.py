@@ -45,6 +45,8 @@ class TimeLine:
     usual_step: float
     in_order: bool
     """Whether places are the times themselves."""
+    overlapping: bool
+    """Whether a segment begins before the one before has ended, so that a time has several places."""
 
     @classmethod
     def of(cls, record: Record, zone: Any = None, samples: bool = False) -> TimeLine:
@@ -70,6 +72,7 @@ class TimeLine:
             float(np.max(places + stop - start)),
             record.usual_step(),
             places is start,
+            bool((stop[:-1] >= start[1:]).any()),
         )
 
     @property
@@ -109,6 +112,8 @@ class TimeLine:
         if self.samples:
             return "sample"
         what = "time" if self.in_order else "recorded time, long gaps left out"
+        if self.overlapping:
+            what = "recorded time, runs one after the other"
         return f"{what} [{elapsed_unit(self.span)}]"
 
     def dress(self, axis: Any) -> None:
@@ -118,7 +123,15 @@ class TimeLine:
 
             locator = dates.AutoDateLocator(tz=self.zone, minticks=3, maxticks=8)
             axis.set_major_locator(locator)
-            axis.set_major_formatter(dates.ConciseDateFormatter(locator, tz=self.zone))
+            ticks = ["%Y", "%b %Y", "%d %b", "%H:%M", "%H:%M", "%S.%f"]
+            # the date stands beside the axis only where the ticks are times of day
+            beside = ["", "", "%Y", "%d %b %Y", "%d %b %Y", "%d %b %Y %H:%M"]
+            zeros = ["", "%Y", "%d %b", "%d %b", "%H:%M", "%H:%M"]
+            axis.set_major_formatter(
+                dates.ConciseDateFormatter(
+                    locator, tz=self.zone, formats=ticks, offset_formats=beside, zero_formats=zeros
+                )
+            )
 
     def joints(self, most: int = 12) -> list[tuple[float, str]]:
         """Where segments begin, all but the first, and the names of their runs; none where there are too many."""

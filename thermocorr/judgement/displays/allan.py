@@ -87,7 +87,8 @@ class AllanDisplay:
             (self.after, BLUE, "after", "o"),
         ):
             only.plot(found.averaging_times, found.deviation, f"{marker}-", color=colour, ms=4, lw=1.4, label=label)
-            only.fill_between(found.averaging_times, found.low, found.high, color=colour, alpha=0.2, lw=0)
+            band = None if found is self.before else f"{100 * self.confidence:g} % confidence"
+            only.fill_between(found.averaging_times, found.low, found.high, color=colour, alpha=0.2, lw=0, label=band)
         first = self.after.averaging_times[:1]
         times = np.unique(np.concatenate((self.before.averaging_times, self.after.averaging_times)))
         if len(first):
@@ -98,10 +99,6 @@ class AllanDisplay:
         log_time_axis(only, "averaging time", self.samples)
         only.set_ylabel(labelled(f"Allan deviation of {self.name}", self.unit))
         legend_above(only)
-        only.annotate(
-            f"bands: {self.confidence:.0%} confidence", (0.99, 0.97), xycoords="axes fraction", ha="right", va="top",
-            fontsize=8, color=GREY,
-        )  # fmt: skip
         self.axes_, self.ax_, self.figure_ = axes, only, only.figure
         return self
 

@@ -81,5 +81,6 @@ class ContributionsDisplay:
             axes_.set_title(f"{label}: rms {self.rms[label]:.3g}{unit}", loc="left", fontsize=10)
             axes_.tick_params(labelbottom=axes_ is axes[-1])
         name_runs(axes[0], self.timeline)
+        axes[0].figure.align_ylabels(axes)
         self.axes_, self.ax_, self.figure_ = axes, axes[0], axes[0].figure
         return self

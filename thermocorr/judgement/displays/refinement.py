@@ -64,11 +64,14 @@ class RefinementDisplay:
         names = [name.replace("+ without", "without").replace("+ parameters", "parameters") for name in names]
         only.set_xticks(x, [textwrap.fill(name, 16) for name in names], fontsize=9)
         only.set_xlim(-0.4, n - 0.6)
-        for i, db in enumerate(self.steps["db"]):
+        for i, (db, held_out, inside) in enumerate(
+            zip(*(self.steps[c] for c in ("db", "held_out_rms", "rms")), strict=True)
+        ):
             if i:
+                above = held_out >= inside
                 only.annotate(
-                    f"{db:+.1f} dB", (i, self.steps["held_out_rms"].iloc[i]), xytext=(0, 9),
-                    textcoords="offset points", ha="center", fontsize=8, color=VERMILION,
+                    f"{db:+.1f} dB", (i, held_out), xytext=(0, 9 if above else -9), textcoords="offset points",
+                    ha="center", va="bottom" if above else "top", fontsize=8, color=VERMILION,
                 )  # fmt: skip
         plain(only)
         only.grid(False, axis="x")

@@ -12,7 +12,7 @@ from ._drawing import MARKED, SEQUENTIAL, axes_grid, label_values, labelled, pla
 from ._timeline import TimeLine
 from ._walk import Walk
 
-LOOP_CELLS = 600
+LOOP_CELLS = 300
 """Cells of time: enough for loops, few enough for their means to rise from the noise."""
 NAMES = ("temperature", "residual")
 
@@ -20,7 +20,7 @@ NAMES = ("temperature", "residual")
 class ResidualLoopDisplay:
     """Residual against temperature, coloured by time: a loop is a lag or a hysteresis that the model does not have.
 
-    Records of more than 1200 rows are drawn as means over 600 stretches of time, so that loops show in the noise.
+    Records of more than 600 rows are drawn as means over 300 stretches of time, so that loops show in the noise.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class ResidualLoopDisplay:
         lines = np.stack((points[:-1], points[1:]), axis=1)
         whole = np.isfinite(lines).all(axis=(1, 2))
         ends = self.timeline.on_axis(np.array((0.0, self.timeline.span)))
-        path = LineCollection(list(lines[whole]), array=x[:-1][whole], cmap=SEQUENTIAL, lw=0.9, alpha=0.8)
+        path = LineCollection(list(lines[whole]), array=x[:-1][whole], cmap=SEQUENTIAL, lw=1.0, alpha=0.7)
         path.set_clim(*ends)
         only.add_collection(path)
         dots = only.scatter(
@@ -84,7 +84,7 @@ class ResidualLoopDisplay:
             cmap=SEQUENTIAL,
             vmin=ends[0],
             vmax=ends[1],
-            s=16 if len(self.cells) <= MARKED else 7,
+            s=18 if len(self.cells) <= MARKED else 9,
             lw=0,
             zorder=3,
         )

@@ -148,7 +148,7 @@ class ResidualsDisplay:
         """Draw; `ax` may be one Axes, whose place is divided, or two."""
         axes = axes_grid(ax, 2, size=(9.0, 5.4), sharex=True, height_ratios=(3, 2))[:, 0]
         top, bottom = axes
-        draw_cells(top, self.cells, self.timeline, "measured", BLUE, "measured")
+        draw_cells(top, self.cells, self.timeline, "measured", BLUE, "measured", lw=1.8)
         draw_cells(top, self.cells, self.timeline, "modelled", VERMILION, "modelled")
         draw_cells(bottom, self.cells, self.timeline, "residual", BLUE)
         bottom.axhline(0.0, color="0.4", lw=0.8, zorder=1)
@@ -171,5 +171,6 @@ class ResidualsDisplay:
         name_runs(top, self.timeline)
         legend_above(top)
         legend_above(bottom, fontsize="small")
+        top.figure.align_ylabels(axes)
         self.axes_, self.ax_, self.figure_ = axes, top, top.figure
         return self

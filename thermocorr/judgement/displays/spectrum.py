@@ -12,6 +12,9 @@ from ...estimators.resolution import CONFIDENCE_95, interval_table, spectrum_tab
 from ._drawing import BLUE, GREY, ORANGE, axes_grid, label_values, legend_above, log_time_axis, plain
 from ._walk import regressor_of
 
+UNKNOWN = 10.0
+"""Upper over lower end of its interval above which the record does not determine a time constant."""
+
 
 class SpectrumDisplay:
     """Coefficient of each lag over its time constant, 95 % intervals of both, and the whole spectrum mu(tau) below.
@@ -82,11 +85,17 @@ class SpectrumDisplay:
         taus = self.lags["time_constant"].to_numpy()
         errors = CONFIDENCE_95 * self.lags["standard_error"].to_numpy()
         top.vlines(taus, 0.0, self.lags["coefficient"], color=BLUE, lw=1.0, alpha=0.6)
-        top.errorbar(
-            taus, self.lags["coefficient"], yerr=errors, xerr=self._spans(), fmt="o", color=BLUE, ms=6, lw=1.6,
-            capsize=3, label="lags of the model, 95 % intervals",
-        )  # fmt: skip
-        limits = np.array([taus.min() / 2, taus.max() * 2])
+        values, spans, vague = self.lags["coefficient"].to_numpy(), self._spans(), self._vague()
+        for chosen, fill, label in (
+            (~vague, BLUE, "lags of the model, 95 % intervals"),
+            (vague, "white", "time constant not determined by the record"),
+        ):
+            if chosen.any():
+                top.errorbar(
+                    taus[chosen], values[chosen], yerr=errors[chosen], xerr=spans[:, chosen], fmt="o", color=BLUE,
+                    mfc=fill, ms=6, lw=1.6, capsize=3, label=label,
+                )  # fmt: skip
+        limits = np.array([taus.min() / 4, taus.max() * 4])
         if self.spectrum is not None:
             self._draw_spectrum(axes[1])
             ends = self.spectrum["time_constant"].iloc[[0, -1]].to_numpy() * (0.8, 1.25)
@@ -106,12 +115,16 @@ class SpectrumDisplay:
         self.axes_, self.ax_, self.figure_ = axes, top, top.figure
         return self
 
-    def _spans(self) -> np.ndarray | None:
-        """Distances to both ends of the intervals of the time constants, shape (2, J)."""
-        spans = np.vstack(
-            (self.lags["time_constant"] - self.lags["low"], self.lags["high"] - self.lags["time_constant"])
-        )
-        return np.where(np.isfinite(spans), spans, 0.0) if np.isfinite(spans).any() else None
+    def _vague(self) -> np.ndarray:
+        """Which time constants the record does not determine; none where nobody has asked."""
+        return np.asarray(self.lags["high"] > UNKNOWN * self.lags["low"])
+
+    def _spans(self) -> np.ndarray:
+        """Distances to both ends of the intervals of the time constants, shape (2, J); NaN where none is drawn."""
+        lags = self.lags
+        spans = np.vstack((lags["time_constant"] - lags["low"], lags["high"] - lags["time_constant"]))
+        spans[:, self._vague()] = np.nan
+        return spans
 
     def _draw_spectrum(self, ax: Any) -> None:
         assert self.spectrum is not None
@@ -120,7 +133,8 @@ class SpectrumDisplay:
         ax.fill_between(tau, 0.0, mu, color=ORANGE, alpha=0.2, lw=0)
         low, high = ax.get_ylim()
         least = self.spectrum["smallest_coefficient"]
-        ax.fill_between(tau, -least, least, color=GREY, alpha=0.25, lw=0, zorder=1, label="too small to be seen")
+        label = "too small to be seen" if least.max() > 0.01 * (high - low) else None
+        ax.fill_between(tau, -least, least, color=GREY, alpha=0.25, lw=0, zorder=1, label=label)
         ax.set_ylim(low, high)
 
 

@@ -91,9 +91,10 @@ class StepResponseDisplay:
         only.plot(time, value, color=BLUE, lw=1.8, label="response")
         only.axhline(float(value.iloc[-1]), color=GREY, ls="--", lw=1.0, label="at rest again")
         only.axhline(0.0, color="0.4", lw=0.8, zorder=1)
-        for number, tau in enumerate(self.time_constants):
-            label = "time constants" if number == 0 else None
-            only.axvline(tau, ymax=0.03, color="black", lw=1.4, label=label)
+        if len(self.time_constants):
+            ends = np.zeros(len(self.time_constants))
+            place = only.get_xaxis_transform()
+            only.plot(self.time_constants, ends + 0.02, "|k", ms=9, mew=1.6, transform=place, label="time constants")
         only.set_xlim(time.iloc[0], time.iloc[-1])
         plain(only)
         log_time_axis(only, "time after the step", self.samples)

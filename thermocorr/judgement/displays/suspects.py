@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
 SHOWN = 8
 CERTAIN = 0.01
 """Error probability up to which a suspect is drawn in full colour."""
+LEAST_REACH = 0.5
+"""Gain [dB] that the axis shows at least, so that small gains look small."""
 PALE = "#B8C4CE"
 
 
@@ -26,7 +29,7 @@ class SuspectsDisplay:
         After `plot`.
     """
 
-    def __init__(self, ranking: pd.DataFrame, verdict: str, named: str | None = None):
+    def __init__(self, ranking: pd.DataFrame, verdict: str, named: bool = False):
         self.ranking = ranking
         self.verdict = verdict
         self.named = named
@@ -34,8 +37,7 @@ class SuspectsDisplay:
     @classmethod
     def from_diagnosis(cls, diagnosis: Diagnosis) -> SuspectsDisplay:
         """From what `diagnose` found."""
-        named = None if diagnosis.best is None else diagnosis.best.label()
-        return cls(diagnosis.ranking, diagnosis.verdict, named)
+        return cls(diagnosis.ranking, diagnosis.verdict, diagnosis.best is not None)
 
     def frame(self) -> pd.DataFrame:
         """Label, kind, column, gain_db, p_value, share and confusable_with of each suspect, the best first."""
@@ -52,31 +54,33 @@ class SuspectsDisplay:
         axes = axes_grid(ax, size=(9.0, 1.3 + 0.42 * max(len(frame), 1)))[0]
         only = axes[0]
         self.axes_, self.ax_, self.figure_ = axes, only, only.figure
-        title = f"Verdict: {self.verdict}" + ("" if self.named is None else f" - {self.named}")
+        title = f"Verdict: {self.verdict}" + (f" - {frame['label'].iloc[0]}" if self.named and len(frame) else "")
         only.set_title(title, loc="left", fontsize=10)
         if not len(frame):
             only.text(0.5, 0.5, "No suspects.", ha="center", va="center", transform=only.transAxes)
             only.set_axis_off()
             return self
-        certain = frame["p_value"] <= CERTAIN
+        certain = (frame["p_value"] <= CERTAIN) & (frame["gain_db"] > 0)
         gains = frame["gain_db"].clip(lower=0.0)
         only.barh(range(len(frame)), gains, color=[BLUE if sure else PALE for sure in certain], height=0.62)
-        reach = max(float(gains.max()), 1e-3)
+        reach = max(float(gains.max()), LEAST_REACH)
         for row, suspect in enumerate(frame.itertuples()):
             text = f"{_probability(suspect.p_value)}, explains {suspect.share:.0%}"
+            if suspect.gain_db <= 0:
+                text += ", no gain"
             if len(suspect.confusable_with):
                 others = ", ".join(_words(name) for name in suspect.confusable_with)
-                text += f"\nnot to be told from {others}"
+                text += "\n" + textwrap.fill(f"not to be told from {others}", 50)
             only.text(
                 float(gains.iloc[row]) + 0.015 * reach, row, text, va="center", fontsize=8, linespacing=1.1,
                 color="0.1" if certain.iloc[row] else "0.4",
             )  # fmt: skip
         only.set_yticks(range(len(frame)), frame["label"])
         only.invert_yaxis()
-        only.set_xlim(0, 1.55 * reach)
+        only.set_xlim(0, 1.75 * reach)
         plain(only)
         only.grid(False, axis="y")
-        only.set_xlabel("gain on data not learned from [dB]; grey: may be chance (p > 0.01)")
+        only.set_xlabel("gain on data not learned from [dB]; grey: chance would do as well (p > 0.01), or no gain")
         return self
 
 

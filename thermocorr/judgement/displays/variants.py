@@ -11,7 +11,7 @@ from ...equations import moving_average
 from ...estimators.variants import VariantComparison, compare_variants
 from ...records import Record
 from ._cells import cells_of
-from ._drawing import BLACK, COLOURS, axes_grid, draw_cells, dress_time, label_values, labelled, plain
+from ._drawing import BLACK, COLOURS, MARKED, axes_grid, draw_cells, dress_time, label_values, labelled, plain
 from ._timeline import TimeLine
 from ._walk import column_text
 
@@ -89,9 +89,11 @@ class VariantsDisplay:
         axes = axes_grid(ax, len(rows), 2, size=(11.0, 1.9 * len(rows) + 0.6), sharex="col", width_ratios=(3, 1.4))
         for (left, right), name, colour in zip(axes, rows, (BLACK, *COLOURS), strict=False):
             draw_cells(left, self.cells, self.timeline, name, colour, lw=0.9)
-            right.plot(self.cells["temperature"], self.cells[name], ".", ms=2.5, color=colour, alpha=0.6)
+            size = 7 if len(self.cells) <= MARKED else 2.5
+            right.plot(self.cells["temperature"], self.cells[name], ".", ms=size, color=colour, alpha=0.6)
             left.set_title(self._title(name), loc="left", fontsize=10)
             left.margins(x=0.01)
+        axes[0, 1].set_ylim(axes[0, 0].get_ylim())
         self._share_scale(axes[1:], variants)
         for i, (left, right) in enumerate(axes):
             last = i == len(rows) - 1
@@ -99,10 +101,12 @@ class VariantsDisplay:
             for axes_ in (left, right):
                 plain(axes_)
                 axes_.tick_params(labelbottom=last)
-            label_values(left.yaxis, self.reading[0] if i == 0 else "left", self.reading[1])
+            label_values(left.yaxis, self.reading[0] if i == 0 else "corrected", self.reading[1])
             label_values(right.yaxis, "", "")
             right.set_ylabel("")
             right.tick_params(labelleft=False)
+            right.locator_params(axis="x", nbins=4)
+        axes[0, 0].figure.align_ylabels(axes[:, 0])
         axes[-1, 1].set_xlabel(labelled(*self.temperature))
         axes[0, 1].set_title("against temperature", loc="left", fontsize=10)
         self.axes_, self.ax_, self.figure_ = axes, axes[0, 0], axes[0, 0].figure
@@ -112,7 +116,8 @@ class VariantsDisplay:
         figures = self.table.loc[name]
         unit = f" {self.reading[1]}" if self.reading[1] else ""
         if name == READING:
-            return f"{name}, less its mean: std {figures['std']:.3g}{unit} (all averages of {self.window} samples)"
+            smoothing = f"curves: moving average of {self.window} samples"
+            return f"{name}, less its mean: std {figures['std']:.3g}{unit} ({smoothing})"
         return f"{name}: std {figures['std_smoothed']:.3g}{unit}, {figures['reduction_db']:.1f} dB"
 
     def _share_scale(self, axes: np.ndarray, variants: list[str]) -> None:
@@ -125,14 +130,13 @@ class VariantsDisplay:
 
 
 def _parts(record: Record, comparison: VariantComparison) -> Any:
-    """Smoothed columns, segment by segment."""
+    """Smoothed columns, segment by segment: the moving average does not reach over a joint."""
     assert record.reading is not None
     reading = np.asarray(record.reading, float)
-    smooth = [moving_average(reading - np.nanmean(reading), comparison.window)]
-    for name in comparison.residuals.columns:
-        smooth.append(moving_average(comparison.residuals[name].to_numpy(), comparison.window))
+    columns = [reading - np.nanmean(reading), *comparison.residuals.to_numpy().T]
     temperature = np.asarray(record.columns[record.temperature_name], float)
     for number, segment in enumerate(record.segments):
         rows = record.rows(segment.start, segment.stop)
         seconds = record.times.seconds(rows, record.first_stamp())
-        yield number, seconds, np.column_stack([*(column[rows] for column in smooth), temperature[rows]])
+        smooth = [moving_average(column[rows], comparison.window) for column in columns]
+        yield number, seconds, np.column_stack([*smooth, temperature[rows]])

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
-from ._drawing import axes_grid
-from ._intervals import ends
+from ...records.units import unit_of
+from ._drawing import axes_grid, labelled
+from ._intervals import ends, short_ends
+from ._timeline import time_text
 
 if TYPE_CHECKING:
     from ..diagnosis import Diagnosis
@@ -33,13 +36,15 @@ class WhereDisplay:
         After `plot`.
     """
 
-    def __init__(self, where: pd.DataFrame):
+    def __init__(self, where: pd.DataFrame, units: dict[str, str] | None = None):
         self.where = where
+        self.units = units or {}
 
     @classmethod
-    def from_diagnosis(cls, diagnosis: Diagnosis) -> WhereDisplay:
-        """From what `diagnose` found."""
-        return cls(diagnosis.where)
+    def from_diagnosis(cls, diagnosis: Diagnosis, X: Any = None) -> WhereDisplay:
+        """From what `diagnose` found; `X`, the record, tells the units of its columns."""
+        units = {} if X is None else {str(name): unit_of(name, X) for name in getattr(X, "columns", ())}
+        return cls(diagnosis.where, units)
 
     def frame(self) -> pd.DataFrame:
         """Condition, interval, n, rms, share, lift, low, high; the worst first, as in `Diagnosis.where`.
@@ -52,9 +57,9 @@ class WhereDisplay:
     def plot(self, ax: Any = None) -> WhereDisplay:
         """Draw in `ax`, or in a new figure."""
         frame = self.frame()
-        conditions = list(dict.fromkeys(frame["condition"]))
-        # a frequency band is another view of the same error, not a place where it is
-        conditions = [c for c in conditions if c != "frequency"][:STRIPS]
+        conditions = [name for name in dict.fromkeys(frame["condition"]) if name != "frequency"][:STRIPS]
+        if (frame["condition"] == "frequency").any():
+            conditions.append("frequency")  # another view of the same error, not a place where it is
         axes = axes_grid(ax, size=(9.0, 1.3 + 0.52 * max(len(conditions), 1)))[0]
         only = axes[0]
         self.axes_, self.ax_, self.figure_ = axes, only, only.figure
@@ -66,7 +71,7 @@ class WhereDisplay:
         only.set_xlim(0, 1)
         for row, condition in enumerate(conditions):
             self._strip(only, row, frame[frame["condition"] == condition].sort_values("low"))
-        only.set_yticks(range(len(conditions)), conditions)
+        only.set_yticks(range(len(conditions)), [self._name(condition) for condition in conditions])
         only.tick_params(left=False, bottom=False, labelbottom=False)
         only.spines[:].set_visible(False)
         only.set_title(
@@ -81,7 +86,9 @@ class WhereDisplay:
         from matplotlib import colormaps
 
         width = 1.0 / len(strip)
-        worst = int(np.argmax(strip["share"] - strip["share"] / strip["lift"]))
+        worst = int(np.argmax(strip["share"] - strip["n"] / strip["n"].sum()))
+        if strip["condition"].iloc[0] == "frequency":
+            worst = int(np.argmax(strip["share"]))
         for i, tile in enumerate(strip.itertuples()):
             strength = float(np.clip(tile.lift / HIGHEST, 0.0, 1.0))
             colour = colormaps["YlOrBr"](0.05 + 0.85 * strength)
@@ -97,15 +104,21 @@ class WhereDisplay:
                     fontweight="bold" if i == worst else "normal",
                     color="white" if strength > 0.6 else "0.15",
                 )
-        labels = {0: ("left", 0.0, strip["interval"].iloc[0].partition(" to ")[0])}
-        labels[len(strip) - 1] = ("right", 1.0, strip["interval"].iloc[-1].partition(" to ")[2])
-        for side, x, text in labels.values():
+        words = [short_ends(text, float(strip["high"].max() - strip["low"].min())) for text in strip["interval"]]
+        for side, x, text in (("left", 0.0, words[0][0]), ("right", 1.0, words[-1][1])):
             ax.text(x, row + 0.17, text, ha=side, va="top", fontsize=7, color="0.35")
         place = float(np.clip((worst + 0.5) * width, 0.3, 0.7))
-        ax.text(
-            place, row + 0.17, f"worst: {strip['interval'].iloc[worst]}", ha="center", va="top", fontsize=7,
-            color="0.15",
-        )  # fmt: skip
+        text = f"worst: {words[worst][0]} to {words[worst][1]}"
+        ax.text(place, row + 0.17, text, ha="center", va="top", fontsize=7, color="0.15")
+
+    def _name(self, condition: str) -> str:
+        """A condition with its unit."""
+        if condition == "frequency":
+            return "period"
+        lag = re.fullmatch(r"lag difference, (\S+) s (.*)", condition)
+        if lag:
+            return f"lag difference, {time_text(float(lag.group(1)))} {lag.group(2)}"
+        return labelled(condition, self.units.get(condition, ""))
 
     def _colour_bar(self, ax: Any) -> None:
         from matplotlib import colormaps
