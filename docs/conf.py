@@ -29,7 +29,7 @@ extensions = [
 ]
 html_math_renderer = "mathml"
 source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
-exclude_patterns = ["_build", "_made", "making", "**/.ipynb_checkpoints"]
+exclude_patterns = ["_build", "_made", "making", "jupyter_execute", "**/.ipynb_checkpoints"]
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence"]
 myst_heading_anchors = 3
 nb_execution_mode = "off"  # notebooks are executed by notebooks/build.py; their outputs are committed
@@ -66,7 +66,21 @@ def skip(app: Any, what: str, name: str, thing: Any, skipped: bool, options: Any
     return True if re.fullmatch(r"set_\w+_request|get_metadata_routing", name) else None
 
 
+def keep(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Remember the sentence of an attribute: napoleon takes what stands before its first colon for a type."""
+    if what in ("attribute", "property"):
+        app.kept = list(lines)
+
+
+def restore(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Give it back."""
+    if what in ("attribute", "property"):
+        lines[:] = app.kept
+
+
 def setup(app: Any) -> None:
     """Connect."""
     app.connect("builder-inited", make)
     app.connect("autodoc-skip-member", skip)
+    app.connect("autodoc-process-docstring", keep, priority=100)
+    app.connect("autodoc-process-docstring", restore, priority=900)
