@@ -120,7 +120,8 @@ def deviation_of(
     tails = (1 - confidence) / 2
     low = np.sqrt(variance * freedom / stats.chi2.ppf(1 - tails, freedom))
     high = np.sqrt(variance * freedom / stats.chi2.ppf(tails, freedom))
-    return AllanDeviation(factors * sampling_period, np.sqrt(variance), low, high, freedom, exponents, n)
+    times = np.asarray(factors * sampling_period, np.float64)
+    return AllanDeviation(times, np.sqrt(variance), low, high, freedom, exponents, n)
 
 
 def averaging_factors(
@@ -183,12 +184,16 @@ def squared_steps(sums: Sequence[CellSums], m: int) -> tuple[int, float]:
 
 
 def noise_exponents(sums: Sequence[CellSums], factors: Iterable[int]) -> NDArray[np.int_]:
-    """Power-law exponent of the noise at each averaging time, from lag-1 autocorrelation, Riley (2008) 5.5.3."""
+    """Power-law exponent of the noise at each averaging time, from lag-1 autocorrelation, Riley (2008) 5.5.3.
+
+    Never above 0: what looks like phase noise in readings is mostly something periodic whose averages alternate (days,
+    air conditioning), and the degrees of freedom of phase noise would make it look far too certain.
+    """
     exponents: list[int] = []
     for m in factors:
         averages = [piece.means(int(m), int(m)) for piece in sums]
         enough = max((int(np.isfinite(a).sum()) for a in averages), default=0) >= MIN_AVERAGES
-        exponents.append(noise_exponent(averages) if enough else (exponents[-1] if exponents else 0))
+        exponents.append(min(noise_exponent(averages), 0) if enough else (exponents[-1] if exponents else 0))
     return np.array(exponents, np.int_)
 
 

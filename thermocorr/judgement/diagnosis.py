@@ -70,6 +70,15 @@ class Diagnosis:
             lines.append("To add it: better = model.with_effect(diagnosis.best).fit(X, y), or refine(model, X, y).")
         return "\n".join(lines)
 
+    def plot(self, X: Any = None) -> Any:
+        """Draw the suspects, and where the model fails; returns the figure (extra "plot").
+
+        `X`, the record, tells the units of its columns.
+        """
+        from .displays import plot_diagnosis
+
+        return plot_diagnosis(self, X)
+
 
 def diagnose(
     model: DynamicBiasRegressor,

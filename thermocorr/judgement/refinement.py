@@ -42,6 +42,12 @@ class Refinement:
         ]
         return "\n".join(lines)
 
+    def plot(self) -> Any:
+        """Draw the steps, and what is suspected after the last one; returns the figure (extra "plot")."""
+        from .displays import plot_refinement
+
+        return plot_refinement(self)
+
 
 def refine(
     model: DynamicBiasRegressor,

@@ -31,6 +31,7 @@ class Cells:
     def __init__(self, timeline: TimeLine, names: Sequence[str], n_rows: int, n_cells: int = N_CELLS):
         self.timeline, self.names = timeline, list(names)
         self.whole = n_rows <= 2 * n_cells
+        self.n_cells = n_cells
         self.width = max(timeline.span, 1e-300) / n_cells
         self._parts: list[tuple[np.ndarray, ...]] = []
         self._seen = 0
@@ -41,6 +42,7 @@ class Cells:
             number = self._seen + np.arange(len(seconds))
         else:
             number = ((seconds + self.timeline.shifts[segment]) // self.width).astype(np.intp)
+            number = np.minimum(number, self.n_cells - 1)  # the last row ends the last cell
         self._seen += len(seconds)
         starts = np.flatnonzero(np.diff(number, prepend=-1 - number[0]))
         known = np.isfinite(values)

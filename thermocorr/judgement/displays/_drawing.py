@@ -54,7 +54,7 @@ def axes_grid(
     if given.size != 1:
         raise ValueError(f"The 'ax' parameter must be one Axes or {rows * columns} of them. Got {given.size}.")
     only = given.item()
-    place = only.get_subplotspec()
+    figure, place = only.figure, only.get_subplotspec()
     if place is None:
         raise ValueError("The 'ax' parameter must be an Axes of a grid, such as plt.subplots() makes: it is divided.")
     only.remove()
@@ -63,7 +63,7 @@ def axes_grid(
     for i in range(rows):
         for j in range(columns):
             shared = axes[0, j] if i and sharex in (True, "col") else None
-            axes[i, j] = only.figure.add_subplot(parts[i, j], sharex=shared)
+            axes[i, j] = figure.add_subplot(parts[i, j], sharex=shared)
     return axes
 
 

@@ -64,14 +64,13 @@ class RefinementDisplay:
         names = [name.replace("+ without", "without").replace("+ parameters", "parameters") for name in names]
         only.set_xticks(x, [textwrap.fill(name, 16) for name in names], fontsize=9)
         only.set_xlim(-0.4, n - 0.6)
-        for i, (db, held_out, inside) in enumerate(
-            zip(*(self.steps[c] for c in ("db", "held_out_rms", "rms")), strict=True)
-        ):
+        for i, step in enumerate(self.steps.itertuples()):
             if i:
-                above = held_out >= inside
+                above = step.held_out_rms >= step.rms
                 only.annotate(
-                    f"{db:+.1f} dB", (i, held_out), xytext=(0, 9 if above else -9), textcoords="offset points",
-                    ha="center", va="bottom" if above else "top", fontsize=8, color=VERMILION,
+                    f"{step.db:+.1f} dB", (i, step.held_out_rms), xytext=(0, 9 if above else -9),
+                    textcoords="offset points", ha="center", va="bottom" if above else "top", fontsize=8,
+                    color=VERMILION, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0}, zorder=5,
                 )  # fmt: skip
         plain(only)
         only.grid(False, axis="x")

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 SHOWN = 8
 CERTAIN = 0.01
 """Error probability up to which a suspect is drawn in full colour."""
+LONGEST_TEXT = 58
+"""Letters beside a bar; `frame` has everything."""
 LEAST_REACH = 0.5
 """Gain [dB] that the axis shows at least, so that small gains look small."""
 PALE = "#B8C4CE"
@@ -70,14 +72,14 @@ class SuspectsDisplay:
                 text += ", no gain"
             if len(suspect.confusable_with):
                 others = ", ".join(_words(name) for name in suspect.confusable_with)
-                text += "\n" + textwrap.fill(f"not to be told from {others}", 50)
+                text += "\n" + textwrap.shorten(f"not to be told from {others}", LONGEST_TEXT, placeholder=" ...")
             only.text(
                 float(gains.iloc[row]) + 0.015 * reach, row, text, va="center", fontsize=8, linespacing=1.1,
                 color="0.1" if certain.iloc[row] else "0.4",
             )  # fmt: skip
         only.set_yticks(range(len(frame)), frame["label"])
         only.invert_yaxis()
-        only.set_xlim(0, 1.75 * reach)
+        only.set_xlim(0, 1.9 * reach)
         plain(only)
         only.grid(False, axis="y")
         only.set_xlabel("gain on data not learned from [dB]; grey: chance would do as well (p > 0.01), or no gain")

@@ -1,0 +1,460 @@
+"""Displays: numbers against independent computations, labels with units, no spike lost, every kind of record."""
+
+from __future__ import annotations
+
+import builtins
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.exceptions import NotFittedError
+
+from thermocorr import (
+    AllanDisplay,
+    ContributionsDisplay,
+    DynamicBiasRegressor,
+    ParquetLog,
+    RecordError,
+    RefinementDisplay,
+    ResidualLoopDisplay,
+    ResidualsDisplay,
+    SpectrumDisplay,
+    StepResponseDisplay,
+    SuspectsDisplay,
+    TimeConstantSearch,
+    VariantsDisplay,
+    WhereDisplay,
+    compare_variants,
+    diagnose,
+    refine,
+)
+from thermocorr.datasets import make_record
+from thermocorr.effects import Delay, Drift
+from thermocorr.equations import allan_deviation, moving_average
+from thermocorr.judgement.displays._intervals import ends, short_ends
+from thermocorr.judgement.displays._timeline import elapsed_unit, time_text
+
+N = 6000
+
+
+@pytest.fixture(scope="module", autouse=True)
+def agg():
+    matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed: pip install 'thermocorr[plot]'")
+    matplotlib.use("Agg")
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    from matplotlib import pyplot as plt
+
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    record = make_record(N, device="layered", seed=3, effects={"hysteresis": 2.0})
+    X, y = record.drop(columns="reading"), record["reading"]
+    return DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y), X, y
+
+
+@pytest.fixture(scope="module")
+def found(fitted):
+    return diagnose(*fitted)
+
+
+@pytest.fixture(scope="module")
+def refined(fitted):
+    model, X, y = fitted
+    return refine(model, X[:2000], y[:2000], max_steps=1)
+
+
+def small(kind):
+    """A model and a record of 30 or 360 rows."""
+    options = {"temperature": "temperature", "time_constants": ["5 min"], "degree": 1}
+    record = make_record(120, seed=1, gaps=2, runs=3) if kind == "gaps and runs" else make_record(30, seed=1)
+    X, y = record.drop(columns="reading"), record["reading"]
+    if kind == "gaps and runs":
+        options |= {"run": "run", "max_gap": "10 min"}
+    if kind == "time zone":
+        X.index = y.index = X.index.tz_localize("UTC").tz_convert("Asia/Tokyo")
+    if kind == "spans":
+        X.index = y.index = X.index - X.index[0]
+    if kind == "missing readings":
+        y = y.where(np.arange(len(y)) % 7 != 3)
+    if kind == "missing temperatures":
+        X.loc[X.index[12], "temperature"] = np.nan
+    if kind == "overlapping runs":
+        X = X.reset_index(drop=True).assign(run=np.arange(30) // 15, clock=np.arange(30) % 15 * 60.0)
+        y = y.reset_index(drop=True)
+        options |= {"run": "run", "time": "clock"}
+    if kind in ("array", "array with a period"):
+        X, y = X[["temperature"]].to_numpy(), y.to_numpy()
+        options |= {"temperature": 0, "sampling_period": None if kind == "array" else 60.0}
+    return DynamicBiasRegressor(**options).fit(X, y), X, y
+
+
+KINDS = [
+    "dates", "time zone", "spans", "missing readings", "missing temperatures", "gaps and runs", "overlapping runs",
+    "array", "array with a period",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_small_record_is_drawn(kind):
+    """Labels stand on the outer axes, and units where they are known; no warning, on the canvas neither."""
+    model, X, y = small(kind)
+    displays = [
+        ResidualsDisplay.from_estimator(model, X, y),
+        ResidualLoopDisplay.from_estimator(model, X, y),
+        AllanDisplay.from_estimator(model, X, y),
+        SpectrumDisplay.from_estimator(model),
+        StepResponseDisplay.from_estimator(model),
+        ContributionsDisplay.from_estimator(model, X),
+    ]
+    for display in displays:
+        assert len(display.frame())
+        assert display.plot() is display
+        if kind in ("dates", "gaps and runs") or display is displays[0]:
+            display.figure_.canvas.draw()
+        assert display.ax_.get_ylabel()
+        assert np.ravel(display.axes_)[-1].get_xlabel()
+        if not kind.startswith("array"):
+            labels = " ".join(axes.get_ylabel() for axes in np.ravel(display.axes_))
+            assert "ppm" in labels
+
+
+@pytest.mark.parametrize("kind", ["dates", "overlapping runs"])
+def test_variants_of_small_records_are_drawn(kind):
+    model, X, y = small(kind)
+    display = VariantsDisplay.from_estimator(model, X, y, n_blocks=2).plot()
+    display.figure_.canvas.draw()
+    assert display.axes_.shape == (5, 2)
+    assert display.axes_[-1, 1].get_xlabel() == "temperature [degC]"
+    assert display.axes_[0, 0].get_ylabel() == "reading [ppm]"
+
+
+def test_residuals_are_those_of_the_model(fitted):
+    """6000 rows fall into 2000 cells: means and extremes of pandas over the same cells."""
+    model, X, y = fitted
+    frame = ResidualsDisplay.from_estimator(model, X, y).frame()
+    residual = model.residuals(X, y)
+    assert len(frame) == 2000
+    assert frame["n"].sum() == N
+    np.testing.assert_allclose(np.sum(frame["n"] * frame["residual"]), residual.sum(), atol=1e-9)
+    cell = np.repeat(np.arange(len(frame)), frame["n"])
+    np.testing.assert_allclose(frame["residual"], residual.groupby(cell).mean(), atol=1e-12)
+    np.testing.assert_array_equal(frame["residual_low"], residual.groupby(cell).min())
+    np.testing.assert_array_equal(frame["measured_high"], y.groupby(cell).max())
+    np.testing.assert_allclose(frame["modelled"], pd.Series(model.predict(X)).groupby(cell).mean(), rtol=1e-12)
+    times = pd.Series(X.index).groupby(cell).mean()
+    assert abs(frame["time"] - times).max() < pd.Timedelta("1ms")
+
+
+def test_a_single_spike_survives_in_frame_and_picture(fitted):
+    model, X, y = fitted
+    spiked = y.copy()
+    spiked.iloc[4321] += 25.0
+    display = ResidualsDisplay.from_estimator(model, X, spiked).plot()
+    high = display.frame()["residual_high"]
+    assert high.max() == model.residuals(X, spiked).max()
+    assert display.axes_[1].get_ylim()[1] > 20
+    assert high.sort_values().iloc[-2] < 5
+
+
+def test_short_records_are_kept_row_by_row():
+    model, X, y = small("missing readings")
+    frame = ResidualsDisplay.from_estimator(model, X, y).frame()
+    assert frame["time"].tolist() == X.index.tolist()
+    np.testing.assert_array_equal(frame["measured"], y)
+    np.testing.assert_allclose(frame["residual"], model.residuals(X, y), atol=1e-12)
+    assert (frame["n"] == 1).all()
+
+
+def test_predictions_of_any_model_are_drawn():
+    time = pd.date_range("2024-05-31", periods=50, freq="1h", tz="Europe/Berlin")
+    measured = pd.Series(np.arange(50.0), name="output_mV")
+    display = ResidualsDisplay.from_predictions(time, measured, measured - 0.25).plot()
+    assert display.frame()["residual"].unique().tolist() == [0.25]
+    assert display.axes_[0].get_ylabel() == "output [mV]"
+    assert display.axes_[1].get_xlabel() == "time (Europe/Berlin)"
+    assert display.frame()["time"].iloc[0] == time[0]
+    with pytest.raises(RecordError, match="50 rows"):
+        ResidualsDisplay.from_predictions(time, [1.0], [2.0])
+    with pytest.raises(RecordError, match="backward at row 2"):
+        ResidualsDisplay.from_predictions([0.0, 2.0, 1.0], np.zeros(3), np.zeros(3))
+
+
+def test_failing_stretches_are_those_of_the_diagnosis(fitted, found):
+    model, X, y = fitted
+    display = ResidualsDisplay.from_estimator(model, X, y, found)
+    where = found.where
+    worst = where[(where["condition"] == "time") & (where["lift"] > 1.5)]
+    inside = np.zeros(N, bool)
+    for low, high in display.failing:
+        seconds = (X.index - X.index[0]).total_seconds()
+        inside |= (seconds >= low) & (seconds <= high)
+    assert len(worst)
+    assert inside.sum() == pytest.approx(worst["n"].sum(), rel=0.03)  # ends are middles of short averages
+    assert display.noise_floor == found.noise_floor
+    labels = [text.get_text() for text in display.plot().axes_[0].get_legend().get_texts()]
+    assert labels == ["measured", "modelled", "fails most"]
+
+
+def test_heating_and_cooling_part_where_a_lag_is_missing(fitted):
+    """A device that is late reads low while it is heated: the curves part by about lag times rate of change."""
+    _, X, y = fitted
+    for times, apart in (((), True), (["5 min", "90 min"], False)):
+        model = DynamicBiasRegressor("temperature", times, degree=1).fit(X, y)
+        display = ResidualLoopDisplay.from_estimator(model, X, y)
+        curves = display.curves.dropna()
+        gap = (curves["cooling"] - curves["heating"]).mean()
+        assert (gap > 0.3) == apart
+        frame = display.frame()
+        assert np.sum(frame["n"] * frame["residual"]) == pytest.approx(model.residuals(X, y).sum(), abs=1e-8)
+
+
+def test_allan_display_is_the_allan_deviation(fitted):
+    model, X, y = fitted
+    display = AllanDisplay.from_estimator(model, X, y, averaging_times="log")
+    for found, values in ((display.before, y), (display.after, model.correct(X, y))):
+        expected = allan_deviation(values.to_numpy(), 60.0, "log")
+        np.testing.assert_allclose(found.deviation, expected.deviation, rtol=1e-9)
+        np.testing.assert_array_equal(found.averaging_times, expected.averaging_times)
+    frame = display.frame()
+    assert (frame["low_after"] < frame["deviation_after"]).all()
+    assert display.plot().ax_.get_ylabel() == "Allan deviation of reading [ppm]"
+
+
+def test_the_step_response_is_the_closed_form(fitted):
+    """b(t) = a1 + a2 - sum mu_j exp(-t/tau_j), eqs. (3) (19) after a step of 1 K at T0."""
+    model, _, _ = fitted
+    frame = StepResponseDisplay.from_estimator(model).frame()
+    a, mu, tau = model.coef_[:2], model.coef_[2:4], model.time_constants_
+    expected = a.sum() - np.exp(-frame["time"].to_numpy()[:, None] / tau) @ mu
+    # the step takes a millionth of the first time, in which the fastest lag follows by as much
+    np.testing.assert_allclose(frame["response"], expected, atol=1e-5 * abs(mu).sum())
+    table = model.coef_table()
+    assert frame["standard_error"].iloc[-1] < table["standard_error"].iloc[1:5].sum()
+    both = StepResponseDisplay.from_estimator(model, step=2.0).frame()
+    expected = 2 * a[0] + 4 * a[1] - 2 * np.exp(-both["time"].to_numpy()[:, None] / tau) @ mu
+    np.testing.assert_allclose(both["response"], expected, atol=2e-5 * abs(mu).sum())
+
+
+def test_errors_of_the_step_response_hold_what_they_say():
+    """40 records of white noise: the truth within 2 standard errors at three times in about 95 %, not below 85 %."""
+    inside = []
+    rng = np.random.default_rng(0)
+    T = 20 + np.cumsum(rng.normal(size=2000)) * 0.05
+    X = pd.DataFrame({"temperature": T}, index=pd.timedelta_range(0, periods=2000, freq="1min"))
+    options = {"time_constants": ["10 min", "15 min"], "degree": 1, "initial_state": "equilibrium"}
+    probe = DynamicBiasRegressor(**options).fit(X, T)
+    clean = probe.features_.transform(X) @ np.array([2.0, 1.0, 0.5])
+    for _ in range(40):
+        frame = StepResponseDisplay.from_estimator(
+            DynamicBiasRegressor(**options).fit(X, clean + 0.1 * rng.normal(size=2000))
+        ).frame()
+        frame = frame.iloc[[20, 100, 199]]
+        truth = 2.0 - np.exp(-frame["time"].to_numpy()[:, None] / [600.0, 900.0]) @ [1.0, 0.5]
+        inside.append(np.abs(frame["response"] - truth) < 2 * frame["standard_error"])
+    assert np.mean(inside) > 0.85
+
+
+def test_combined_errors_agree_with_the_table(fitted):
+    model, _, _ = fitted
+    single = model.combined_errors(np.eye(len(model.coef_)))
+    np.testing.assert_allclose(single, model.coef_table()["standard_error"].iloc[1:], rtol=1e-12)
+
+
+def test_effects_that_do_not_follow_the_temperature_leave_the_response_alone(fitted):
+    _, X, y = fitted
+    options = {"time_constants": ["5 min"], "degree": 1}
+    model = DynamicBiasRegressor("temperature", effects=[Drift(), Delay("10 min")], **options).fit(X, y)
+    frame = StepResponseDisplay.from_estimator(model).frame()
+    names = list(model.features_.get_feature_names_out())
+    late = model.coef_[names.index("delay[600 s]")]
+    before = frame["response"][frame["time"] < 590].iloc[-1]
+    after = frame["response"][frame["time"] > 610].iloc[0]
+    mu = model.coef_[names.index("lag[300 s]")]
+    assert after - before == pytest.approx(late, abs=1.2 * abs(mu) * (np.exp(-520 / 300) - np.exp(-690 / 300)))
+    assert frame["response"].iloc[-1] == pytest.approx(model.coef_[0], rel=1e-3)
+
+
+def test_contributions_are_those_of_the_model(fitted):
+    model, X, _ = fitted
+    display = ContributionsDisplay.from_estimator(model, X)
+    parts = model.contributions(X)
+    for name in parts:
+        assert display.rms[name] == pytest.approx(parts[name].std(ddof=0), rel=1e-9)
+        frame = display.frame()
+        assert np.sum(frame["n"] * frame[name]) == pytest.approx(parts[name].sum(), abs=1e-6)
+    assert display.rms.is_monotonic_decreasing
+    assert len(display.plot().axes_) == parts.shape[1]
+
+
+def test_spectrum_of_a_search_and_of_a_model(fitted):
+    """The layered package: a minute-scale body and one of an hour and a half; a given set has no spectrum."""
+    model, X, y = fitted
+    search = TimeConstantSearch(method="cross_validation", max_count=3).fit(X[["temperature"]], y)
+    display = SpectrumDisplay.from_estimator(search)
+    table = model.coef_table()
+    assert display.frame()["low"].tolist() == search.time_constants_["low"].tolist()
+    assert display.spectrum is search.spectrum_
+    assert len(display.plot().axes_) == 2
+    given = SpectrumDisplay.from_estimator(model)
+    assert given.spectrum is None
+    assert given.frame()["low"].isna().all()
+    lags = table[table["effect"] == "thermal lag"]
+    assert given.frame()["standard_error"].tolist() == lags["standard_error"].tolist()
+    chosen = DynamicBiasRegressor("temperature", 2).fit(X, y)
+    own = SpectrumDisplay.from_estimator(chosen)
+    assert (own.frame()["low"] < own.frame()["time_constant"]).all()
+    assert own.spectrum is not None
+    assert own.plot().ax_.get_ylabel() == "coefficient [ppm/K]"
+    with pytest.raises(ValueError, match="no time constants"):
+        SpectrumDisplay.from_estimator(DynamicBiasRegressor("temperature", ()).fit(X, y))
+
+
+def test_where_and_suspects_show_the_diagnosis(fitted, found):
+    _, X, _ = fitted
+    where = WhereDisplay.from_diagnosis(found, X)
+    frame = where.frame()
+    pd.testing.assert_frame_equal(frame.drop(columns=["low", "high"]), found.where)
+    assert (frame["low"] <= frame["high"]).all()  # so every interval has been read
+    times = frame[frame["condition"] == "time"]
+    first = pd.Timestamp(times["low"].min(), unit="s")
+    assert pd.Timedelta(0) <= first - X.index[0] < pd.Timedelta("5min")  # the middle of a short average
+    ticks = [tick.get_text() for tick in where.plot().ax_.get_yticklabels()]
+    assert "temperature [degC]" in ticks and "humidity [%]" in ticks and ticks[-1] == "period"
+    suspects = SuspectsDisplay.from_diagnosis(found)
+    assert suspects.frame()["label"].iloc[0] == "hysteresis"
+    assert suspects.frame()["gain_db"].tolist() == found.ranking["gain_db"].tolist()
+    suspects.plot()
+    assert suspects.ax_.get_title(loc="left") == "Verdict: missing - hysteresis"
+    assert "[dB]" in suspects.ax_.get_xlabel()
+    figure = found.plot(X)
+    figure.canvas.draw()
+
+
+def test_nothing_to_show_is_said():
+    empty = pd.DataFrame(columns=["condition", "interval", "n", "rms", "share", "lift"])
+    display = WhereDisplay(empty).plot()
+    assert display.ax_.texts[0].get_text() == "No error beyond the noise."
+    assert SuspectsDisplay(pd.DataFrame(), "nothing missing").plot().ax_.texts[0].get_text() == "No suspects."
+
+
+def test_the_refinement_falls_to_the_noise_floor(refined):
+    display = RefinementDisplay.from_refinement(refined).plot()
+    frame = display.frame()
+    pd.testing.assert_frame_equal(frame.drop(columns="noise_floor"), refined.steps)
+    assert (frame["noise_floor"] == refined.diagnoses[-1].noise_floor).all()
+    names = [tick.get_text().replace("\n", " ") for tick in display.ax_.get_xticklabels()]
+    assert names[0] == "given model" and names[1].startswith("+ hysteresis")
+    assert display.ax_.get_ylabel() == "rms error [ppm]"
+    refined.plot().canvas.draw()
+
+
+def test_variants_are_those_of_the_comparison(fitted):
+    _, X, y = fitted
+    comparison = compare_variants(X, y, temperature="temperature", time_constants=["5 min", "90 min"], n_blocks=2)
+    display = VariantsDisplay.from_comparison(comparison)
+    frame = display.frame()
+    cell = np.repeat(np.arange(len(frame)), frame["n"])
+    for name in comparison.residuals:
+        smooth = pd.Series(moving_average(comparison.residuals[name].to_numpy(), comparison.window))
+        np.testing.assert_allclose(frame[name], smooth.groupby(cell).mean(), atol=1e-12)
+    display.plot()
+    limits = {axes.get_ylim() for axes in display.axes_[1:].flat}
+    assert len(limits) == 1
+    assert "dB" in display.axes_[1, 0].get_title(loc="left")
+
+
+def test_smoothing_does_not_reach_over_the_joint_of_two_runs():
+    model, X, y = small("gaps and runs")
+    y = y + 100.0 * X["run"]
+    frame = VariantsDisplay.from_estimator(model, X, y, n_blocks=2).frame()
+    steps = frame["before correction"].diff()[frame["segment"].diff() == 0]
+    assert steps.abs().max() < 5.0
+
+
+@pytest.mark.parametrize("kind", ["parquet", "memory map"])
+def test_logs_on_disk_give_the_same_numbers(fitted, kind, tmp_path):
+    model, X, y = fitted
+    expected = ResidualsDisplay.from_estimator(model, X, y).frame()
+    if kind == "parquet":
+        pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+        X.assign(reading=y).to_parquet(tmp_path / "log.parquet", row_group_size=2500)
+        log = ParquetLog(tmp_path / "log.parquet")
+        options = {"temperature": "temperature"}
+        reading = log["reading"]
+    else:
+        np.save(tmp_path / "T.npy", X[["temperature"]].to_numpy())
+        log = np.load(tmp_path / "T.npy", mmap_mode="r")
+        options, reading = {"sampling_period": 60.0}, y.to_numpy()
+    same = DynamicBiasRegressor(time_constants=["5 min", "90 min"], **options).fit(log, reading)
+    display = ResidualsDisplay.from_estimator(same, log, reading)
+    np.testing.assert_allclose(display.frame()["residual_high"], expected["residual_high"], atol=1e-8)
+    AllanDisplay.from_estimator(same, log, reading)
+    assert display.plot().axes_[1].get_xlabel() == ("time" if kind == "parquet" else "time [days]")
+
+
+def test_one_axes_is_divided_and_several_are_taken(fitted):
+    from matplotlib import pyplot as plt
+
+    model, X, y = fitted
+    display = ResidualsDisplay.from_estimator(model, X, y)
+    figure, axes = plt.subplots(1, 2)
+    display.plot(axes[0])
+    assert display.figure_ is figure and len(figure.axes) == 3
+    two = plt.subplots(2)[1]
+    assert display.plot(two).axes_.tolist() == two.tolist()
+    with pytest.raises(ValueError, match="one Axes or 2"):
+        display.plot(plt.subplots(3)[1])
+
+
+def test_a_missing_matplotlib_is_named(fitted, monkeypatch):
+    model, X, y = fitted
+    display = ResidualsDisplay.from_estimator(model, X, y)
+    real = builtins.__import__
+
+    def absent(name, *rest, **more):
+        if name.split(".")[0] == "matplotlib":
+            raise ImportError(name)
+        return real(name, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", absent)
+    with pytest.raises(ImportError, match=r"thermocorr\[plot\]"):
+        display.plot()
+
+
+def test_what_is_no_fitted_model_is_refused(fitted):
+    _, X, y = fitted
+    with pytest.raises(TypeError, match="DynamicBiasRegressor is needed"):
+        ResidualsDisplay.from_estimator(object(), X, y)
+    with pytest.raises(NotFittedError):
+        ResidualsDisplay.from_estimator(DynamicBiasRegressor(), X, y)
+
+
+@pytest.mark.parametrize(
+    ("span", "unit"),
+    [(0.5, "ms"), (30.0, "s"), (3600.0, "min"), (86_400.0, "h"), (30 * 86_400.0, "days"), (5e8, "years")],
+)
+def test_elapsed_time_has_a_readable_unit(span, unit):
+    assert elapsed_unit(span) == unit
+
+
+def test_spans_are_written_as_a_person_does():
+    assert [time_text(t) for t in (0.002, 1.0, 90.0, 3600.0, 86_400.0, 3.2e7)] == [
+        "2 ms", "1 s", "1.5 min", "1 h", "1 d", "1.01 y"
+    ]  # fmt: skip
+
+
+def test_intervals_of_the_diagnosis_are_read_as_numbers():
+    """Every form that `where_it_fails` writes."""
+    assert ends("-3.2 to 4.5e-05") == (-3.2, 4.5e-05)
+    assert ends("0 to 2 h") == (0.0, 2.0)
+    assert ends("periods of 31.2 to 125 s") == (31.2, 125.0)
+    assert ends("120 s to 1.2e+05 s") == (120.0, 120_000.0)
+    assert ends("2024-03-04 00:01:30 to 2024-03-05 12:00:00") == (1709510490.0, 1709640000.0)
+    assert short_ends("periods of 60 to 7200 s", 1.0) == ("1 min", "2 h")
+    assert short_ends("2024-03-04 00:01:30 to 2024-03-05 12:00:00", 1e9) == ("04 Mar 2024", "05 Mar 2024")
