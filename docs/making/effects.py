@@ -57,8 +57,8 @@ _PAGE = """\
 
 ## How it looks
 
-A simulated device to which %(name)s was added; what no static law explains of it is %(strength)g times the noise of one
-sample. Left: what the effect adds to the reading, and what is left of the reading by a model without and with it
+A simulated device to which this effect was added; what no static law explains of it is %(strength)g times the noise of
+one sample. Left: what the effect adds to the reading, and what is left of the reading by a model without and with it
 (averages of %(window)d samples). Right: the same contribution over the temperature, from the record's start (dark) to
 its end (bright).
 
@@ -107,6 +107,7 @@ def planted(kind: str) -> tuple[pd.DataFrame, pd.DataFrame, Effect]:
     effects = [(kind, STRENGTH, PARAMETERS[kind])] if kind in PARAMETERS else {kind: STRENGTH}
     record, truth = make_record(ROWS, effects=effects, seed=SEED, return_truth=True)
     parameters = dict(truth.attrs["effects"][kind]["parameters"])
+    parameters = {name: value for name, value in parameters.items() if value != []}
     if kind == "static_polynomial":
         parameters["lowest_power"] = parameters["degree"]  # the model has the lower powers
     return record, truth, CATALOGUE[kind](**parameters)
