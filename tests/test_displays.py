@@ -226,6 +226,19 @@ def test_allan_display_is_the_allan_deviation(fitted):
     assert display.plot().ax_.get_ylabel() == "Allan deviation of reading [ppm]"
 
 
+def test_allan_display_of_uneven_steps_takes_cells_that_hold_most_of_them():
+    """Steps of 1 s and 10 s in turn: cells of 1 s would be empty, nine in ten; those of 10 s hold one row or two."""
+    seconds = np.cumsum(np.tile([1.0, 10.0], 400))
+    rng = np.random.default_rng(0)
+    X = pd.DataFrame({"temperature": 20 + np.sin(seconds / 500)}, index=pd.to_timedelta(seconds, unit="s"))
+    y = 3 * X["temperature"].to_numpy() + 0.1 * rng.normal(size=800)
+    model = DynamicBiasRegressor(time_constants=["1 min"], degree=1).fit(X, y)
+    found = AllanDisplay.from_estimator(model, X, y).after
+    assert found.averaging_times[0] == 10.0
+    law = 0.1 / np.sqrt(found.averaging_times / 5.5)  # a row every 5.5 s
+    assert ((0.6 * law < found.deviation) & (found.deviation < 1.6 * law))[:5].all()
+
+
 def test_the_step_response_is_the_closed_form(fitted):
     """b(t) = a1 + a2 - sum mu_j exp(-t/tau_j), eqs. (3) (19) after a step of 1 K at T0."""
     model, _, _ = fitted
@@ -431,6 +444,8 @@ def test_what_is_no_fitted_model_is_refused(fitted):
     _, X, y = fitted
     with pytest.raises(TypeError, match="DynamicBiasRegressor is needed"):
         ResidualsDisplay.from_estimator(object(), X, y)
+    with pytest.raises(TypeError, match="refit=True"):
+        SpectrumDisplay.from_estimator(TimeConstantSearch(refit=False))
     with pytest.raises(NotFittedError):
         ResidualsDisplay.from_estimator(DynamicBiasRegressor(), X, y)
 

@@ -13,7 +13,7 @@ from ..effects import InitialTransient, ThermalLag
 from ..effects.thermal import seconds_array
 from ..equations import TriangularFactor
 from ..records import Record, RecordError
-from .crossvalidation import CrossValidation, Set, count_sets, fewest
+from .crossvalidation import NEGLIGIBLE, CrossValidation, Set, count_sets, fewest
 from .features import DiffusiveFeatures
 from .fitting import equal_edges, require_rows, sweep_effects
 from .folds import TimeFolds, folds_in_time
@@ -33,6 +33,10 @@ from .spectrum import (
     spread,
 )
 
+FAST_SHARE = 1 / 200
+"""Time constants up to this share of the record are fast: any stretch has seen many of their lives."""
+MOST_FAST = 3
+"""Fast time constants that may join the projected ones."""
 EXHAUSTIVE_LIMIT = 20_000
 """Up to this many sets, "cross_validation" tries them all; beyond, forward steps with exchanges."""
 ALPHAS_PER_ROW = (0.0, 1e-8, 1e-6, 1e-4)
@@ -164,9 +168,31 @@ def _by_spectrum(factored: Factored, cross: CrossValidation, settings: SearchSet
     reference = reference_spectrum(factored)
     path = project([factored.projected(reference)], settings.count)
     alpha = final_alpha(factored, reference)
+    if path and settings.count is None:
+        path.append(_with_fast_ones(path[-1], factored, cross, alpha))
     tried = [Tried(members, alpha, cross.score_sets([members], alpha)[0]) for members in path]
     chosen = tried[-1] if tried else Tried((), alpha, cross.score_sets([()], alpha)[0])
     return _choice(factored, tried or [chosen], chosen, reference)
+
+
+def _with_fast_ones(members: Set, factored: Factored, cross: CrossValidation, alpha: float) -> Set:
+    """Add fast time constants that the penalty of the reference has held down, where every fold is better with them.
+
+    Only fast ones: on these any stretch of a record has seen many of their lives, and forecasts are safe.
+    """
+    grid = factored.layout.grid
+    fast = [i for i in range(len(grid)) if grid[i] <= FAST_SHARE * factored.layout.span]
+    for _ in range(MOST_FAST):
+        now = cross.score_sets([members], alpha)[0]
+        more = [tuple(sorted((*members, i))) for i in fast if i not in members]
+        if not more:
+            break
+        losses = cross.score_sets(more, alpha)
+        best = int(np.argmin([each.mean() for each in losses]))
+        if not (np.all(losses[best] < now) and losses[best].mean() < now.mean() * (1 - NEGLIGIBLE)):
+            break
+        members = more[best]
+    return members
 
 
 def _by_cross_validation(

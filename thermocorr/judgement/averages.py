@@ -45,13 +45,13 @@ class Averages:
 
 
 def averaged(
-    record: Record, effects: Sequence[Effect], n_stretches: int = STRETCHES, *, evened: bool = True
+    record: Record, effects: Sequence[Effect], n_stretches: int = STRETCHES, *, one: np.ndarray | None = None
 ) -> Averages:
     """Average the readings and all effects' columns over stretches of equal numbers of rows.
 
     Rows without a reading are left out of the averages, columns and all. Effects must have learned the record. Where
-    the noise clearly changes in the course of the record, stretches are `evened`: readings and columns divided by its
-    relative size, which is weighted least squares.
+    the noise clearly changes in the course of the record, readings and columns are divided by its relative size:
+    weighted least squares. `one` gives the weights where they are known.
     """
     assert record.reading is not None
     width = max(1, -(-record.n_used // n_stretches))
@@ -73,7 +73,8 @@ def averaged(
         seconds.append((np.add.reduceat(block.seconds * share, starts) / np.maximum(count, 1))[kept])
         counts.append(count[kept])
         segments.append(np.full(int(kept.sum()), block.segment))
-        jumps.append(_jumps(reading, starts)[kept])
+        if one is None:
+            jumps.append(_jumps(reading, starts)[kept])
         for i, effect in enumerate(effects):
             columns, states[i] = effect.columns(block, states[i])
             columns = np.asarray(columns).reshape(len(block), widths[i])
@@ -81,7 +82,8 @@ def averaged(
                 columns = columns * share[:, None]
             parts[i].append((np.add.reduceat(columns, starts, axis=0) / np.maximum(count, 1)[:, None])[kept])
     counted = np.concatenate(counts)
-    one = 1 / _unevenness(np.concatenate(jumps)) if evened else np.ones(len(counted))
+    if one is None:
+        one = 1 / _unevenness(np.concatenate(jumps))
     return Averages(
         np.concatenate(readings) * one,
         [np.concatenate(part) * one[:, None] for part in parts],

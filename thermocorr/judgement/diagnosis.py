@@ -164,6 +164,7 @@ def _conclude(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, lagging
         best = [suspects[0], *(other for other in suspects[1:] if tied(suspects[0], other))]
     elif lags and not unexplained:
         best = [lags[0], *(other for other in lags[1:] if tied(lags[0], other))]
+    best.sort(key=lambda suspect: n_parameters(suspect.effect))  # the simplest explanation stands first
     if best:
         verdict = "ambiguous" if len(best) > 1 else "missing"
     else:
@@ -181,6 +182,13 @@ def _conclude(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, lagging
         trial.evidence.noise.colour,
         model.reading_.unit,
     )
+
+
+def n_parameters(effect: Effect) -> int:
+    """Parameters with a unit that are in use: what makes one explanation simpler than another."""
+    named = effect.info.parameters if effect.info is not None else {}
+    values = [getattr(effect, name) for name in named]
+    return sum(value is not None and np.size(value) > 0 for value in values)
 
 
 def _fair(best: Suspect, causes: int) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -37,7 +38,7 @@ class Evidence:
     tests: float
     """Effective number of independent tests in the family."""
 
-    @property
+    @cached_property
     def residual(self) -> np.ndarray:
         """Whitened residual of the base, shape (n,)."""
         rest: np.ndarray = self.reading - self.space @ (self.space.T @ self.reading)
@@ -111,18 +112,33 @@ def _slow_share(residuals: np.ndarray) -> np.ndarray:
 
 def own_part(columns: np.ndarray, space: np.ndarray) -> np.ndarray:
     """Orthonormal basis of what columns have outside a space; those that lie in it are dropped."""
-    rest = columns - space @ (space.T @ columns)
-    own = np.linalg.norm(rest, axis=0) > 1e-4 * np.linalg.norm(columns, axis=0)
-    return orthonormal(rest[:, own])
+    return own_parts([columns], space)[0]
+
+
+def own_parts(blocks: Sequence[np.ndarray], space: np.ndarray) -> list[np.ndarray]:
+    """The same for many blocks of columns at once."""
+    if not len(blocks):
+        return []
+    columns = np.column_stack(blocks)
+    norms = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    columns -= space @ (space.T @ columns)
+    left = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    edges = np.cumsum([0, *(block.shape[1] for block in blocks)])
+    return [
+        orthonormal(columns[:, low:high][:, left[low:high] > 1e-4 * norms[low:high]]) for low, high in pairwise(edges)
+    ]
 
 
 def orthonormal(columns: np.ndarray, tolerance: float = 1e-5) -> np.ndarray:
     """Orthonormal basis of columns of very different size; directions below the tolerance are dropped."""
-    norms = np.linalg.norm(columns, axis=0)
+    norms = np.sqrt(np.einsum("ij,ij->j", columns, columns))
     alive = norms > 0
     if not alive.any():
         return np.zeros((len(columns), 0))
-    left, singular, _ = np.linalg.svd(columns[:, alive] / norms[alive], full_matrices=False)
+    unit = columns[:, alive] / norms[alive]
+    if unit.shape[1] == 1:
+        return unit
+    left, singular, _ = np.linalg.svd(unit, full_matrices=False)
     return left[:, singular > tolerance * singular[0]]
 
 
@@ -131,7 +147,7 @@ def evidence(data: Averages, base: np.ndarray, candidates: Sequence[np.ndarray],
     noise = noise_model(saturated_residual(data, base, candidates), data.segment)
     whitened = noise.whitened(np.column_stack((data.reading, base)), data.segment)
     space = orthonormal(whitened[:, 1:])
-    bases = [own_part(noise.whitened(columns, data.segment), space) for columns in candidates]
+    bases = own_parts([noise.whitened(columns, data.segment) for columns in candidates], space)
     freedom = len(space) - space.shape[1]
     return Evidence(noise, data.segment, space, whitened[:, 0], bases, _effective_tests(bases, space, freedom, rng))
 
@@ -140,7 +156,7 @@ def saturated_residual(data: Averages, base: np.ndarray, candidates: Sequence[np
     """Residual of the base and of the few candidates, one after the other, that explain most."""
     space = orthonormal(base)
     residual = data.reading - space @ (space.T @ data.reading)
-    bases = [own_part(columns, space) for columns in candidates]
+    bases = own_parts(candidates, space)
     n = len(residual)
     for _ in range(SATURATED):
         sizes = np.array([basis.shape[1] for basis in bases])
@@ -150,7 +166,7 @@ def saturated_residual(data: Averages, base: np.ndarray, candidates: Sequence[np
         if scores.max() <= 0 or best.shape[1] == 0:
             break
         residual = residual - best @ (best.T @ residual)
-        bases = [own_part(basis, best) if basis.shape[1] else basis for basis in bases]
+        bases = own_parts(bases, best)
     return residual
 
 

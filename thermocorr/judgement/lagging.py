@@ -24,8 +24,10 @@ FASTEST_LAG = 0.25
 """Fastest of them, in sampling steps: a device faster than the sampling shows as a lag of less than a step."""
 LONGEST_DECAY = 1 / 25
 """Start-up decays of that part, as a share of the segment: slower ones swallow drift and ageing."""
-SLIGHT = 0.13
+SLIGHT = 0.12
 """The same for a delay, rate or fast lag, judged on the samples themselves."""
+WEIGHTY = 0.2
+"""The same for one that is to stand before another suspect."""
 SAMPLES = 40_000
 """Samples (or averages of longer records) on which delays and fast lags are told apart."""
 MINOR = 0.15
@@ -36,7 +38,8 @@ def thermal_parts(model: DynamicBiasRegressor, record: Record) -> tuple[list[Eff
     """The rich thermal part with the model's further effects, and the model's own part."""
     span = max(record.duration(segment) for segment in record.segments)
     grid = np.geomspace(FASTEST_LAG * record.usual_step(), max(span / 3, 8 * record.usual_step()), RICH_LAGS)
-    taus = np.unique(np.concatenate((grid, model.time_constants_)))
+    own_taus = model.time_constants_[model.time_constants_ <= grid[-1]]  # slower ones swallow drift and ageing
+    taus = np.unique(np.concatenate((grid, own_taus)))
     taus = taus[np.concatenate(([True], np.diff(np.log(taus)) > 0.02))]
     further = [clone(effect) for _, effect in as_effects(model.effects)]
     if model.products:
@@ -73,7 +76,7 @@ class Lagging:
             return []
         judged = replace(trial.evidence, space=orthonormal(noise.whitened(trial.own, data.segment)))
         rich = judged.gain(own_part(noise.whitened(trial.base, data.segment), judged.space))
-        columns = averaged(trial.record, self.candidates).columns
+        columns = averaged(trial.record, self.candidates, one=data.one).columns
         found = [self._suspect(effect, Q, judged, rich) for effect, Q in zip(self.candidates, columns, strict=True)]
         return best_of_each([s for s in found if s.share >= FAIR_SHARE and s.supported()])
 
@@ -116,16 +119,16 @@ class Lagging:
 
     def beats(self, lag: Suspect, other: Suspect) -> bool:
         """Whether a lag found in the samples explains more of them than another suspect does."""
-        if lag.judged is self.trial.evidence or len(lag.judged.space) <= len(self.trial.data.reading):
+        if len(lag.judged.space) <= len(self.trial.data.reading) or not clearly(lag, WEIGHTY):
             return False
         columns = averaged(self.trial.record, [other.effect], SAMPLES).columns[0]
         return lag.score > self._suspect(other.effect, columns, lag.judged, None).score + TIE
 
 
-def clearly(suspect: Suspect) -> bool:
-    """Whether a candidate explains more than what is good enough, over the noise of one sample."""
+def clearly(suspect: Suspect, enough: float = SLIGHT) -> bool:
+    """Whether the rms of what a candidate explains is above `enough`, over the noise of one sample."""
     chance = suspect.basis.shape[1] / suspect.judged.freedom
-    return suspect.basis.shape[1] > 0 and suspect.judged.gain(suspect.basis) - chance > SLIGHT**2
+    return suspect.basis.shape[1] > 0 and suspect.judged.gain(suspect.basis) - chance > enough**2
 
 
 def best_of_each(suspects: Sequence[Suspect]) -> list[Suspect]:

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
+from ..effects import Covariate, LaggedCovariate
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from .adding import held_out_rms, with_missing
@@ -115,6 +116,9 @@ def refine(
             rows.append(_step(number, found.best.label(), current, best_rms, start, diagnoses[-1], X, y))
             for label in gone:
                 rows.append(_step(number, f"without {label}", current, best_rms, start, diagnoses[-1], X, y))
+        simpler, simpler_rms = _simpler(current, X, y, best_rms)
+        if simpler is not current:
+            current, best_rms = simpler, simpler_rms
         if len(diagnoses) > 1:
             say("tuning the effects' parameters together")
             tuned = _tuned(current, X, y)
@@ -158,6 +162,19 @@ def _without_superfluous(
             effects = [other for other in effects if other is not effect]
             gone.append(effect.label())
     return model, rms, gone
+
+
+def _simpler(model: DynamicBiasRegressor, X: Any, y: Any, rms: float) -> tuple[DynamicBiasRegressor, float]:
+    """Recorded columns that act at once where a lag of theirs is not missed on held-out blocks."""
+    effects = [effect for _, effect in as_effects(model.effects)]
+    for i, effect in enumerate(effects):
+        if isinstance(effect, LaggedCovariate):
+            plain = [*effects[:i], Covariate(effect.column, effect.power), *effects[i + 1 :]]
+            other = clone(model).set_params(effects=[clone(effect) for effect in plain]).fit(X, y)
+            without = held_out_rms(other, X, y)
+            if without <= rms * SUPERFLUOUS:
+                model, rms, effects = other, min(rms, without), plain
+    return model, rms
 
 
 def _tuned(model: DynamicBiasRegressor, X: Any, y: Any) -> DynamicBiasRegressor:

@@ -11,7 +11,7 @@ import numpy as np
 from ..effects.protocol import Effect
 from ..records import Record, RecordError
 from .averages import Averages, averaged
-from .evidence import Evidence, evidence, own_part
+from .evidence import Evidence, evidence, own_parts
 
 LEVEL = 0.005
 """Family-wise error probability below which a suspect is named."""
@@ -139,7 +139,7 @@ class Trial:
                     other.learn(self.record)
                 if not near:
                     break
-                tried = averaged(self.record, near).columns
+                tried = averaged(self.record, near, one=self.data.one).columns
                 gains = [self.evidence.gain(self.evidence.basis(columns)) for columns in tried]
                 if max(gains) > gain:
                     which = int(np.argmax(gains))
@@ -161,7 +161,7 @@ class Trial:
             if best.shape[1] == 0 or judged.family_p(best) > LEVEL:
                 return count, judged.wanders(self.rng)
             space = np.column_stack((judged.space, best))
-            bases = [own_part(basis, best) if basis.shape[1] else basis for basis in judged.bases]
+            bases = own_parts(judged.bases, best)
             judged = replace(judged, space=space, bases=bases)
         return most, judged.wanders(self.rng)
 

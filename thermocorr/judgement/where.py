@@ -18,6 +18,8 @@ from .averages import Averages, averaged
 TIME_BINS = 20
 VALUE_BINS = 10
 HOUR_BINS = 12
+CHANCE = 3.0
+"""Error beyond the noise, in standard deviations of the noise's own, below which there is no place to show."""
 COLUMNS = ["condition", "interval", "n", "rms", "share", "lift"]
 
 
@@ -42,13 +44,13 @@ def where_it_fails(
     -------
     DataFrame with columns condition, interval, n (samples), rms (of short averages), share (of the error beyond the
     noise), lift (share over the share of samples); worst first: by how much more than its part of the record each row
-    has, in standard deviations.
+    has, in standard deviations. Empty where the error is not clearly beyond the noise.
     """
     effects: list[Effect] = [Rate(), *([] if lag is None else [ThermalLag([lag])]), *(Covariate(c) for c in recorded)]
     names = ["rate [K/h]", *([] if lag is None else [f"lag difference, {lag:.3g} s [K]"]), *map(str, recorded)]
     for effect in effects:
         effect.learn(record)
-    data = averaged(replace(record, reading=residual), [*effects, _Temperature()], evened=False)
+    data = averaged(replace(record, reading=residual), [*effects, _Temperature()], one=np.ones(1))
     values = [columns[:, 0] for columns in data.columns]
     values[0] = values[0] * 3600.0
     for i, effect in enumerate(effects):
@@ -56,13 +58,15 @@ def where_it_fails(
             values[i] = values[i] + effect.mean_
     excess = data.reading**2 - floor**2 / data.counts
     total = float(np.sum(excess * data.counts))
-    if total <= 0:
+    if total <= CHANCE * floor**2 * np.sqrt(2 * len(excess)):
         return pd.DataFrame(columns=COLUMNS)
     rows = [
         _row(data, excess, total, condition, interval, inside)
         for condition, interval, inside in _bins(record, data, [*names, "temperature"], values)
         if inside.sum() >= 3
     ]
+    for row in rows:  # a column that is right by chance shall not hide a time or a temperature
+        row["concentration"] *= 0.8 if row["condition"] in map(str, recorded) else 1.0
     rows += _frequencies(data, floor)
     frame = pd.DataFrame(rows)
     return frame.sort_values("concentration", ascending=False, ignore_index=True)[COLUMNS]

@@ -11,6 +11,7 @@ import numpy as np
 from ...effects.thermal import column_text
 from ...estimators.regressor import DynamicBiasRegressor
 from ...estimators.tables import distinct
+from ...estimators.time_constant_search import TimeConstantSearch
 from ...records import Block, Record
 from ...records.read import numeric_reading
 from ._timeline import TimeLine, zone_of
@@ -82,6 +83,8 @@ class Walk:
 def regressor_of(model: Any) -> DynamicBiasRegressor:
     """The fitted `DynamicBiasRegressor`, also of a search."""
     found = getattr(model, "best_estimator_", model)
+    if isinstance(found, TimeConstantSearch):
+        raise TypeError("The search has no fitted model. Fit it first, with refit=True.")
     if not isinstance(found, DynamicBiasRegressor):
         raise TypeError(f"A fitted DynamicBiasRegressor is needed, or a search with one. Got {type(found).__name__}.")
     found.features_  # noqa: B018 - raises NotFittedError where nothing is fitted

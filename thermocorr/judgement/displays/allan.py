@@ -8,15 +8,22 @@ import numpy as np
 import pandas as pd
 
 from ...equations import AllanDeviation, AllanStream
+from ...records import Record
 from ._drawing import BLUE, GREY, VERMILION, axes_grid, labelled, legend_above, log_time_axis, plain
 from ._walk import Walk
+
+LOOKED_AT = 1 << 14
+"""Rows whose steps are looked at."""
+UNEVEN = 1.5
+"""Step that nine in ten do not exceed, over the usual one, above which steps differ much."""
 
 
 class AllanDisplay:
     """Overlapping Allan deviation of the reading before and after correction, with confidence bands.
 
     The dashed line is what white noise alone would give, from the corrected reading's shortest averaging time. Where a
-    curve leaves it, longer averaging no longer helps. Gaps are left out, see `thermocorr.equations.allan`.
+    curve leaves it, longer averaging no longer helps. Irregular times are averaged into regular cells, gaps are left
+    out, see `thermocorr.equations.allan`.
 
     Attributes
     ----------
@@ -58,7 +65,7 @@ class AllanDisplay:
             Probability of the bands.
         """
         walk = Walk(model, X, y)
-        step, removed = walk.timeline.usual_step, walk.removed()
+        step, removed = cell_length(walk.record), walk.removed()
         n_cells = max(int(walk.record.times.between(*_ends(walk)) / step), walk.n_rows)
         gap = max(walk.n_rows, 1)
         streams = [AllanStream(step, n_cells, gap, averaging_times, confidence) for _ in range(2)]
@@ -94,6 +101,8 @@ class AllanDisplay:
         if len(first):
             white = self.after.deviation[0] * np.sqrt(first[0] / times)
             only.plot(times, white, "--", color=GREY, lw=1.2, label="white noise", zorder=1)
+        else:
+            only.text(0.5, 0.5, "Too few readings in a row to compare.", ha="center", transform=only.transAxes)
         only.set_yscale("log")
         plain(only)
         log_time_axis(only, "averaging time", self.samples)
@@ -101,6 +110,15 @@ class AllanDisplay:
         legend_above(only)
         self.axes_, self.ax_, self.figure_ = axes, only, only.figure
         return self
+
+
+def cell_length(record: Record) -> float:
+    """The sampling step [s]; where steps differ much, one that nine in ten of them do not exceed."""
+    longest = max(record.segments, key=lambda segment: segment.stop - segment.start)
+    rows = record.rows(longest.start, min(longest.stop, longest.start + LOOKED_AT))
+    steps = record.times.steps(rows)[1:]
+    usual, wide = record.usual_step(), float(np.quantile(steps, 0.9)) if len(steps) else 0.0
+    return wide if wide > UNEVEN * usual else usual
 
 
 def _ends(walk: Walk) -> tuple[float, float]:

@@ -78,6 +78,8 @@ class SuspectsDisplay:
                 color="0.1" if certain.iloc[row] else "0.4",
             )  # fmt: skip
         only.set_yticks(range(len(frame)), frame["label"])
+        if self.named:
+            only.get_yticklabels()[0].set_fontweight("bold")
         only.invert_yaxis()
         only.set_xlim(0, 1.9 * reach)
         plain(only)
