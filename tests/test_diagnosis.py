@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.preprocessing import SplineTransformer
 
 from thermocorr import DynamicBiasRegressor, RecordError, diagnose, refine
 from thermocorr.datasets import load_voltage_reference, make_record
 from thermocorr.effects import Effect, Hysteresis
+from thermocorr.effects.wrap import TransformerEffect
 from thermocorr.judgement.averages import averaged
 from thermocorr.judgement.noise import noise_model
 from thermocorr.records import read_record
@@ -128,6 +130,63 @@ def test_too_short_a_record_is_not_judged():
     model = DynamicBiasRegressor("temperature", [600.0]).fit(X, y)
     with pytest.raises(RecordError, match="too short to judge: 90 readings"):
         diagnose(model, X, y)
+
+
+class Cubed(Effect):
+    """What a user writes: the cube of a recorded column."""
+
+    kind = "cubed"
+
+    def __init__(self, column="supply"):
+        self.column = column
+
+    @classmethod
+    def candidates(cls, record, columns=None):
+        return [cls("supply"), cls("humidity")]
+
+    def inputs(self):
+        return [self.column]
+
+    def names(self):
+        return [f"{self.column}^3"]
+
+    def columns(self, block, state):
+        return (block[self.column] - 5.0) ** 3 * 1e6, state
+
+
+def with_cube():
+    record = make_record(N, seed=71)
+    cube = ((record["supply"] - 5.0) ** 3).to_numpy()
+    X, y = record.drop(columns="reading"), record["reading"] + 0.5 * cube / cube.std()
+    return DynamicBiasRegressor("temperature").fit(X, y), X, y
+
+
+@pytest.mark.parametrize("suspect", [Cubed("supply"), Cubed])
+def test_a_users_own_suspect_is_named_and_added(suspect):
+    model, X, y = with_cube()
+    found = diagnose(model, X, y, suspects=[suspect])
+    assert isinstance(found.best, Cubed) and found.best.column == "supply"
+    result = refine(model, X, y, suspects=[suspect], max_steps=1)
+    assert result.steps["held_out_rms"].iloc[-1] < 0.75 * result.steps["held_out_rms"][0]
+
+
+def test_a_transformer_can_be_a_suspect():
+    model, X, y = with_cube()
+    spline = TransformerEffect(SplineTransformer(n_knots=4, include_bias=False), ["supply"])
+    found = diagnose(model, X, y, suspects=[spline], exclude=["covariate", "lagged_covariate", "interaction"])
+    assert found.best.kind == "transformer"
+    assert found.ranking["column"][0] == "supply"
+
+
+def test_noise_that_changes_with_time_is_weighed():
+    """Half of the record five times as noisy: the quiet half tells what is missing."""
+    record = make_record(N, effects={"hysteresis": 0.6}, seed=63)
+    rng = np.random.default_rng(0)
+    X, y = record.drop(columns="reading"), record["reading"].copy()
+    y[: N // 2] += rng.normal(scale=1.0, size=N // 2)
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert found.best is not None
+    assert found.best.kind == "hysteresis"
 
 
 def test_refinement_can_be_stopped_and_keeps_what_it_has():

@@ -67,13 +67,13 @@ class Hinge(Effect):
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
         """Knees where 5 % to 95 % of the temperatures lie below, and 0 if it is among them; then lagged ones."""
         quantiles = temperature_quantiles(record, np.linspace(0.05, 0.95, 13))
-        low, high = quantiles[0], quantiles[-1]
-        knees = {float(f"{knee:.4g}") for knee in (*quantiles, *np.linspace(low, high, 7))}
-        if low < 0 < high:
-            knees.add(0.0)
+        even = np.linspace(quantiles[0], quantiles[-1], 16)  # where a chamber dwells, quantiles leave wide gaps
+        zero = {0.0} if quantiles[0] < 0 < quantiles[-1] else set()
+        static = {float(f"{knee:.4g}") for knee in (*quantiles, *even)} | zero
+        lagged = {float(f"{knee:.4g}") for knee in (*quantiles[::2], *even[::3])} | zero
         lags = time_grid(record, 5.0, 0.1, 4.0)
-        static: list[Effect] = [cls(knee) for knee in sorted(knees)]
-        return static + [cls(knee, "above", [tau]) for knee in sorted(knees) for tau in lags]
+        first: list[Effect] = [cls(knee) for knee in sorted(static)]
+        return first + [cls(knee, "above", [tau]) for knee in sorted(lagged) for tau in lags]
 
     def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
         """Moved knees (`share` of a tenth of the range of 90 % of the temperatures), scaled time constants."""

@@ -22,6 +22,8 @@ from .where import where_it_fails
 
 COLOURED = 1.05
 """Variance over innovation variance of the saturated model's residual, above which structure is left."""
+SIMPLER = 1.5
+"""Score by which, of suspects that cannot be told apart, one with a parameter less stands before the other."""
 CLEAR_SHARE = 0.8
 """Share beyond which the number of further causes does not matter."""
 
@@ -149,7 +151,8 @@ def diagnose(
 def _conclude(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, lagging: Lagging) -> Diagnosis:
     """Weigh the suspects, the model's thermal part, and what nothing explains."""
     residual = np.asarray(model.residuals(X, y), float)
-    rms, floor = float(np.sqrt(np.nanmean(residual**2))), trial.floor
+    rms = float(np.sqrt(np.nanmean(residual**2)))
+    floor = min(trial.floor, rms)
     coloured = trial.evidence.noise.colour > COLOURED
     suspects, lags = trial.suspects(), lagging.suspects()
     supported = bool(suspects) and suspects[0].supported()
@@ -164,7 +167,7 @@ def _conclude(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, lagging
         best = [suspects[0], *(other for other in suspects[1:] if tied(suspects[0], other))]
     elif lags and not unexplained:
         best = [lags[0], *(other for other in lags[1:] if tied(lags[0], other))]
-    best.sort(key=lambda suspect: n_parameters(suspect.effect))  # the simplest explanation stands first
+    best.sort(key=lambda suspect: SIMPLER * n_parameters(suspect.effect) - suspect.score)
     if best:
         verdict = "ambiguous" if len(best) > 1 else "missing"
     else:

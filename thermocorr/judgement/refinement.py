@@ -57,6 +57,7 @@ def refine(
     *,
     columns: Sequence[Any] | None = None,
     exclude: Collection[str] = (),
+    suspects: Sequence[Any] = (),
     max_steps: int = 5,
     progress: Callable[[str], None] | None = None,
 ) -> Refinement:
@@ -70,7 +71,7 @@ def refine(
     model : DynamicBiasRegressor
         Fitted or not; it stays as it is.
     X, y : as for `DynamicBiasRegressor.fit`
-    columns, exclude : see `diagnose`
+    columns, exclude, suspects : see `diagnose`
     max_steps : int
         Most effects to add.
     progress : callable, optional
@@ -94,9 +95,10 @@ def refine(
     True
     """
     say = progress or (lambda text: None)
+    wanted: dict[str, Any] = {"columns": columns, "exclude": exclude, "suspects": suspects}
     current = clone(model).fit(X, y)
     best_rms = held_out_rms(current, X, y)
-    diagnoses = [diagnose(current, X, y, columns=columns, exclude=exclude)]
+    diagnoses = [diagnose(current, X, y, **wanted)]
     rows = [_step(0, "", current, best_rms, best_rms, diagnoses[0], X, y)]
     start = best_rms
     try:
@@ -112,7 +114,7 @@ def refine(
                 say(f"{found.best.label()} does not help on held-out blocks: {rms:.4g} after {best_rms:.4g}")
                 break
             current, best_rms, gone = _without_superfluous(extended, X, y, rms)
-            diagnoses.append(diagnose(current, X, y, columns=columns, exclude=exclude))
+            diagnoses.append(diagnose(current, X, y, **wanted))
             rows.append(_step(number, found.best.label(), current, best_rms, start, diagnoses[-1], X, y))
             for label in gone:
                 rows.append(_step(number, f"without {label}", current, best_rms, start, diagnoses[-1], X, y))
@@ -126,7 +128,7 @@ def refine(
                 rms = held_out_rms(tuned, X, y)
                 if rms < best_rms:
                     current = tuned
-                    diagnoses.append(diagnose(current, X, y, columns=columns, exclude=exclude))
+                    diagnoses.append(diagnose(current, X, y, **wanted))
                     rows.append(_step(len(rows), "parameters tuned together", current, rms, start, diagnoses[-1], X, y))
     except KeyboardInterrupt:
         say("stopped")
