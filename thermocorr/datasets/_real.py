@@ -99,18 +99,13 @@ def load_real_record(
 
     The records, their physics and where they come from:
 
-    - "vhd200_resistor": oil-filled 1 kOhm foil resistors follow their chamber with minutes to an hour of
-    lag; the
-      room acts on the meter. J. Pepas, 2018, MIT. Runs "run9", "run10", "run15", "run17".
-    - "hp34420a_nanovoltmeter": a 7.5-digit meter with hours of thermal mass in an air bath; the room acts
-    on source
-      and cabling; humidity and pressure are decoys. I. Tsemenko, 2024, MIT. Runs (ranges) "1V", "100mV",
-      "10mV".
-    - "oldtown_soil": heat conducted from the air into forest soil, 5 and 25 cm deep; freezing and snow
-    disturb it.
+    - "vhd200_resistor": oil-filled 1 kOhm foil resistors follow their chamber with minutes to an hour of lag; the room
+      acts on the meter. J. Pepas, 2018, MIT. Runs "run9", "run10", "run15", "run17".
+    - "hp34420a_nanovoltmeter": a 7.5-digit meter with hours of thermal mass in an air bath; the room acts on source and
+      cabling; humidity and pressure are decoys. I. Tsemenko, 2024, MIT. Runs (ranges) "1V", "100mV", "10mV".
+    - "oldtown_soil": heat conducted from the air into forest soil, 5 and 25 cm deep; freezing and snow disturb it.
       Old Town, Maine, 2018-2022, CC0.
-    - "dmm_box_heater": air in a box follows the room; a heater in closed loop warms it by its current
-    squared.
+    - "dmm_box_heater": air in a box follows the room; a heater in closed loop warms it by its current squared.
       J. Pepas, 2022, MIT. Runs "log10.2", "log11.2"; times are the column time_s [s] of each run.
     - "gr1433_resistor": a decade box of 100 kOhm and its meter follow the room by minutes to hours.
       J. Pepas, 2018, MIT.

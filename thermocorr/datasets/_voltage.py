@@ -84,6 +84,12 @@ def load_voltage_reference(
     truth : DataFrame of shape (84000, 3 or 4)
         Only if `return_truth`. Columns noise_free, device, moisture (if hidden) and noise [mV];
         `truth.attrs` holds "noise" [mV], "base" [mV] and "device", the parameters of the device.
+
+    Examples
+    --------
+    >>> record = load_voltage_reference()
+    >>> record.shape, record.attrs["reading"]
+    ((84000, 5), 'voltage')
     """
     check_choice("load_voltage_reference", "hidden", hidden, (None, "moisture"))
     record, truth = _simulate(hidden)

@@ -24,6 +24,18 @@ class TransformerEffect(Effect):
         What it reads; None stands for the temperature.
     fit_rows : int
         Rows given to its `fit`, evenly spread over the record.
+
+    Examples
+    --------
+    >>> from sklearn.preprocessing import SplineTransformer
+    >>> from thermocorr import DynamicBiasRegressor
+    >>> from thermocorr.datasets import make_record
+    >>> from thermocorr.effects import TransformerEffect
+    >>> record = make_record(2000, seed=1)
+    >>> effect = TransformerEffect(SplineTransformer(n_knots=4), ["humidity"])
+    >>> model = DynamicBiasRegressor("temperature", ["90 min"], effects=[effect])
+    >>> model.fit(record.drop(columns="reading"), record["reading"]).coef_table().index[-1]
+    'splinetransformer[humidity_sp_5]'
     """
 
     kind = "transformer"

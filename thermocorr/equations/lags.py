@@ -121,6 +121,17 @@ def lag_differences(
         ``lag_difference[k, j]`` is what a body of time constant j feels at sample k, less T [K].
     state : LagState
         To continue with the next block: the result is the same to the last bit however a record is cut.
+
+    Examples
+    --------
+    A step of 1 K, one hour ago: a body of half an hour still lacks exp(-2) of it.
+
+    >>> import numpy as np
+    >>> temperature = np.r_[20.0, np.full(61, 21.0)]
+    >>> steps = np.r_[1e-6, 1e-6, np.full(60, 60.0)]
+    >>> lag_difference, state = lag_differences(temperature, steps, np.array([1800.0]))
+    >>> lag_difference[-1].round(4)
+    array([-0.1353])
     """
     n, n_lags = len(temperature), len(time_constants)
     if state is not None and np.isnan(state.temperature):
@@ -232,6 +243,13 @@ def decays(elapsed: Floats, time_constants: Floats) -> Floats:
     -------
     array of shape (n, J), Fortran order
         Dimensionless, 1 at the start of the segment; exactly 0 below 1e-20, where denormals would begin to cost.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> decays(np.array([0.0, 600.0]), np.array([600.0])).round(4)
+    array([[1.    ],
+           [0.3679]])
     """
     columns = np.empty((len(elapsed), len(time_constants)), order="F")
     for j, time_constant in enumerate(time_constants):

@@ -115,6 +115,17 @@ def solve_ridge(factor: TriangularFactor, alpha: float = 0.0) -> RidgeSolution:
     penalised on the scale of its column's standard deviation, so that `alpha` means the same in any unit (the penalty
     of ``sklearn.linear_model.Ridge`` behind a ``StandardScaler``). Columns that depend on others get the smallest
     coefficients that fit (minimum norm in the scaled columns).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> column = np.arange(5.0)
+    >>> factor = TriangularFactor(3)
+    >>> for rows in (slice(0, 3), slice(3, 5)):  # in two blocks: 1, column, reading
+    ...     factor = factor.update(np.column_stack([np.ones(5), column, 7.0 + 2.0 * column])[rows])
+    >>> solution = solve_ridge(factor)
+    >>> round(solution.intercept, 6), solution.coef.round(6)
+    (7.0, array([2.]))
     """
     r = factor.r
     p = r.shape[1] - 2

@@ -13,6 +13,12 @@ def moving_average(values: Floats, window: int) -> Floats:
 
     NaN values are left out of the mean. Near the ends the window is cut, so the result has the length of `values`;
     it is NaN where a window holds no value.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> moving_average(np.array([0.0, 3.0, 6.0, np.nan]), 3).round(2)
+    array([1.5, 3. , 4.5, 6. ])
     """
     n = len(values)
     here = np.isfinite(values)
@@ -27,6 +33,12 @@ def moving_average(values: Floats, window: int) -> Floats:
 
 
 def reduction_db(after: float, before: float) -> float:
-    """20 log10(std after / std before) [dB]; negative is good, as in the paper's table."""
+    """20 log10(std after / std before) [dB]; negative is good, as in the paper's table.
+
+    Examples
+    --------
+    >>> reduction_db(0.1, 1.0)
+    -20.0
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         return float(20.0 * np.log10(np.float64(after) / np.float64(before)))

@@ -43,6 +43,17 @@ def held_out_residuals(
     -------
     array of shape (n_rows,)
         Measured minus modelled reading, in the unit of y.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from thermocorr import DynamicBiasRegressor, held_out_residuals
+    >>> from thermocorr.datasets import make_record
+    >>> record = make_record(4000, seed=1)
+    >>> model = DynamicBiasRegressor("temperature", ["5 min", "90 min"])
+    >>> residuals = held_out_residuals(model, record[["temperature"]], record["reading"])
+    >>> print(f"{np.nanstd(residuals):.1f} ppm, noise {record.attrs['noise']:.1f} ppm")
+    0.2 ppm, noise 0.2 ppm
     """
     reading = np.array(numeric_reading(y, X), float)
     result = np.full(len(reading), np.nan)

@@ -35,6 +35,15 @@ class MergedRidge(RegressorMixin, BaseEstimator):
         Number of independent columns.
     residual_std_ : float
         Standard deviation of the residuals, in the unit of y.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from thermocorr import MergedRidge
+    >>> Q = np.arange(10.0)[:, None]
+    >>> ridge = MergedRidge().fit(Q, 3.0 + 2.0 * Q[:, 0])
+    >>> float(round(ridge.intercept_, 6)), ridge.coef_.round(6)
+    (3.0, array([2.]))
     """
 
     _parameter_constraints: dict[str, Any] = {"alpha": [Interval(Real, 0, None, closed="left")]}

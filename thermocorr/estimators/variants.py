@@ -29,7 +29,7 @@ _TITLES = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class VariantComparison:
     """Result of `compare_variants`: figures, models and residuals; prints as the paper's table."""
 
@@ -71,6 +71,9 @@ class VariantComparison:
         text = self.formatted()
         two = [text.iloc[:, :4], text.iloc[:, 4:]]
         return "\n\n".join([*(part.to_string() for part in two), self.caption()])
+
+    def __repr__(self) -> str:
+        return str(self)
 
     def to_html(self) -> str:
         """The table as HTML, caption included."""
@@ -132,6 +135,16 @@ def compare_variants(
     -------
     VariantComparison
         ``print`` it, or take ``frame()``, ``to_html()``, ``to_latex()``, ``models``, ``residuals``.
+
+    Examples
+    --------
+    >>> from thermocorr import compare_variants
+    >>> from thermocorr.datasets import make_record
+    >>> record = make_record(4000, seed=1)
+    >>> comparison = compare_variants(record[["temperature"]], record["reading"], time_constants=["5 min", "90 min"])
+    >>> figures = comparison.frame()["held_out_reduction_db"]
+    >>> bool(figures["dynamic linear"] < figures["static linear"] - 10)
+    True
     """
     if model is None:
         model = DynamicBiasRegressor(temperature, time_constants, **options)

@@ -123,6 +123,16 @@ def diagnose(
     ------
     RecordError
         For a record that cannot be used, or is too short to judge.
+
+    Examples
+    --------
+    >>> from thermocorr import DynamicBiasRegressor, diagnose
+    >>> from thermocorr.datasets import make_record
+    >>> record = make_record(2000, effects={"hysteresis": 2.0}, seed=1)
+    >>> X, y = record.drop(columns="reading"), record["reading"]
+    >>> diagnosis = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    >>> diagnosis.verdict, diagnosis.best.kind
+    ('missing', 'hysteresis')
     """
     unknown = set(exclude) - set(CATALOGUE)
     if unknown:

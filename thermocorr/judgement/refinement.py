@@ -82,6 +82,18 @@ def refine(
     Returns
     -------
     Refinement
+
+    Examples
+    --------
+    >>> from thermocorr import DynamicBiasRegressor, refine
+    >>> from thermocorr.datasets import make_record
+    >>> record = make_record(2000, effects={"step": 2.0}, seed=1)
+    >>> X, y = record.drop(columns="reading"), record["reading"]
+    >>> refinement = refine(DynamicBiasRegressor("temperature"), X, y)
+    >>> refinement.diagnoses[-1].verdict
+    'nothing missing'
+    >>> bool(refinement.steps["held_out_rms"].iloc[-1] < refinement.steps["held_out_rms"].iloc[0])
+    True
     """
     say = progress or (lambda text: None)
     wanted: dict[str, Any] = {"columns": columns, "exclude": exclude, "suspects": suspects}

@@ -168,6 +168,11 @@ def seconds_of(value: object, name: str) -> float:
     """A time span in seconds: a number, or anything that pandas reads as a span ('15 min', Timedelta).
 
     Raises ValueError in the words of scikit-learn's parameter checks.
+
+    Examples
+    --------
+    >>> seconds_of("15 min", "time_constant")
+    900.0
     """
     if isinstance(value, int | float | np.number) and not isinstance(value, bool):
         seconds = float(value)

@@ -1,0 +1,89 @@
+"""What the documentation promises about itself: every equation, effect and public name is in it."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import thermocorr
+from thermocorr.effects import CATALOGUE
+
+DOCS = Path(__file__).parents[1] / "docs"
+PACKAGE = Path(thermocorr.__file__).parent
+pytestmark = pytest.mark.skipif(not (DOCS / "making").is_dir(), reason="docs is not beside the tests")
+
+
+@pytest.fixture
+def making(monkeypatch):
+    """Import a module of docs/making."""
+    monkeypatch.syspath_prepend(str(DOCS))
+    yield lambda name: importlib.import_module(f"making.{name}")
+    for name in [name for name in sys.modules if name.split(".")[0] == "making"]:
+        del sys.modules[name]
+
+
+def test_every_equation_has_its_code_and_every_citation_its_equation(making):
+    equations = making("equations")
+    found = equations.citations(PACKAGE)
+    assert set(found) == set(equations.WORDS)
+    # what a reader looks for first, by hand
+    assert "thermocorr.equations.leastsquares.solve_ridge" in found[13]
+    assert "thermocorr.equations.lags.decays" in found[18]
+    assert "thermocorr.equations.lags.lag_differences" in found[19]
+    assert "thermocorr.estimators.regressor.DynamicBiasRegressor.correct" in found[24]
+
+
+def test_the_reader_of_citations_knows_how_they_are_written(making):
+    cited = making("equations").cited
+    assert cited("x = 1  # eq. (25) times xi") == {25}
+    assert cited("by eqs. (11)-(13) and (30)-(32).") == {11, 12, 13, 30, 31, 32}
+    assert cited("eqs. (9) (26), and f(17)") == {9, 26}
+    assert cited("seq. (3) and row (4)") == set()
+
+
+def test_names_are_links_where_the_reference_has_them(making):
+    equations = making("equations")
+    text = equations.table(PACKAGE)
+    assert "{py:obj}`solve_ridge <thermocorr.equations.solve_ridge>`" in text
+    targets = re.findall(r"<(thermocorr[\w.]+)>`", text)
+    written = documented(making)
+    assert all(any(target == name or target.startswith(f"{name}.") for name in written) for target in targets)
+
+
+def documented(making):
+    """Names that the reference pages describe."""
+    text = "\n".join(path.read_text(encoding="utf-8") for path in (DOCS / "api").glob("*.md"))
+    names = set(re.findall(r"^\.\. auto\w+:: (thermocorr[\w.]+)$", text, re.MULTILINE))
+    return names | {f"thermocorr.effects.{effect.__name__}" for effect in CATALOGUE.values()}  # on their own pages
+
+
+def test_every_public_name_is_in_the_reference(making):
+    names = documented(making)
+    described = {id(resolved(name)) for name in names}
+    for module in making("equations").PUBLIC:
+        room = importlib.import_module(module)
+        for name in room.__all__:
+            thing = getattr(room, name)
+            if callable(thing):
+                assert id(thing) in described, f"{module}.{name} has no place in docs/api"
+
+
+def resolved(name):
+    module, _, last = name.rpartition(".")
+    return getattr(importlib.import_module(module), last)
+
+
+def test_the_example_of_an_effect_page_runs_and_the_effect_removes_what_was_planted(making):
+    effects = making("effects")
+    for kind in CATALOGUE:
+        printed, names = effects.executed(effects.example(kind, effects.planted(kind)[2]))
+        assert printed.count("residual") == 2
+        noise = names["record"].attrs["noise"]
+        # the residual falls to the noise: 7200 samples know a standard deviation to a percent
+        assert names["better"].residual_std_ == pytest.approx(noise, rel=0.05)
+        assert names["model"].residual_std_ > 1.1 * noise
+        assert type(names["better"].features_.effect_list()[-1]) is CATALOGUE[kind]
