@@ -27,7 +27,7 @@ from ..records.read import numeric_reading
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import equal_edges, require_rows, standard_errors, sweep_effects
 from .reading import Reading, check_plausible, check_range
-from .resolution import unresolved
+from .resolution import spectrum_table, unresolved
 from .ridge import MergedRidge
 from .search import SearchSettings, TimeConstantChoice, search
 from .spectrum import DECAY_SHARE, POOL_SIZE
@@ -364,7 +364,9 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         plain = self._features(())
         if self.products:  # the lags are chosen beside products of a coarse grid, lest they imitate these
             plain.set_params(products=False, effects=[*as_effects(self.effects), ("products", CoarseProducts())])
-        return replace(search(plain, X, y, settings), factored=None)  # the record itself would stay in memory
+        found = search(plain, X, y, settings)
+        seen = spectrum_table(found.factored, found.reference) if found.factored and found.reference else None
+        return replace(found, factored=None, spectrum=seen)  # the factors hold the record, which would stay in memory
 
     def _count(self) -> int | None:
         """How many time constants to choose: None leaves their number open, 0 means that they are given."""

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...estimators.refinement import sensitivity
-from ...estimators.resolution import CONFIDENCE_95, interval_table, spectrum_table
+from ...estimators.resolution import CONFIDENCE_95
 from ._drawing import BLUE, GREY, ORANGE, axes_grid, label_values, legend_above, log_time_axis, plain
 from ._walk import regressor_of
 
@@ -38,9 +37,8 @@ class SpectrumDisplay:
     def from_estimator(cls, model: Any) -> SpectrumDisplay:
         """From a fitted model, or from a fitted `TimeConstantSearch`.
 
-        Intervals of time constants are known where the model, or the search, chose them itself: a search has its own,
-        for a model they cost one more pass over the record, which must still be at hand. Given time constants have
-        none, and no spectrum.
+        A search knows intervals of its time constants, and the spectrum; a model that chose its own time constants
+        keeps the spectrum; given time constants have neither.
 
         Raises
         ------
@@ -142,9 +140,4 @@ def _known(model: Any, fitted: Any) -> tuple[pd.DataFrame | None, pd.DataFrame |
     """Intervals of the time constants and the spectrum, as far as somebody has searched for them."""
     if hasattr(model, "spectrum_"):
         return model.time_constants_, model.spectrum_
-    choice = fitted.search_
-    if choice is None or choice.factored is None or not len(choice.time_constants):
-        return None, None
-    spectrum = None if choice.reference is None else spectrum_table(choice.factored, choice.reference)
-    found = sensitivity(choice.factored, choice.time_constants, choice.alpha)
-    return interval_table(found.time_constants, found.errors()), spectrum
+    return None, None if fitted.search_ is None else fitted.search_.spectrum
