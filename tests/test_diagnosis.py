@@ -136,6 +136,17 @@ def test_gaps_runs_holes_and_text_columns_are_no_obstacle():
     assert found.best.kind == "hysteresis"
 
 
+def test_a_model_fitted_on_the_temperature_alone_is_judged_on_all_columns():
+    record = make_record(N, effects={"covariate": 2.0}, seed=61)
+    X, y = record.drop(columns="reading"), record["reading"]
+    model = DynamicBiasRegressor().fit(X[["temperature"]], y)
+    found = diagnose(model, X, y)
+    assert found.best.kind == "covariate"
+    assert refine(model, X, y, max_steps=1).model_.predict(X).shape == (N,)
+    assert repr(found) == str(found)
+    assert max(map(len, str(found).splitlines())) <= 110
+
+
 def test_too_short_a_record_is_not_judged():
     record = make_record(90, seed=1)
     X, y = record[["temperature"]], record["reading"]

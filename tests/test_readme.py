@@ -10,9 +10,10 @@ from pages import run
 README = Path(__file__).parents[1] / "README.md"
 
 
-def test_readme_prints_what_it_says():
+def test_readme_prints_what_it_says(tmp_path, monkeypatch):
     if not README.exists():
         pytest.skip("README.md is not beside the tests")
+    monkeypatch.chdir(tmp_path)  # it writes a model file
     blocks = list(run(README.read_text(encoding="utf-8")))
     assert blocks
     for block in blocks:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,7 +18,7 @@ from ..estimators.threads import one_blas_thread
 from .helping import helping
 from .lagging import Lagging, thermal_parts
 from .page import DiagnosisPage, PageData
-from .suspects import further_candidates, given_effects, suspect_record
+from .suspects import as_fitted, further_candidates, given_effects, suspect_record
 from .trial import FAIR_SHARE, LEVEL, MOST_CAUSES, TIE, Suspect, Trial, tied
 from .where import against_white, where_it_fails
 
@@ -25,11 +26,13 @@ COLOURED = 1.05
 """Variance over innovation variance of the saturated model's residual, above which structure is left."""
 SIMPLER = 1.5
 """Score by which, of suspects that cannot be told apart, one with a parameter less stands before the other."""
+WIDTH = 110
+"""Characters in a line of a printed diagnosis."""
 CLEAR_SHARE = 0.8
 """Share beyond which the number of further causes does not matter."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Diagnosis(DiagnosisPage):
     """What `diagnose` found. Prints as a page."""
 
@@ -75,7 +78,9 @@ class Diagnosis(DiagnosisPage):
         if self.best is not None and self.best.info is not None:
             lines.append(f"To confirm the first on the bench: {self.best.info.bench_check}")
             lines.append("To add it: better = model.with_effect(diagnosis.best).fit(X, y), or refine(model, X, y).")
-        return "\n".join(lines)
+        return "\n".join(textwrap.fill(line, WIDTH, subsequent_indent="    ") for line in lines)
+
+    __repr__ = __str__
 
     def plot(self, X: Any = None) -> Any:
         """Draw the suspects, and where the model fails; returns the figure (extra "plot").
@@ -155,7 +160,8 @@ def diagnose(
 
 def _conclude(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, lagging: Lagging) -> Diagnosis:
     """Weigh the suspects, the model's thermal part, and what nothing explains."""
-    residual = np.asarray(model.residuals(X, y), float)
+    seen = as_fitted(model, X)
+    residual = np.asarray(model.residuals(seen, y), float)
     rms = float(np.sqrt(np.nanmean(residual**2)))
     floor = min(trial.floor, rms)
     coloured = trial.evidence.noise.colour > COLOURED
@@ -179,6 +185,7 @@ def _conclude(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, lagging
         verdict = "unexplained" if unexplained else "nothing missing"
     named = {suspect.key for suspect in best}
     ranked = [*best, *(other for other in (*suspects, *lags) if other.key not in named)]
+    beside = dict.fromkeys(ranked[0].effect.inputs() if ranked else ())
     return Diagnosis(
         verdict,
         floor,
@@ -190,7 +197,7 @@ def _conclude(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, lagging
         rms,
         trial.evidence.noise.colour,
         model.reading_.unit,
-        PageData.of(model, X, y, beside=tuple(dict.fromkeys(ranked[0].effect.inputs() if ranked else ()))),
+        PageData.of(model, seen, y, beside=tuple(name for name in beside if name in seen)),
     )
 
 

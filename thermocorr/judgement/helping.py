@@ -26,20 +26,20 @@ def helping(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, suspects:
     """The suspect whose addition lowers the error on held-out blocks most, if it lowers it clearly.
 
     The last word where much of the structure has other causes: the model is fitted anew, time constants and all,
-    without each block. Tried are the first suspects, and the recorded columns that seem to help most.
+    without each block. Tried are the first suspects, and those that seem to help most with the time constants held.
     """
     before = held_out_rms(model, X, y)
     tried = [s for s in suspects[:TRIED] if s.supported() and s.share >= SMALLEST_SHARE]
     share = len(trial.data.reading) / model.reading_.n_readings
-    tried += [trial.suspect(i) for i in _on_columns(trial, model.alpha_ * share, model.washout_)[:TRIED]]
+    tried += [trial.suspect(i) for i in _by_blocks(trial, model.alpha_ * share, model.washout_)[:TRIED]]
     tried = [suspect for suspect in tried if suspect.p_value <= LEVEL]
     found = [held_out_rms(with_missing(model, clone(suspect.effect)), X, y) for suspect in tried]
     best = int(np.argmin(found)) if found else -1
     return [tried[best]] if found and found[best] <= CLEAR_HELP * before else []
 
 
-def _on_columns(trial: Trial, alpha: float, washout: float) -> list[int]:
-    """Candidates on recorded columns that help the model's own part most on blocks of time held out, best first.
+def _by_blocks(trial: Trial, alpha: float, washout: float) -> list[int]:
+    """Candidates that help the model's own part most on blocks of time held out, best first.
 
     One of each kind and column; `alpha` is the ridge penalty, `washout` how long a start-up is felt [s].
     """
@@ -48,10 +48,9 @@ def _on_columns(trial: Trial, alpha: float, washout: float) -> list[int]:
     started = data.seconds - data.seconds[np.searchsorted(data.segment, data.segment)] >= felt
     best: dict[Key, tuple[float, int]] = {}
     for i, effect in enumerate(trial.candidates):
-        if key_of(effect)[0] in ("covariate", "lagged_covariate"):
-            columns = np.column_stack((trial.own, trial.columns[i]))
-            left = held_out_sum_of_squares(columns, data.reading, started, alpha)
-            best[key_of(effect)] = min(best.get(key_of(effect), (np.inf, -1)), (left, i))
+        columns = np.column_stack((trial.own, trial.columns[i]))
+        left = held_out_sum_of_squares(columns, data.reading, started, alpha)
+        best[key_of(effect)] = min(best.get(key_of(effect), (np.inf, -1)), (left, i))
     return [i for _, i in sorted(best.values())]
 
 

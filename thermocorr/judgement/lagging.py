@@ -118,11 +118,19 @@ class Lagging:
         return suspect
 
     def beats(self, lag: Suspect, other: Suspect) -> bool:
-        """Whether a lag found in the samples explains more of them than another suspect does."""
+        """Whether a lag found in the samples explains more than another suspect does, of these and of the averages."""
         if len(lag.judged.space) <= len(self.trial.data.reading) or not clearly(lag, WEIGHTY):
+            return False
+        if explained_variance(lag) < explained_variance(other):
             return False
         columns = averaged(self.trial.record, [other.effect], SAMPLES).columns[0]
         return lag.score > self._suspect(other.effect, columns, lag.judged, None).score + TIE
+
+
+def explained_variance(suspect: Suspect) -> float:
+    """What a suspect explains, in the square of the unit of the readings."""
+    gain = min(suspect.judged.gain(suspect.basis), 1 - 1e-12)
+    return gain / (1 - gain) * suspect.judged.noise.innovation_variance
 
 
 def clearly(suspect: Suspect, enough: float = SLIGHT) -> bool:

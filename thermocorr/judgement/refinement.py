@@ -17,7 +17,7 @@ from .adding import held_out_rms, with_missing
 from .diagnosis import Diagnosis, diagnose
 from .page import RefinementPage
 
-WORSE = 1.001
+HELPS = 0.9995
 """Held-out error of a model with an effect more, over that before, above which the effect is not kept."""
 SUPERFLUOUS = 1.001
 """Held-out error without an effect, over that with it, up to which the effect leaves again."""
@@ -25,7 +25,7 @@ TUNING = (0.1, 0.03)
 """Steps of the joint search around the parameters of the effects at the end."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Refinement(RefinementPage):
     """What `refine` did, step by step. Prints as a table."""
 
@@ -43,6 +43,8 @@ class Refinement(RefinementPage):
             f"Verdict on the last model: {self.diagnoses[-1].verdict}",
         ]
         return "\n".join(lines)
+
+    __repr__ = __str__
 
     def plot(self) -> Any:
         """Draw the steps, and what is suspected after the last one; returns the figure (extra "plot")."""
@@ -97,7 +99,10 @@ def refine(
     """
     say = progress or (lambda text: None)
     wanted: dict[str, Any] = {"columns": columns, "exclude": exclude, "suspects": suspects}
-    current = clone(model).fit(X, y)
+    current = clone(model)
+    if model.temperature is None and hasattr(model, "pipeline_"):  # X may hold more columns than the fitted frame
+        current.set_params(temperature=model.features_.history_.record.temperature_name)
+    current.fit(X, y)
     best_rms = held_out_rms(current, X, y)
     diagnoses = [diagnose(current, X, y, **wanted)]
     rows = [_step(0, "", current, best_rms, best_rms, diagnoses[0], X, y)]
@@ -111,7 +116,7 @@ def refine(
             extended = with_missing(current, found.best)
             extended.fit(X, y)
             rms = held_out_rms(extended, X, y)
-            if rms > best_rms * WORSE:
+            if rms > best_rms * HELPS:
                 say(f"{found.best.label()} does not help on held-out blocks: {rms:.4g} after {best_rms:.4g}")
                 break
             current, best_rms, gone = _without_superfluous(extended, X, y, rms)

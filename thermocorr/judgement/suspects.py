@@ -48,6 +48,13 @@ def suspect_record(
     )
 
 
+def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:
+    """The columns of a frame that the model was fitted with; it may hold more, all of them suspects."""
+    X = from_polars(X)
+    names = list(getattr(model, "feature_names_in_", ()))
+    return X[names] if names and is_frame(X) and set(names) < set(X.columns) else X
+
+
 def further_candidates(further: Any, record: Record) -> list[Effect]:
     """A user's own suspects: effects and transformers as they are, classes of effects over their range."""
     return [
