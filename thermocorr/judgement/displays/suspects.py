@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from ..trial import LEVEL
 from ._drawing import BLUE, axes_grid, plain
 
 if TYPE_CHECKING:
     from ..diagnosis import Diagnosis
 
 SHOWN = 8
-CERTAIN = 0.01
-"""Error probability up to which a suspect is drawn in full colour."""
 LONGEST_TEXT = 58
 """Letters beside a bar; `frame` has everything."""
 LEAST_REACH = 0.5
@@ -62,7 +61,7 @@ class SuspectsDisplay:
             only.text(0.5, 0.5, "No suspects.", ha="center", va="center", transform=only.transAxes)
             only.set_axis_off()
             return self
-        certain = (frame["p_value"] <= CERTAIN) & (frame["gain_db"] > 0)
+        certain = (frame["p_value"] <= LEVEL) & (frame["gain_db"] > 0)
         gains = frame["gain_db"].clip(lower=0.0)
         only.barh(range(len(frame)), gains, color=[BLUE if sure else PALE for sure in certain], height=0.62)
         reach = max(float(gains.max()), LEAST_REACH)
@@ -84,7 +83,9 @@ class SuspectsDisplay:
         only.set_xlim(0, 1.9 * reach)
         plain(only)
         only.grid(False, axis="y")
-        only.set_xlabel("gain on data not learned from [dB]; grey: chance would do as well (p > 0.01), or no gain")
+        only.set_xlabel(
+            f"gain on data not learned from [dB]; grey: chance would do as well (p > {LEVEL:g}), or no gain"
+        )
         return self
 
 

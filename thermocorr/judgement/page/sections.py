@@ -12,6 +12,7 @@ import pandas as pd
 from ...effects import CATALOGUE
 from ..displays import WhereDisplay
 from ..displays._timeline import time_text
+from ..trial import LEVEL
 from .data import PageData
 from .figures import placed
 from .html import (
@@ -275,7 +276,7 @@ def suspects(found: Diagnosis, data: PageData | None, *figures: Any) -> Section:
         tag(
             "p",
             "Error probabilities are those of the whole family of suspects, on residuals made white; a suspect is "
-            "named below 0.01.",
+            f"named below {LEVEL:g}.",
             class_="fine",
         ),
         *figures,
