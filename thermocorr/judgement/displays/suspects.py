@@ -84,7 +84,7 @@ class SuspectsDisplay:
         plain(only)
         only.grid(False, axis="y")
         only.set_xlabel(
-            f"gain on data not learned from [dB]; grey: chance would do as well (p > {LEVEL:g}), or no gain"
+            f"gain on data not learned from [dB]; grey: no gain, or chance would do as well (p > {LEVEL:g})"
         )
         return self
 
