@@ -6,10 +6,18 @@ import argparse
 import shlex
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from .. import __version__
 from . import analyze, correct
 from .firmware import command as firmware
+
+COMMANDS: dict[str, tuple[Any, str]] = {
+    "analyze": (analyze, "compare corrections of a log, say what is missing, write the corrected log and the model"),
+    "correct": (correct, "correct a log, or a stream of lines, with a fitted model"),
+    "export-c": (firmware, "write a fitted model as C source for a microcontroller"),
+}
+"""Name -> the module that does it (`add_arguments`, `run`), and what for."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -19,27 +27,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--version", action="version", version=f"thermocorr {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    analyze_parser = commands.add_parser(
-        "analyze",
-        help="compare corrections of a log, write the corrected log and the model",
-        description=analyze.__doc__,
-    )
-    analyze.add_arguments(analyze_parser)
-    analyze_parser.set_defaults(execute=analyze.run)
-    correct_parser = commands.add_parser(
-        "correct",
-        help="correct a log, or a stream of lines, with a fitted model",
-        description=correct.__doc__,
-    )
-    correct.add_arguments(correct_parser)
-    correct_parser.set_defaults(execute=correct.run)
-    firmware_parser = commands.add_parser(
-        "export-c",
-        help="write a fitted model as C source for a microcontroller",
-        description=firmware.__doc__,
-    )
-    firmware.add_arguments(firmware_parser)
-    firmware_parser.set_defaults(execute=firmware.run)
+    for name, (room, purpose) in COMMANDS.items():
+        command = commands.add_parser(name, help=purpose, description=room.__doc__)
+        room.add_arguments(command)
+        command.set_defaults(execute=room.run)
     options = parser.parse_args(arguments)
     options.as_written = shlex.join(["thermocorr", *(sys.argv[1:] if arguments is None else arguments)])
     try:
