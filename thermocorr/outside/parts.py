@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,13 +15,15 @@ from ..effects.stream import walk
 from ..equations import LagState, TriangularFactor, lags_at_end
 from ..estimators.fitting import block_rows, reading_offset, sweep
 from ..estimators.threads import one_blas_thread
-from ..records import Layout, ParquetLog, Record, RecordError, SegmentStart, read_record
+from ..records import BLOCK_ROWS, Layout, ParquetLog, Record, RecordError, Segment, SegmentStart, read_record
 from ..records.record import Moments
 
 Part = Any
 """A `ParquetLog` or a DataFrame."""
 
 
+FORGOTTEN = 46.0
+"""Time constants after which a lag has forgotten its start: exp(-46) is below 1e-20."""
 KEPT_RECORDS = 64
 """Parts whose records a worker keeps, so as not to validate them again for every question."""
 _validated: dict[tuple[str, int], Record] = {}
@@ -118,15 +121,28 @@ def moments_of(part: Part, task: Task, column: Any, power: int) -> Moments:
 
 
 def ends_from_rest(part: Part, task: Task, signals: Sequence[Signal]) -> list[LagState]:
-    """State of each signal's lags at the end of a part, had they been at rest at its first sample."""
+    """State of each signal's lags at the end of a part, had they been at rest at its first sample.
+
+    Only the rows are read that the slowest lag still feels at the end.
+    """
     record = task.record(part)
+    slowest = max(float(np.max(signal.time_constants)) for signal in signals)
+    first = _first_felt(record, FORGOTTEN * slowest)
     states = [LagState(np.zeros(len(signal.time_constants)), np.nan) for signal in signals]
-    for block in record.blocks():
+    for block in replace(record, segments=(Segment(first, record.n_rows),)).blocks():
         for i, signal in enumerate(signals):
             values = block[signal.column]
-            state = states[i] if block.start else LagState(states[i].lag_difference, float(values[0]))
+            state = LagState(states[i].lag_difference, float(values[0])) if block.start == first else states[i]
             states[i] = lags_at_end(values, block.steps, signal.time_constants, state, hold=signal.hold)  # type: ignore[arg-type]
     return states
+
+
+def _first_felt(record: Record, seconds: float) -> int:
+    """First row of the last block that begins more than so many seconds before the end; 0 where none does."""
+    starts = range(0, record.n_rows, BLOCK_ROWS)
+    last = record.stamp(record.n_rows - 1)
+    forgotten = bisect_right(starts, -seconds, key=lambda row: record.times.between(record.stamp(row), last))
+    return starts[max(forgotten - 1, 0)]
 
 
 def sweep_part(
