@@ -5,7 +5,7 @@
    chaining inside the record: learn the past, forecast what follows, offset included.
 3. The smallest set of time constants whose span reproduces the reference's modelled reading within `TOLERANCE` of its
    residual variance, by forward greedy steps with exchanges. The target carries no noise: nothing to overfit.
-4. Fast time constants that the penalty has held down join where every fold is better with them (in `search`).
+4. Fast time constants that the penalty has held down join where nearly every fold is better with them (in `search`).
 
 Choosing sets by cross-validation on the readings themselves was tried first; on real records of one temperature sweep
 it picks too many time constants and forecasts badly.

@@ -8,7 +8,7 @@ import numpy as np
 from sklearn.base import clone
 
 from ..effects.protocol import Effect
-from ..estimators.holdout import held_out_residuals
+from ..estimators.holdout import held_out_residuals, time_blocks
 from ..estimators.regressor import DynamicBiasRegressor
 
 
@@ -16,6 +16,14 @@ def held_out_rms(model: DynamicBiasRegressor, X: Any, y: Any) -> float:
     """Rms residual of blocks of time, each under a model fitted without it, offset included."""
     residual = held_out_residuals(model, X, y)
     return float(np.sqrt(np.nanmean(residual**2)))
+
+
+def held_out_blocks(model: DynamicBiasRegressor, X: Any, y: Any) -> np.ndarray:
+    """The same of each block, and of all of them at the end; NaN for a block without a figure."""
+    residual = held_out_residuals(model, X, y)
+    parts = [residual[block] for block in time_blocks(len(residual), 5)]
+    known = [part[np.isfinite(part)] for part in (*parts, residual)]
+    return np.array([np.sqrt(np.mean(part**2)) if len(part) else np.nan for part in known])
 
 
 def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:

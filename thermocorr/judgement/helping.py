@@ -11,31 +11,40 @@ from sklearn.base import clone
 
 from ..effects.grids import longest_segment
 from ..estimators.regressor import DynamicBiasRegressor
-from .adding import held_out_rms, with_missing
+from .adding import held_out_blocks, with_missing
 from .trial import LEVEL, Key, Suspect, Trial, key_of
 
 SMALLEST_SHARE = 0.3
 """Share below which a suspect is not tried on held-out blocks."""
 CLEAR_HELP = 0.8
 """Held-out error with a suspect over that without, up to which it is named although other structure is left."""
+IN_EVERY_BLOCK = 0.99
+"""The same for each single block."""
+OF_TIME = ("drift", "log_ageing", "step", "initial_transient", "periodic")
+"""Effects of time alone."""
 TRIED = 3
 """Suspects that are tried so."""
 
 
 def helping(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, suspects: Sequence[Suspect]) -> list[Suspect]:
-    """The suspect whose addition lowers the error on held-out blocks most, if it lowers it clearly.
+    """The suspect whose addition lowers the error on held-out blocks most, if it lowers it clearly, and in every block.
 
     The last word where much of the structure has other causes: the model is fitted anew, time constants and all,
     without each block. Tried are the first suspects, and those that seem to help most with the time constants held.
+    Effects of time alone have no say here: a noise that wanders looks like them.
     """
-    before = held_out_rms(model, X, y)
-    tried = [s for s in suspects[:TRIED] if s.supported() and s.share >= SMALLEST_SHARE]
-    share = len(trial.data.reading) / model.reading_.n_readings
-    tried += [trial.suspect(i) for i in _by_blocks(trial, model.alpha_ * share, model.washout_)[:TRIED]]
-    tried = [suspect for suspect in tried if suspect.p_value <= LEVEL]
-    found = [held_out_rms(with_missing(model, clone(suspect.effect)), X, y) for suspect in tried]
-    best = int(np.argmin(found)) if found else -1
-    return [tried[best]] if found and found[best] <= CLEAR_HELP * before else []
+    before = held_out_blocks(model, X, y)
+    tried = [s for s in suspects[:TRIED] if s.supported() and s.share >= SMALLEST_SHARE and s.key[0] not in OF_TIME]
+    alpha = model.alpha_ * len(trial.data.reading) / model.reading_.n_readings
+    ranked = [trial.suspect(i) for i in _by_blocks(trial, alpha, model.washout_)]
+    tried += [s for s in ranked if s.key[1] is not None][:TRIED] + [s for s in ranked if s.key[1] is None][:1]
+    found: list[tuple[float, int]] = []
+    for i, suspect in enumerate(tried):
+        if suspect.p_value <= LEVEL:
+            ratios = held_out_blocks(with_missing(model, clone(suspect.effect)), X, y) / before
+            if np.nanmax(ratios) <= IN_EVERY_BLOCK:  # a cause helps throughout, a coincidence here and there
+                found.append((float(ratios[-1]), i))
+    return [tried[min(found)[1]]] if found and min(found)[0] <= CLEAR_HELP else []
 
 
 def _by_blocks(trial: Trial, alpha: float, washout: float) -> list[int]:
@@ -48,6 +57,8 @@ def _by_blocks(trial: Trial, alpha: float, washout: float) -> list[int]:
     started = data.seconds - data.seconds[np.searchsorted(data.segment, data.segment)] >= felt
     best: dict[Key, tuple[float, int]] = {}
     for i, effect in enumerate(trial.candidates):
+        if effect.kind in OF_TIME:
+            continue
         columns = np.column_stack((trial.own, trial.columns[i]))
         left = held_out_sum_of_squares(columns, data.reading, started, alpha)
         best[key_of(effect)] = min(best.get(key_of(effect), (np.inf, -1)), (left, i))

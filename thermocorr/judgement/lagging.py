@@ -24,7 +24,7 @@ FASTEST_LAG = 0.25
 """Fastest of them, in sampling steps: a device faster than the sampling shows as a lag of less than a step."""
 LONGEST_DECAY = 1 / 25
 """Start-up decays of that part, as a share of the segment: slower ones swallow drift and ageing."""
-SLIGHT = 0.12
+SLIGHT = 0.14
 """The same for a delay, rate or fast lag, judged on the samples themselves."""
 WEIGHTY = 0.2
 """The same for one that is to stand before another suspect."""
@@ -121,16 +121,21 @@ class Lagging:
         """Whether a lag found in the samples explains more than another suspect does, of these and of the averages."""
         if len(lag.judged.space) <= len(self.trial.data.reading) or not clearly(lag, WEIGHTY):
             return False
-        if explained_variance(lag) < explained_variance(other):
+        gain = lag.judged.gain(lag.basis)
+        if gain / (1 - gain) * lag.judged.noise.innovation_variance < self._explained(other):
             return False
         columns = averaged(self.trial.record, [other.effect], SAMPLES).columns[0]
         return lag.score > self._suspect(other.effect, columns, lag.judged, None).score + TIE
 
-
-def explained_variance(suspect: Suspect) -> float:
-    """What a suspect explains, in the square of the unit of the readings."""
-    gain = min(suspect.judged.gain(suspect.basis), 1 - 1e-12)
-    return gain / (1 - gain) * suspect.judged.noise.innovation_variance
+    def _explained(self, suspect: Suspect) -> float:
+        """Variance of the averages that a suspect explains beside the rich thermal part, in the unit of y squared."""
+        data = self.trial.data
+        columns = averaged(self.trial.record, [suspect.effect], one=data.one).columns[0]
+        left = [
+            residual_sum_of_squares(Q, data.reading)
+            for Q in (self.trial.base, np.column_stack((self.trial.base, columns)))
+        ]
+        return (left[0] - left[1]) / len(data.reading)
 
 
 def clearly(suspect: Suspect, enough: float = SLIGHT) -> bool:

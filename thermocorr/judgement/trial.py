@@ -13,7 +13,7 @@ from ..records import Record, RecordError
 from .averages import Averages, averaged
 from .evidence import Evidence, evidence, own_parts
 
-LEVEL = 0.005
+LEVEL = 0.001
 """Family-wise error probability below which a suspect is named."""
 FAIR_SHARE = 0.45
 """Share of the structured variance that the best suspect must explain: the larger of two causes has about half."""
