@@ -28,8 +28,12 @@ from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose, refine
 from thermocorr.datasets import make_record
 from thermocorr.effects import CATALOGUE
 
-TUNING_SEEDS = (0, 1, 2, 5, 10, 11, 20, 21, 22, 30, 31)
-REPORTING_SEEDS = tuple(range(100, 108))
+TUNING_SEEDS = tuple(
+    itertools.chain(
+        (0, 1, 2, 5, 10, 11, 20, 21, 22, 30, 31), range(40, 50), range(100, 104), range(120, 124), range(140, 165)
+    )
+)
+REPORTING_SEEDS = tuple(range(130, 138))
 SETTINGS = {"lab": (20_160, 60.0), "outdoor": (17_280, 600.0), "chamber": (23_040, 30.0)}
 DEVICES = ("slab", "plate", "layered", "box")
 NOISE = 0.2
