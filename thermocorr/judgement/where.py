@@ -19,6 +19,10 @@ from .averages import Averages, averaged
 TIME_BINS = 20
 VALUE_BINS = 10
 HOUR_BINS = 12
+TIME = 0.85
+"""Weight of stretches of time in the order: a slow residual is large somewhere by chance; what recurs says more."""
+RECORDED = 0.8
+"""The same for recorded columns, which are right by chance more easily than a temperature or an hour."""
 CHANCE = 3.0
 """Error beyond the noise, in standard deviations of the noise's own, below which there is no place to show."""
 ALLAN_COLUMNS = ["averaging_time", "deviation", "low", "high", "white", "excess"]
@@ -67,8 +71,9 @@ def where_it_fails(
         for condition, interval, inside in _bins(record, data, [*names, "temperature"], values)
         if inside.sum() >= 3
     ]
-    for row in rows:  # a column that is right by chance shall not hide a time or a temperature
-        row["concentration"] *= 0.8 if row["condition"] in map(str, recorded) else 1.0
+    weights = {**dict.fromkeys(map(str, recorded), RECORDED), "time": TIME}
+    for row in rows:
+        row["concentration"] *= weights.get(row["condition"], 1.0)
     rows += _frequencies(data, floor)
     frame = pd.DataFrame(rows)
     return frame.sort_values("concentration", ascending=False, ignore_index=True)[COLUMNS]
