@@ -365,8 +365,11 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         if self.products:  # the lags are chosen beside products of a coarse grid, lest they imitate these
             plain.set_params(products=False, effects=[*as_effects(self.effects), ("products", CoarseProducts())])
         found = search(plain, X, y, settings)
-        seen = spectrum_table(found.factored, found.reference) if found.factored and found.reference else None
-        return replace(found, factored=None, spectrum=seen)  # the factors hold the record, which would stay in memory
+        spectrum = None
+        if found.factored is not None and found.reference is not None:
+            table = spectrum_table(found.factored, found.reference)
+            spectrum = {str(name): column.to_numpy() for name, column in table.items()}
+        return replace(found, factored=None, spectrum=spectrum)  # the factors hold the record: it would stay in memory
 
     def _count(self) -> int | None:
         """How many time constants to choose: None leaves their number open, 0 means that they are given."""

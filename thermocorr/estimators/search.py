@@ -8,7 +8,6 @@ from numbers import Integral
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from ..effects import InitialTransient, ThermalLag
 from ..effects.thermal import seconds_array
@@ -117,8 +116,8 @@ class TimeConstantChoice:
     chosen: Tried | None = None
     reference: Reference | None = None
     factored: Factored | None = None
-    spectrum: pd.DataFrame | None = None
-    """Of a fitted `DynamicBiasRegressor`, see `thermocorr.estimators.resolution.spectrum_table`."""
+    spectrum: dict[str, np.ndarray] | None = None
+    """Of a fitted `DynamicBiasRegressor`: columns of `thermocorr.estimators.resolution.spectrum_table`."""
 
 
 def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings) -> TimeConstantChoice:

@@ -140,4 +140,6 @@ def _known(model: Any, fitted: Any) -> tuple[pd.DataFrame | None, pd.DataFrame |
     """Intervals of the time constants and the spectrum, as far as somebody has searched for them."""
     if hasattr(model, "spectrum_"):
         return model.time_constants_, model.spectrum_
-    return None, None if fitted.search_ is None else fitted.search_.spectrum
+    if fitted.search_ is None or fitted.search_.spectrum is None:
+        return None, None
+    return None, pd.DataFrame(fitted.search_.spectrum)
