@@ -128,7 +128,7 @@ class RemoteColumn:
         """Rows of the column: a number, a slice, or increasing row numbers."""
         if isinstance(rows, int | np.integer):
             return self[np.array([rows])][0]
-        wanted = np.arange(len(self))[rows] if isinstance(rows, slice) else np.asarray(rows)
+        wanted = np.arange(*rows.indices(len(self))) if isinstance(rows, slice) else np.asarray(rows)
         edges = np.cumsum([0, *self.log.lengths])
         numbers = np.unique(np.searchsorted(edges, wanted, side="right") - 1).tolist()
         local = [wanted[(wanted >= edges[i]) & (wanted < edges[i + 1])] - edges[i] for i in numbers]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -24,6 +26,10 @@ Part = Any
 
 FORGOTTEN = 46.0
 """Time constants after which a lag has forgotten its start: exp(-46) is below 1e-20."""
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
+"""Names of glibc's malloc.h."""
+LARGEST_KEPT = 16 * 2**20
+"""Largest array whose memory is kept [bytes]: larger than any of a block."""
 KEPT_RECORDS = 64
 """Parts whose records a worker keeps, so as not to validate them again for every question."""
 _validated: dict[tuple[str, int], Record] = {}
@@ -98,6 +104,7 @@ class Task:
 
 def look(part: Part, task: Task) -> Look:
     """Times, moments, first and last values of a part."""
+    keep_freed_memory()
     record = task.record(part)
     n = record.n_rows
     ends = [0, n - 1]
@@ -145,6 +152,22 @@ def _first_felt(record: Record, seconds: float) -> int:
     return starts[max(forgotten - 1, 0)]
 
 
+@cache
+def keep_freed_memory() -> None:
+    """Let a worker use the memory of one block again for the next, instead of returning it to the system each time.
+
+    Dask's workers give freed memory back at once (MALLOC_TRIM_THRESHOLD_, which also stops glibc from raising the size
+    from which it maps memory anew): fresh pages for every block cost more than the arithmetic on them. Without glibc
+    nothing is done.
+    """
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (AttributeError, OSError, TypeError):
+        return
+    mallopt(M_MMAP_THRESHOLD, LARGEST_KEPT)
+    mallopt(M_TRIM_THRESHOLD, 2 * LARGEST_KEPT)
+
+
 def sweep_part(
     part: Part,
     task: Task,
@@ -158,6 +181,7 @@ def sweep_part(
     offset: float,
 ) -> tuple[dict[int, TriangularFactor], list[Any]]:
     """Factors of a part's rows, by the number of their stretch, and the states at its end."""
+    keep_freed_memory()
     record = task.record(part, first_row)
     with one_blas_thread():
         steps = walk(
