@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from thermocorr import compare_variants
+from thermocorr.datasets import make_record
+from thermocorr.equations import moving_average
 
 
 @pytest.fixture(scope="module")
@@ -43,3 +45,16 @@ def test_held_out_residuals_cover_the_record(comparison, voltage):
     held_out = comparison.held_out_residuals
     assert held_out.index.equals(voltage[0].index)
     assert held_out.notna().mean().min() > 0.8  # only a start-up may be left out
+
+
+def test_the_moving_average_reaches_over_no_joint_of_runs():
+    record = make_record(3000, runs=3, seed=5)
+    X, y = record.drop(columns="reading"), record["reading"]
+    comparison = compare_variants(X, y, temperature="temperature", run="run", time_constants=["5 min"], window=51)
+    residual = comparison.residuals["static linear"].to_numpy()
+    parts = [moving_average(residual[(X["run"] == run).to_numpy()], 51) for run in X["run"].unique()]
+    assert comparison.frame()["std_smoothed"]["static linear"] == pytest.approx(
+        np.std(np.concatenate(parts)), rel=1e-12
+    )
+    across = np.std(moving_average(residual, 51))
+    assert comparison.frame()["std_smoothed"]["static linear"] != pytest.approx(across, rel=1e-6)

@@ -170,11 +170,13 @@ def compare_variants(
         outside[name] = held_out_residuals(
             variant, X, y, n_blocks=n_blocks, progress=lambda text, name=name: tell(f"{name}: {text}")
         )
+    record = read_record(X, fitted["static linear"].features_._layout(), y=y, quiet=True)
+    smooth = _Smoothing(record, blocks, window)
     raw = reading - np.nanmean(reading)
     before = float(np.nanstd(raw))
-    rows = {"before correction": {"std": before, "std_smoothed": _std(moving_average(raw, window))}}
+    rows = {"before correction": {"std": before, "std_smoothed": _std(smooth.whole(raw))}}
     for name in variants:
-        rows[name] = _figures(name, inside, outside, before, blocks, window)
+        rows[name] = _figures(name, inside, outside, before, smooth)
     index = X.index if isinstance(X, pd.DataFrame) else None
     return VariantComparison(
         pd.DataFrame.from_dict(rows, orient="index", columns=list(_TITLES)).rename_axis("variant"),
@@ -184,41 +186,54 @@ def compare_variants(
         fitted["static linear"].reading_.unit,
         window,
         len(blocks),
-        read_record(X, fitted["static linear"].features_._layout(), y=y, quiet=True),
+        record,
     )
 
 
+class _Smoothing:
+    """Moving averages, eqs. (9) (26), that reach over no joint: neither of runs nor of held-out blocks."""
+
+    def __init__(self, record: Record, blocks: list[slice], window: int):
+        self.window = window
+        self.segments = [
+            np.arange(record.n_rows)[record.rows(segment.start, segment.stop)] for segment in record.segments
+        ]
+        number = np.full(record.n_rows, -1)
+        for i, rows in enumerate(self.segments):
+            number[rows] = i
+        self.blocks = [
+            [block.start + np.flatnonzero(number[block] == i) for i in np.unique(number[block])] for block in blocks
+        ]
+
+    def whole(self, values: np.ndarray) -> np.ndarray:
+        """Smoothed inside each segment, in time order."""
+        return self._smoothed(values, self.segments)
+
+    def by_block(self, values: np.ndarray) -> list[np.ndarray]:
+        """Smoothed inside each held-out block."""
+        return [self._smoothed(values, pieces) for pieces in self.blocks]
+
+    def _smoothed(self, values: np.ndarray, pieces: list[np.ndarray]) -> np.ndarray:
+        return np.concatenate([moving_average(values[rows], self.window) for rows in pieces])
+
+
 def _figures(
-    name: str,
-    inside: dict[str, np.ndarray],
-    outside: dict[str, np.ndarray],
-    before: float,
-    blocks: list[slice],
-    window: int,
+    name: str, inside: dict[str, np.ndarray], outside: dict[str, np.ndarray], before: float, smooth: _Smoothing
 ) -> dict[str, float]:
-    smooth, held = moving_average(inside[name], window), _smooth_blocks(outside[name], blocks, window)
+    std, held = _std(smooth.whole(inside[name])), _within(smooth.by_block(outside[name]))
     figures = {
         "std": _std(inside[name]),
-        "std_smoothed": _std(smooth),
-        "reduction_db": reduction_db(_std(smooth), before),
+        "std_smoothed": std,
+        "reduction_db": reduction_db(std, before),
         "held_out_rms": _rms(outside[name]),
-        "held_out_std_smoothed": _within(held),
-        "held_out_reduction_db": reduction_db(_within(held), before),
+        "held_out_std_smoothed": held,
+        "held_out_reduction_db": reduction_db(held, before),
     }
     static = name.replace("dynamic", "static").removesuffix(" with products")
     if static != name:
-        figures["dynamic_vs_static_db"] = reduction_db(
-            figures["std_smoothed"], _std(moving_average(inside[static], window))
-        )
-        figures["held_out_dynamic_vs_static_db"] = reduction_db(
-            figures["held_out_std_smoothed"], _within(_smooth_blocks(outside[static], blocks, window))
-        )
+        figures["dynamic_vs_static_db"] = reduction_db(std, _std(smooth.whole(inside[static])))
+        figures["held_out_dynamic_vs_static_db"] = reduction_db(held, _within(smooth.by_block(outside[static])))
     return figures
-
-
-def _smooth_blocks(values: np.ndarray, blocks: list[slice], window: int) -> list[np.ndarray]:
-    """Moving average inside each block: it must not reach over a joint."""
-    return [moving_average(values[block], window) for block in blocks]
 
 
 def _within(blocks: list[np.ndarray]) -> float:
