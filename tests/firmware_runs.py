@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
 from thermocorr.effects import (
@@ -225,3 +226,9 @@ def errors(model, X, folder, dtype, n, variable=False, follows=False, kelvin=Fal
 def tool(name):
     """Path of a program, or None."""
     return shutil.which(name)
+
+
+needs_gcc = pytest.mark.skipif(tool("gcc") is None, reason="no C compiler: install gcc to run the exported code")
+ROWS = 20_000
+BOUNDS = {"double": 1e-12, "float": 1e-5}
+"""Promised share of the range of the bias. Measured: 1e-14 and 1e-6, see benchmarks/firmware.py for a million rows."""

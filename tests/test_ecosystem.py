@@ -112,7 +112,7 @@ def test_a_searched_model_does_not_carry_its_record_twice(lab):
 @pytest.mark.parametrize("kind", ["pandas", "polars"])
 def test_output_settings(kind, lab, model):
     X, y = lab
-    frames = pytest.importorskip(kind)
+    frames = pytest.importorskip(kind, reason=f"{kind} is not installed")
     plain = DiffusiveFeatures([300.0]).fit_transform(X)
     with sklearn.config_context(transform_output=kind):
         features = DiffusiveFeatures([300.0])
@@ -134,7 +134,7 @@ def test_set_output_for_one_transformer(lab):
     X, _ = lab
     columns = DiffusiveFeatures([300.0]).set_output(transform="pandas").fit_transform(X)
     assert columns.index.equals(X.index)
-    pl = pytest.importorskip("polars")
+    pl = pytest.importorskip("polars", reason="polars is not installed: pip install polars")
     assert isinstance(DiffusiveFeatures([300.0]).set_output(transform="polars").fit_transform(X), pl.DataFrame)
 
 
@@ -144,7 +144,7 @@ def test_set_output_for_one_transformer(lab):
 @pytest.fixture(scope="module")
 def polars(lab):
     """The lab's log as a polars frame with a column of dates, and its readings."""
-    pl = pytest.importorskip("polars")
+    pl = pytest.importorskip("polars", reason="polars is not installed: pip install polars")
     X, y = lab
     frame = pl.DataFrame({"time": X.index.to_numpy(), **{name: X[name].to_numpy() for name in X}})
     return pl, frame, pl.Series("reading", y.to_numpy())

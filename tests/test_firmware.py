@@ -6,25 +6,22 @@ import numpy as np
 import pandas as pd
 import pytest
 from firmware_runs import (
+    BOUNDS,
     KINDS,
     PERIOD,
+    ROWS,
     compile_c,
     errors,
     fitted,
     later,
+    needs_gcc,
     run_c,
     start_of,
-    tool,
 )
 
 from thermocorr.effects import CATALOGUE, Covariate, Drift, LagProducts, Rate, Step
 from thermocorr.outside.firmware import export_c
 from thermocorr.outside.firmware.language import Operations, count_operations
-
-needs_gcc = pytest.mark.skipif(tool("gcc") is None, reason="no C compiler: install gcc to run the exported code")
-ROWS = 20_000
-BOUNDS = {"double": 1e-12, "float": 1e-5}
-"""Promised share of the range of the bias. Measured: 1e-14 and 1e-6, see benchmarks/firmware.py for a million rows."""
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from firmware_runs import (
     ALL_AT_ONCE,
+    BOUNDS,
     KINDS,
     PERIOD,
     WARNINGS,
@@ -19,6 +20,7 @@ from firmware_runs import (
     errors,
     fitted,
     later,
+    needs_gcc,
     run_c,
     start_of,
     tool,
@@ -30,11 +32,6 @@ from thermocorr.effects import Covariate, Delay, Drift, Effect, Rate, ThermalLag
 from thermocorr.outside import cli
 from thermocorr.outside.firmware import export_c
 from thermocorr.outside.firmware.language import comment, identifier, number
-
-needs_gcc = pytest.mark.skipif(tool("gcc") is None, reason="no C compiler: install gcc to run the exported code")
-ROWS = 20_000
-BOUNDS = {"double": 1e-12, "float": 1e-5}
-"""Promised share of the range of the bias. Measured: 1e-14 and 1e-6, see benchmarks/firmware.py for a million rows."""
 
 
 @pytest.fixture(scope="module")

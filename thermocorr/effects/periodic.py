@@ -38,6 +38,7 @@ class Periodic(Effect):
     """
 
     kind = "periodic"
+    of_time_alone = True
     info = EffectInfo(
         physics="Sun, air conditioning, mains load or tides act with a fixed period and were not recorded.",
         bench_check="Log the suspected cause too (light, mains voltage, the fan's switch), or move the instrument "

@@ -54,6 +54,8 @@ class Effect(BaseEstimator):
     """Stable identifier of the physical cause."""
     info: ClassVar[EffectInfo | None] = None
     """What the catalogue says about it."""
+    of_time_alone: ClassVar[bool] = False
+    """True for what needs nothing but the clock: a noise that wanders can look like it."""
     removed_by_correct: bool = True
     """False for what the user wants to keep in the corrected reading, such as the drift of a standard."""
     _parameter_constraints: ClassVar[dict[str, Any]] = {}

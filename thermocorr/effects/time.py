@@ -36,6 +36,7 @@ class Drift(Effect):
     """
 
     kind = "drift"
+    of_time_alone = True
     info = EffectInfo(
         physics="The instrument or the standard ages at a steady rate.",
         bench_check="Compare with a second standard of known history at the beginning and at the end, at the same "
@@ -90,6 +91,7 @@ class LogAgeing(Effect):
     """
 
     kind = "log_ageing"
+    of_time_alone = True
     info = EffectInfo(
         physics="Stress relaxes and adhesives creep at ever slower rates after assembly, transport or switching on.",
         bench_check="Disturb the instrument again (transport, power cycle, a large temperature excursion): the same "
@@ -183,6 +185,7 @@ class Step(Effect):
     """
 
     kind = "step"
+    of_time_alone = True
     info = EffectInfo(
         physics="A shock, a change of range or a replaced part moved the reading once and for all.",
         bench_check="Look in the laboratory's log book at that moment; repeat the suspected action and see the reading "

@@ -32,6 +32,7 @@ class InitialTransient(Effect):
     """
 
     kind = "initial_transient"
+    of_time_alone = True
     info = EffectInfo(
         physics="The device was not at rest when the record began: warm-up after switching on, or settling after it "
         "was moved.",

@@ -11,17 +11,19 @@ from ..effects.protocol import Effect
 from ..estimators.holdout import held_out_residuals, time_blocks
 from ..estimators.regressor import DynamicBiasRegressor
 
+N_BLOCKS = 5
+"""Blocks of time that are held out."""
+
 
 def held_out_rms(model: DynamicBiasRegressor, X: Any, y: Any) -> float:
     """Rms residual of blocks of time, each under a model fitted without it, offset included."""
-    residual = held_out_residuals(model, X, y)
-    return float(np.sqrt(np.nanmean(residual**2)))
+    return float(held_out_blocks(model, X, y)[-1])
 
 
 def held_out_blocks(model: DynamicBiasRegressor, X: Any, y: Any) -> np.ndarray:
     """The same of each block, and of all of them at the end; NaN for a block without a figure."""
-    residual = held_out_residuals(model, X, y)
-    parts = [residual[block] for block in time_blocks(len(residual), 5)]
+    residual = held_out_residuals(model, X, y, n_blocks=N_BLOCKS)
+    parts = [residual[block] for block in time_blocks(len(residual), N_BLOCKS)]
     known = [part[np.isfinite(part)] for part in (*parts, residual)]
     return np.array([np.sqrt(np.mean(part**2)) if len(part) else np.nan for part in known])
 

@@ -11,7 +11,7 @@ from sklearn.base import clone
 
 from ..effects.grids import longest_segment
 from ..estimators.regressor import DynamicBiasRegressor
-from .adding import held_out_blocks, with_missing
+from .adding import N_BLOCKS, held_out_blocks, with_missing
 from .trial import LEVEL, Key, Suspect, Trial, key_of
 
 SMALLEST_SHARE = 0.3
@@ -20,8 +20,6 @@ CLEAR_HELP = 0.8
 """Held-out error with a suspect over that without, up to which it is named although other structure is left."""
 IN_EVERY_BLOCK = 0.99
 """The same for each single block."""
-OF_TIME = ("drift", "log_ageing", "step", "initial_transient", "periodic")
-"""Effects of time alone."""
 TRIED = 3
 """Suspects that are tried so."""
 
@@ -34,7 +32,7 @@ def helping(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, suspects:
     Effects of time alone have no say here: a noise that wanders looks like them.
     """
     before = held_out_blocks(model, X, y)
-    tried = [s for s in suspects[:TRIED] if s.supported() and s.share >= SMALLEST_SHARE and s.key[0] not in OF_TIME]
+    tried = [s for s in suspects[:TRIED] if s.supported() and s.share >= SMALLEST_SHARE and not s.effect.of_time_alone]
     alpha = model.alpha_ * len(trial.data.reading) / model.reading_.n_readings
     ranked = [trial.suspect(i) for i in _by_blocks(trial, alpha, model.washout_)]
     tried += [s for s in ranked if s.key[1] is not None][:TRIED] + [s for s in ranked if s.key[1] is None][:1]
@@ -57,7 +55,7 @@ def _by_blocks(trial: Trial, alpha: float, washout: float) -> list[int]:
     started = data.seconds - data.seconds[np.searchsorted(data.segment, data.segment)] >= felt
     best: dict[Key, tuple[float, int]] = {}
     for i, effect in enumerate(trial.candidates):
-        if effect.kind in OF_TIME:
+        if effect.of_time_alone:
             continue
         columns = np.column_stack((trial.own, trial.columns[i]))
         left = held_out_sum_of_squares(columns, data.reading, started, alpha)
@@ -65,14 +63,12 @@ def _by_blocks(trial: Trial, alpha: float, washout: float) -> list[int]:
     return [i for _, i in sorted(best.values())]
 
 
-def held_out_sum_of_squares(
-    columns: np.ndarray, reading: np.ndarray, scored: np.ndarray, alpha: float, n_blocks: int = 5
-) -> float:
+def held_out_sum_of_squares(columns: np.ndarray, reading: np.ndarray, scored: np.ndarray, alpha: float) -> float:
     """What a ridge fit leaves of the `scored` rows of blocks of time that it did not see; column 0 is the constant."""
     scales = np.linalg.norm(columns[:, 1:] - columns[:, 1:].mean(axis=0), axis=0) / np.sqrt(len(columns))
     scaled = columns / np.concatenate(([1.0], np.where(scales > 0, scales, 1.0)))
     penalty = alpha * np.diag([0.0, *np.ones(len(scales))])
-    edges = np.linspace(0, len(reading), n_blocks + 1).astype(int)
+    edges = np.linspace(0, len(reading), N_BLOCKS + 1).astype(int)
     grams = [scaled[low:high].T @ scaled[low:high] for low, high in pairwise(edges)]
     moments = [scaled[low:high].T @ reading[low:high] for low, high in pairwise(edges)]
     gram, moment = sum(grams) + penalty, sum(moments)

@@ -24,14 +24,14 @@ FASTEST_LAG = 0.25
 """Fastest of them, in sampling steps: a device faster than the sampling shows as a lag of less than a step."""
 LONGEST_DECAY = 1 / 25
 """Start-up decays of that part, as a share of the segment: slower ones swallow drift and ageing."""
+MINOR = 0.15
+"""What a lag explains, over the noise of one sample, below which the model's thermal part is good enough."""
 SLIGHT = 0.14
 """The same for a delay, rate or fast lag, judged on the samples themselves."""
 WEIGHTY = 0.2
 """The same for one that is to stand before another suspect."""
 SAMPLES = 40_000
 """Samples (or averages of longer records) on which delays and fast lags are told apart."""
-MINOR = 0.15
-"""What a lag explains, over the noise of one sample, below which the model's thermal part is good enough."""
 
 
 def thermal_parts(model: DynamicBiasRegressor, record: Record) -> tuple[list[Effect], list[Effect]]:
@@ -121,21 +121,12 @@ class Lagging:
         """Whether a lag found in the samples explains more than another suspect does, of these and of the averages."""
         if len(lag.judged.space) <= len(self.trial.data.reading) or not clearly(lag, WEIGHTY):
             return False
-        gain = lag.judged.gain(lag.basis)
-        if gain / (1 - gain) * lag.judged.noise.innovation_variance < self._explained(other):
+        gain, data = lag.judged.gain(lag.basis), self.trial.data
+        slow = self.trial.explained(averaged(self.trial.record, [other.effect], one=data.one).columns[0])
+        if gain / (1 - gain) * lag.judged.noise.innovation_variance < slow / len(data.reading):
             return False
         columns = averaged(self.trial.record, [other.effect], SAMPLES).columns[0]
         return lag.score > self._suspect(other.effect, columns, lag.judged, None).score + TIE
-
-    def _explained(self, suspect: Suspect) -> float:
-        """Variance of the averages that a suspect explains beside the rich thermal part, in the unit of y squared."""
-        data = self.trial.data
-        columns = averaged(self.trial.record, [suspect.effect], one=data.one).columns[0]
-        left = [
-            residual_sum_of_squares(Q, data.reading)
-            for Q in (self.trial.base, np.column_stack((self.trial.base, columns)))
-        ]
-        return (left[0] - left[1]) / len(data.reading)
 
 
 def clearly(suspect: Suspect, enough: float = SLIGHT) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -165,14 +166,20 @@ class Trial:
             judged = replace(judged, space=space, bases=bases)
         return most, judged.wanders(self.rng)
 
+    def explained(self, columns: np.ndarray) -> float:
+        """Sum of squares of the averages that columns explain beside the rich thermal part."""
+        more = np.column_stack((self.base, columns))
+        return self._left - residual_sum_of_squares(more, self.data.reading)
+
+    @cached_property
+    def _left(self) -> float:
+        """Sum of squares that the rich thermal part leaves."""
+        return residual_sum_of_squares(self.base, self.data.reading)
+
     def _structured_share(self, i: int) -> float:
         """Share of the structured variance (base residual less white noise) that candidate i explains."""
-        left = [
-            residual_sum_of_squares(Q, self.data.reading)
-            for Q in (self.base, np.column_stack((self.base, self.columns[i])))
-        ]
-        structured = left[0] - len(self.base) * self.evidence.noise.innovation_variance
-        return float(np.clip((left[0] - left[1]) / max(structured, 1e-300), 0.0, 1.0))
+        structured = self._left - len(self.base) * self.evidence.noise.innovation_variance
+        return float(np.clip(self.explained(self.columns[i]) / max(structured, 1e-300), 0.0, 1.0))
 
     @property
     def floor(self) -> float:
