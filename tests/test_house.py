@@ -12,7 +12,8 @@ import thermocorr
 
 PACKAGE = Path(thermocorr.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
-FLOORS = {"equations": 0, "records": 1, "datasets": 1, "effects": 2, "estimators": 3, "judgement": 4, "outside": 5}
+FLOORS = {"equations": 0, "records": 1, "datasets": 1, "effects": 2, "estimators": 3, "files": 4}
+FLOORS |= {"judgement": 5, "outside": 6}
 TOP = "thermocorr"
 
 

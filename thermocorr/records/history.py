@@ -179,7 +179,7 @@ class History:
 
     def _place_rows(self, record: Record) -> Record:
         """Rows without times: those that repeat fitted rows are these, others follow directly on the fitted ones."""
-        first_row = self._find_rows(record)
+        first_row = self.first_row(record)
         times = record.times
         placed = Times(times.n, times.kind, None, times.per_second, times.period, first_row)
         return Record(
@@ -192,7 +192,8 @@ class History:
             record.notes,
         )
 
-    def _find_rows(self, record: Record) -> int:
+    def first_row(self, record: Record) -> int:
+        """Number of a record's first row: that of the fitted rows which it repeats, else it follows on them."""
         first = record.segments[0]
         kept = self.record.columns
         assert self.record.times.ticks is not None
@@ -218,6 +219,19 @@ class History:
             if self._repeats(record, first_row, numbers):
                 return first_row
         return self.n_fitted
+
+    def row_of(self, values: Mapping[object, float]) -> int:
+        """Number of the fitted row with these values, where every row has its own; else the first after the fitted.
+
+        Where fitted rows hardly ever repeat their digits, a new row repeats an old one's by chance in about one case of
+        their number; where they do repeat, one row cannot tell.
+        """
+        kept = np.column_stack([self.record.columns[name] for name in self.record.columns])
+        found = np.flatnonzero((kept == [values[name] for name in self.record.columns]).all(axis=1))
+        if self.stride > 1 or len(found) != 1 or len(np.unique(kept, axis=0)) < len(kept):
+            return self.n_fitted
+        assert self.record.times.ticks is not None
+        return int(self.record.times.ticks[found[0]])
 
     def _repeats(self, record: Record, first_row: int, numbers: NDArray[np.intp]) -> bool:
         inside = (numbers >= first_row) & (numbers < first_row + record.n_rows)

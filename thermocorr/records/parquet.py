@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from .errors import RecordError, listing
 from .log import Log
 from .times import Kind, Times
+from .types import ColumnKind, kind_of_arrow, require_role
 
 _PER_SECOND = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
+_UNIT = {per_second: unit for unit, per_second in _PER_SECOND.items()}
 
 
 class ParquetLog(Log):
@@ -47,14 +49,10 @@ class ParquetLog(Log):
     def __init__(
         self, paths: str | PathLike[str] | Sequence[str | PathLike[str]], row_groups: Sequence[int] | None = None
     ):
-        try:
-            from pyarrow import parquet
-        except ImportError:
-            raise ImportError("Reading Parquet needs pyarrow: pip install 'thermocorr[parquet]'.") from None
         several = not isinstance(paths, str | PathLike)
         self.paths: list[str] = [str(path) for path in paths] if several else [str(paths)]  # type: ignore[union-attr]
         self.row_groups = None if row_groups is None else list(row_groups)
-        self._files = [parquet.ParquetFile(path, memory_map=False) for path in self.paths]
+        self._files = [open_parquet(path) for path in self.paths]
         self._schema = self._files[0].schema_arrow
         for path, file in zip(self.paths, self._files, strict=True):
             if file.schema_arrow.names != self._schema.names:
@@ -94,9 +92,13 @@ class ParquetLog(Log):
         return None
 
     def __getitem__(self, name: str) -> ParquetColumn:
+        return ParquetColumn(self, name)
+
+    def field_type(self, name: str) -> Any:
+        """Arrow's type of a column; RecordError where there is none of that name."""
         if name not in self._schema.names:
             raise RecordError(f"There is no column {name!r} in the file. Its columns are {listing(self.columns)}.")
-        return ParquetColumn(self, name)
+        return self._schema.field(name).type
 
     def parts(self, count: int) -> list[ParquetLog]:
         """The log cut at its row groups into at most `count` logs of similar length."""
@@ -107,35 +109,27 @@ class ParquetLog(Log):
 
     def times(self, name: str) -> Times:
         """Times from a column of dates, spans or seconds."""
-        kind, per_second = time_kind(str(self._schema.field(name).type), name)
-        return Times(len(self), kind, self[name], per_second)  # type: ignore[arg-type]
+        column = TimeColumn(self, name)
+        return Times(len(self), column.time_kind, column, column.per_second)  # type: ignore[arg-type]
 
-    def read_group(self, group: int, name: str) -> NDArray[Any]:
-        """One column of one row group as numbers."""
+    def read_group(self, group: int, name: str) -> Any:
+        """One column of one row group, as Arrow has it."""
         file, i = self._groups[group]
-        column = file.read_row_group(i, columns=[name], use_threads=False).column(name)
-        kind = str(column.type)
-        if kind.startswith(("timestamp", "duration", "date")):
-            if column.null_count:
-                row = int(self.edges[group]) + int(np.argmax(column.is_null().to_numpy()))
-                raise RecordError(f"The column {name!r} has no time in row {row}. Every row needs its time.")
-            return np.asarray(column.to_numpy().view("i8"))
-        if kind.startswith(("int", "uint", "float", "double", "halffloat", "bool")):
-            values = column.to_numpy()
-            return np.asarray(values.astype(np.float64) if values.dtype == object else values)
-        raise RecordError(
-            f"The column {name!r} holds {kind}, not numbers. Convert it when the file is written, or read the file "
-            "with pandas to see which rows are no numbers."
-        )
+        return file.read_row_group(i, columns=[name], use_threads=False).column(name)
 
 
 class ParquetColumn:
-    """A column of a `ParquetLog` that is read when it is sliced; the last row group is kept."""
+    """A column of a `ParquetLog` that is read when it is sliced; the last row group is kept.
+
+    Numbers and switches come as float64, dates and spans as numpy has them, text as objects.
+    """
 
     ndim = 1
 
     def __init__(self, log: ParquetLog, name: str):
         self.log, self.name = log, name
+        self.type_name = str(log.field_type(name))
+        self.kind: ColumnKind = kind_of_arrow(self.type_name)
         self._held: tuple[int, NDArray[Any]] | None = None
         self.dtype = self._group(0).dtype if len(log) else np.dtype(float)
 
@@ -183,19 +177,57 @@ class ParquetColumn:
 
     def _group(self, group: int) -> NDArray[Any]:
         if self._held is None or self._held[0] != group:
-            self._held = (group, self.log.read_group(group, self.name))
+            self._held = (group, self._values(self.log.read_group(group, self.name), int(self.log.edges[group])))
         return self._held[1]
+
+    def _values(self, column: Any, first_row: int) -> NDArray[Any]:
+        """A stretch of the column, from row `first_row` on."""
+        if self.kind in ("number", "switch"):
+            return np.asarray(column.cast("float64").to_numpy(), np.float64)
+        return np.asarray(column.to_numpy() if self.kind in ("date", "span") else column.to_pylist())
+
+
+class TimeColumn(ParquetColumn):
+    """The times of a `ParquetLog`: integer ticks of dates and spans, or seconds."""
+
+    def __init__(self, log: ParquetLog, name: str):
+        self.type_name = str(log.field_type(name))
+        self.time_kind, self.per_second = time_kind(self.type_name, name)
+        super().__init__(log, name)
+
+    def _values(self, column: Any, first_row: int) -> NDArray[Any]:
+        values = super()._values(column, first_row)
+        missing = np.isnan(values) if values.dtype.kind == "f" else np.isnat(values)
+        if missing.any():
+            row = first_row + int(missing.argmax())
+            raise RecordError(f"The column {self.name!r} has no time in row {row}. Every row needs its time.")
+        if values.dtype.kind == "f":
+            return values
+        return values.astype(f"{values.dtype.str[1]}8[{_UNIT[self.per_second]}]").view("i8")
+
+
+def open_parquet(path: str | PathLike[str]) -> Any:
+    """A Parquet file; RecordError for one that is none, ImportError where pyarrow is not installed."""
+    try:
+        from pyarrow import ArrowException, parquet
+    except ImportError:
+        raise ImportError("Reading Parquet needs pyarrow: pip install 'thermocorr[parquet]'.") from None
+    try:
+        return parquet.ParquetFile(path, memory_map=False)
+    except (ArrowException, ValueError) as error:
+        raise RecordError(f"{path} cannot be read as a table of Parquet: {' '.join(str(error).split())}.") from None
 
 
 def time_kind(type_name: str, column: str) -> tuple[Kind, int]:
     """Kind of times and ticks per second of an Arrow type such as ``timestamp[us, tz=UTC]``."""
-    if type_name.startswith(("timestamp", "duration")):
-        unit = type_name.split("[")[1].split("]")[0].split(",")[0]
-        if type_name.startswith("duration"):
-            return "timedelta", _PER_SECOND[unit]
-        return ("datetime with time zone" if "tz=" in type_name else "datetime"), _PER_SECOND[unit]
-    if type_name.startswith(("double", "float", "int", "uint")):
+    what, kind = f"The time column {column!r}", kind_of_arrow(type_name)
+    require_role(kind, "time", what, type_name)
+    if kind == "number":
         return "seconds", 1
-    raise RecordError(
-        f"The time column {column!r} holds {type_name}. Write dates, spans or seconds, not text, to a Parquet file."
-    )
+    if kind == "text":
+        raise RecordError(f"{what} holds {type_name}. Write dates, spans or seconds, not text, to a Parquet file.")
+    unit = type_name.split("[")[1].split("]")[0].split(",")[0] if "[" in type_name else "s"
+    per_second = _PER_SECOND.get(unit, 1)  # dates without a clock count days
+    if kind == "span":
+        return "timedelta", per_second
+    return ("datetime with time zone" if "tz=" in type_name else "datetime"), per_second

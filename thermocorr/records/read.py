@@ -12,10 +12,12 @@ import pandas as pd
 from numpy.typing import NDArray
 from sklearn.utils import column_or_1d
 
+from .cells import LARGEST, is_missing
 from .errors import RecordError, RecordWarning, listing, times_word
 from .log import Log
 from .record import Record, Segment
 from .times import Times, seconds_of, times_from
+from .types import Role, kind_of, require_role
 
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
@@ -147,7 +149,7 @@ def temperature_column(X: Any, layout: Layout, quiet: bool = False) -> object:
     return wanted
 
 
-def numeric_column(X: Any, column: object, role: str = "column") -> NDArray[Any]:
+def numeric_column(X: Any, column: object, role: Role = "column") -> NDArray[Any]:
     """A column as numbers: a view where the data allow it. NaN marks missing values; infinities are refused."""
     if is_frame(X):
         if column not in X.columns:
@@ -160,7 +162,7 @@ def numeric_column(X: Any, column: object, role: str = "column") -> NDArray[Any]
             raise RecordError(f"The name {column!r} stands over {values.shape[1]} columns. Give columns unique names.")
     else:
         values = X[:, column]
-    return as_numbers(values, f"{role.capitalize()} {column!r}")
+    return as_numbers(values, f"{role.capitalize()} {column!r}", role)
 
 
 def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
@@ -180,7 +182,9 @@ def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
                 f"X and y have different times: in row {row}, X has {X.index[row]} and y has {y.index[row]}. "
                 "Align them first, for example with y.reindex(X.index)."
             )
-    values = as_numbers(y if isinstance(y, pd.Series) or isinstance(X, Log) else np.asarray(y), "The reading y")
+    values = as_numbers(
+        y if isinstance(y, pd.Series) or isinstance(X, Log) else np.asarray(y), "The reading y", "reading"
+    )
     if values.ndim == 2 and values.shape[1] == 1:
         values = column_or_1d(values, warn=True)
     if values.ndim != 1:
@@ -190,31 +194,44 @@ def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
     return values
 
 
-def as_numbers(values: Any, what: str) -> NDArray[Any]:
+def as_numbers(values: Any, what: str, role: Role = "column") -> NDArray[Any]:
     """Numbers with NaN for missing ones; text, complex numbers, dates and infinities are refused by row."""
-    dtype = values.dtype
-    if pd.api.types.is_complex_dtype(dtype):
-        raise RecordError(f"{what} holds complex numbers. Complex data not supported: pass real numbers.")
-    if pd.api.types.is_datetime64_any_dtype(dtype) or pd.api.types.is_timedelta64_dtype(dtype):
-        raise RecordError(
-            f"{what} holds times ({dtype}) where numbers are needed. Is it the time column? Pass time=..."
-        )
-    if not pd.api.types.is_numeric_dtype(dtype):
+    kind = kind_of(values)
+    require_role(kind, role, what, str(getattr(values, "type_name", values.dtype)))
+    if kind == "text":
+        if isinstance(getattr(values, "log", None), Log):
+            raise RecordError(
+                f"{what} holds {values.type_name}, not numbers. Convert it when the file is written, or read the file "
+                "with pandas to see which rows are no numbers."
+            )
         values = _parse_numbers(values, what)
     if isinstance(values, pd.Series):
         values = (
             values.to_numpy() if isinstance(values.dtype, np.dtype) else values.to_numpy(dtype=float, na_value=np.nan)
         )
     for start in range(0, len(values), _CHUNK):
-        chunk = values[start : start + _CHUNK]
-        with np.errstate(invalid="ignore"):
-            total = chunk.sum(dtype=float)
-        if not np.isfinite(total) and np.isinf(chunk).any():
-            row = start + int(np.isinf(chunk).argmax())
-            raise RecordError(
-                f"{what} contains infinity in row {row}. Replace it by NaN if there is no value, or by the right one."
-            )
+        _refuse_absurd(values[start : start + _CHUNK], start, what)
     return values  # type: ignore[no-any-return]
+
+
+def _refuse_absurd(chunk: Any, first_row: int, what: str) -> None:
+    """Refuse infinities, and numbers that no instrument shows: their squares would not be numbers."""
+    if chunk.dtype.kind != "f" or not len(chunk):
+        return
+    high, low = float(np.fmax.reduce(chunk, axis=None)), float(np.fmin.reduce(chunk, axis=None))
+    if not max(high, -low) > LARGEST:
+        return
+    absurd = (chunk > LARGEST) | (chunk < -LARGEST) if chunk.dtype.itemsize > 4 else np.isinf(chunk)
+    place = int(np.flatnonzero(absurd.reshape(len(chunk), -1).any(axis=1))[0])
+    row, value = first_row + place, chunk[absurd][0]
+    if np.isinf(value):
+        raise RecordError(
+            f"{what} contains infinity in row {row}. Replace it by NaN if there is no value, or by the right one."
+        )
+    raise RecordError(
+        f"{what} is {value:.6g} in row {row}: no measurement is that large. Replace it by NaN if there is no value, "
+        "or by the right one."
+    )
 
 
 def _parse_numbers(values: Any, what: str) -> NDArray[Any]:
@@ -222,6 +239,7 @@ def _parse_numbers(values: Any, what: str) -> NDArray[Any]:
     for row, value in enumerate(series.head(1000)):  # pandas would coerce dicts and lists without a word
         if isinstance(value, dict | list | tuple | set):
             raise TypeError(f"{what}: argument must be a string or a number, row {row} holds {value!r}.")
+    series = series.where(~series.map(lambda value: isinstance(value, str) and is_missing(value)), None)
     numbers = pd.to_numeric(series, errors="coerce")
     bad = (numbers.isna() & series.notna()).to_numpy()
     if bad.any():

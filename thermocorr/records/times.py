@@ -15,7 +15,13 @@ Floats = NDArray[np.float64]
 Rows = slice | NDArray[np.intp]
 Kind = Literal["datetime", "datetime with time zone", "timedelta", "seconds", "rows"]
 _NS = 1_000_000_000
+BEYOND = "Times may lie 292 years from 1970 at most. Is the date damaged?"
 _UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": _NS}
+_DAY = "(?:[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}|[0-9]{8})"
+_CLOCK = "[T ][0-9]{2}(?::?[0-9]{2}(?::?[0-9]{2}(?:[.][0-9]+)?)?)?"
+_ZONE = " ?(?:Z|[+-][0-9]{2}(?::?[0-9]{2})?)"
+_ISO_8601 = f"{_DAY}(?:{_CLOCK}(?:{_ZONE})?)?"
+_ZONED = f"{_DAY}{_CLOCK}{_ZONE}"
 
 
 @dataclass(frozen=True)
@@ -121,7 +127,8 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
         kind = "datetime with time zone"
         values = values.dt.tz_convert("UTC").dt.tz_localize(None)
     ticks = values.to_numpy()
-    return Times(n, kind, ticks.view("i8"), _UNITS[np.datetime_data(ticks.dtype)[0]])
+    per_second = _UNITS[np.datetime_data(ticks.dtype)[0]]
+    return Times(n, kind, _within_range(ticks.view("i8"), per_second, where), per_second)
 
 
 def _times_of_index(index: pd.DatetimeIndex | pd.TimedeltaIndex, where: str) -> Times:
@@ -132,7 +139,18 @@ def _times_of_index(index: pd.DatetimeIndex | pd.TimedeltaIndex, where: str) -> 
     kind: Kind = "timedelta"
     if isinstance(index, pd.DatetimeIndex):
         kind = "datetime" if index.tz is None else "datetime with time zone"
-    return Times(len(index), kind, ticks, _UNITS[index.unit])
+    per_second = _UNITS[index.unit]
+    return Times(len(index), kind, _within_range(ticks, per_second, where), per_second)
+
+
+def _within_range(ticks: NDArray[Any], per_second: int, where: str) -> NDArray[Any]:
+    """The ticks; RecordError where one of them is no integer of nanoseconds: stamps are."""
+    limit = np.iinfo(np.int64).max // (_NS // per_second)
+    if per_second < _NS and len(ticks) and (ticks.max() > limit or ticks.min() < -limit):
+        row = int(np.argmax((ticks > limit) | (ticks < -limit)))
+        date = pd.Timestamp(int(ticks[row]) // per_second, unit="s")
+        raise RecordError(f"{where} is {date} in row {row}. {BEYOND}")
+    return ticks
 
 
 def _refuse_missing(missing: NDArray[np.bool_], where: str) -> None:
@@ -146,13 +164,13 @@ def _refuse_missing(missing: NDArray[np.bool_], where: str) -> None:
 def _parse(values: pd.Series[Any], where: str) -> pd.Series[Any]:
     """Text to dates; all zones become UTC, so that summer time cannot fold an hour."""
     text = values.astype("string")
+    text = text.str.strip()
     numbers = pd.to_numeric(text, errors="coerce")
     if len(values) and numbers.notna().all():
         raise RecordError(
             f"{where} holds numbers written as text, such as {values.iloc[0]!r}. Convert it to float (seconds) first."
         )
-    zoned = bool(text.str.contains(r"(?:Z|:\d{2}(?:\.\d+)?[+-]\d{2}|[+-]\d{2}:?\d{2})$", regex=True, na=False).any())
-    parsed = pd.to_datetime(text, errors="coerce", format="ISO8601", utc=zoned)
+    parsed = _parse_dates(text)
     bad = (parsed.isna() & text.notna()).to_numpy()
     if bad.any():
         row = int(bad.argmax())
@@ -162,6 +180,19 @@ def _parse(values: pd.Series[Any], where: str) -> pd.Series[Any]:
             "numbers."
         )
     return parsed
+
+
+def _parse_dates(text: pd.Series[Any]) -> pd.Series[Any]:
+    """Dates of texts in the forms of ISO 8601, from year to day at least; NaT for others, such as "now" or "2024"."""
+    whole = text.str.fullmatch(_ISO_8601, na=False)
+    zoned = bool(text.str.fullmatch(_ZONED, na=False).any())
+    return pd.to_datetime(text.where(whole), errors="coerce", format="ISO8601", utc=zoned)
+
+
+def date_of_text(text: str) -> Any:
+    """One date as a column of dates is read; NaT for what is none."""
+    parsed = _parse_dates(pd.Series([text], dtype="string"))
+    return parsed.iloc[0]
 
 
 def seconds_of(value: object, name: str) -> float:

@@ -1,0 +1,71 @@
+"""What may stand in a cell of a table of text: a number, nothing, true or false, the label of a run. One grammar."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection
+from typing import Any
+
+from .errors import RecordError
+
+MISSING = frozenset((
+    "", "NA", "N/A", "n/a", "#N/A", "#N/A N/A", "#NA", "<NA>", "NaN", "nan", "-NaN", "-nan", "NULL", "null", "None",
+    "1.#IND", "-1.#IND", "1.#QNAN", "-1.#QNAN",
+))  # fmt: skip
+"""What stands in a cell where there is no value; blanks around it do not count. The list that pandas has."""
+LARGEST = 1e40
+"""A number beyond this is no measurement. Squares and cubes of smaller ones stay within double precision."""
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_SWITCH = {"True": 1.0, "TRUE": 1.0, "true": 1.0, "False": 0.0, "FALSE": 0.0, "false": 0.0}
+_BLANKS = " \t"
+
+
+def is_missing(text: str) -> bool:
+    """Whether a cell is empty, or says so."""
+    return text.strip(_BLANKS) in MISSING
+
+
+def number(text: str, what: str, switch: bool = False) -> float:
+    """The number in a cell; NaN where there is none.
+
+    Parameters
+    ----------
+    text : str
+        Digits of ASCII with a decimal point, an exponent after e or E, blanks around them: ``-1.5e-3``.
+    what : str
+        What the cell holds, for the message.
+    switch : bool, default False
+        Read true and false as 1 and 0: recorded columns may be switches, temperatures and readings may not.
+
+    Raises
+    ------
+    RecordError
+        For anything else, infinities, and numbers beyond `LARGEST`.
+    """
+    cell = text.strip(_BLANKS)
+    if _NUMBER.fullmatch(cell):
+        value = float(cell)
+        if abs(value) <= LARGEST:
+            return value
+        raise RecordError(f"{what} is {cell[:60]}, beyond {LARGEST:g}: no measurement is that large")
+    if cell in MISSING:
+        return math.nan
+    if switch and cell in _SWITCH:
+        return _SWITCH[cell]
+    raise RecordError(f"{what} is {text[:60]!r}, no number")
+
+
+def label(text: str, known: Collection[Any]) -> Any:
+    """The label of a run as the fitted record had it: a column of numbers alone had been read as numbers.
+
+    Raises RecordError for a cell without a label.
+    """
+    cell = text.strip(_BLANKS)
+    if cell in MISSING:
+        raise RecordError("the row has no label of its run")
+    if known and all(isinstance(run, bool) for run in known):
+        return bool(_SWITCH[cell]) if cell in _SWITCH else text
+    if known and all(isinstance(run, int | float) for run in known) and _NUMBER.fullmatch(cell):
+        return float(cell)
+    return text

@@ -1,0 +1,122 @@
+"""Logs in files, for every command: CSV and Parquet in, by the file's ending."""
+
+from __future__ import annotations
+
+import io
+import stat
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from .cells import MISSING
+from .csvlines import CUT, check_lines, header_of
+from .errors import RecordError, RecordWarning, listing
+from .parquet import open_parquet
+
+TIME_NAMES = ("time", "timestamp", "datetime", "date", "time_s")
+"""Columns that are taken as times where none is named, the first that is there."""
+PARQUET_ENDINGS = (".parquet", ".pq")
+EVERY_DIGIT: dict[str, Any] = (
+    {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
+)
+"""How pandas is told to read numbers as they were written: a matter of course from 3.1 on."""
+
+
+def existing_file(path: str | Path) -> Path:
+    """The path of a file that can be read; RecordError where there is none, or only a folder or a pipe."""
+    path = Path(path)
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        raise RecordError(
+            f"There is no file {path}. Check its name and the folder you are in ({Path.cwd()})."
+        ) from None
+    except (OSError, ValueError) as error:
+        raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
+    if stat.S_ISDIR(mode):
+        raise RecordError(f"{path} is a folder. Name the log file in it.")
+    return path
+
+
+def is_parquet(path: str | Path) -> bool:
+    """Whether the file's name says Parquet."""
+    return Path(path).suffix.lower() in PARQUET_ENDINGS
+
+
+def read_table(path: str | Path) -> pd.DataFrame:
+    """Read a log: Parquet by its ending (.parquet, .pq), else CSV with a header line.
+
+    Every line of a CSV file must have as many fields as its header. A last line without a line end is left out, with a
+    RecordWarning.
+
+    Raises RecordError with one sentence for a file that is missing, empty, or no table.
+    """
+    path = existing_file(path)
+    try:
+        frame = _read_parquet(path) if is_parquet(path) else _read_csv(path)
+    except UnicodeDecodeError as error:
+        raise RecordError(f"{path} is not text in UTF-8 (byte {error.start + 1}). Save it as CSV in UTF-8.") from None
+    except OSError as error:
+        raise RecordError(f"{path} cannot be read: {error.strerror or error}.") from None
+    if len(frame) == 0:
+        raise RecordError(f"{path} has a header ({listing(frame.columns)}) but no rows.")
+    return frame
+
+
+def _read_csv(path: Path) -> pd.DataFrame:
+    content = path.read_bytes()
+    if not content.strip():
+        raise RecordError(
+            f"{path} is empty: a header line with the columns' names is needed, then one line per sample."
+        )
+    start = content.find(b"\n") + 1 or len(content)
+    try:
+        names = header_of(content[:start])
+        rows, end = check_lines(content, len(names), start)
+    except RecordError as error:
+        raise RecordError(f"{path} cannot be read as a table: {error}") from None
+    if end < len(content) and start < len(content):
+        warnings.warn(f"The last line of {path} is left out: {CUT}.", RecordWarning, stacklevel=3)
+    names = [name or f"Unnamed: {i}" for i, name in enumerate(names)]
+    if not rows:
+        return pd.DataFrame(columns=names)
+    body = io.BytesIO(memoryview(content)[start:end])
+    frame: pd.DataFrame = pd.read_csv(
+        body,
+        header=None,
+        names=names,
+        index_col=False,
+        low_memory=False,
+        keep_default_na=False,
+        na_values=sorted(MISSING),
+        **EVERY_DIGIT,
+    )
+    if len(frame) != rows:  # two readers that disagree: trust neither
+        raise RecordError(f"{path} cannot be read as a table: {rows} lines gave {len(frame)} rows.")
+    return frame
+
+
+def _read_parquet(path: Path) -> pd.DataFrame:
+    try:
+        frame: pd.DataFrame = open_parquet(path).read(use_threads=False).to_pandas()
+    except ImportError as error:
+        raise RecordError(f"{path} is Parquet. {error}") from None
+    except (ValueError, ArithmeticError) as error:
+        raise RecordError(f"{path} cannot be read as a table of Parquet: {' '.join(str(error).split())}.") from None
+    return frame
+
+
+def require_column(names: Sequence[Any], name: str | None, option: str, guesses: tuple[str, ...] = ()) -> str:
+    """The column that an option names, or the first of `guesses` that is there."""
+    columns = [str(column) for column in names]
+    if name is None:
+        for guess in guesses:
+            if guess in columns:
+                return guess
+        raise RecordError(f"Which column is the {option}? Say it with --{option}; there are {listing(columns)}.")
+    if name not in columns:
+        raise RecordError(f"There is no column {name!r} for --{option}; there are {listing(columns)}.")
+    return name

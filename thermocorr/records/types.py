@@ -1,0 +1,70 @@
+"""What a column may be used for, by the type that its file or frame gave it: one table for every reader."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import pandas as pd
+
+from .errors import RecordError
+
+ColumnKind = Literal["number", "switch", "date", "span", "text", "complex", "other"]
+Role = Literal["temperature", "reading", "column", "time", "label"]
+
+_VALUES = frozenset(("number", "text"))
+ALLOWED: dict[str, frozenset[str]] = {
+    "temperature": _VALUES,
+    "reading": _VALUES,
+    "column": _VALUES | {"switch"},
+    "time": frozenset(("number", "date", "span", "text")),
+    "label": frozenset(("number", "switch", "date", "span", "text")),
+}
+"""Role -> kinds of columns that can play it. Text is read: numbers as text, dates as text, labels as they are."""
+_REMEDY = {
+    "complex": "holds complex numbers. Complex data not supported: pass real numbers.",
+    "date": "holds times ({type}) where numbers are needed. Is it the time column? Pass time=...",
+    "span": "holds times ({type}) where numbers are needed. Is it the time column? Pass time=...",
+    "switch": "holds true/false where {wanted} are needed. Is it the right column?",
+    "other": "holds {type} where {wanted} are needed. Convert it before, or name another column.",
+    "number": "holds numbers ({type}) where {wanted} are needed.",
+    "text": "holds text ({type}) where {wanted} are needed.",
+}
+_WANTED = {"time": "dates, time spans or seconds", "label": "labels"}
+_ARROW: tuple[tuple[str, ColumnKind], ...] = (
+    ("timestamp", "date"), ("date", "date"), ("duration", "span"), ("bool", "switch"), ("int", "number"),
+    ("uint", "number"), ("float", "number"), ("double", "number"), ("halffloat", "number"), ("decimal", "number"),
+    ("null", "number"), ("string", "text"), ("large_string", "text"), ("dictionary<values=string", "text"),
+    ("dictionary<values=large_string", "text"),
+)  # fmt: skip
+"""Beginnings of the names of Arrow's types."""
+
+
+def kind_of(values: Any) -> ColumnKind:
+    """Kind of a Series, an array, or a column of a `Log`, which says its kind itself."""
+    said = getattr(values, "kind", None)
+    if isinstance(said, str):
+        return said  # type: ignore[return-value]
+    dtype = values.dtype
+    if pd.api.types.is_bool_dtype(dtype):
+        return "switch"
+    if pd.api.types.is_complex_dtype(dtype):
+        return "complex"
+    if pd.api.types.is_numeric_dtype(dtype):
+        return "number"
+    if pd.api.types.is_datetime64_any_dtype(dtype):
+        return "date"
+    if pd.api.types.is_timedelta64_dtype(dtype):
+        return "span"
+    return "text"
+
+
+def kind_of_arrow(type_name: str) -> ColumnKind:
+    """Kind of a column of a Parquet file."""
+    return next((kind for start, kind in _ARROW if type_name.startswith(start)), "other")
+
+
+def require_role(kind: ColumnKind, role: Role, what: str, type_name: str) -> None:
+    """Refuse a column that cannot play its role."""
+    if kind not in ALLOWED[role]:
+        remedy = _REMEDY[kind].format(type=type_name, wanted=_WANTED.get(role, "numbers"))
+        raise RecordError(f"{what} {remedy}")
