@@ -13,6 +13,7 @@ from ..effects.protocol import Effect
 from ..effects.stream import Walked, own_starts, walk
 from ..equations import RidgeSolution, TriangularFactor, solve_ridge
 from ..records import BLOCK_ROWS, Record, RecordError
+from .flat import flat_effects
 
 N_CHUNKS = 20
 """Stretches of time whose factors are kept apart for standard errors."""
@@ -31,6 +32,12 @@ class Swept:
         """The same with columns, and states of effects, in another order: see `decays_first`."""
         ends = [[states[effects.index(i)] for i in range(len(states))] for states in self.end_states]
         return Swept([chunk.select(columns) for chunk in self.chunks], ends, self.reading_offset)
+
+    def without(self, columns: Sequence[int]) -> Swept:
+        """The same with columns of zeros, which get no coefficient, in these places of ``[1 | Q | U]``."""
+        for chunk in self.chunks:
+            chunk.r[:, list(columns)] = 0.0
+        return self
 
     def total(self) -> TriangularFactor:
         """One factor of all rows."""
@@ -65,11 +72,18 @@ def reading_offset(record: Record) -> float:
 def sweep_effects(record: Record, effects: Sequence[Effect], edges: np.ndarray) -> Swept:
     """Factors of ``[1 | Q | U]`` of a record that is being fitted, one for each stretch between two `edges`.
 
-    A record that is spread over several processes has a method of this name, which is called instead.
+    A record that is spread over several processes has a method of this name, which is called instead. Columns made of
+    a recorded one that never changes beyond its rounding are zero.
     """
-    if hasattr(record, "sweep_effects"):
-        swept: Swept = record.sweep_effects(effects, edges)
-        return swept
+    swept: Swept = (
+        record.sweep_effects(effects, edges) if hasattr(record, "sweep_effects") else _swept(record, effects, edges)
+    )
+    flat = {id(effect) for effect in flat_effects(record, effects)}
+    silent = [id(effect) in flat for effect in effects for _ in effect.names()]
+    return swept.without(1 + np.flatnonzero(silent)) if flat else swept
+
+
+def _swept(record: Record, effects: Sequence[Effect], edges: np.ndarray) -> Swept:
     order, columns = decays_first(effects)
     walked = [effects[i] for i in order]
     steps = walk(walked, record, starts=own_starts(record), size=block_rows(record.n_used), extra=2)

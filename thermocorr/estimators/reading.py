@@ -10,7 +10,12 @@ import numpy as np
 import pandas as pd
 
 from ..records import Record, RecordError, RecordWarning
+from ..records.errors import times_word
 from ..records.units import unit_of
+from .flat import flat_text, is_flat, resolved
+
+USUAL_STDS = 10.0
+"""A corrected reading so many standard deviations from the mean of the fitted readings is no surprise."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +56,10 @@ class Reading:
 def check_plausible(record: Record, reading: Reading) -> None:
     """Refuse a temperature that never changes; warn about one that cannot be a temperature, or a stuck reading."""
     low, high = reading.temperature_range
-    if reading.n_readings > 1 and low == high:
+    if reading.n_readings > 1 and is_flat(low, high):
         raise RecordError(
-            f"The temperature never changes: it is {low:.6g} in all {record.n_used} rows. Nothing can be learned about "
-            f"its effect. Is {record.temperature_name!r} the right column?"
+            f"The temperature never changes{flat_text(low, high, record.n_used)}. Nothing can be learned about its "
+            f"effect. Is {record.temperature_name!r} the right column?"
         )
     if low < -460.0 or high > 5000.0:
         warnings.warn(
@@ -85,3 +90,59 @@ def check_range(fitted: Reading, record: Record) -> None:
                 f"The temperature is about {median:.6g} here and was {low:.6g} to {high:.6g} in the fitted record: "
                 f"that looks like {said}. Convert {record.temperature_name!r} first."
             )
+
+
+def check_corrected(
+    fitted: Reading, corrected: np.ndarray, given: Any, expected: tuple[float, ...] = (), stacklevel: int = 3
+) -> None:
+    """Warn about corrected readings that leave all readings far behind.
+
+    Readings are those given, and the fitted ones (mean +- 10 standard deviations); far is more than the width of that
+    range beyond it. Where nothing is far, this is two looks at the corrected readings.
+
+    Parameters
+    ----------
+    fitted : Reading
+    corrected : array of shape (n_rows,)
+        NaN where there is none.
+    given : array-like of shape (n_rows,)
+        Readings before the correction.
+    expected : tuple of float
+        Levels that corrected readings may have for a reason of their own.
+    stacklevel : int
+        Of the warning.
+    """
+    usual = USUAL_STDS * fitted.std
+    levels = (fitted.mean - usual, fitted.mean + usual, *expected)
+    ends = np.fmin.reduce(corrected, initial=np.inf), np.fmax.reduce(corrected, initial=-np.inf)
+    if not _far(levels, *ends):
+        return
+    readings = np.asarray(given[:], float)
+    levels = (*levels, np.fmin.reduce(readings, initial=np.inf), np.fmax.reduce(readings, initial=-np.inf))
+    levels = tuple(level for level in levels if np.isfinite(level))
+    if not _far(levels, *ends):
+        return
+    low, high = min(levels), max(levels)
+    beyond = np.maximum(low - corrected, corrected - high)
+    rows = np.flatnonzero(beyond > _width(low, high))
+    worst = int(np.nanargmax(beyond))
+    warnings.warn(
+        f"The corrected reading leaves the readings far behind in {times_word(len(rows), 'row')} of {len(corrected)}, "
+        f"the first is row {rows[0]}: it comes to {corrected[worst]:.10g} in row {worst}, and the readings, those "
+        f"given and those fitted, lie between {low:.10g} and {high:.10g}. What was taken away there is no bias of this "
+        "instrument: see with contributions(X) which effect makes it, and with flags(X) whether the temperature is "
+        "outside the fitted range.",
+        RecordWarning,
+        stacklevel=stacklevel,
+    )
+
+
+def _far(levels: tuple[float, ...], low: float, high: float) -> bool:
+    """Whether values between two limits reach further from all levels than these from one another."""
+    width = _width(min(levels), max(levels))
+    return low < min(levels) - width or high > max(levels) + width
+
+
+def _width(low: float, high: float) -> float:
+    """Of a range; of a single number what it can be resolved to."""
+    return max(high - low, resolved(low, high))

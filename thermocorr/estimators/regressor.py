@@ -24,9 +24,11 @@ from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import solve_ridge
 from ..records import Block, Record, RecordWarning, seconds_of
 from ..records.read import numeric_reading
+from .cancellation import cancelling
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import equal_edges, require_rows, standard_errors, sweep_effects
-from .reading import Reading, check_plausible, check_range
+from .flat import flat_columns
+from .reading import Reading, check_corrected, check_plausible, check_range
 from .resolution import spectrum_table, unresolved
 from .ridge import MergedRidge
 from .search import SearchSettings, TimeConstantChoice, search
@@ -85,7 +87,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
     washout_ : float
         [s].
     notes_ : tuple of str
-        What the user should know about the record's quality.
+        What the user should know about the record's quality, and about what it cannot determine.
 
     Examples
     --------
@@ -169,13 +171,19 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
             check_plausible(record, reading)
             self.alpha_ = self._penalty()
             self._swept = sweep_effects(record, features.effect_list(), equal_edges(record))
-            self._solution = solve_ridge(self._swept.total(), self.alpha_)
+            total = self._swept.total()
+            self._solution = solve_ridge(total, self.alpha_)
         features.remember(record, self._swept.end_states)
         ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
         self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
         self.__dict__.pop("_errors", None)
         self.reading_ = reading
-        self.notes_ = (*record.notes, *self._unresolved(record))
+        effects = features.effect_list()
+        doubts = [*self._unresolved(record), *flat_columns(record, effects)]
+        doubts += cancelling(effects, total, self._solution, reading)
+        for text in doubts:
+            warnings.warn(text, RecordWarning, stacklevel=2)
+        self.notes_ = (*record.notes, *doubts)
         self.washout_ = (
             WASHOUT_TIME_CONSTANTS * features.memory()
             if self.washout == "auto"
@@ -197,9 +205,14 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         return like(X, parts[:, removed].sum(axis=1), "bias")
 
     def correct(self, X: Any, y: Any) -> Any:
-        """Corrected reading: reading minus bias, eq. (24). A Series where X is a DataFrame."""
-        bias = self.bias(X)
-        return like(X, numeric_reading(y, X) - np.asarray(bias), "corrected")
+        """Corrected reading: reading minus bias, eq. (24). A Series where X is a DataFrame.
+
+        Warns (`RecordWarning`) where it leaves all readings far behind.
+        """
+        reading = numeric_reading(y, X)
+        corrected = reading - np.asarray(self.bias(X))
+        check_corrected(self.reading_, corrected, reading, self._level_asked_for())
+        return like(X, corrected, "corrected")
 
     def residuals(self, X: Any, y: Any) -> Any:
         """Measured minus modelled reading. A Series where X is a DataFrame."""
@@ -221,13 +234,18 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         return like(X, flags, "flag")
 
     def evaluate(self, X: Any, y: Any) -> pd.DataFrame:
-        """Everything about a record in one frame: corrected, model, residual, flag; rows as they came."""
-        n_rows = len(numeric_reading(y, X))
+        """Everything about a record in one frame: corrected, model, residual, flag; rows as they came.
+
+        Warns as `correct` does.
+        """
+        reading = numeric_reading(y, X)
+        n_rows = len(reading)
         columns: dict[str, np.ndarray] = {name: np.full(n_rows, np.nan) for name in ("corrected", "model", "residual")}
         columns["flag"] = np.full(n_rows, "no temperature", dtype=object)
         for block, values in self.evaluated_blocks(X, y):
             for name, part in values.items():
                 columns[name][block.rows] = part
+        check_corrected(self.reading_, columns["corrected"], reading, self._level_asked_for())
         return pd.DataFrame(columns, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     def evaluate_blocks(self, X: Any, y: Any) -> Iterator[pd.DataFrame]:
@@ -342,13 +360,15 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         return self.features_.reference_temperature_
 
     def _unresolved(self, record: Record) -> list[str]:
-        """Warn about given time constants that the record cannot determine."""
+        """Sentences on given time constants that the record cannot determine."""
         if self.search_ is not None or not len(self.time_constants_):
             return []
-        said = unresolved(self.time_constants_, record, self._solution, self.degree, self.residual_std_)
-        for text in said:
-            warnings.warn(text, RecordWarning, stacklevel=3)
-        return said
+        return unresolved(self.time_constants_, record, self._solution, self.degree, self.residual_std_)
+
+    def _level_asked_for(self) -> tuple[float, ...]:
+        """U0 where T0 was put outside the fitted temperatures: corrected readings leave the fitted ones on purpose."""
+        low, high = self.temperature_range_
+        return () if low <= self.reference_temperature_ <= high else (self.intercept_,)
 
     def _penalty(self) -> float:
         if self.alpha != "auto":
@@ -409,7 +429,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         effects, coef = self.features_.effect_list(), self.coef_
         edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
         for step in steps:
-            parts = [step.columns[:, low:high] @ coef[low:high] for low, high in pairwise(edges)]
+            parts = [_weighted(step.columns[:, low:high], coef[low:high]) for low, high in pairwise(edges)]
             yield step.block, np.column_stack(parts)
 
     def evaluated_blocks(self, X: Any, y: Any) -> Iterator[tuple[Block, dict[str, np.ndarray]]]:
@@ -448,6 +468,15 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         tags.input_tags.allow_nan = True  # NaN in the temperature ends a segment
         tags.regressor_tags.poor_score = True  # of many columns it uses one, unless effects name others
         return tags
+
+
+def _weighted(columns: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """``columns @ weights`` by elements: a matrix product rounds a row differently in another block."""
+    total = np.zeros(len(columns))
+    for column, weight in zip(columns.T, weights, strict=True):
+        if column[0] or column[-1] or column.any():  # decays that are over are zero
+            total += column * weight
+    return total
 
 
 def like(X: Any, values: np.ndarray, name: str) -> Any:

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..effects.protocol import Effect
+from ..records.text import printable
 from .reading import Reading
 
 _EXPLAINED = ("static_polynomial", "thermal_lag", "initial_transient", "lag_products")
@@ -20,15 +21,24 @@ def coefficient_table(
     errors: np.ndarray,
     reading: Reading,
 ) -> pd.DataFrame:
-    """One row per column of the model, U0 first; index is the column's name."""
+    """One row per column of the model, U0 first; index is the column's name.
+
+    Characters that steer a terminal are shown as escapes, except line ends and tabs in names, which pandas itself
+    escapes in what it prints.
+    """
     names, kinds, units = ["U0"], ["reference reading"], [reading.unit]
     for effect in effects:
         names += effect.names()
         kinds += [effect.label()] * len(effect.names())
         units += [_per(reading, unit) for unit in effect.units()]
     return pd.DataFrame(
-        {"effect": kinds, "coefficient": coefficients, "unit": units, "standard_error": errors},
-        index=pd.Index(names, name="column"),
+        {
+            "effect": [printable(kind) for kind in kinds],
+            "coefficient": coefficients,
+            "unit": [printable(unit) for unit in units],
+            "standard_error": errors,
+        },
+        index=pd.Index([printable(name, kept="\t\n\r") for name in names], name="column"),
     )
 
 
@@ -45,12 +55,13 @@ def equation_text(
     effects: Sequence[Effect], coefficients: np.ndarray, reading: Reading, temperature: str, reference: float
 ) -> str:
     """The fitted formula as text: what adds to the reading, and what the names mean."""
-    unit = f" {reading.unit}" if reading.unit else ""
-    lines = [f"{reading.name} = {coefficients[0]:.10g}{unit}"]
+    unit = f" {printable(reading.unit)}" if reading.unit else ""
+    temperature = printable(temperature)
+    lines = [f"{printable(reading.name)} = {coefficients[0]:.10g}{unit}"]
     at = 1
     lags = decays = False
     for effect in effects:
-        for name in effect.names():
+        for name in map(printable, effect.names()):
             term = name.replace(temperature, f"({temperature} - {reference:.6g})", 1) if at_static(effect) else name
             value = coefficients[at]
             lines.append(f"    {'-' if value < 0 else '+'} {abs(value):.6g} * {term}")

@@ -14,6 +14,7 @@ from sklearn.base import clone
 from ..equations import moving_average, reduction_db
 from ..records import Record, read_record
 from ..records.read import numeric_reading
+from ..records.text import printable
 from .holdout import held_out_residuals, time_blocks
 from .regressor import DynamicBiasRegressor
 
@@ -52,7 +53,7 @@ class VariantComparison:
 
     def caption(self) -> str:
         """What the columns mean."""
-        unit = f" Figures in {self.unit}." if self.unit else ""
+        unit = f" Figures in {printable(self.unit)}." if self.unit else ""
         return (
             f"Smoothed: moving average of {self.window} samples. Reduction: smoothed std against the reading before "
             f"correction; negative is good. Held out: {self.n_blocks} blocks of time, each predicted by a model fitted "

@@ -15,6 +15,7 @@ from ..effects import CATALOGUE
 from ..effects.protocol import Effect
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
+from ..records.text import printable
 from .helping import helping
 from .lagging import Lagging, thermal_parts
 from .page import DiagnosisPage, PageData
@@ -78,7 +79,7 @@ class Diagnosis(DiagnosisPage):
         if self.best is not None and self.best.info is not None:
             lines.append(f"To confirm the first on the bench: {self.best.info.bench_check}")
             lines.append("To add it: better = model.with_effect(diagnosis.best).fit(X, y), or refine(model, X, y).")
-        return "\n".join(textwrap.fill(line, WIDTH, subsequent_indent="    ") for line in lines)
+        return "\n".join(textwrap.fill(printable(line), WIDTH, subsequent_indent="    ") for line in lines)
 
     __repr__ = __str__
 

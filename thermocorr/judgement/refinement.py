@@ -13,6 +13,7 @@ from sklearn.base import clone
 from ..effects import Covariate, LaggedCovariate
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
+from ..records.text import printable
 from .adding import held_out_rms, with_missing
 from .diagnosis import Diagnosis, diagnose
 from .page import RefinementPage
@@ -42,7 +43,7 @@ class Refinement(RefinementPage):
             self.steps.to_string(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-"),
             f"Verdict on the last model: {self.diagnoses[-1].verdict}",
         ]
-        return "\n".join(lines)
+        return printable("\n".join(lines), "\n")
 
     __repr__ = __str__
 

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from sklearn.pipeline import Pipeline
 
 from ..effects.stream import needed_columns
@@ -13,6 +14,7 @@ from ..effects.wrap import as_effects
 from ..estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
 from ..estimators.reading import Reading
 from ..records import History, Record, Segment, seconds_of
+from ..records.read import temperature_column
 from ..records.times import Times
 from .codec import (
     LARGEST_INTEGER,
@@ -258,12 +260,38 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
     _restore_features(features, node, where)
     features.history_ = unpack_history(node["history"], f"{where}.history", features.effect_list(), codec)
     features.n_features_in_ = model.n_features_in_ = integer(node["n_features_in"], f"{where}.n_features_in", 1)
+    if parameters["temperature"] is not None:
+        _check_temperature(parameters["temperature"], features, f"{where}.parameters.temperature")
     if node["feature_names_in"] is not None:
         names = items(node["feature_names_in"], f"{where}.feature_names_in", model.n_features_in_)
         checked = [text(column, f"{where}.feature_names_in[{i}]") for i, column in enumerate(names)]
+        _check_names(checked, features, f"{where}.feature_names_in")
         features.feature_names_in_ = model.feature_names_in_ = np.array(checked, dtype=object)
     _restore_numbers(model, features, node, where)
     return model
+
+
+def _check_names(names: list[str], features: DiffusiveFeatures, where: str) -> None:
+    """Names of the columns that X had in the fit: each once, those that the model reads among them.
+
+    Their order is that of the fitted X, whatever it was: nothing else in a file depends on it but the temperature that
+    nobody named.
+    """
+    twice = pd.Index(names).duplicated()
+    if twice.any():
+        raise unexpected(f"{where}[{twice.argmax()}]", repr(names[twice.argmax()])[:60], "another name")
+    record, layout = features.history_.record, features._layout()
+    special = [column for column in (layout.time, layout.run) if column is not None]
+    for column in (*record.columns, *special):
+        if column not in names:
+            raise ModelFileError(f"{where} has no {column!r}, which the model needs")
+    _check_temperature(temperature_column(pd.DataFrame(columns=names), layout, quiet=True), features, where)
+
+
+def _check_temperature(found: object, features: DiffusiveFeatures, where: str) -> None:
+    fitted = features.history_.record.temperature_name
+    if found != fitted:
+        raise ModelFileError(f"{where} makes {found!r} the temperature, where {fitted!r} is that of the fit")
 
 
 def _restore_features(features: DiffusiveFeatures, node: dict[str, Any], where: str) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...records.text import printable
 from ...records.units import unit_of
 from ._cells import with_breaks
 from ._timeline import TimeLine, time_text
@@ -76,7 +77,7 @@ def labelled(name: str, unit: str, power: int = 0) -> str:
         name = name.rsplit("_", 1)[0]
     if power:
         unit = f"$10^{{{power}}}$ {unit}".strip()
-    return f"{name} [{unit}]" if unit else name
+    return printable(f"{name} [{unit}]" if unit else name)
 
 
 def label_values(axis: Any, name: str, unit: str) -> None:

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from ...records.text import printable
+
 _UNITS = {"degC": "°C", "degF": "°F", "ohm": "Ω", "kohm": "kΩ", "uV": "µV", "uA": "µA", "um": "µm", "urad": "µrad"}
 MINUS, DASH, TIMES = "\u2212", "\u2013", "\u00d7"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -31,7 +33,7 @@ class Section(Safe):
 
 def text(value: Any) -> Safe:
     """A value as HTML text, markup in it made harmless."""
-    return value if isinstance(value, Safe) else Safe(escape(str(value), quote=True))
+    return value if isinstance(value, Safe) else Safe(escape(printable(value, "\n"), quote=True))
 
 
 def tag(name: str, *children: Any, **attributes: Any) -> Safe:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
+from ...files import write_file
 from .brief import brief_diagnosis, brief_refinement
 from .document import page
 
@@ -17,9 +17,9 @@ class Page:
         """One self-contained HTML page that needs no network; `source` and `command` are named at its end."""
         raise NotImplementedError
 
-    def save_html(self, path: str | PathLike[str], *, source: str = "", command: str = "") -> None:
-        """Write `to_html` to a file."""
-        Path(path).write_text(self.to_html(source=source, command=command), encoding="utf-8")
+    def save_html(self, path: str | PathLike[str], *, source: str = "", command: str = "", force: bool = False) -> None:
+        """Write `to_html` to a file; OutputError for one that thermocorr did not write, unless forced."""
+        write_file(path, self.to_html(source=source, command=command), force=force)
 
 
 class DiagnosisPage(Page):

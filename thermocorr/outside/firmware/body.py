@@ -26,7 +26,6 @@ def source(firmware: Firmware) -> str:
     text = "\n".join(body)
     helpers = [helper for helper, _ in firmware.program.helpers.values()]
     needs_math = bool(re.search(r"\b(?:sin|cos|exp|expm1|log1p)f?\(", text + "".join(helpers)))
-    largest = "FLT_MAX" if firmware.target.single else "DBL_MAX"
     return "\n".join(
         [
             f"/* Made by thermocorr; see {firmware.target.name}.h. */",
@@ -47,7 +46,7 @@ def source(firmware: Firmware) -> str:
             "}",
             "",
             *helpers,
-            text.replace("LARGEST", largest),
+            text,
             "",
         ]
     )
@@ -153,7 +152,7 @@ def _inputs(firmware: Firmware) -> list[str]:
                 f"        result.flags |= (result.flags & {t.macro('BAD_STEP')}) != 0 ? 0u : {t.macro('NO_COLUMN')};"
             ]
         lines += ["        column[j] = s->column[j];", "    }", "}"]
-    lines += ["if (!is_within(reading, LARGEST)) {", f"    result.flags |= {t.macro('NO_READING')};", "}"]
+    lines += [f"if (!is_within(reading, {t.largest})) {{", f"    result.flags |= {t.macro('NO_READING')};", "}"]
     return lines
 
 

@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="start with the states at the end of the fitted log instead of a device at rest",
     )
+    parser.add_argument("--force", action="store_true", help="overwrite files that thermocorr did not write")
 
 
 def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callable[[str], Any]) -> None:
@@ -49,6 +50,8 @@ def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callab
             sampling_period=_period(options.sampling_period),
             name=options.name,
             continue_from_fit=options.continue_from_fit,
+            force=options.force,
+            inputs=[options.model],
         )
     say(str(export))
     for warning in caught:

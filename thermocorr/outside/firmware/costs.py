@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from ...records.text import printable
 from .language import Operations
 
 
@@ -50,7 +51,7 @@ class FirmwareExport:
         lines = [f"{self.name}: {self.dtype}, {step}", *(f"  {path}" for path in self.paths)]
         lines += [f"  {name:<20}{value:>8} {unit}" for name, value, unit in self.frame().itertuples()]
         if self.columns:
-            lines.append(f"  columns: {', '.join(map(str, self.columns))}")
+            lines.append(f"  columns: {', '.join(map(printable, self.columns))}")
         if self.kept:
-            lines.append(f"  kept in the corrected reading: {', '.join(self.kept)}")
+            lines.append(f"  kept in the corrected reading: {', '.join(map(printable, self.kept))}")
         return "\n".join(lines)

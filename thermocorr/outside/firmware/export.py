@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,9 @@ from typing import Any
 import numpy as np
 
 from ...effects import StaticPolynomial
-from ...records import RecordError, RecordWarning, seconds_of
+from ...estimators.cancellation import Cancellation
+from ...files import Outputs
+from ...records import RecordWarning, seconds_of
 from . import ageing, moving, recorded, thermal  # noqa: F401  (they register their emitters)
 from .body import source
 from .clock import Clock, settling
@@ -18,11 +21,12 @@ from .costs import FirmwareExport
 from .emitters import EMITTERS, Part, refuse
 from .header import header
 from .lagbank import LagBank
-from .language import Dtype, identifier
+from .language import DEFAULT_PREFIX, Dtype, prefix
 from .program import Program
 from .provenance import fitted_range, provenance
 from .reference import reference_bias
-from .selftest import TOLERANCE, expected_flags, inputs, test_program
+from .selftest import TOLERANCE, expected_flags, test_program
+from .selftest import inputs as test_inputs
 from .target import Target
 from .writer import Firmware
 
@@ -38,6 +42,8 @@ def export_c(
     sampling_period: Any = "fitted",
     name: str | None = None,
     continue_from_fit: bool = False,
+    force: bool = False,
+    inputs: Iterable[str | Path] = (),
 ) -> FirmwareExport:
     """Write a fitted model as C99: `<name>.h`, `<name>.c` and the self-test `<name>_test.c`.
 
@@ -61,9 +67,14 @@ def export_c(
         microseconds, at the price of a division or two for each lag, and of `expm1` (`exp` in double precision) for
         steps above tau/10; a step longer than the model's `max_gap` starts anew, as in Python.
     name : str, optional
-        Prefix of all names in C, and name of the files; by default "thermal_bias", or the stem of `path`.
+        Prefix of all names in C, and name of the files; by default "thermal_bias", or the stem of `path`. One that C
+        or its library has taken ("int", "math") comes behind "thermal_bias_".
     continue_from_fit : bool, default False
         Start with the states at the end of the fitted record: the first sample follows its last row by one period.
+    force : bool, default False
+        Overwrite files that thermocorr did not write.
+    inputs : paths
+        Files that must not be overwritten in any case.
 
     Returns
     -------
@@ -74,8 +85,8 @@ def export_c(
     ------
     ValueError
         For an effect that cannot be written in C, before anything is written; for numbers that `dtype` cannot hold.
-    RecordError
-        For a folder that cannot be written to.
+    OutputError
+        An OSError and a RecordError: the files cannot be written, or must not be; none of them is.
     """
     if dtype not in ("float", "double"):
         raise ValueError(f"The 'dtype' parameter of export_c must be 'float' or 'double'. Got {dtype!r} instead.")
@@ -87,7 +98,7 @@ def export_c(
     history = getattr(model.features_, "history_", None)
     T0 = float(static.reference_temperature_)
     target = Target(
-        name=identifier(name or stem, fallback="thermal_bias"),
+        name=prefix(name or stem),
         dtype=dtype,
         period=_period(sampling_period, history),
         reference_temperature=float(np.float32(T0)) if dtype == "float" else T0,
@@ -101,20 +112,20 @@ def export_c(
     program, clock = _compose(model, target, effects, removed, weights, states)
     firmware = Firmware(program, clock, fitted_range(model))
     step = target.period or (history.usual_step if history is not None else 1.0)
-    given = inputs(firmware, _recorded(program, history, effects), step)
+    given = test_inputs(firmware, _recorded(program, history, effects), step)
     seconds = _seconds(target, given.steps)
     parts = [(effects[i], weights[i], states[i]) for i in removed]
     bias, size = reference_bias(target, parts, given.temperature, given.columns, seconds, given.steps)
     spread = max(float(np.ptp(bias)), getattr(getattr(model, "reading_", None), "std", 0.0))
     if dtype == "float":
-        _warn_of_cancellation(size, spread)
+        _warn_of_lost_digits(Cancellation(size, spread))
     flags = expected_flags(firmware, given, float(model.washout_))
     texts = {
         ".h": header(firmware, provenance(model, target, effects)),
         ".c": source(firmware),
         "_test.c": test_program(firmware, given, bias, flags, size),
     }
-    paths = _write(folder, target.name, texts)
+    paths = _write(folder, target.name, texts, Outputs(inputs, force))
     return FirmwareExport(
         target.name,
         dtype,
@@ -128,14 +139,13 @@ def export_c(
     )
 
 
-def _warn_of_cancellation(size: float, spread: float) -> None:
+def _warn_of_lost_digits(found: Cancellation) -> None:
     """Warn where large contributions cancel, so that the digits of single precision are lost with them."""
-    expected = _ROUNDINGS * float(np.finfo(np.float32).eps) / 2 * size
-    if expected > TOLERANCE["float"] * spread:
+    rounding = _ROUNDINGS * float(np.finfo(np.float32).eps) / 2
+    if found.beyond(TOLERANCE["float"] / rounding):
         warnings.warn(
-            f"The contributions of the model's columns cancel: they reach {size:.3g} and leave a bias of {spread:.3g}. "
-            f"Single precision may be wrong by {expected:.1g}. Export with dtype='double', or fit fewer time constants "
-            "(or with a ridge penalty, alpha).",
+            f"{found} Single precision may be wrong by {rounding * found.reach:.1g}. Export with dtype='double', or "
+            "fit fewer time constants (or with a ridge penalty, alpha).",
             RecordWarning,
             stacklevel=3,
         )
@@ -172,7 +182,7 @@ def _compose(
 def _place(path: str | Path) -> tuple[Path, str]:
     """Folder and name: a path that ends in .c or .h names the files, any other is a folder."""
     path = Path(path)
-    return (path.parent, path.stem) if path.suffix in (".c", ".h") else (path, "thermal_bias")
+    return (path.parent, path.stem) if path.suffix in (".c", ".h") else (path, DEFAULT_PREFIX)
 
 
 def _period(given: Any, history: Any) -> float | None:
@@ -202,14 +212,9 @@ def _recorded(program: Program, history: Any, effects: list[Any]) -> dict[Any, n
     return {name: np.asarray(history.record.columns[name], float) for name in program.columns}
 
 
-def _write(folder: Path, name: str, texts: dict[str, str]) -> tuple[Path, ...]:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        paths = tuple(folder / f"{name}{ending}" for ending in texts)
+def _write(folder: Path, name: str, texts: dict[str, str], outputs: Outputs) -> tuple[Path, ...]:
+    paths = tuple(folder / f"{name}{ending}" for ending in texts)
+    with outputs:
         for path, text in zip(paths, texts.values(), strict=True):
-            path.write_text(text, encoding="ascii")
-    except OSError as error:
-        raise RecordError(
-            f"The C files cannot be written to {folder}: {error.strerror}. Choose another path."
-        ) from None
+            outputs.write(path, text.encode("ascii"))
     return paths

@@ -17,6 +17,21 @@ _KEYWORDS = frozenset(
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while main
     """.split()  # noqa: SIM905
 )
+_HEADERS = frozenset(
+    """
+    assert complex ctype errno features fenv float inttypes iso646 limits locale math setjmp signal stdalign stdarg
+    stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath threads time uchar wchar wctype
+    """.split()  # noqa: SIM905
+)
+"""A file of such a name would be found in the place of the library's where the include path holds its folder."""
+_WITH_INIT = frozenset(
+    """
+    atomic cnd mtx posix_spawn_file_actions posix_spawnattr pthread_attr pthread_barrier pthread_barrierattr
+    pthread_cond pthread_condattr pthread_mutex pthread_mutexattr pthread_rwlock pthread_rwlockattr pthread_spin sem
+    """.split()  # noqa: SIM905
+)
+"""Prefixes that C11 and POSIX use for an ``..._init`` of their own."""
+DEFAULT_PREFIX = "thermal_bias"
 MATH = ("sin", "cos", "exp", "expm1", "log1p")
 """Functions of libm that generated code may call; with an f behind them in single precision."""
 
@@ -46,8 +61,8 @@ def number(value: float, dtype: Dtype) -> str:
 def comment(text: object) -> str:
     """Text of the user that may stand in a C comment: one line, ASCII, and no end of the comment in it."""
     plain = unicodedata.normalize("NFKD", str(text)).encode("ascii", "replace").decode()
-    plain = "".join(c if c.isprintable() else " " for c in plain)
-    return plain.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/").replace("??", "? ?")
+    plain = "".join(c if c.isprintable() else " " for c in plain).replace("\\", "/")
+    return re.sub(r"(?<=\*)(?=/)|(?<=/)(?=\*)|(?<=\?)(?=\?)", " ", plain)  # no comment begins or ends, no trigraph
 
 
 def identifier(text: object, taken: set[str] | None = None, fallback: str = "x") -> str:
@@ -63,6 +78,17 @@ def identifier(text: object, taken: set[str] | None = None, fallback: str = "x")
         result = f"{name}_{count}"
     taken.add(result.lower())
     return result
+
+
+def prefix(text: object) -> str:
+    """The user's name for an export: prefix of all that the C code shows outside, and name of its files.
+
+    It never stands alone in the code, but before ``_state``, ``_init`` or a flag's name (as a column's name stands
+    behind ``..._COLUMN_``), and no text of the code is replaced. So it can hit no keyword, macro or function of a
+    library, and no name of the code's own, but for the headers and functions that are listed above.
+    """
+    name = identifier(text, fallback=DEFAULT_PREFIX)
+    return f"{DEFAULT_PREFIX}_{name}" if name.lower() in _HEADERS | _WITH_INIT else name
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,8 @@ def test_program(firmware: Firmware, given: Inputs, bias: np.ndarray, flags: np.
     start = ", 0" if firmware.clock.used and not t.continues else ""
     return "\n".join(
         [
-            f"/* Self-test: build with {t.name}.c and run; status 0 is a pass. The bias was computed in Python. */",
+            f"/* Self-test: build with {t.name}.c and run; status 0 is a pass. The bias was computed in Python.",
+            " * Made by thermocorr. */",
             f'#include "{t.name}.h"',
             "",
             "#include <math.h>",

@@ -62,6 +62,11 @@ class Target:
         """Name of a libm function for this type."""
         return function + ("f" if self.single else "")
 
+    @property
+    def largest(self) -> str:
+        """Largest number of this type, as float.h calls it."""
+        return "FLT_MAX" if self.single else "DBL_MAX"
+
     def macro(self, name: str) -> str:
         """A name in capitals with the prefix."""
         return f"{self.name}_{name}".upper()
