@@ -18,8 +18,9 @@ from thermocorr import DynamicBiasRegressor, save_model
 from thermocorr.datasets import make_record
 from thermocorr.effects import LaggedCovariate
 from thermocorr.outside.cli import main
-from thermocorr.outside.correct import follow
-from thermocorr.outside.files import EVERY_DIGIT
+from thermocorr.outside.lines import FileLines
+from thermocorr.outside.stopping import StopSignal
+from thermocorr.records.files import EVERY_DIGIT
 
 
 @pytest.fixture(scope="module")
@@ -114,13 +115,13 @@ def test_bad_lines_are_named_and_left_out(lab, tmp_path, capsys):
     text.insert(30, "\n")
     text.insert(33, header)
     (tmp_path / "bad.csv").write_text("".join(text), encoding="latin-1")
-    assert correct(lab, tmp_path / "bad.csv") == 0
+    assert correct(lab, tmp_path / "bad.csv") == 1
     printed = capsys.readouterr()
     same(printed.out, model, log[600:640])
     said = printed.err.splitlines()
     assert [line.split()[2] for line in said[:-1]] == [str(place + 1) for place in sorted(spoiled)]
     assert "it has 2 fields" in said[0] and "'now'" in said[1] and "'warm', no number" in said[2]
-    assert said[-1] == f"thermocorr: 5 of {len(text)} lines left out"
+    assert said[-1] == f"thermocorr: 5 of {len(text) - 1} lines got no result: 5 lines left out"
 
 
 def test_missing_numbers_and_times_out_of_order_are_flagged(lab, tmp_path, capsys):
@@ -129,7 +130,7 @@ def test_missing_numbers_and_times_out_of_order_are_flagged(lab, tmp_path, capsy
     part.loc[3, "reading"], part.loc[6, "temperature"], part.loc[8, "humidity"] = "", "NaN", None
     part = pd.concat([part, part[4:6]])
     part.to_csv(tmp_path / "m.csv", index=False)
-    assert correct(lab, tmp_path / "m.csv") == 0
+    assert correct(lab, tmp_path / "m.csv") == 1  # damaged times
     got = pd.read_csv(io.StringIO(capsys.readouterr().out), keep_default_na=False)
     flags = got["flag"].tolist()
     assert [flags[k] for k in (3, 6, 7, 8, 9)] == [
@@ -259,21 +260,26 @@ def test_a_growing_file_that_is_replaced_until_the_process_is_ended(lab, tmp_pat
         answers += [process.stdout.readline() for _ in rows[20:]]
         process.terminate()
         out, err = process.communicate(timeout=60)
-        assert process.returncode == 130 and out == "" and "Traceback" not in err
+        assert process.returncode == 143 and out == "" and "Traceback" not in err
     same("".join(answers), model, log[600:640])
     assert (tmp_path / "state.json").exists()
 
 
 def test_following_ends_when_nothing_comes(tmp_path, monkeypatch):
-    monkeypatch.setattr("thermocorr.outside.correct.POLL", 0.001)
+    monkeypatch.setattr("thermocorr.outside.lines.POLL", 0.001)
     path = tmp_path / "f.csv"
     path.write_bytes(b"a\nb\nc")
-    lines = follow(path, idle=0.05)
-    assert [line for line in lines if line is not None] == [b"a\n", b"b\n", b"c"]
-    lines = follow(path, idle=5.0)
+    source = FileLines(path, True, 0.05, StopSignal())
+    assert [line for line in source if line is not None] == [b"a\n", b"b\n"]
+    assert source.rest == b"c"  # the line that is being written is no line yet
+    source.close()
+    source = FileLines(path, True, 5.0, StopSignal())
+    lines = iter(source)
     assert [next(lines), next(lines), next(lines)] == [b"a\n", b"b\n", None]
     path.write_bytes(b"d\n")  # cut and begun anew, shorter than before
     assert next(line for line in lines if line is not None) == b"d\n"
+    assert source.restarted
+    source.close()
 
 
 def test_a_reader_that_goes_away(lab):

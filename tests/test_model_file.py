@@ -18,7 +18,8 @@ from thermocorr.effects import CATALOGUE, Covariate, Effect, LaggedCovariate
 from thermocorr.equations import LagState, lag_differences
 from thermocorr.outside import model_file
 from thermocorr.outside.codec import pack, parse, render, unpack
-from thermocorr.outside.model_file import data_digest, digest_of
+from thermocorr.outside.model_file import data_digest
+from thermocorr.outside.model_file import signed as sign
 
 
 def readings(X, seed=0):
@@ -173,8 +174,7 @@ def test_random_doubles_keep_every_bit():
 
 def signed(node):
     """The file with a digest that fits whatever is in it."""
-    node = {key: value for key, value in node.items() if key != "digest"}
-    return json.dumps({**node, "digest": digest_of(node)})
+    return sign({key: value for key, value in node.items() if key not in ("format", "version", "digest")}).decode()
 
 
 # --------------------------------------------------------------------------------------------------------- own effects

@@ -12,10 +12,15 @@ import pandas as pd
 
 from ..datasets import load_voltage_reference
 from ..estimators import DynamicBiasRegressor, compare_variants
+from ..files import Outputs
 from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..records import RecordError, RecordWarning
-from .files import TIME_NAMES, prepare_folder, read_log, require_column, write_corrected, write_model
-from .report import require_writable, write_report
+from ..records.files import TIME_NAMES, read_table, require_column
+from .files import write_corrected, write_model
+from .report import report_text
+
+RESULTS = ("corrected.csv", "model.json", "model.txt")
+"""Files in the folder of --out."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,17 +59,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         const="",
         help="write everything as one HTML page (default: report.html, in the folder of --out)",
     )
+    parser.add_argument("--force", action="store_true", help="overwrite files that thermocorr did not write")
     parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
 
 
 def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> None:
     """Do it: `say` prints results, `progress` shows what is being done."""
-    folder = None if options.out is None else prepare_folder(options.out)
-    report = None if options.report is None else require_writable(options.report or (folder or Path()) / "report.html")
-    log, index, model, reading = _load(options)
-    X, y = log.drop(columns=reading), log[reading]
+    with Outputs([] if options.log is None else [options.log], options.force) as outputs:
+        _run(options, say, progress, outputs)
+
+
+def _run(
+    options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None], outputs: Outputs
+) -> None:
+    folder = None if options.out is None else Path(options.out)
+    report = None if options.report is None else Path(options.report or (folder or Path()) / "report.html")
+    for path in [
+        *([] if folder is None else [folder / name for name in RESULTS]),
+        *([] if report is None else [report]),
+    ]:
+        outputs.claim(path)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RecordWarning)
+        log, index, model, reading = _load(options)
+        X, y = log.drop(columns=reading), log[reading]
         comparison = compare_variants(
             X,
             y,
@@ -84,11 +102,12 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
     judged = _judge(best, X, y, options, say, progress)
     best = judged.model
     if folder is not None:
-        written = [write_corrected(folder, log, best.evaluate(X, y), index), *write_model(folder, best, (X, y))]
-        say(f"Written: {', '.join(str(path) for path in written)}")
+        written = [
+            write_corrected(outputs, folder, log, best.evaluate(X, y), index),
+            *write_model(outputs, folder, best, (X, y)),
+        ]
     if report is not None:
-        write_report(
-            report,
+        page = report_text(
             best,
             X,
             y,
@@ -99,6 +118,11 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
             source=options.log or "the built-in voltage reference with a hidden effect",
             command=options.as_written,
         )
+        outputs.write(report, page)
+    outputs.commit()
+    if folder is not None:
+        say(f"Written: {', '.join(str(path) for path in written)}")
+    if report is not None:
         say(f"Report: {report}")
 
 
@@ -158,14 +182,14 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
             raise RecordError("Columns are named but no log is given. Put the log's file name after 'analyze'.")
         log = load_voltage_reference(hidden="moisture")
         return log, True, DynamicBiasRegressor("temperature", time_constants, options.degree), "voltage"
-    log = read_log(options.log)
-    reading = require_column(log, options.reading, "reading", ("reading",))
-    temperature = require_column(log, options.temperature, "temperature", ("temperature",))
+    log = read_table(options.log)
+    reading = require_column(log.columns, options.reading, "reading", ("reading",))
+    temperature = require_column(log.columns, options.temperature, "temperature", ("temperature",))
     if reading == temperature:
         raise RecordError(
             f"--reading and --temperature both name {reading!r}. The reading is what the instrument shows."
         )
-    run = None if options.run is None else require_column(log, options.run, "run")
+    run = None if options.run is None else require_column(log.columns, options.run, "run")
     stamped = isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex)
     time = None
     if options.sampling_period is None and not (stamped and options.time is None):

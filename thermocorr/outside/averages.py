@@ -46,7 +46,7 @@ class MovingAverage:
             stop = np.arange(len(self.values), len(line)) + 1
             low = np.maximum(stop - self.count, 0)
             result[rows] = (total[stop] - total[low]) / (stop - low) + offset
-            self.values.extend(line[-self.count :].tolist())
+            self.values.extend(values[rows][-self.count :].tolist())
         return result
 
 

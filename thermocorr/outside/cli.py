@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
 import shlex
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from .. import __version__
+from ..records.text import printable
 from . import analyze, correct
 from .firmware import command as firmware
+from .stopping import Stopped
 
 COMMANDS: dict[str, tuple[Any, str]] = {
     "analyze": (analyze, "compare corrections of a log, say what is missing, write the corrected log and the model"),
@@ -21,7 +27,11 @@ COMMANDS: dict[str, tuple[Any, str]] = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns the exit status: 0, or 2 for bad input, with one sentence on standard error."""
+    """Run the command.
+
+    Returns the exit status: 0; 1 for a log with damaged rows, which got no result; 2 for what could not be done, with
+    one sentence on standard error; 130 or 143 where a signal ended it.
+    """
     parser = argparse.ArgumentParser(
         prog="thermocorr", description="Learn and remove the dynamic thermal bias of precise instruments."
     )
@@ -33,18 +43,63 @@ def main(arguments: Sequence[str] | None = None) -> int:
         command.set_defaults(execute=room.run)
     options = parser.parse_args(arguments)
     options.as_written = shlex.join(["thermocorr", *(sys.argv[1:] if arguments is None else arguments)])
+    return _executed(options)
+
+
+def _executed(options: argparse.Namespace) -> int:
+    """Run a command; whatever ends it is one sentence on standard error, and an exit status."""
+    terminate = _on_terminate()
     try:
-        options.execute(options, print, show_progress)
-    except (ValueError, TypeError) as error:
+        status = options.execute(options, _say, show_progress) or 0
+        sys.stdout.flush()
         clear_progress()
-        print(f"thermocorr: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+        return int(status)
+    except BrokenPipeError:  # the reader has gone: `thermocorr correct ... | head`
+        _abandon_output()
+        return 0
+    except Stopped as stopped:
+        return _ended(str(stopped), stopped.status)
     except KeyboardInterrupt:
-        clear_progress()
-        print("thermocorr: stopped", file=sys.stderr)
-        return 130
+        return _ended("stopped", 130)
+    except SystemExit as ended:  # a signal, see _on_terminate
+        return _ended("stopped", int(ended.code or 0))
+    except MemoryError:
+        return _ended("error: there is not enough memory for this. Analyse a shorter log, or close other programs.", 2)
+    except (ValueError, TypeError, ImportError, ArithmeticError) as error:
+        return _ended(f"error: {' '.join(str(error).split()) or type(error).__name__}", 2)
+    except OSError as error:
+        _abandon_output()
+        return _ended(f"error: {error.filename or 'The output'}: {error.strerror or error}.", 2)
+    finally:
+        terminate()
+
+
+def _ended(text: str, status: int) -> int:
     clear_progress()
-    return 0
+    print(f"thermocorr: {printable(text)}", file=sys.stderr)
+    return status
+
+
+def _say(text: str) -> None:
+    """Print to standard output, as long as somebody reads there: files are written all the same."""
+    try:
+        print(printable(text, "\n"), flush=True)
+    except BrokenPipeError:
+        _abandon_output()
+
+
+def _abandon_output() -> None:
+    """Let what is still to be printed go nowhere: a flush at the end of the process would fail again."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _on_terminate() -> Callable[[], object]:
+    """Make SIGTERM end the command in good order, drafts removed; returns what undoes this."""
+    if threading.current_thread() is not threading.main_thread():
+        return lambda: None
+    before = signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+    return lambda: signal.signal(signal.SIGTERM, before)
 
 
 def show_progress(text: str) -> None:

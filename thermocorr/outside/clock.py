@@ -12,11 +12,13 @@ import numpy as np
 import pandas as pd
 
 from ..records import History, RecordError
-from ..records.times import Times
+from ..records.times import BEYOND, Times, date_of_text
 
 _NS = 1_000_000_000
 _EPOCH, _EPOCH_UTC = datetime(1970, 1, 1), datetime(1970, 1, 1, tzinfo=UTC)
-_ISO_DATE = re.compile(r"\d{4}-\d\d-\d\d")  # pandas would read "now" and "5" too
+_ISO_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,9})?)?(Z|[+-]\d\d:\d\d)?", re.ASCII)
+"""The usual form, which `pandas.Timestamp` reads as `pandas.to_datetime(..., format="ISO8601")` does, but faster."""
+_LAST = (1 << 63) - 1
 _MICROSECOND = timedelta(microseconds=1)
 
 
@@ -53,10 +55,19 @@ class Clock:
                 "same kind of time (dates with or without zone, time spans, seconds, or none at all)."
             )
         if times.ticks is None:
-            stamps = self.next_row + np.arange(times.n)
-            self.next_row += times.n
-            return stamps
-        return times.ticks if self.kind == "seconds" else times.ticks * (_NS // times.per_second)
+            return self.next_rows(times.n)
+        ticks = np.asarray(times.ticks[:])
+        return ticks if self.kind == "seconds" else ticks * (_NS // times.per_second)
+
+    def next_rows(self, n: int) -> np.ndarray:
+        """Stamps of the next `n` rows of a record without times."""
+        self.next_row += n
+        return np.arange(self.next_row - n, self.next_row)
+
+    def times(self, stamps: np.ndarray) -> Times:
+        """The times that these stamps mean."""
+        per_second = 1 if self.kind in ("rows", "seconds") else _NS
+        return Times(len(stamps), self.kind, stamps, per_second, self._times)
 
     def _refuse(self, time: Any, wanted: str) -> RecordError:
         return RecordError(f"A sample's time must be {wanted}, as in the fitted record. Got {time!r} instead.")
@@ -79,41 +90,60 @@ class Clock:
     def _span(self, time: Any) -> int:
         try:
             value = pd.Timedelta(time, unit="s" if isinstance(time, int | float) else None)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             value = pd.NaT
         if value is pd.NaT:
             raise self._refuse(time, "a time span or a number of seconds")
-        return int(value.value)
+        return self._within_range(value.value, time) if value.unit == "ns" else self._nanoseconds(value, time)
 
     def _date(self, time: Any) -> int:
         kind = type(time)
         if kind is pd.Timestamp and time.tzinfo is None:
-            return time.value  # type: ignore[no-any-return]
+            return self._nanoseconds(time, time)
         if kind is datetime and time.tzinfo is None:
-            return (time - _EPOCH) // _MICROSECOND * 1000
+            return self._within_range((time - _EPOCH) // _MICROSECOND * 1000, time)
         date = self._parsed(time, "a date without a time zone")
         if date.tzinfo is not None:
             raise self._refuse(time, "a date without a time zone")
-        return int(date.value)
+        return self._nanoseconds(date, time)
 
     def _zoned_date(self, time: Any) -> int:
         kind = type(time)
         if kind is pd.Timestamp and time.tzinfo is not None:
-            return time.value  # type: ignore[no-any-return]
+            return self._nanoseconds(time, time)
         if kind is datetime and time.tzinfo is not None:
-            return (time - _EPOCH_UTC) // _MICROSECOND * 1000
+            return self._within_range((time - _EPOCH_UTC) // _MICROSECOND * 1000, time)
         date = self._parsed(time, "a date with a time zone")
         if date.tzinfo is None:
             raise self._refuse(time, "a date with a time zone")
-        return int(date.value)
+        return self._nanoseconds(date, time)
+
+    def _nanoseconds(self, value: Any, time: Any) -> int:
+        """Stamp of a date or span of pandas."""
+        try:
+            return value.value  # type: ignore[no-any-return]
+        except (OverflowError, ValueError):
+            raise self._beyond(time) from None
+
+    def _within_range(self, stamp: int, time: Any) -> int:
+        if abs(stamp) > _LAST:
+            raise self._beyond(time)
+        return stamp
+
+    def _beyond(self, time: Any) -> RecordError:
+        return RecordError(f"A sample's time is {time!s:.60}. {BEYOND}")
 
     def _parsed(self, time: Any, wanted: str) -> Any:
         date: Any = pd.NaT
-        if isinstance(time, datetime | np.datetime64) or (isinstance(time, str) and _ISO_DATE.match(time)):
-            try:
+        try:
+            if isinstance(time, datetime | np.datetime64) or (isinstance(time, str) and _ISO_DATE.fullmatch(time)):
                 date = pd.Timestamp(time)
-            except (TypeError, ValueError):
-                date = pd.NaT
+            elif isinstance(time, str):
+                date = date_of_text(time)
+        except OverflowError:
+            raise self._beyond(time) from None
+        except (TypeError, ValueError):
+            pass
         if date is pd.NaT:
             raise self._refuse(time, wanted)
         return date

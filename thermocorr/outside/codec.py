@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import stat
 from collections.abc import Callable
+from datetime import date
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +16,14 @@ import pandas as pd
 
 from ..effects.rates import DelayState
 from ..equations import LagState
+from ..records.cells import LARGEST
 
+LARGEST_FILE = 32 << 20
+"""Bytes of a file of a model or state; a longer one is refused before it is read."""
+MOST_BRACKETS = 200_000
+"""Lists and objects in such a file: each takes some hundred bytes of memory, however short it is in the file."""
+MOST_STATE = LARGEST**3
+"""Bound of the numbers in a state, which hold powers of columns."""
 LARGEST_INTEGER = 1 << 63
 LONGEST_TEXT = 10_000
 _STATES: dict[str, type] = {"LagState": LagState, "DelayState": DelayState}
@@ -68,6 +79,8 @@ def pack(value: Any, where: str, effect: Callable[[Any, str], Any] | None = None
         return {"$array": flat, "dtype": value.dtype.name, "shape": list(value.shape)}
     if isinstance(value, pd.Timestamp | np.datetime64) and not pd.isna(value):
         return {"$date": pd.Timestamp(value).isoformat()}
+    if type(value) is date:
+        return {"$day": value.isoformat()}
     if isinstance(value, pd.Timedelta | np.timedelta64) and not pd.isna(value):
         return {"$span": int(pd.Timedelta(value).value)}
     if effect is not None:
@@ -105,7 +118,9 @@ def unpack(node: Any, where: str, effect: Callable[[Any, str], Any] | None = Non
         return _unpack_state(_STATES[content], node.get("values"), where)
     if tag == "$date" and isinstance(content, str) and len(content) < 60:
         return _unpack_date(content, where)
-    if tag == "$span" and type(content) is int:
+    if tag == "$day" and isinstance(content, str) and len(content) < 60:
+        return _unpack_date(content, where).date()
+    if tag == "$span" and type(content) is int and abs(content) < LARGEST_INTEGER:
         return pd.Timedelta(content, unit="ns")
     if tag == "$effect" and effect is not None:
         return effect(content, f"{where}.$effect")
@@ -225,9 +240,11 @@ def name(value: Any, where: str) -> str | int:
 
 
 def label(value: Any, where: str) -> Any:
-    """What labels a run: None, text, a number, true or false."""
-    if not (value is None or type(value) in (bool, int, float, str)):
-        raise unexpected(where, _shown(value), "a label (text or a number)")
+    """What labels a run: None, text, a number, true or false, a date or a span, several of these."""
+    if type(value) is tuple:
+        return tuple(label(part, where) for part in value)
+    if not (value is None or isinstance(value, bool | int | float | str | date | pd.Timedelta)) or value != value:
+        raise unexpected(where, _shown(value), "a label (text, a number, a date)")
     return value
 
 
@@ -238,10 +255,12 @@ def items(value: Any, where: str, length: int | None = None) -> list[Any]:
     return value
 
 
-def vector(value: Any, where: str, length: int | None = None) -> np.ndarray:
-    """A finite one-dimensional array of floats, of a given length where one is given."""
+def vector(value: Any, where: str, length: int | None = None, most: float = math.inf) -> np.ndarray:
+    """A finite one-dimensional array of floats up to `most`, of a given length where one is given."""
     right = isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype == np.float64
-    if not right or (length is not None and len(value) != length) or not np.isfinite(value).all():
+    if right and not (np.isfinite(value).all() and (abs(value) <= most).all()):
+        right = False
+    if not right or (length is not None and len(value) != length):
         raise unexpected(where, _shown(value), f"an array of {'' if length is None else f'{length} '}finite numbers")
     return value  # type: ignore[no-any-return]
 
@@ -249,8 +268,30 @@ def vector(value: Any, where: str, length: int | None = None) -> np.ndarray:
 # --------------------------------------------------------------------------------------------------- JSON, strictly
 
 
+def read_bytes(path: str | PathLike[str]) -> bytes:
+    """What stands in a file of moderate size; pipes and devices are refused, which might never end.
+
+    Raises
+    ------
+    ModelFileError
+        For what is no regular file, or too large.
+    OSError
+        For what cannot be read.
+    """
+    status = Path(path).stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise ModelFileError("it is no regular file")
+    if status.st_size > LARGEST_FILE:
+        raise ModelFileError(f"it has {status.st_size} bytes, and at most {LARGEST_FILE} are read (32 MiB)")
+    with Path(path).open("rb") as file:
+        return file.read(LARGEST_FILE + 1)
+
+
 def parse(content: bytes) -> dict[str, Any]:
     """JSON as `render` writes it: no duplicate keys, no NaN, no number beyond a float."""
+    brackets = content.count(b"[") + content.count(b"{")
+    if brackets > MOST_BRACKETS:
+        raise ModelFileError(f"it has {brackets} lists and objects, more than any file of thermocorr ({MOST_BRACKETS})")
     try:
         node = json.loads(
             content.decode("utf-8"),
@@ -273,9 +314,11 @@ def parse(content: bytes) -> dict[str, Any]:
 def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     result = dict(pairs)
     if len(result) != len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
-        raise ModelFileError(f"the key {_shown(twice)} stands twice in one object")
+        seen: set[str] = set()
+        for key, _ in pairs:
+            if key in seen:
+                raise ModelFileError(f"the key {_shown(key)} stands twice in one object")
+            seen.add(key)
     return result
 
 

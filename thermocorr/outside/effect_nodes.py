@@ -13,7 +13,20 @@ from ..effects import CATALOGUE, Effect, ThermalLag
 from ..effects.rates import DelayState
 from ..effects.thermal import seconds_array
 from ..equations import LagState
-from .codec import ModelFileError, fields, integer, name, number, pack, positive, text, unexpected, unpack, vector
+from .codec import (
+    MOST_STATE,
+    ModelFileError,
+    fields,
+    integer,
+    name,
+    number,
+    pack,
+    positive,
+    text,
+    unexpected,
+    unpack,
+    vector,
+)
 
 Check = Callable[[Any, str], Any]
 
@@ -302,15 +315,15 @@ def check_state(effect: Any, state: Any, where: str) -> None:
     if count is not None:
         if type(state) is not LagState:
             raise unexpected(where, repr(state)[:60], f"the state of {count} lags")
-        vector(state.lag_difference, f"{where}.lag_difference", count)
-        number(state.temperature, f"{where}.temperature")
+        vector(state.lag_difference, f"{where}.lag_difference", count, MOST_STATE)
+        number(state.temperature, f"{where}.temperature", -MOST_STATE, MOST_STATE)
     elif kind == "delay":
-        if type(state) is not DelayState or not len(vector(state.elapsed, where)):
+        if type(state) is not DelayState or not len(vector(state.elapsed, where, most=MOST_STATE)):
             raise unexpected(where, repr(state)[:60], "the samples that a delay looks back to")
-        vector(state.temperature, f"{where}.temperature", len(state.elapsed))
+        vector(state.temperature, f"{where}.temperature", len(state.elapsed), MOST_STATE)
         if (np.diff(state.elapsed) <= 0).any():
             raise unexpected(f"{where}.elapsed", "times", "increasing times")
     elif kind in ("hysteresis", "rate"):
-        number(state, where)
+        number(state, where, -MOST_STATE, MOST_STATE)
     elif kind is not None and state is not None:
         raise unexpected(where, repr(state)[:60], "null")

@@ -10,6 +10,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 from collections.abc import Callable, Collection
 from importlib.metadata import version
 from pathlib import Path
@@ -19,18 +20,19 @@ import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from ..estimators import DynamicBiasRegressor
+from ..files import write_file
 from ..records import History, read_record
 from ..records.read import numeric_reading
-from .codec import ModelFileError, fields, integer, parse, render, text
+from .codec import LARGEST_FILE, ModelFileError, fields, integer, parse, read_bytes, render, text
 from .effect_nodes import EffectCodec
 from .model_nodes import pack_model, unpack_model
 
 FORMAT = "thermocorr model"
-VERSION = 1
+VERSION = 2
 HISTORY_ROWS = 4096
 """Rows of the fitted record that a file keeps unless it is told otherwise."""
-LARGEST_FILE = 1 << 28
-"""Bytes; a file above this is refused."""
+_HEAD = re.compile(rb'\{"format": "thermocorr model", "version": ([0-9]{1,9}), "digest": "(sha256:[0-9a-f]{64})",\n')
+"""First line of a file since version 2; the digest is that of all bytes behind it."""
 
 
 def save(
@@ -39,6 +41,7 @@ def save(
     *,
     history_rows: int | None = HISTORY_ROWS,
     data: tuple[Any, Any] | None = None,
+    force: bool = False,
 ) -> Path:
     """Write a fitted model to a JSON file.
 
@@ -47,7 +50,7 @@ def save(
     model : DynamicBiasRegressor
         Fitted. Its effects may be those of the catalogue, or your own if they can be imported.
     path : str or Path
-        Replaced as a whole, or left as it was if anything goes wrong.
+        Replaced as a whole, or left as it was if anything goes wrong. A file that thermocorr did not write is refused.
     history_rows : int or None, default 4096
         Rows of the fitted record to keep. They serve one thing: new data that *begin in the middle* of the fitted
         record take their states from them, exactly where the record has no more rows than this, else with the
@@ -55,6 +58,8 @@ def save(
         segment, or follow on it, are exact always. None keeps all that the model has.
     data : (X, y), optional
         The record that the model was fitted to: its digest is noted in the file. Without it, that of the kept rows is.
+    force : bool, default False
+        Overwrite a file that thermocorr did not write.
 
     Returns
     -------
@@ -63,23 +68,42 @@ def save(
     Raises
     ------
     ModelFileError
-        For a model that cannot be written safely: transformers as effects, classes that cannot be imported.
+        For a model that cannot be written safely: transformers as effects, classes that cannot be imported; for one
+        that gives a file above 32 MiB.
+    OutputError
+        An OSError: the file cannot be written, or must not be.
     TypeError
         For something else than a `DynamicBiasRegressor`.
     """
+    return write_file(path, content_of(model, history_rows=history_rows, data=data), force=force)
+
+
+def content_of(
+    model: DynamicBiasRegressor,
+    *,
+    history_rows: int | None = HISTORY_ROWS,
+    data: tuple[Any, Any] | None = None,
+) -> bytes:
+    """What `save` writes."""
     if not isinstance(model, DynamicBiasRegressor):
         raise TypeError(f"Only a DynamicBiasRegressor can be saved as a model file. Got {type(model).__name__}.")
     check_is_fitted(model, "pipeline_")
     if history_rows is not None and history_rows < 1:
         raise ValueError(f"The 'history_rows' parameter must be at least 1, or None. Got {history_rows!r} instead.")
-    content = {
-        "format": FORMAT,
-        "version": VERSION,
-        "provenance": _provenance(model, data),
-        "model": pack_model(model, history_rows),
-    }
-    content = {"format": FORMAT, "version": VERSION, "digest": digest_of(content), **content}
-    return replace_file(Path(path), render(content) + "\n")
+    content = signed({"provenance": _provenance(model, data), "model": pack_model(model, history_rows)})
+    if len(content) > LARGEST_FILE:
+        raise ModelFileError(
+            f"The model file would have {len(content)} bytes, and at most {LARGEST_FILE} are read again (32 MiB). Keep "
+            "fewer rows of the fitted record: history_rows=4096."
+        )
+    return content
+
+
+def signed(content: dict[str, Any]) -> bytes:
+    """A model file: its first line holds the digest of the bytes behind it."""
+    body = (render(content) + "\n").removeprefix("{\n").encode("ascii")
+    digest = hashlib.sha256(body).hexdigest()
+    return f'{{"format": "{FORMAT}", "version": {VERSION}, "digest": "sha256:{digest}",\n'.encode("ascii") + body
 
 
 def load(path: str | os.PathLike[str], *, allow_imports: Collection[str] = ()) -> DynamicBiasRegressor:
@@ -106,9 +130,7 @@ def load(path: str | os.PathLike[str], *, allow_imports: Collection[str] = ()) -
     """
     path = Path(path)
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise ModelFileError(f"it has {path.stat().st_size} bytes, more than any model file")
-        return _model_of(path.read_bytes(), EffectCodec(allow_imports))
+        return _model_of(read_bytes(path), EffectCodec(allow_imports))
     except OSError as error:
         raise ModelFileError(f"{path} cannot be read: {error.strerror}. Check its name and folder.") from None
     except ModelFileError as error:
@@ -116,18 +138,7 @@ def load(path: str | os.PathLike[str], *, allow_imports: Collection[str] = ()) -
 
 
 save_model, load_model = save, load
-"""The same under the names that `thermocorr` shows."""
-
-
-def replace_file(path: Path, content: str) -> Path:
-    """Write a text file as a whole: whatever goes wrong, the one that was there before stays."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        draft.write_text(content, encoding="utf-8")
-        os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
-    return path
+"""`save` and `load` under the names that `thermocorr` shows."""
 
 
 def _remedy(found: str) -> str:
@@ -139,26 +150,37 @@ def _remedy(found: str) -> str:
 
 
 def _model_of(content: bytes, codec: EffectCodec) -> DynamicBiasRegressor:
+    head = _HEAD.match(content)
+    if head is not None:  # nothing is parsed of a file that is not as it was written
+        _refuse_later(int(head[1]))
+        if head[2].decode() != f"sha256:{hashlib.sha256(content[head.end() :]).hexdigest()}":
+            raise ModelFileError("$.digest does not fit the content: something was changed or lost")
     node = parse(content)
     if node.get("format") != FORMAT:
         raise ModelFileError(f"$.format is {str(node.get('format'))[:60]!r} where {FORMAT!r} belongs: a foreign file")
     found = integer(node.get("version"), "$.version", 0)
-    if found > VERSION:
-        raise ModelFileError(f"it was written by a later version (format {found}, this package reads up to {VERSION})")
-    if found >= 1:  # drafts had no digest
+    _refuse_later(found)
+    if found == VERSION and head is None:
+        raise ModelFileError("its first line is not as it was written")
+    if found == 1:  # the digest of all the rest, written without spaces and with sorted keys
         said = text(node.pop("digest", None), "$.digest")
         if said != digest_of(node):
             raise ModelFileError("$.digest does not fit the content: something was changed or lost")
     while (at := node["version"]) < VERSION:
         node = MIGRATIONS[at](node)
-    node = fields(node, "$", ("format", "version", "provenance", "model"))
+    node = fields(node, "$", ("format", "version", "digest", "provenance", "model"))
     model = unpack_model(node["model"], "$.model", codec)
     model.provenance_ = fields(node["provenance"], "$.provenance", ("versions", "data"))
     return model
 
 
+def _refuse_later(found: int) -> None:
+    if found > VERSION:
+        raise ModelFileError(f"it was written by a later version (format {found}, this package reads up to {VERSION})")
+
+
 def digest_of(content: dict[str, Any]) -> str:
-    """sha256 of everything else in the file, written without spaces and with sorted keys."""
+    """Digest of a file of version 1: sha256 of everything else in it, without spaces and with sorted keys."""
     plain = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return f"sha256:{hashlib.sha256(plain.encode('ascii')).hexdigest()}"
 
@@ -176,7 +198,12 @@ def _from_draft(node: dict[str, Any]) -> dict[str, Any]:
     return {**node, "version": 1, "provenance": {"versions": {}, "data": {}}, "model": model}
 
 
-MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {0: _from_draft}
+def _from_digest_inside(node: dict[str, Any]) -> dict[str, Any]:
+    """Version 1: its digest has been looked at."""
+    return {**node, "version": 2, "digest": ""}
+
+
+MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {0: _from_draft, 1: _from_digest_inside}
 """Version -> what makes of its content that of the next version."""
 
 

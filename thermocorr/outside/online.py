@@ -3,34 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
-from operator import mul
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from ..effects.steppers import Sample, stepper_of
-from ..effects.stream import Walked, needed_columns, states_before, walk
 from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
-from ..records import Record, RecordError, Segment, SegmentStart
+from ..records import RecordError, read_record
 from ..records.read import from_polars, is_frame, numeric_column, times_of
-from ..records.times import Times
 from .averages import MovingAverage, Tracker
-from .clock import Clock
-from .stream_state import restore, stored
+from .stream import Advanced, Stream
+from .stream_state import Settings, StreamState, from_json, to_json
 
-GAP_STEPS = 10.0
-"""A step of more than so many usual ones is flagged as a gap, where the model has no `max_gap`."""
-_NO_TEMPERATURE, _BACKWARD, _STALE = ("no temperature",), ("backward time",), ("stale time",)
-_REASONS = ("no reading", "washout", "outside fitted range", "gap")
-_FLAGS = tuple(tuple(reason for bit, reason in enumerate(_REASONS) if mask >> bit & 1) for mask in range(16))
-_SHORT = 8
-"""Mean length of segments below which rows are cheaper one by one than in blocks."""
+_SHORT = 16
+"""Fewer rows are faster one by one than in a block."""
+_PIECE = 1 << 16
+"""Rows of one block at most."""
 
 
 class Corrected(NamedTuple):
@@ -60,6 +52,10 @@ class OnlineCorrector:
     row repeats it; any other starts afresh, by the model's `initial_state`, and is flagged for the model's washout. A
     step longer than the model's `max_gap`, a sample without a temperature and a change of the run start afresh too.
 
+    A sample after a gap is flagged "gap", after an absurdly long one "suspect time". It is believed until the next
+    one: if that lies before it, and after the samples before the gap, its time was false, and the stream goes on as if
+    it had not been. One damaged date does not end a stream.
+
     Parameters
     ----------
     model : DynamicBiasRegressor
@@ -71,6 +67,10 @@ class OnlineCorrector:
         constant [s], starting with the model's U0. Flagged readings do not enter; a gap alone does not keep one out.
     continues : bool, default True
         False starts afresh whatever the first sample's time is: another instrument of the same kind, say.
+    first_row : int, optional
+        For a model of a record without times: number of the stream's first row, counted from the first fitted one. By
+        default a first block is placed as `correct` places its rows, and a first single sample on the fitted row that
+        it repeats, where only one has these digits; any other follows on the fitted record.
 
     Examples
     --------
@@ -86,7 +86,13 @@ class OnlineCorrector:
     """
 
     def __init__(
-        self, model: DynamicBiasRegressor, *, average: int | None = None, track: Any = None, continues: bool = True
+        self,
+        model: DynamicBiasRegressor,
+        *,
+        average: int | None = None,
+        track: Any = None,
+        continues: bool = True,
+        first_row: int | None = None,
     ):
         if not isinstance(model, DynamicBiasRegressor):
             raise TypeError(f"The model must be a DynamicBiasRegressor. Got {type(model).__name__}.")
@@ -94,39 +100,46 @@ class OnlineCorrector:
         self.model = model
         self.average = None if average is None else MovingAverage(average)
         self.track = None if track is None else Tracker(track, model.intercept_)
-        self.continues = bool(continues)
-        self._history = model.features_.history_
-        self._effects = model.features_.effect_list()
-        temperature = self._history.record.temperature_name
-        times = self._history.record.times
-        self._temperature = temperature
-        self._inputs = [column for column in needed_columns(self._effects) if column != temperature]
-        self._given = [column_text(column) for column in self._inputs]
-        self._steppers = [stepper_of(effect, times, self._history.zero, temperature) for effect in self._effects]
-        self._removed = [effect.removed_by_correct for effect in self._effects]
-        edges = np.cumsum([0, *(len(effect.names()) for effect in self._effects)]).tolist()
-        self._coefficients = [
-            (model.coef_[low:high] * removed).tolist()
-            for (low, high), removed in zip(pairwise(edges), self._removed, strict=True)
-        ]
-        self._low, self._high = model.reading_.temperature_range
-        self._washout = model.washout_
-        self._max_gap = math.inf if self._history.max_gap is None else self._history.max_gap
-        self._gap = GAP_STEPS * self._history.usual_step if self._history.max_gap is None else self._history.max_gap
-        self._run_column = model.run
+        self.continues, self.first_row = bool(continues), first_row
+        self._stream = Stream(model, self.continues)
+        self.columns = tuple(self._stream.inputs)
+        """Recorded columns that the model needs beside the temperature."""
+        self._given = [column_text(column) for column in self.columns]
         self.reset()
 
     def reset(self) -> None:
         """Forget the stream: the next sample is taken as the first."""
-        self._clock = Clock(self._history)
-        self._sample = Sample()
-        self._last: Any = None
-        self._run: Any = None
-        self._seen: list[Any] = []
-        self._open, self._until = False, -math.inf
+        self._stream.reset()
+        self._doubt: StreamState | None = None
+        self._placed = self._stream.history.kind != "rows" or not self.continues
+        if self.first_row is not None:
+            self.place(self.first_row)
         for part in (self.average, self.track):
             if part is not None:
                 part.reset()
+
+    def place(self, row: int) -> None:
+        """Say which row of the record the next sample is, for a record without times; see `first_row`."""
+        if self._stream.history.kind != "rows":
+            raise ValueError("The 'first_row' parameter is for records without times: these rows have their own.")
+        self._stream.clock.next_row, self._placed = int(row), True
+
+    def place_block(self, X: Any) -> None:
+        """Take these rows for the next ones of a record without times, and find them in it as `correct` does."""
+        try:
+            record = read_record(X, self.model.features_._layout(), needed=self.columns, quiet=True)
+        except RecordError:  # no row to find them by
+            self.place(self._stream.history.n_fitted)
+        else:
+            self.place(self._stream.history.first_row(record))
+
+    def stamp(self, time: Any) -> Any:
+        """A sample's time as a number on the clock of the fitted record; RecordError for a time of another kind."""
+        return self._stream.clock.stamp(time)
+
+    def has_seen(self, stamp: Any, run: Any) -> bool:
+        """Whether a sample of this time would be refused: it does not lie after the last one of its run."""
+        return self._stream.step_to(stamp, run) <= 0.0
 
     # ------------------------------------------------------------------------------------------------- one by one
 
@@ -151,97 +164,50 @@ class OnlineCorrector:
         Raises
         ------
         RecordError
-            For a time of another kind.
+            For a time of another kind, and a run without a label.
         TypeError
             For columns that are missing, or no numbers.
         """
-        run = columns.get(self._run_column) if self._run_column is not None else None
-        values = {self._temperature: _number(temperature)}
-        for column, name in zip(self._inputs, self._given, strict=True):
+        stream = self._stream
+        values = {stream.temperature: _number(temperature)}
+        for column, name in zip(self.columns, self._given, strict=True):
             if name not in columns:
                 raise TypeError(f"update() needs the column {name!r}, which the model uses.")
             values[column] = _number(columns[name])
         U = _number(reading)
-        return self._advance(self._clock.stamp(time), run, values, U)
+        run = columns.get(self.model.run) if self.model.run is not None else None
+        if run is not None and type(run) is not str and pd.isna(run):
+            raise RecordError(f"The sample has no label of its run in {self.model.run!r}. Label every sample.")
+        return self.update_stamp(None if time is None else stream.clock.stamp(time), run, values, U)
 
-    def _advance(self, stamp: Any, run: Any, values: dict[Any, float], U: float) -> Corrected:
-        """Correct one sample whose values are numbers."""
-        sample, last, clock = self._sample, self._last, self._clock
-        same_run = last is not None and run == self._run
-        step = clock.between(stamp, last) if same_run else math.inf
-        if step <= 0.0:
-            return self._nothing(_STALE if step == 0.0 else _BACKWARD)
-        self._last, self._run = stamp, run
-        T = values[self._temperature]
-        for value in values.values():
-            if value - value != 0.0:  # NaN or infinity
-                self._open = False
-                return self._nothing(_NO_TEMPERATURE)
-        if self._open and same_run and step <= self._max_gap:
-            sample.begins, sample.step = False, step
-        else:
-            since = self._begin(stamp, run, values)
-            step = since if step == math.inf else step
-        sample.temperature, sample.values, sample.stamp = T, values, stamp
-        sample.seconds = clock.between(stamp, self._history.zero)
-        sample.elapsed = elapsed = clock.between(stamp, sample.segment_zero)
-        if elapsed > self._until:
-            self._settle(elapsed)
-        row: list[float] = []
-        for advance in self._steps:
-            row += advance(sample)
-        bias = sum(map(mul, row, self._weights))
+    def update_stamp(self, stamp: Any, run: Any, values: dict[Any, float], U: float) -> Corrected:
+        """`update` on what it makes of its arguments: a `stamp`, the temperature and columns, the reading."""
+        stream = self._stream
+        if stamp is None:
+            if not self._placed:
+                self.place(stream.history.row_of(values))
+            stamp = stream.clock.stamp(None)
+        if self._doubt is not None or stream.step_to(stamp, run) > stream.gap:
+            self._consider(stamp, run)
         known = U - U == 0.0
-        mask = 0 if known else 1
-        if sample.key is None and elapsed < self._washout:
-            mask |= 2
-        if not self._low <= T <= self._high:
-            mask |= 4
-        if step > self._gap:
-            mask |= 8
-        corrected = U - bias if known else math.nan
+        done = stream.advance(stamp, run, values, known)
+        corrected = U - done.bias if known else math.nan
         if self.average is None and self.track is None:
-            return Corrected(corrected, bias, _FLAGS[mask])
+            return Corrected(corrected, done.bias, done.flags)
+        return self._accompanied(corrected, done, stamp)
+
+    def _accompanied(self, corrected: float, done: Advanced, stamp: Any) -> Corrected:
         smoothed = math.nan if self.average is None else self.average.one(corrected)
-        reference = math.nan if self.track is None else self.track.one(stamp * clock.unit, corrected, not mask & 7)
-        return Corrected(corrected, bias, _FLAGS[mask], smoothed, reference)
+        seconds = stamp * self._stream.clock.unit
+        reference = math.nan if self.track is None else self.track.one(seconds, corrected, done.counts)
+        return Corrected(corrected, done.bias, done.flags, smoothed, reference)
 
-    def _nothing(self, flags: tuple[str, ...]) -> Corrected:
-        return Corrected(math.nan, math.nan, flags, reference=math.nan if self.track is None else self.track.value)
-
-    def _settle(self, elapsed: float) -> None:
-        """Leave out effects that have nothing more to say in this segment: start-up decays that are over."""
-        key = self._sample.key
-        active = [i for i, stepper in enumerate(self._steppers) if stepper.over(key) >= elapsed]
-        self._steps = [self._steppers[i].step for i in active]
-        self._weights = [weight for i in active for weight in self._coefficients[i]]
-        self._until = min((self._steppers[i].over(key) for i in active), default=math.inf)
-
-    def _begin(self, stamp: Any, run: Any, values: Any) -> float:
-        """Start a segment; returns the step since the sample that it continues [s], 0 where it starts afresh."""
-        start, states = self._tied(stamp, run, values)
-        sample = self._sample
-        sample.key, sample.segment_zero = (None, stamp) if start is None else (start.key, start.segment_zero)
-        known = start is not None and start.step is not None
-        sample.begins, sample.step = not known, start.step if known else 1.0  # type: ignore[union-attr, assignment]
-        for stepper, state in zip(self._steppers, states, strict=True):
-            stepper.start(state)
-        self._open, self._until = True, -math.inf
-        return sample.step if known else 0.0
-
-    def _tied(self, stamp: Any, run: Any, values: Any) -> tuple[SegmentStart | None, list[Any]]:
-        """How a segment that begins with this row hangs on the fitted record, and its states."""
-        first = run not in self._seen
-        if first:
-            self._seen.append(run)
-        tied = self._history.tie(stamp, run, values, first) if self.continues else None
-        nothing: list[Any] = [None] * len(self._effects)
-        if tied is None:
-            return None, nothing
-        start, replay = tied
-        if start.step is None:
-            return start, nothing
-        return start, states_before(self._effects, self._history, start.key, replay)
+    def _consider(self, stamp: Any, run: Any) -> None:
+        """Before a sample: forget the last one if its time was false; doubt this one if it jumps."""
+        stream = self._stream
+        if self._doubt is not None and stream.returns_behind(self._doubt, stamp, run):
+            self._put(self._doubt)
+        self._doubt = self._state() if stream.step_to(stamp, run) > stream.gap else None
 
     # -------------------------------------------------------------------------------------------------- in blocks
 
@@ -262,123 +228,89 @@ class OnlineCorrector:
         """
         X = from_polars(X)
         X = X if is_frame(X) else np.asarray(X)
-        n = len(X)
+        n, stream, run = len(X), self._stream, self.model.run
         reading = np.full(n, np.nan) if y is None else _readings(y, n)
-        columns = {name: _column(X, name, "column") for name in self._inputs}
-        columns[self._temperature] = _column(X, self._temperature, "temperature")
-        out = _Output(n)
-        if n:
-            layout = self.model.features_._layout()
-            times = times_of(X, layout)
-            if times.ticks is not None:
-                times = replace(times, ticks=np.asarray(times.ticks[:]))
-            stamps = self._clock.stamps(times)
-            for low, high, run in _stretches(X, self._run_column, n):
-                self._stretch(slice(low, high), run, times, stamps, columns, reading, out)
+        values = {stream.temperature: _column(X, stream.temperature, "temperature")}
+        values |= {name: _column(X, name, "column") for name in self.columns}
+        if not n:
+            return self._frame(Columns(self, 0), X)
+        times = times_of(X, self.model.features_._layout())
+        if not self._placed:
+            self.place_block(X)
+        labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run])
+        short = n + 1 if n < _SHORT else 1
+        return self._frame(self.update_stamps(stream.clock.stamps(times), values, reading, labels, short), X)
+
+    def update_stamps(
+        self,
+        stamps: np.ndarray | None,
+        values: dict[Any, np.ndarray],
+        reading: np.ndarray,
+        runs: Any = None,
+        short: int = 1,
+    ) -> Columns:
+        """`update_many` on what it made of its arguments: stamps, columns and readings as numbers, labels of runs.
+
+        Stamps are None for a record without times. Stretches of less than `short` rows go one by one, which is faster,
+        and equal to the last digit but one.
+        """
+        out = Columns(self, len(reading))
+        if stamps is None:
+            if not self._placed:
+                frame = pd.DataFrame(values)
+                self.place_block(frame if runs is None else frame.assign(**{str(self.model.run): runs}))
+            stamps = self._stream.clock.next_rows(len(reading))
+        for low, high, run in _stretches(runs, len(stamps)):
+            at = low
+            while at < high:
+                ahead = stamps[at : min(at + _PIECE, high)]
+                first = ahead[0].item()
+                jumps = self._doubt is not None or self._stream.step_to(first, run) > self._stream.gap
+                stop = at + (1 if jumps else self._stream.next_jump(ahead, run))
+                rows = slice(at, stop)
+                if stop - at < short:
+                    self._singly(rows, stamps, run, values, reading, out)
+                else:
+                    if jumps:
+                        self._consider(first, run)
+                    self._together(rows, stamps, run, values, reading, out)
+                at = stop
+        return out
+
+    def _together(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, out: Columns) -> None:
+        some = {name: column[rows] for name, column in values.items()}
+        block = self._stream.advance_block(stamps[rows], run, some, reading[rows])
+        corrected = reading[rows] - block.bias
+        out.corrected[rows], out.bias[rows], out.flags[rows] = corrected, block.bias, block.flags
+        if self.average is not None:
+            out.smoothed[rows] = self.average.many(corrected)
+        if self.track is not None:
+            trusted = (block.flags == "") | (block.flags == "gap")
+            out.reference[rows] = self.track.many(stamps[rows] * self._stream.clock.unit, corrected, trusted)
+
+    def _singly(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, out: Columns) -> None:
+        for k in range(rows.start, rows.stop):
+            one = {name: float(column[k]) for name, column in values.items()}
+            done = self.update_stamp(stamps[k].item(), run, one, float(reading[k]))
+            out.corrected[k], out.bias[k], out.flags[k] = done.corrected, done.bias, done.flag
+            out.smoothed[k], out.reference[k] = done.smoothed, done.reference
+
+    def _frame(self, out: Columns, X: Any) -> pd.DataFrame:
         result = {"corrected": out.corrected, "bias": out.bias, "flag": out.flags}
         if self.average is not None:
-            result["smoothed"] = self.average.many(out.corrected)
+            result["smoothed"] = out.smoothed
         if self.track is not None:
-            trusted = (out.flags == "") | (out.flags == "gap")
-            result["reference"] = self.track.many(
-                stamps * self._clock.unit if n else np.zeros(0), out.corrected, trusted
-            )
+            result["reference"] = out.reference
         return pd.DataFrame(result, index=X.index if isinstance(X, pd.DataFrame) else None)
-
-    def _stretch(
-        self, rows: slice, run: Any, times: Times, stamps: np.ndarray, columns: Any, reading: np.ndarray, out: _Output
-    ) -> None:
-        """Rows of one run."""
-        given = np.arange(rows.start, rows.stop)
-        same_run = self._last is not None and run == self._run
-        here = stamps[given]
-        before = np.maximum.accumulate(np.concatenate(([self._last if same_run else here[0] - 1], here)))[:-1]
-        late = here <= before
-        out.flags[given[late]] = np.where(here[late] == before[late], "stale time", "backward time")
-        given, here = given[~late], here[~late]
-        if not len(given):
-            return
-        values = {name: column[given] for name, column in columns.items()}
-        valid = np.logical_and.reduce([np.isfinite(column) for column in values.values()])
-        fresh_run = not (self._last is not None and run == self._run)
-        steps = np.empty(len(given))
-        steps[0] = np.inf if fresh_run else self._clock.between(here[0], self._last)
-        steps[1:] = self._clock.between(here[1:], here[:-1])
-        goes_on = np.concatenate(([self._open and not fresh_run], valid[:-1])) & (steps <= self._max_gap)
-        fresh = valid & ~goes_on
-        if fresh.sum() * _SHORT > len(given):
-            self._one_by_one(given, here, run, values, reading, out)
-            return
-        self._last, self._run = here[-1].item(), run
-        record, starts, states = self._record(times, given, here, steps, values, fresh, valid, run)
-        walked: Walked | None = None
-
-        def noted() -> Iterator[Walked]:
-            nonlocal walked
-            for step in walk(self._effects, record, zero=self._history.zero, starts=starts, states=states):
-                walked = step
-                yield step
-
-        measured = reading[given]
-        for block, parts in self.model.weighed(noted()):
-            into = given[block.rows]
-            out.bias[into] = parts[:, self._removed].sum(axis=1)
-            flags = self.model.block_flags(block, measured[block.rows])
-            flags[(flags == "") & (steps[block.rows] > self._gap)] = "gap"
-            out.flags[into] = flags
-        out.corrected[given] = measured - out.bias[given]
-        self._open, self._until = bool(valid[-1]), -math.inf
-        if self._open:
-            assert walked is not None
-            self._sample.key, self._sample.segment_zero = walked.block.segment_key, walked.block.segment_zero
-            for stepper, state in zip(self._steppers, walked.states, strict=True):
-                stepper.start(state)
-
-    def _one_by_one(self, given: Any, here: Any, run: Any, values: Any, reading: Any, out: _Output) -> None:
-        """Rows that hardly ever follow on one another: blocks would be no longer than a row or two."""
-        names = list(values)
-        rows = zip(given.tolist(), here.tolist(), *(values[name].tolist() for name in names), strict=True)
-        average, track, self.average, self.track = self.average, self.track, None, None
-        try:
-            for k, stamp, *row in rows:
-                result = self._advance(stamp, run, dict(zip(names, row, strict=True)), float(reading[k]))
-                out.corrected[k], out.bias[k], out.flags[k] = result.corrected, result.bias, result.flag
-        finally:
-            self.average, self.track = average, track
-
-    def _record(
-        self, times: Times, given: Any, here: Any, steps: Any, values: Any, fresh: Any, valid: Any, run: Any
-    ) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
-        """A record of these rows, how its segments hang on what came before, and the states they start with."""
-        ticks = here if times.ticks is None else times.ticks[given]
-        begins = fresh.copy()
-        begins[0] = valid[0]
-        edges = np.flatnonzero(begins)
-        segments, starts, states = [], {}, {}
-        gone = np.append(np.flatnonzero(~valid), len(valid))
-        for number, start in enumerate(edges.tolist()):
-            stop = int(gone[np.searchsorted(gone, start)])
-            if number + 1 < len(edges):
-                stop = min(stop, int(edges[number + 1]))
-            segments.append(Segment(start, stop, run))
-            if not fresh[start]:  # the stream goes on
-                starts[number] = SegmentStart(self._sample.key, self._sample.segment_zero, float(steps[start]))
-                states[number] = [stepper.state() for stepper in self._steppers]
-                continue
-            first = {name: column[start] for name, column in values.items()}
-            tied, known = self._tied(here[start].item(), run, first)
-            if steps[start] == np.inf:
-                steps[start] = 0.0 if tied is None or tied.step is None else tied.step
-            if tied is not None:
-                starts[number], states[number] = tied, known
-        kept = Times(len(given), times.kind, ticks, times.per_second, times.period)
-        return Record(kept, self._temperature, values, tuple(segments)), starts, states
 
     # ------------------------------------------------------------------------------------------------ stop and go on
 
     def state(self) -> dict[str, Any]:
         """All that is needed to go on later, in another process: a dict for `json.dumps`."""
-        return stored(self)
+        average = None if self.average is None else self.average.count
+        settings = Settings(self.continues, average, None if self.track is None else self.track.time_constant)
+        next_row = self._stream.clock.next_row if self._placed else None
+        return to_json(self.model, settings, next_row, self._state(), self._doubt)
 
     @classmethod
     def from_state(cls, model: DynamicBiasRegressor, state: dict[str, Any]) -> OnlineCorrector:
@@ -389,15 +321,34 @@ class OnlineCorrector:
         ModelFileError
             A ValueError: the state is damaged, or belongs to another model.
         """
-        return restore(cls, model, state)
+        settings, next_row, now, doubt = from_json(model, state)
+        corrector = cls(model, average=settings.average, track=settings.track, continues=settings.continues)
+        if next_row is not None:
+            corrector._stream.clock.next_row, corrector._placed = next_row, True
+        corrector._put(now)
+        corrector._doubt = doubt
+        return corrector
+
+    def _state(self) -> StreamState:
+        averaged = () if self.average is None else tuple(self.average.values)
+        tracked = None if self.track is None else (self.track.value, self.track.last)
+        return replace(self._stream.state(), averaged=averaged, tracked=tracked)
+
+    def _put(self, state: StreamState) -> None:
+        self._stream.put(state)
+        if self.average is not None:
+            self.average.reset()
+            self.average.values.extend(state.averaged)
+        if self.track is not None and state.tracked is not None:
+            self.track.value, self.track.last = state.tracked
 
 
-class _Output:
+class Columns:
     """Columns of the result, as they are filled."""
 
-    def __init__(self, n: int):
-        self.corrected, self.bias = np.full(n, np.nan), np.full(n, np.nan)
-        self.flags = np.full(n, "no temperature", dtype=object)
+    def __init__(self, corrector: OnlineCorrector, n: int):
+        self.corrected, self.bias, self.smoothed, self.reference = (np.full(n, np.nan) for _ in range(4))
+        self.flags = np.full(n, "", dtype=object)
 
 
 def _number(value: Any) -> float:
@@ -422,18 +373,19 @@ def _readings(y: Any, n: int) -> np.ndarray:
     return values
 
 
-def _column(X: Any, name: Any, role: str) -> np.ndarray:
+def _column(X: Any, name: Any, role: Any) -> np.ndarray:
     try:
         return _floats(X[name][:] if is_frame(X) else X[:, name])
     except (KeyError, IndexError, TypeError, ValueError):
         return _floats(numeric_column(X, name, role))  # the same, or a sentence about what is wrong
 
 
-def _stretches(X: Any, run_column: Any, n: int) -> list[tuple[int, int, Any]]:
+def _stretches(labels: pd.Series[Any] | None, n: int) -> list[tuple[int, int, Any]]:
     """Stretches of rows of the same run: first row, row after the last, label."""
-    if run_column is None:
+    if labels is None:
         return [(0, n, None)]
-    labels = pd.Series(X[run_column][:] if is_frame(X) else X[:, run_column])
-    codes = pd.factorize(labels, use_na_sentinel=False)[0]
+    if labels.isna().any():
+        raise RecordError(f"Row {int(labels.isna().argmax())} has no label of its run. Label every row.")
+    codes = pd.factorize(labels)[0]
     edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), n]
     return [(low, high, labels.iloc[low]) for low, high in pairwise(edges)]

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ..estimators import DynamicBiasRegressor, VariantComparison
+from ..files import write_file
 from ..judgement import Diagnosis, Refinement
 from ..judgement.page import PageData, page
-from ..records import RecordError
 
 
 def write_report(
@@ -24,6 +24,7 @@ def write_report(
     unjudged: str = "",
     source: str = "",
     command: str = "",
+    force: bool = False,
 ) -> Path:
     """Write one self-contained HTML page that needs no network, at most 5 MB for a record of any length.
 
@@ -41,6 +42,8 @@ def write_report(
         Why there is no diagnosis.
     source, command : str
         Name of the data's file, and the command that made the page; shown at its end.
+    force : bool, default False
+        Overwrite a file that thermocorr did not write.
 
     Returns
     -------
@@ -48,12 +51,39 @@ def write_report(
 
     Raises
     ------
-    RecordError
-        Where the file cannot be written.
+    OutputError
+        An OSError and a RecordError: the file cannot be written, or must not be.
     """
+    text = report_text(
+        model,
+        X,
+        y,
+        diagnosis=diagnosis,
+        refinement=refinement,
+        comparison=comparison,
+        unjudged=unjudged,
+        source=source,
+        command=command,
+    )
+    return write_file(path, text, force=force)
+
+
+def report_text(
+    model: DynamicBiasRegressor,
+    X: Any,
+    y: Any,
+    *,
+    diagnosis: Diagnosis | None = None,
+    refinement: Refinement | None = None,
+    comparison: VariantComparison | None = None,
+    unjudged: str = "",
+    source: str = "",
+    command: str = "",
+) -> str:
+    """What `write_report` writes."""
     kept = refinement.diagnoses[-1] if refinement is not None else diagnosis
     data = kept.data if kept is not None and kept.data is not None else PageData.of(model, X, y)
-    text = page(
+    return page(
         data,
         diagnosis=diagnosis,
         refinement=refinement,
@@ -62,20 +92,3 @@ def write_report(
         source=source,
         command=command,
     )
-    path = require_writable(path)
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-def require_writable(path: str | PathLike[str]) -> Path:
-    """The path, its folder made; RecordError where no file can be written there."""
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("a", encoding="utf-8"):
-            pass
-    except OSError as error:
-        raise RecordError(
-            f"The report cannot be written to {path}: {error.strerror}. Name another file with --report."
-        ) from None
-    return path

@@ -1,22 +1,52 @@
-"""A live corrector's state as plain JSON values, and back."""
+"""What a live corrector remembers between two samples, and its form in JSON."""
 
 from __future__ import annotations
 
 import hashlib
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
+from ..effects import Effect
 from ..estimators import DynamicBiasRegressor
+from ..records.cells import LARGEST
 from .codec import ModelFileError, fields, integer, items, label, number, pack, positive, unexpected, unpack
 from .effect_nodes import EffectCodec, check_state
 
-if TYPE_CHECKING:
-    from .online import OnlineCorrector
+FORMAT = "thermocorr stream 2"
 
-FORMAT = "thermocorr stream 1"
-_FIELDS = (
-    "format", "model", "continues", "average", "track", "last", "next_row", "run", "seen", "open", "segment",
-    "segment_zero", "states", "averaged", "tracked",
-)  # fmt: skip
+
+@dataclass(frozen=True)
+class StreamState:
+    """A stream between two samples."""
+
+    last: Any = None
+    """Stamp of the last sample; None before the first."""
+    run: Any = None
+    """Label of its run."""
+    seen: tuple[Any, ...] = ()
+    """Labels of all runs so far."""
+    open: bool = False
+    """Whether a segment goes on: the last sample had all that the effects need."""
+    key: int | None = None
+    """Fitted segment that it belongs to."""
+    segment_zero: Any = 0
+    """Stamp of its first sample."""
+    states: tuple[Any, ...] = ()
+    """State of each effect, where a segment goes on."""
+    averaged: tuple[float, ...] = ()
+    """Values in the window of the moving average."""
+    tracked: tuple[float, float | None] | None = None
+    """The tracked reference, and when it was moved last [s]."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a stream was begun."""
+
+    continues: bool
+    average: int | None
+    track: float | None
 
 
 def model_mark(model: DynamicBiasRegressor) -> str:
@@ -26,85 +56,109 @@ def model_mark(model: DynamicBiasRegressor) -> str:
     return hashlib.sha256(said.encode() + model.coef_.astype("<f8").tobytes()).hexdigest()
 
 
-def stored(corrector: OnlineCorrector) -> dict[str, Any]:
-    """The state of a corrector between two samples."""
-    sample, average, track = corrector._sample, corrector.average, corrector.track
-    open_ = corrector._open
+def to_json(
+    model: DynamicBiasRegressor, settings: Settings, next_row: int | None, state: StreamState, doubt: StreamState | None
+) -> dict[str, Any]:
+    """All of a stream as plain values for `json.dumps`."""
+    effects = model.features_.effect_list()
     return {
         "format": FORMAT,
-        "model": model_mark(corrector.model),
-        "continues": corrector.continues,
-        "average": None if average is None else average.count,
-        "track": None if track is None else track.time_constant,
-        "last": corrector._last,
-        "next_row": corrector._clock.next_row,
-        "run": pack(corrector._run, "the label of the run"),
-        "seen": [pack(run, "the label of a run") for run in corrector._seen],
-        "open": open_,
-        "segment": sample.key if open_ else None,
-        "segment_zero": sample.segment_zero if open_ else 0,
-        "states": [
-            pack(stepper.state(), f"the state of {effect.label()!r}")
-            for effect, stepper in zip(corrector._effects, corrector._steppers, strict=True)
-        ]
-        if open_
-        else [],
-        "averaged": [] if average is None else list(average.values),
-        "tracked": None if track is None else [track.value, track.last],
+        "model": model_mark(model),
+        "continues": settings.continues,
+        "average": settings.average,
+        "track": settings.track,
+        "next_row": next_row,
+        "state": _packed(state, effects),
+        "doubt": None if doubt is None else _packed(doubt, effects),
     }
 
 
-def restore(cls: type[OnlineCorrector], model: DynamicBiasRegressor, state: Any) -> OnlineCorrector:
-    """A corrector that goes on where `state` was taken; every value is checked."""
+_FIELDS = ("format", "model", "continues", "average", "track", "next_row", "state", "doubt")
+_STATE_FIELDS = tuple(StreamState.__dataclass_fields__)
+
+
+def from_json(model: DynamicBiasRegressor, node: Any) -> tuple[Settings, int | None, StreamState, StreamState | None]:
+    """Settings, number of the next row, state and the state to return to; every value is checked."""
     try:
-        return _restored(cls, model, state)
+        node = fields(node, "$", _FIELDS)
+        if node["format"] != FORMAT:
+            raise unexpected("$.format", repr(node["format"])[:60], repr(FORMAT))
+        if node["model"] != model_mark(model):
+            raise ModelFileError("it belongs to another model")
+        average = None if node["average"] is None else integer(node["average"], "$.average", 1)
+        track = None if node["track"] is None else positive(node["track"], "$.track")
+        settings = Settings(_truth(node, "$", "continues"), average, track)
+        doubt = None if node["doubt"] is None else _unpacked(node["doubt"], "$.doubt", model, settings)
+        state = _unpacked(node["state"], "$.state", model, settings)
+        next_row = None if node["next_row"] is None else integer(node["next_row"], "$.next_row", 0)
+        return settings, next_row, state, doubt
     except ModelFileError as error:
         raise ModelFileError(
             f"The stream cannot go on from this state: {error}. Start afresh with OnlineCorrector(model)."
         ) from None
 
 
-def _restored(cls: type[OnlineCorrector], model: DynamicBiasRegressor, state: Any) -> OnlineCorrector:
-    node = fields(state, "$", _FIELDS)
-    if node["format"] != FORMAT:
-        raise unexpected("$.format", repr(node["format"])[:60], repr(FORMAT))
-    if node["model"] != model_mark(model):
-        raise ModelFileError("it belongs to another model")
-    average = None if node["average"] is None else integer(node["average"], "$.average", 1)
-    track = None if node["track"] is None else positive(node["track"], "$.track")
-    for key in ("continues", "open"):
-        if type(node[key]) is not bool:
-            raise unexpected(f"$.{key}", repr(node[key])[:60], "true or false")
-    corrector = cls(model, average=average, track=track, continues=node["continues"])
-    corrector._last = None if node["last"] is None else _stamp(corrector, node["last"], "$.last")
-    corrector._clock.next_row = integer(node["next_row"], "$.next_row", 0)
-    corrector._run = label(unpack(node["run"], "$.run"), "$.run")
-    corrector._seen = [label(unpack(run, "$.seen"), "$.seen") for run in items(node["seen"], "$.seen")]
-    if node["open"]:
-        _open(corrector, node)
-    if corrector.average is not None:
-        values = items(node["averaged"], "$.averaged")
-        corrector.average.values.extend(number(value, f"$.averaged[{i}]") for i, value in enumerate(values))
-    if corrector.track is not None:
-        value, last = items(node["tracked"], "$.tracked", 2)
-        corrector.track.value = number(value, "$.tracked[0]")
-        corrector.track.last = None if last is None else number(last, "$.tracked[1]")
-    return corrector
+def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
+    return {
+        "last": state.last,
+        "run": pack(state.run, "the label of the run"),
+        "seen": [pack(run, "the label of a run") for run in state.seen],
+        "open": state.open,
+        "key": state.key,
+        "segment_zero": state.segment_zero,
+        "states": [
+            pack(inner, f"the state of {effect.label()!r}")
+            for effect, inner in zip(effects, state.states, strict=False)
+        ],
+        "averaged": list(state.averaged),
+        "tracked": None if state.tracked is None else list(state.tracked),
+    }
 
 
-def _open(corrector: OnlineCorrector, node: dict[str, Any]) -> None:
-    codec, sample = EffectCodec(), corrector._sample
-    segments = len(corrector._history.record.segments)
-    if corrector._last is None:
-        raise unexpected("$.last", "null", "a time")
-    sample.key = None if node["segment"] is None else integer(node["segment"], "$.segment", 0, segments - 1)
-    sample.segment_zero = _stamp(corrector, node["segment_zero"], "$.segment_zero")
-    for i, packed in enumerate(items(node["states"], "$.states", len(corrector._effects))):
-        state = unpack(packed, f"$.states[{i}]", codec.unpack_nested)
-        check_state(corrector._effects[i], state, f"$.states[{i}]")
-        corrector._steppers[i].start(state)
-    corrector._open = True
+def _unpacked(node: Any, where: str, model: DynamicBiasRegressor, settings: Settings) -> StreamState:
+    node = fields(node, where, _STATE_FIELDS)
+    history, effects, codec = model.features_.history_, model.features_.effect_list(), EffectCodec()
+    seconds = history.kind == "seconds"
+
+    def stamp(key: str) -> Any:
+        place = f"{where}.{key}"
+        return number(node[key], place, -LARGEST, LARGEST) if seconds else integer(node[key], place)
+
+    is_open = _truth(node, where, "open")
+    if is_open and node["last"] is None:
+        raise unexpected(f"{where}.last", "null", "a time")
+    states = []
+    for i, packed in enumerate(items(node["states"], f"{where}.states", len(effects) if is_open else 0)):
+        place = f"{where}.states[{i}]"
+        inner = unpack(packed, place, codec.unpack_nested)
+        check_state(effects[i], inner, place)
+        states.append(inner)
+    segments = len(history.record.segments)
+    averaged = items(node["averaged"], f"{where}.averaged")
+    if len(averaged) > (settings.average or 0):
+        raise unexpected(f"{where}.averaged", f"{len(averaged)} values", f"at most {settings.average or 0}")
+    return StreamState(
+        None if node["last"] is None else stamp("last"),
+        label(unpack(node["run"], f"{where}.run"), f"{where}.run"),
+        tuple(label(unpack(run, f"{where}.seen"), f"{where}.seen") for run in items(node["seen"], f"{where}.seen")),
+        is_open,
+        None if node["key"] is None else integer(node["key"], f"{where}.key", 0, segments - 1),
+        stamp("segment_zero") if is_open else 0,
+        tuple(states),
+        tuple(number(value, f"{where}.averaged[{i}]", -LARGEST, LARGEST) for i, value in enumerate(averaged)),
+        _tracked(node["tracked"], f"{where}.tracked", settings),
+    )
 
 
-def _stamp(corrector: OnlineCorrector, value: Any, where: str) -> float:
-    return number(value, where) if corrector._clock.kind == "seconds" else integer(value, where)
+def _tracked(node: Any, where: str, settings: Settings) -> tuple[float, float | None] | None:
+    if settings.track is None:
+        return None
+    value, last = items(node, where, 2)
+    moved = None if last is None else number(last, f"{where}[1]", -LARGEST, LARGEST)
+    return number(value, f"{where}[0]", -LARGEST, LARGEST), moved
+
+
+def _truth(node: dict[str, Any], where: str, key: str) -> bool:
+    if type(node[key]) is not bool:
+        raise unexpected(f"{where}.{key}", repr(node[key])[:60], "true or false")
+    return node[key]  # type: ignore[no-any-return]

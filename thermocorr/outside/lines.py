@@ -1,0 +1,210 @@
+"""Where the lines of a log come from: a file, one that grows, a pipe, a Parquet file. Whole lines only."""
+
+from __future__ import annotations
+
+import os
+import select
+import stat
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import pandas as pd
+
+from ..files.appending import Position, position
+from ..records import RecordError
+from ..records.files import existing_file, is_parquet, read_table
+from ..records.types import kind_of
+from .stopping import StopSignal
+
+POLL = 0.1
+"""Time between looks at a log that does not grow [s]."""
+PATIENCE = 1.0
+"""How long the rest of a line is waited for once the command is told to stop [s]."""
+LONGEST = 1 << 20
+"""Bytes of a line at most: a longer one is no row of a log."""
+_CHUNK = 1 << 16
+
+
+class Lines:
+    """Base: iterate for whole lines, each with its line end; None where nothing is new at the moment."""
+
+    rest = b""
+    """What came behind the last whole line, once the lines have ended."""
+    restarted = False
+    """Whether the next line is the first of another file."""
+
+    def __iter__(self) -> Iterator[bytes | None]:
+        raise NotImplementedError
+
+    def position(self) -> Position | None:
+        """How far the lines have come in their file; None where they cannot be had again."""
+        return None
+
+    def skip_to(self, at: Position | None) -> bool:
+        """Go on behind `at`, if this is the file that stood there."""
+        return False
+
+    def close(self) -> None:
+        """Let go of the file."""
+
+
+class FileLines(Lines):
+    """Lines of a file; with `follow`, also those that are still to be written.
+
+    A file that is cut or replaced (a log that rotates) is read from its beginning again.
+
+    Parameters
+    ----------
+    path : Path
+    follow : bool
+        Wait for more at the end.
+    idle : float, optional
+        End after so long without a new line [s]; never by default.
+    stop : StopSignal
+        Ends the lines.
+    """
+
+    def __init__(self, path: Path, follow: bool, idle: float | None, stop: StopSignal):
+        self.path, self.follow, self.idle, self.stop = path, follow, idle, stop
+        self._file: BinaryIO = path.open("rb")
+        self._offset = 0
+
+    def __iter__(self) -> Iterator[bytes | None]:
+        last = time.monotonic()
+        while not self.stop:
+            line = self._file.readline(LONGEST)
+            _refuse_endless(line, self.path)
+            self.rest = b"" if line.endswith(b"\n") else line
+            if line.endswith(b"\n"):
+                self._offset += len(line)
+                last = time.monotonic()
+                yield line
+                continue
+            if not self.follow or (self.idle is not None and time.monotonic() - last > self.idle):
+                return
+            self._file.seek(self._offset)
+            yield None
+            time.sleep(POLL)
+            if _replaced(self._file, self.path):
+                self._file.close()
+                self._file, self._offset, self.restarted = self.path.open("rb"), 0, True
+
+    def position(self) -> Position | None:
+        """How far the lines have come."""
+        return position(self._file.fileno(), self._offset)
+
+    def skip_to(self, at: Position | None) -> bool:
+        """Go on behind `at`, if this is the file that stood there."""
+        if at is None or not at.fits(self.path):
+            return False
+        self._offset = at.length
+        self._file.seek(at.length)
+        return True
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+class PipeLines(Lines):
+    """Lines of a pipe. Told to stop, it still gives what it has read, to the end of the last line.
+
+    Parameters
+    ----------
+    descriptor : int
+    idle, stop : see `FileLines`
+    """
+
+    def __init__(self, descriptor: int, idle: float | None, stop: StopSignal):
+        self.descriptor, self.idle, self.stop = descriptor, idle, stop
+
+    def __iter__(self) -> Iterator[bytes | None]:
+        descriptor = self.descriptor
+        last = time.monotonic()
+        while not self.stop:
+            if not _ready(descriptor, POLL):
+                yield None
+                if self.idle is not None and time.monotonic() - last > self.idle:
+                    return
+                continue
+            piece = os.read(descriptor, _CHUNK)
+            if not piece:
+                return
+            last = time.monotonic()
+            *whole, self.rest = (self.rest + piece).split(b"\n")
+            _refuse_endless(self.rest, "The stream")
+            yield from (line + b"\n" for line in whole)
+        until = time.monotonic() + PATIENCE
+        while self.rest and time.monotonic() < until:  # the line that is being written
+            if _ready(descriptor, POLL):
+                piece = os.read(descriptor, 1)
+                self.rest += piece
+                if piece in (b"", b"\n"):
+                    break
+        if self.rest.endswith(b"\n"):
+            line, self.rest = self.rest, b""
+            yield line
+
+
+class TableLines(Lines):
+    """Rows of a Parquet file as lines of CSV, every digit of them."""
+
+    def __init__(self, path: Path, stop: StopSignal):
+        self.stop = stop
+        self.frame = read_table(path)
+        index = self.frame.index
+        self.stamped = isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex)
+        self.time_name = str(index.name) if self.stamped and index.name is not None else "time"
+        """Name of the index, where that holds the times."""
+
+    def __iter__(self) -> Iterator[bytes | None]:
+        written: dict[str, Any] = {"index": self.stamped, "index_label": self.time_name}
+        yield self.frame[:0].to_csv(**written).encode()
+        for start in range(0, len(self.frame), _CHUNK):
+            part = self.frame[start : start + _CHUNK]
+            for name in [column for column in part.columns if kind_of(part[column]) == "text"]:
+                part = part.assign(**{name: part[name].replace({r"[\r\n\0]": " "}, regex=True)})
+            for line in part.to_csv(header=False, **written).splitlines(keepends=True):
+                if self.stop:
+                    return
+                yield line.encode()
+
+
+def open_lines(log: str, follow: bool, idle: float | None, stop: StopSignal) -> Lines:
+    """The lines of what a command was given: the name of a file, or - for standard input."""
+    if log == "-":
+        return PipeLines(sys.stdin.fileno(), idle, stop)
+    path = existing_file(log)
+    if is_parquet(path):
+        if follow:
+            raise RecordError(f"{path} is Parquet, which cannot be followed while it grows. Leave out --follow.")
+        return TableLines(path, stop)
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            return PipeLines(os.open(path, os.O_RDONLY), idle, stop)
+        return FileLines(path, follow, idle, stop)
+    except OSError as error:
+        raise RecordError(f"{path} cannot be read: {error.strerror}.") from None
+
+
+def _refuse_endless(line: bytes, what: object) -> None:
+    if len(line) >= LONGEST and not line.endswith(b"\n"):
+        raise RecordError(f"{what} has a line of more than {LONGEST} bytes. Is it a CSV log?")
+
+
+def _ready(descriptor: int, seconds: float) -> bool:
+    """Whether a read would not wait."""
+    if os.name == "nt":  # pragma: no cover
+        return True
+    return bool(select.select([descriptor], [], [], seconds)[0])
+
+
+def _replaced(file: BinaryIO, path: Path) -> bool:
+    try:
+        now, opened = path.stat(), os.fstat(file.fileno())
+    except FileNotFoundError:  # being replaced: look again later
+        return False
+    return now.st_ino != opened.st_ino or now.st_size < file.tell()
