@@ -6,8 +6,11 @@ import os
 from pathlib import Path
 
 import pytest
+from examples import settings
 
 from thermocorr.datasets import load_voltage_reference
+
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
 
 @pytest.fixture(scope="session")

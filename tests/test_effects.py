@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from effect_records import EXAMPLES, NAMES, columns_of, learned, log, ramp, timed, whole
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
@@ -56,7 +57,7 @@ def cut(effect, record, cuts):
 
 
 @pytest.mark.parametrize("effect", EXAMPLES, ids=NAMES)
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(
     cuts=st.lists(st.integers(1, 399), max_size=60),
     irregular=st.sampled_from([0.0, 0.5]),

@@ -6,7 +6,8 @@ from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.integrate import solve_ivp
@@ -136,7 +137,7 @@ def test_offset_of_300_kelvin_costs_nothing():
 
 @pytest.mark.parametrize("hold", HOLDS)
 @pytest.mark.parametrize("regular", [True, False])
-@settings(deadline=None, max_examples=25)
+@examples(25)
 @given(cuts=st.lists(st.integers(1, 299), max_size=12, unique=True), given_state=st.booleans())
 def test_any_cut_gives_the_same_bits(hold, regular, cuts, given_state):
     n, tau = 300, np.array([0.3, 15.0, 900.0, 1e5, 1e9])
@@ -194,7 +195,7 @@ def test_returned_state_survives_what_happens_to_the_columns():
 
 
 @pytest.mark.parametrize("hold", HOLDS)
-@settings(deadline=None, max_examples=25)
+@examples(25)
 @given(a=st.floats(-3, 3), b=st.floats(-3, 3), seed=st.integers(0, 1000))
 def test_lag_differences_are_linear_in_the_temperature(hold, a, b, seed):
     n, tau = 200, np.array([5.0, 200.0, 1e4])
@@ -206,7 +207,7 @@ def test_lag_differences_are_linear_in_the_temperature(hold, a, b, seed):
 
 
 @pytest.mark.parametrize("hold", HOLDS)
-@settings(deadline=None, max_examples=25)
+@examples(25)
 @given(start=st.floats(-50, 50), last=st.floats(-50, 350), temperature=st.floats(-50, 350))
 def test_constant_temperature_is_reached_from_any_state(hold, start, last, temperature):
     tau = np.array([1.0, 100.0, 1000.0])

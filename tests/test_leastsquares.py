@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
@@ -62,7 +63,7 @@ def test_factor_is_a_triangle_with_the_cross_products_of_the_rows():
     np.testing.assert_allclose(r.T @ r / np.outer(size, size), rows.T @ rows / np.outer(size, size), rtol=0, atol=1e-14)
 
 
-@settings(deadline=None, max_examples=30)
+@examples(30)
 @given(cuts=st.lists(st.integers(0, 500), max_size=8), order=st.randoms(use_true_random=False))
 def test_blocks_and_merges_in_any_order_give_one_factor(cuts, order):
     Q, U = problem()
@@ -208,7 +209,7 @@ def test_one_temperature_in_kelvin_and_in_celsius_shares_its_coefficient(wander)
         np.testing.assert_allclose(solution.coef, [1.0, 1.0], rtol=0, atol=0.15)
 
 
-@settings(deadline=None, max_examples=40)
+@examples(40)
 @given(value=st.floats(-1e12, 1e12), n=st.integers(2, 3000), block=st.integers(1, 700))
 def test_constant_column_is_left_to_the_intercept(value, n, block):
     rng = np.random.default_rng(n)

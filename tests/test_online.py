@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from effect_records import EXAMPLES, NAMES, log
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.preprocessing import SplineTransformer
 
@@ -120,7 +121,7 @@ def test_every_kind_of_effect_lives(effect):
         agree(model, some, readings, got, [s.flag for s in single])
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(cuts=st.lists(st.integers(1, 2099), max_size=30), seed=st.integers(0, 2**16))
 def test_cuts_and_restarts_change_nothing(default, cuts, seed):
     model, X, y = default

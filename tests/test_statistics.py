@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from thermocorr.equations import moving_average, reduction_db
@@ -25,7 +26,7 @@ def naive(values, window):
 numbers = st.one_of(st.floats(-1e3, 1e3), st.just(math.nan))
 
 
-@settings(deadline=None, max_examples=100)
+@examples(100)
 @given(values=st.lists(numbers, max_size=40), window=st.integers(1, 60))
 def test_moving_average_is_the_mean_of_each_window(values, window):
     values = np.array(values, float)

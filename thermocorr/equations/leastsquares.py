@@ -42,7 +42,10 @@ class TriangularFactor:
         self.n_rows = 0
 
     def update(self, rows: Floats) -> TriangularFactor:
-        """Sweep in `rows`, an array of shape (n, n_columns); a Fortran-ordered float64 array is overwritten."""
+        """Sweep in `rows`, an array of shape (n, n_columns).
+
+        A float64 array whose columns are contiguous (Fortran order, or a single row) is overwritten: pass a copy.
+        """
         self._sweep(rows)
         self.n_rows += len(rows)
         return self

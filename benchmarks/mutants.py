@@ -1,0 +1,225 @@
+"""How much of the code the tests hold: small random changes, and whether the suite notices.
+
+Each mutant changes one operator, constant, condition or statement of the named rooms in a copy of the checkout. The
+nearest tests run first; a mutant that these let live has to live through the whole suite, examples drawn alike each
+time. Survivors are listed with their line, to be judged: some change nothing (a tolerance, a speed).
+
+    python benchmarks/mutants.py --mutants 200 --seed 0 --jobs 2
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Queue
+
+ROOT = Path(__file__).parents[1]
+ROOMS = (
+    "thermocorr/records", "thermocorr/files", "thermocorr/outside/online.py", "thermocorr/outside/stream.py",
+    "thermocorr/outside/stream_state.py", "thermocorr/outside/averages.py", "thermocorr/outside/clock.py",
+    "thermocorr/outside/correct.py", "thermocorr/outside/log_rows.py", "thermocorr/outside/results.py",
+    "thermocorr/outside/lines.py", "thermocorr/outside/stopping.py",
+)  # fmt: skip
+NEAR = (
+    "test_files", "test_records", "test_bad_input", "test_averages", "test_tables", "test_parquet", "test_online",
+    "test_correct", "test_live_cases", "test_fuzz_corpus", "test_cli", "test_model_file", "test_hostile_model_files",
+    "test_crash", "test_ecosystem", "test_small_doors",
+)  # fmt: skip
+"""Test files that run first."""
+SWAPS: dict[type, tuple[type, ...]] = {
+    ast.Lt: (ast.LtE, ast.GtE), ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.LtE), ast.GtE: (ast.Gt, ast.Lt),
+    ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,), ast.Is: (ast.IsNot,), ast.IsNot: (ast.Is,), ast.In: (ast.NotIn,),
+    ast.NotIn: (ast.In,), ast.Add: (ast.Sub,), ast.Sub: (ast.Add,), ast.Mult: (ast.Div,), ast.Div: (ast.Mult,),
+    ast.FloorDiv: (ast.Mult,), ast.And: (ast.Or,), ast.Or: (ast.And,), ast.BitOr: (ast.BitAnd,),
+    ast.BitAnd: (ast.BitOr,),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change."""
+
+    path: str
+    line: int
+    what: str
+    source: str
+
+
+def places(tree: ast.Module) -> list[ast.AST]:
+    """Nodes that can be changed: no annotations, docstrings, messages of errors."""
+    skipped: set[int] = set()
+    for node in ast.walk(tree):
+        hidden: list[ast.AST | None] = []
+        if isinstance(node, ast.FunctionDef):
+            hidden += [
+                node.returns,
+                *node.decorator_list,
+                *(a.annotation for a in ast.walk(node.args) if isinstance(a, ast.arg)),
+            ]
+        if isinstance(node, ast.AnnAssign):
+            hidden.append(node.annotation)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            hidden.append(node)
+        if isinstance(node, ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom):
+            hidden.append(node)
+        for part in hidden:
+            if part is not None:
+                skipped.update(
+                    id(inner) for inner in ast.walk(part) if inner is not node or isinstance(node, ast.JoinedStr)
+                )
+    kinds = (
+        ast.Compare,
+        ast.BinOp,
+        ast.BoolOp,
+        ast.UnaryOp,
+        ast.Constant,
+        ast.If,
+        ast.Raise,
+        ast.Return,
+        ast.Expr,
+        ast.Assign,
+        ast.AugAssign,
+    )
+    return [node for node in ast.walk(tree) if isinstance(node, kinds) and id(node) not in skipped and changeable(node)]
+
+
+def changeable(node: ast.AST) -> bool:
+    """Whether there is a change that could matter."""
+    if isinstance(node, ast.Constant):
+        return isinstance(node.value, bool | int | float) or node.value is None
+    if isinstance(node, ast.Expr):
+        return isinstance(node.value, ast.Call)
+    if isinstance(node, ast.UnaryOp):
+        return isinstance(node.op, ast.Not | ast.USub)
+    if isinstance(node, ast.BinOp | ast.BoolOp):
+        return type(node.op) in SWAPS
+    return not isinstance(node, ast.Return) or node.value is not None
+
+
+def changed(node: ast.AST, rng: random.Random) -> ast.AST:
+    """Another node in its place."""
+    if isinstance(node, ast.Compare):
+        ops = list(node.ops)
+        k = rng.randrange(len(ops))
+        ops[k] = rng.choice(SWAPS[type(ops[k])])()
+        return ast.Compare(node.left, ops, node.comparators)
+    if isinstance(node, ast.BinOp):
+        return ast.BinOp(node.left, rng.choice(SWAPS[type(node.op)])(), node.right)
+    if isinstance(node, ast.BoolOp):
+        return ast.BoolOp(rng.choice(SWAPS[type(node.op)])(), node.values)
+    if isinstance(node, ast.UnaryOp):
+        return node.operand
+    if isinstance(node, ast.Constant):
+        return ast.Constant(other_value(node.value, rng))
+    if isinstance(node, ast.If):
+        return ast.If(ast.Constant(rng.choice([True, False])), node.body, node.orelse)
+    if isinstance(node, ast.Return):
+        return ast.Return(ast.Constant(None))
+    return ast.Pass()
+
+
+def other_value(value: object, rng: random.Random) -> object:
+    """Another constant of the same kind."""
+    if value is None:
+        return 0
+    if isinstance(value, bool):
+        return not value
+    return value + rng.choice([-1, 1]) if isinstance(value, int) else value * rng.choice([0.5, 2.0])  # type: ignore[operator]
+
+
+class Replace(ast.NodeTransformer):
+    """Puts one node in another's place."""
+
+    def __init__(self, old: ast.AST, new: ast.AST):
+        self.old, self.new = old, new
+
+    def visit(self, node: ast.AST) -> ast.AST:
+        return ast.copy_location(self.new, node) if node is self.old else self.generic_visit(node)
+
+
+def draw(count: int, rng: random.Random, rooms: list[str]) -> list[Mutant]:
+    """Random mutants, each place with the same chance."""
+    files = sorted(
+        p for room in rooms for p in ([ROOT / room] if room.endswith(".py") else (ROOT / room).rglob("*.py"))
+    )
+    everywhere = [(path, k) for path in files for k in range(len(places(ast.parse(path.read_text()))))]
+    mutants = []
+    for path, k in rng.sample(everywhere, min(count, len(everywhere))):
+        tree = ast.parse(path.read_text())
+        old = places(tree)[k]
+        new = changed(old, rng)
+        before, after = (ast.unparse(ast.fix_missing_locations(node)).splitlines()[0][:70] for node in (old, new))
+        what = f"{before}  ->  {after}"
+        source = ast.unparse(ast.fix_missing_locations(Replace(old, new).visit(tree)))
+        mutants.append(Mutant(str(path.relative_to(ROOT)), old.lineno, what, source))
+    return mutants
+
+
+def survives(copy: Path, tests: list[str]) -> bool:
+    """Whether the tests pass; one that hangs does not."""
+    environment = {
+        **os.environ,
+        "HYPOTHESIS_PROFILE": "derandomized",
+        "OMP_NUM_THREADS": "1",
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    try:
+        done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, timeout=1200)
+    except subprocess.TimeoutExpired:
+        return False
+    return done.returncode == 0
+
+
+def judged(mutant: Mutant, copies: Queue[Path]) -> bool:
+    """Whether the mutant lives through the nearest tests, and then through all."""
+    copy = copies.get()
+    target = copy / mutant.path
+    before = target.read_text()
+    try:
+        target.write_text(mutant.source)
+        near = [f"tests/{name}.py" for name in NEAR if (copy / "tests" / f"{name}.py").exists()]
+        return survives(copy, near) and survives(copy, ["--ignore=tests/test_notebooks.py"])
+    finally:
+        target.write_text(before)
+        copies.put(copy)
+
+
+def main() -> None:
+    """Draw, try, list."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--mutants", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--rooms", nargs="*", default=list(ROOMS))
+    options = parser.parse_args()
+    mutants = draw(options.mutants, random.Random(options.seed), options.rooms)
+    with tempfile.TemporaryDirectory() as folder:
+        copies: Queue[Path] = Queue()
+        for k in range(options.jobs):
+            ignored = shutil.ignore_patterns(".git", "__pycache__", ".venv", "*.ipynb")
+            copies.put(Path(shutil.copytree(ROOT, Path(folder) / f"copy{k}" / "main", ignore=ignored)))
+        with ThreadPoolExecutor(options.jobs) as pool:
+            lives = []
+            for k, (mutant, alive) in enumerate(
+                zip(mutants, pool.map(lambda m: judged(m, copies), mutants), strict=True), 1
+            ):
+                if alive:
+                    lives.append(mutant)
+                    print(f"survivor {len(lives)} of {k}: {mutant.path}:{mutant.line}: {mutant.what}", flush=True)
+                elif k % 20 == 0:
+                    print(f"{k} tried", flush=True)
+    print(f"{len(mutants)} mutants, {1 - len(lives) / len(mutants):.1%} killed")
+
+
+if __name__ == "__main__":
+    main()

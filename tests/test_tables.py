@@ -1,0 +1,284 @@
+"""Cells, lines and files of tables: one grammar for every reader, and nothing that does not fit it is guessed at."""
+
+from __future__ import annotations
+
+import csv
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from examples import examples
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from thermocorr import ParquetLog, RecordError
+from thermocorr.records import RecordWarning
+from thermocorr.records.cells import LARGEST, MISSING, label, number
+from thermocorr.records.csvlines import check_lines, fields_of, header_of
+from thermocorr.records.files import existing_file, read_table, require_column
+from thermocorr.records.read import as_numbers
+from thermocorr.records.text import printable
+from thermocorr.records.types import kind_of, kind_of_arrow, require_role
+
+# ---------------------------------------------------------------------------------------------------------------- cells
+
+
+@pytest.mark.parametrize(
+    "text", ["1", "-1.5", "+.5", "5.", " 2 ", "\t3e-7", "1E+05", "0012", "1e-400", "1e40", "-1e40"]
+)
+def test_numbers_are_those_of_python(text):
+    assert number(text, "it") == float(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1_000", "\uff11\uff12", "\u0661\u0662", "\x1d3.1", "0x1F", "1e", "e5", "1.2.3", "--1", "inf", "-Infinity", "1e400", "1e41",
+        "1 2", "\u00a01", "1d5", "1j", "True", "warm", "1.5V", ".", "+", "9" * 42,
+    ],
+)  # fmt: skip
+def test_what_is_no_number_is_refused(text):
+    with pytest.raises(RecordError, match=r"no number|no measurement is that large"):
+        number(text, "the temperature")
+    numbers = pd.Series(["1", text, "2"])
+    with pytest.raises(RecordError, match="in row 1"):
+        as_numbers(numbers, "The column", "temperature")
+
+
+@pytest.mark.parametrize("text", sorted(MISSING))
+def test_missing_marks_are_those_of_every_reader(text, tmp_path):
+    for cell in (text, f" {text}", f"{text}\t"):
+        assert math.isnan(number(cell, "it"))
+        values = as_numbers(pd.Series(["1", cell, "2"]), "The column")
+        assert np.isnan(values[1]) and values[0] == 1 and values[2] == 2
+    (tmp_path / "t.csv").write_text(f"a,b\n1,x\n{text},y\n2,z\n")
+    assert read_table(tmp_path / "t.csv")["a"].isna().tolist() == [False, True, False]
+
+
+def test_the_marks_are_those_of_pandas():
+    assert set(pd._libs.parsers.STR_NA_VALUES) == MISSING
+
+
+def test_switches_are_numbers_of_columns_only():
+    assert [number(text, "it", switch=True) for text in ("True", "false", "TRUE", " 0 ")] == [1, 0, 1, 0]
+    switch = pd.Series([True, False])
+    assert as_numbers(switch, "The column").tolist() == [True, False]
+    for role in ("temperature", "reading"):
+        with pytest.raises(RecordError, match="holds true/false where numbers are needed"):
+            as_numbers(switch, "It", role)
+
+
+def test_labels_are_those_of_the_fitted_record():
+    assert label("7", [1, 2]) == 7.0 and label("7", ["a"]) == "7" and label("x", [1.5]) == "x"
+    assert label("True", [True, False]) is True and label("yes", [True]) == "yes"
+    assert label("1_0", [1, 10]) == "1_0" and label("7", []) == "7"
+    for text in ("", " NA ", "NULL"):
+        with pytest.raises(RecordError, match="no label of its run"):
+            label(text, ["a"])
+
+
+def test_absurd_numbers_are_refused_by_row():
+    for value, words in ((1e160, "is 1e\\+160 in row 70000: no measurement"), (-np.inf, "infinity in row 70000")):
+        values = np.zeros(80_000)
+        values[[3, 70_000]] = np.nan, value
+        with pytest.raises(RecordError, match=words):
+            as_numbers(values, "The reading y", "reading")
+    assert as_numbers(np.array([LARGEST, -LARGEST, np.nan]), "It")[0] == LARGEST
+    assert as_numbers(np.array([3e38, np.nan], np.float32), "It").dtype == np.float32
+    with pytest.raises(RecordError, match="infinity in row 1"):
+        as_numbers(np.array([1, np.inf], np.float32), "It")
+
+
+# ---------------------------------------------------------------------------------------------------------------- lines
+
+
+@pytest.mark.parametrize(
+    ("line", "fields"),
+    [
+        (b"1,2\n", ["1", "2"]), (b"1,2\r\n", ["1", "2"]), (b"1,2", ["1", "2"]), (b"\n", []), (b"\r\n", []), (b"", []),
+        (b" \n", [" "]), (b",\n", ["", ""]), (b'"a,b",2\n', ["a,b", "2"]), (b'"a""b",2\n', ['a"b', "2"]),
+        ("Ω,µ\n".encode(), ["Ω", "µ"]), (b'a"b,c\n', ['a"b', "c"]),
+    ],
+)  # fmt: skip
+def test_fields_of_a_line(line, fields):
+    assert fields_of(line) == fields
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        (b"\xff,1\n", "byte 1 of the line is not text"), (b"1,\x00\n", "zero byte"), (b"1\r2,3\n", "carriage return"),
+        (b'"open,1\n', "not closed on its line"), (b'"a"b,1\n', "no CSV"), (b"1,2\r\r\n", "carriage return"),
+    ],
+)  # fmt: skip
+def test_lines_that_are_no_rows(line, words):
+    with pytest.raises(RecordError, match=words):
+        fields_of(line)
+    content = b"a,b\n1,2\n" + line
+    with pytest.raises(RecordError, match=f"line 3: .*{words}"):
+        check_lines(content, 2, 4)
+
+
+def test_headers():
+    assert header_of(b"\xef\xbb\xbfa,b\r\n") == ["a", "b"]
+    assert header_of(b",a,\n") == ["", "a", ""]
+    for line, words in (
+        (b"\n", "Line 1 is empty"), (b"a,b,a\n", "'a' twice"), (b"a;b\n", "semicolons or tabs"), (b"a\tb\n", "tabs"),
+        (b"\xff\xfea\x00\n", "The header, line 1, cannot be read"),
+    ):  # fmt: skip
+        with pytest.raises(RecordError, match=words):
+            header_of(line)
+
+
+@examples(300)
+@given(st.lists(st.text(alphabet='1,."\r\n a', max_size=8), min_size=1, max_size=6), st.booleans())
+@example(["1,2", "3,4,5"], True)
+@example(["1,2", "3"], True)
+@example(["1,2", '"3,4"'], True)
+@example(["1,2", "", "3,4"], False)
+@example(["1,2", "\r", "3,4"], True)
+def test_lines_are_counted_as_by_the_csv_module(lines, ended):
+    """Where every line has two fields for Python's csv module, all are rows; else the first other one is named."""
+    lines = [part for line in lines for part in line.split("\n")]
+    content = "a,b\n" + "\n".join(lines) + ("\n" if ended else "")
+    whole = lines if ended else lines[:-1]
+    wrong = None
+    for k, line in enumerate(whole):
+        text = line.removesuffix("\r")
+        try:
+            fields = next(csv.reader([text], strict=True), []) if "\r" not in text else None
+        except csv.Error:
+            fields = None
+        if fields is None or len(fields) not in (0, 2):
+            wrong = k + 2
+            break
+    if wrong is None:
+        rows, end = check_lines(content.encode(), 2, 4)
+        assert rows == sum(bool(line.removesuffix("\r")) for line in whole)
+        assert content[:end] == "a,b\n" + "".join(f"{line}\n" for line in whole)
+    else:
+        with pytest.raises(RecordError, match=rf"^line {wrong}:"):
+            check_lines(content.encode(), 2, 4)
+
+
+# ---------------------------------------------------------------------------------------------------------------- files
+
+
+def written(tmp_path, text):
+    path = tmp_path / "t.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def test_a_table_is_what_its_lines_say(tmp_path):
+    frame = read_table(written(tmp_path, '\ufefft,a,\r\n1,0.1,x\r\n\r\n2,,"y,z"\r\n'))
+    assert list(frame.columns) == ["t", "a", "Unnamed: 2"]
+    assert frame["a"].iloc[0] == 0.1 and np.isnan(frame["a"].iloc[1]) and frame.iloc[1, 2] == "y,z"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a,b\n1,2\n1,2,3\n", "line 3: it has 3 fields where the header has 2"),
+        ("a,b\n1,2,3\n4,5,6\n", "line 2: it has 3 fields"),  # no index in front
+        ("a,b\n1,2\n3\n", "line 3: it has 1 fields"),
+        ("a,b\n1,2\n \n", "line 3: it has 1 fields"),
+        ("a,a\n1,2\n", "'a' twice"),
+        ("", "is empty"),
+        ("\n\n", "is empty"),
+        ("a,b\n", "no rows"),
+        ("a,b", "no rows"),
+        (b"a,b\n1,\xe9\n", "line 2: byte 3"),
+        ("a,b\n1,2\n".encode("utf-16"), "cannot be read"),
+    ],
+)
+def test_bad_tables_are_refused_by_line(tmp_path, text, words):
+    with pytest.raises(RecordError, match=words):
+        read_table(written(tmp_path, text))
+
+
+def test_a_cut_last_line_is_said_and_left_out(tmp_path):
+    with pytest.warns(RecordWarning, match="last line of .* is left out: it has no line end"):
+        frame = read_table(written(tmp_path, "a,b\n1,23.45\n2,23.4"))
+    assert len(frame) == 1
+
+
+def test_files_that_are_none(tmp_path):
+    for path, words in ((tmp_path, "is a folder"), (tmp_path / "none.csv", "There is no file"), ("a\0b", "cannot be")):
+        with pytest.raises(RecordError, match=words):
+            existing_file(path)
+    assert require_column(["x", "time"], None, "time", ("stamp", "time")) == "time"
+    for name, guesses, words in ((None, ("y",), "Which column is the time"), ("z", (), "no column 'z' for --time")):
+        with pytest.raises(RecordError, match=words):
+            require_column(["x"], name, "time", guesses)
+
+
+# ---------------------------------------------------------------------------------------------------------------- types
+
+
+@pytest.mark.parametrize(
+    ("values", "kind", "roles"),
+    [
+        (pd.Series([1.0]), "number", {"temperature", "reading", "column", "time", "label"}),
+        (np.array([1], np.uint8), "number", {"temperature", "reading", "column", "time", "label"}),
+        (pd.Series([True]), "switch", {"column", "label"}),
+        (pd.Series(["a"]), "text", {"temperature", "reading", "column", "time", "label"}),
+        (pd.Series(pd.to_datetime(["2024-01-01"])), "date", {"time", "label"}),
+        (pd.Series(pd.to_timedelta(["1 s"])), "span", {"time", "label"}),
+        (np.array([1j]), "complex", set()),
+    ],
+    ids=["float", "uint8", "bool", "text", "date", "span", "complex"],
+)
+def test_the_table_of_types(values, kind, roles):
+    assert kind_of(values) == kind
+    for role in ("temperature", "reading", "column", "time", "label"):
+        if role in roles:
+            require_role(kind, role, "It", str(values.dtype))
+        else:
+            with pytest.raises(RecordError, match=r"^It holds"):
+                require_role(kind, role, "It", str(values.dtype))
+
+
+def test_arrow_types_are_named_as_arrow_names_them():
+    pa = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    kinds = {
+        "number": [pa.int8(), pa.uint64(), pa.float16(), pa.float32(), pa.float64(), pa.decimal128(9, 2), pa.null()],
+        "switch": [pa.bool_()],
+        "date": [pa.timestamp("us"), pa.timestamp("ns", "UTC"), pa.date32(), pa.date64()],
+        "span": [pa.duration("ms")],
+        "text": [pa.string(), pa.large_string(), pa.dictionary(pa.int32(), pa.string())],
+        "other": [pa.list_(pa.int8()), pa.struct([("a", pa.int8())]), pa.binary(), pa.time32("s")],
+    }
+    for kind, types in kinds.items():
+        assert {kind_of_arrow(str(of)) for of in types} == {kind}
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_both_readers_of_parquet_agree(tmp_path, unit):
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    frame = pd.DataFrame(
+        {
+            "t": pd.date_range("2024-01-01", periods=4, freq="1s").as_unit(unit),
+            "u": np.array([5, 4, 3, 2], np.uint64),
+            "x": np.array([1.5, np.nan, 3.5, 4.5], np.float32),
+            "on": [True, False, True, None],
+            "run": ["a", "a", "b", "b"],
+        }
+    )
+    frame.to_parquet(tmp_path / "t.parquet")
+    log, table = ParquetLog(tmp_path / "t.parquet"), read_table(tmp_path / "t.parquet")
+    for name in ("u", "x", "on"):
+        np.testing.assert_array_equal(np.asarray(log[name]), as_numbers(table[name], name))
+    assert log["run"][:].tolist() == table["run"].tolist()
+    assert (np.diff(np.asarray(log.times("u").ticks[:])) == -1.0).all()  # unsigned steps do not wrap
+    assert log.times("t").stamp(2) == pd.Timestamp("2024-01-01 00:00:02").value
+    with pytest.raises(RecordError, match="holds times"):
+        as_numbers(log["t"], "It", "temperature")
+    for name in ("on",):
+        with pytest.raises(RecordError, match="true/false"):
+            log.times(name)
+
+
+def test_text_for_people():
+    assert printable("a\x1b[31mb\nc") == "a\\x1b[31mb\\nc" and printable("a\nb", "\n") == "a\nb"
