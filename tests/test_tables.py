@@ -34,8 +34,8 @@ def test_numbers_are_those_of_python(text):
 @pytest.mark.parametrize(
     "text",
     [
-        "1_000", "\uff11\uff12", "\u0661\u0662", "\x1d3.1", "0x1F", "1e", "e5", "1.2.3", "--1", "inf", "-Infinity", "1e400", "1e41",
-        "1 2", "\u00a01", "1d5", "1j", "True", "warm", "1.5V", ".", "+", "9" * 42,
+        "1_000", "\uff11\uff12", "\u0661\u0662", "\x1d3.1", "0x1F", "1e", "e5", "1.2.3", "--1", "inf", "-Infinity",
+        "1e400", "1e41", "1 2", "\u00a01", "1d5", "1j", "True", "warm", "1.5V", ".", "+", "9" * 42,
     ],
 )  # fmt: skip
 def test_what_is_no_number_is_refused(text):
