@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from firmware_runs import KINDS, PERIOD, WARNINGS, compile_c, errors, fitted, later, run_c, start_of, tool
 
-from thermocorr.outside.firmware import export_c
+from thermocorr.firmware import export_c
 
 CORTEX_M4 = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "-Os", "-ffunction-sections")
 SANITIZED = ("gcc", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")

@@ -24,10 +24,10 @@ from queue import Queue
 
 ROOT = Path(__file__).parents[1]
 ROOMS = (
-    "thermocorr/records", "thermocorr/files", "thermocorr/outside/online.py", "thermocorr/outside/stream.py",
-    "thermocorr/outside/stream_state.py", "thermocorr/outside/averages.py", "thermocorr/outside/clock.py",
-    "thermocorr/outside/correct.py", "thermocorr/outside/log_rows.py", "thermocorr/outside/results.py",
-    "thermocorr/outside/lines.py", "thermocorr/outside/stopping.py",
+    "thermocorr/records", "thermocorr/files", "thermocorr/live/corrector.py", "thermocorr/live/advance.py",
+    "thermocorr/live/state.py", "thermocorr/live/smoothing.py", "thermocorr/live/clock.py",
+    "thermocorr/command/correct.py", "thermocorr/command/log_rows.py", "thermocorr/command/results.py",
+    "thermocorr/command/lines.py", "thermocorr/command/stopping.py",
 )  # fmt: skip
 NEAR = (
     "test_files", "test_records", "test_bad_input", "test_averages", "test_tables", "test_parquet", "test_online",

@@ -29,7 +29,7 @@ TESTS = Path(__file__).parents[1] / "tests"
 def job(log_path: str, page_path: str) -> None:
     """Fit and report; prints seconds of both, size [MB], rows in a cell, whether a planted spike is there, memory."""
     from thermocorr import DynamicBiasRegressor, ParquetLog
-    from thermocorr.judgement.page import PageData, page
+    from thermocorr.pages import PageData, page
 
     if log_path:
         log = ParquetLog(log_path)
@@ -49,7 +49,7 @@ def job(log_path: str, page_path: str) -> None:
             end=" ",
         )
     else:
-        import thermocorr.outside.report  # noqa: F401
+        import thermocorr.pages.report  # noqa: F401
     print(f"peak memory {peak():.0f} MiB")
 
 

@@ -64,7 +64,7 @@ def job(name: str, path: str) -> None:
     if name == "two workers":
         from distributed import Client, LocalCluster
 
-        from thermocorr.outside.distributed import DistributedLog
+        from thermocorr.cluster.distributed import DistributedLog
 
         with (
             LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
@@ -83,7 +83,7 @@ def job(name: str, path: str) -> None:
 
 def _warm() -> None:
     """Imports, and compiled code where there is any, are the worker's start-up."""
-    import thermocorr.outside.distributed  # noqa: F401
+    import thermocorr.cluster.distributed  # noqa: F401
     from thermocorr.equations import lag_differences
 
     lag_differences(np.arange(4.0), np.ones(4), np.ones(1))

@@ -31,7 +31,7 @@ from thermocorr.effects import (
     ThermalLag,
 )
 from thermocorr.effects.products import CoarseProducts
-from thermocorr.outside.firmware import FirmwareExport, export_c
+from thermocorr.firmware import FirmwareExport, export_c
 
 WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wconversion", "-Wdouble-promotion", "-Wshadow"]
 PERIOD = 15.0

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from thermocorr import load_model
+from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.outside.cli import main
 
 
 @pytest.fixture

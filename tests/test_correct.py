@@ -15,11 +15,11 @@ import pytest
 
 import thermocorr
 from thermocorr import DynamicBiasRegressor, save_model
+from thermocorr.command.cli import main
+from thermocorr.command.lines import FileLines
+from thermocorr.command.stopping import StopSignal
 from thermocorr.datasets import make_record
 from thermocorr.effects import LaggedCovariate
-from thermocorr.outside.cli import main
-from thermocorr.outside.lines import FileLines
-from thermocorr.outside.stopping import StopSignal
 from thermocorr.records.files import EVERY_DIGIT
 
 
@@ -207,7 +207,7 @@ def started(lab, *more, stdin=None):
     command = [
         sys.executable,
         "-m",
-        "thermocorr.outside.cli",
+        "thermocorr.command.cli",
         "correct",
         "--model",
         str(lab[0] / "model.json"),
@@ -266,7 +266,7 @@ def test_a_growing_file_that_is_replaced_until_the_process_is_ended(lab, tmp_pat
 
 
 def test_following_ends_when_nothing_comes(tmp_path, monkeypatch):
-    monkeypatch.setattr("thermocorr.outside.lines.POLL", 0.001)
+    monkeypatch.setattr("thermocorr.command.lines.POLL", 0.001)
     path = tmp_path / "f.csv"
     path.write_bytes(b"a\nb\nc")
     source = FileLines(path, True, 0.05, StopSignal())

@@ -11,7 +11,7 @@ from thermocorr import DynamicBiasRegressor, RecordError, diagnose, refine
 from thermocorr.datasets import load_voltage_reference, make_record
 from thermocorr.effects import Effect, Hysteresis
 from thermocorr.effects.wrap import TransformerEffect
-from thermocorr.judgement.averages import averaged
+from thermocorr.judgement.blocks import averaged
 from thermocorr.judgement.noise import noise_model
 from thermocorr.records import read_record
 from thermocorr.records.read import Layout

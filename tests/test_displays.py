@@ -31,8 +31,8 @@ from thermocorr import (
 from thermocorr.datasets import make_record
 from thermocorr.effects import Delay, Drift
 from thermocorr.equations import allan_deviation, moving_average
-from thermocorr.judgement.displays._intervals import ends, short_ends
-from thermocorr.judgement.displays._timeline import elapsed_unit, time_text
+from thermocorr.pictures.intervals import ends, short_ends
+from thermocorr.pictures.timeline import elapsed_unit, time_text
 
 N = 6000
 

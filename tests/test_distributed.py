@@ -14,8 +14,8 @@ from thermocorr.effects import Covariate, Hysteresis, LaggedCovariate
 distributed = pytest.importorskip("distributed", reason="needs Dask: pip install 'thermocorr[dask]'")
 pytest.importorskip("pyarrow", reason="needs pyarrow")
 
-from thermocorr.outside.distributed import DistributedLog  # noqa: E402
-from thermocorr.outside.fleet import fit_fleet  # noqa: E402
+from thermocorr.cluster.distributed import DistributedLog  # noqa: E402
+from thermocorr.cluster.fleet import fit_fleet  # noqa: E402
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),

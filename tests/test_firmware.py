@@ -20,8 +20,8 @@ from firmware_runs import (
 )
 
 from thermocorr.effects import CATALOGUE, Covariate, Drift, LagProducts, Rate, Step
-from thermocorr.outside.firmware import export_c
-from thermocorr.outside.firmware.language import Operations, count_operations
+from thermocorr.firmware import export_c
+from thermocorr.firmware.language import Operations, count_operations
 
 
 @pytest.fixture(scope="module")

@@ -28,10 +28,10 @@ from firmware_runs import (
 from sklearn.preprocessing import StandardScaler
 
 from thermocorr import DynamicBiasRegressor, RecordError, RecordWarning
+from thermocorr.command import cli
 from thermocorr.effects import Covariate, Delay, Drift, Effect, Rate, ThermalLag
-from thermocorr.outside import cli
-from thermocorr.outside.firmware import export_c
-from thermocorr.outside.firmware.language import comment, identifier, number
+from thermocorr.firmware import export_c
+from thermocorr.firmware.language import comment, identifier, number
 
 
 @pytest.fixture(scope="module")
@@ -266,7 +266,7 @@ def test_command_line(tmp_path, with_columns, monkeypatch, capsys):
         loaded.append(path)
         return with_columns[0]
 
-    monkeypatch.setitem(sys.modules, "thermocorr.outside.model_file", SimpleNamespace(load=load))
+    monkeypatch.setitem(sys.modules, "thermocorr.files.model_file", SimpleNamespace(load=load))
     out = tmp_path / "firmware" / "bridge.c"
     arguments = ["export-c", "--model", "m.json", "--out", str(out), "--double", "--sampling-period", "variable"]
     assert cli.main(arguments) == 0

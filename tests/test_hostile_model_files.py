@@ -13,8 +13,8 @@ from effect_records import log
 
 from thermocorr import DynamicBiasRegressor, ModelFileError, RecordError, load_model, save_model
 from thermocorr.effects import Delay, Hysteresis, LaggedCovariate, ThermalLag
-from thermocorr.outside.codec import parse
-from thermocorr.outside.model_file import signed as sign
+from thermocorr.files.codec import parse
+from thermocorr.files.model_file import signed as sign
 
 
 def readings(X):
@@ -157,7 +157,7 @@ def test_800_forged_files_with_a_fitting_digest_are_refused_or_still_compute(vic
     forbidden = lambda *args, **kwargs: pytest.fail("a model file made something run")  # noqa: E731
     monkeypatch.setattr(os, "system", forbidden)
     monkeypatch.setattr("builtins.eval", forbidden)
-    monkeypatch.setattr("thermocorr.outside.effect_nodes.importlib.import_module", forbidden)
+    monkeypatch.setattr("thermocorr.files.effect_nodes.importlib.import_module", forbidden)
     everywhere = [place for place in places(content) if place and place[0] == "model"]
     plain = [place for place in everywhere if not any(part in ("ticks", "values", "$array") for part in place)]
     rng, refused, strange = random.Random(2), [], []

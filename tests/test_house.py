@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import subprocess
 import sys
 from pathlib import Path
 
@@ -12,14 +13,17 @@ import thermocorr
 
 PACKAGE = Path(thermocorr.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
-FLOORS = {"equations": 0, "records": 1, "datasets": 1, "effects": 2, "estimators": 3, "files": 4}
-FLOORS |= {"judgement": 5, "outside": 6}
+FLOORS = {
+    "equations": 0, "records": 1, "datasets": 1, "effects": 2, "estimators": 3, "files": 4, "pictures": 4, "cluster": 4,
+    "firmware": 5, "pages": 5, "live": 5, "judgement": 6, "command": 7,
+}  # fmt: skip
 TOP = "thermocorr"
 
 
 def room(module):
     """The room that a module of the package stands in: thermocorr.effects.thermal -> effects; None for the package."""
-    return module.split(".")[1] if "." in module else None
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 and parts[1] in FLOORS else None
 
 
 def module_of(path):
@@ -36,10 +40,12 @@ def imports(tree, path):
         elif isinstance(node, ast.ImportFrom):
             base = package[: len(package) - node.level + 1] if node.level else []
             base = [*base, *(node.module or "").split(".")] if node.module else base
-            if base == [TOP]:  # names of rooms, or of the public interface
-                yield from ((node.lineno, f"{TOP}.{alias.name}") for alias in node.names)
-            else:
-                yield node.lineno, ".".join(base)
+            for alias in node.names:  # names of modules, or what is in a module
+                inner = ".".join([*base, alias.name])
+                yield node.lineno, inner if base == [TOP] or inner in MODULES else ".".join(base)
+
+
+MODULES = {module_of(path) for path in FILES}
 
 
 def parsed(path):
@@ -58,7 +64,7 @@ def at_module_level(tree):
 def test_every_room_has_a_floor():
     rooms = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").exists()}
     assert rooms == set(FLOORS)
-    assert [path.name for path in PACKAGE.glob("*.py")] == ["__init__.py"]
+    assert sorted(path.name for path in PACKAGE.glob("*.py")) == ["__init__.py", "__main__.py", "_version.py"]
 
 
 @pytest.mark.parametrize("path", FILES, ids=module_of)
@@ -69,18 +75,20 @@ def test_no_floor_imports_a_higher_one(path):
     for line, name in imports(parsed(path), path):
         if name.split(".")[0] != TOP:
             continue
+        if name == f"{TOP}._version":
+            continue  # below every room
         floor = FLOORS.get(room(name), max(FLOORS.values()))  # the package itself stands over every room
         assert floor <= FLOORS[own], f"{path}:{line}: {own} (floor {FLOORS[own]}) imports {name}"
 
 
 def test_the_reader_of_imports_sees_every_form():
     code = (
-        "import thermocorr.outside.cli\nfrom ..records import x\nfrom .. import effects\nfrom . import y\n"
+        "import thermocorr.command.cli\nfrom ..records import x\nfrom .. import effects\nfrom . import y\n"
         "def f():\n    from thermocorr import judgement\n    from .z import a\nif True:\n    import numpy.linalg\n"
     )
     found = {name for _, name in imports(ast.parse(code), PACKAGE / "equations" / "new.py")}
     assert found == {
-        "thermocorr.outside.cli",
+        "thermocorr.command.cli",
         "thermocorr.records",
         "thermocorr.effects",
         "thermocorr.equations",
@@ -133,3 +141,36 @@ def test_everything_public_exists_and_says_what_it_is(name):
 def test_every_module_says_what_it_is(path):
     tree = parsed(path)
     assert not tree.body or ast.get_docstring(tree)
+
+
+def test_no_module_imports_itself_by_a_detour():
+    """Imports between modules, those inside functions too, make no circle."""
+    names = {module_of(path) for path in FILES}
+    arrows = {}
+    for path in FILES:
+        own = module_of(path)
+        if own == TOP:
+            continue  # shows every room
+        arrows[own] = {name for _, name in imports(parsed(path), path) if name in names} - {own, TOP}
+    left = dict(arrows)
+    while left:
+        free = {own for own, others in left.items() if not others & set(left)}
+        assert free, f"these import each other: {sorted(left)}"
+        left = {own: others for own, others in left.items() if own not in free}
+
+
+def test_one_name_one_module():
+    """No two modules have the same name; rooms and the modules in them may."""
+    seen = {}
+    for path in FILES:
+        if path.name in ("__init__.py", "__main__.py"):
+            continue
+        assert path.name not in seen, f"{path} and {seen[path.name]}"
+        seen[path.name] = path
+
+
+def test_help_is_quick():
+    """Neither the command's help nor the package loads what only work needs."""
+    code = "import sys, thermocorr, thermocorr.command.cli; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert not {"numpy", "scipy", "pandas", "sklearn", "matplotlib", "pyarrow", "numba"} & set(loaded)

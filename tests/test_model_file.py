@@ -16,10 +16,10 @@ import thermocorr
 from thermocorr import DynamicBiasRegressor, ModelFileError, load_model, save_model
 from thermocorr.effects import CATALOGUE, Covariate, Effect, LaggedCovariate
 from thermocorr.equations import LagState, lag_differences
-from thermocorr.outside import model_file
-from thermocorr.outside.codec import pack, parse, render, unpack
-from thermocorr.outside.model_file import data_digest
-from thermocorr.outside.model_file import signed as sign
+from thermocorr.files import model_file
+from thermocorr.files.codec import pack, parse, render, unpack
+from thermocorr.files.model_file import data_digest
+from thermocorr.files.model_file import signed as sign
 
 
 def readings(X, seed=0):

@@ -7,9 +7,9 @@ import re
 import numpy as np
 import pytest
 
-from thermocorr.judgement.page.html import number, plain, script_data, table, text
-from thermocorr.judgement.page.sections import interval_text
-from thermocorr.judgement.page.traces import Cells
+from thermocorr.pages.html import number, plain, script_data, table, text
+from thermocorr.pages.sections import interval_text
+from thermocorr.pages.traces import Cells
 
 # ---- thinning out
 

@@ -13,10 +13,10 @@ import pytest
 from browser import chromium, complaints, prefer, requests, resize
 
 from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose, refine
+from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.judgement.page import PageData, page
-from thermocorr.outside.cli import main
-from thermocorr.outside.report import write_report
+from thermocorr.pages import PageData, page
+from thermocorr.pages.report import write_report
 
 SINGLE = 6e-8
 """Relative rounding of the single precision in which series are written, of half their span."""

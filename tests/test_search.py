@@ -13,7 +13,7 @@ from sklearn.preprocessing import StandardScaler
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, RecordError, RecordWarning, TimeConstantSearch
 from thermocorr.datasets import make_record
 from thermocorr.equations import lag_differences
-from thermocorr.estimators.folds import folds_in_time
+from thermocorr.estimators.time_constants.folds import folds_in_time
 from thermocorr.records import read_record
 from thermocorr.records.read import Layout
 

@@ -12,11 +12,11 @@ from firmware_runs import ambient, fitted, needs_gcc
 
 from thermocorr import DynamicBiasRegressor, ModelFileError
 from thermocorr.effects import Covariate, Drift, LaggedCovariate, Periodic, Rate
-from thermocorr.outside.codec import parse, render
-from thermocorr.outside.effect_nodes import EffectCodec
-from thermocorr.outside.firmware import export_c
-from thermocorr.outside.firmware.language import comment
-from thermocorr.outside.model_nodes import pack_model, unpack_model
+from thermocorr.files.codec import parse, render
+from thermocorr.files.effect_nodes import EffectCodec
+from thermocorr.files.model_nodes import pack_model, unpack_model
+from thermocorr.firmware import export_c
+from thermocorr.firmware.language import comment
 from thermocorr.records.text import printable
 
 # ----------------------------------------------------------------------------------------------------- names in C

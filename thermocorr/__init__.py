@@ -1,36 +1,55 @@
 """Thermal bias of precise instruments: learn it from a log, remove it, and find what is still missing."""
 
-from .estimators import (
-    DiffusiveFeatures,
-    DynamicBiasRegressor,
-    MergedRidge,
-    TimeConstantSearch,
-    VariantComparison,
-    compare_variants,
-    held_out_residuals,
-)
-from .judgement import (
-    AllanDisplay,
-    ContributionsDisplay,
-    Diagnosis,
-    Refinement,
-    RefinementDisplay,
-    ResidualLoopDisplay,
-    ResidualsDisplay,
-    SpectrumDisplay,
-    StepResponseDisplay,
-    SuspectsDisplay,
-    VariantsDisplay,
-    WhereDisplay,
-    diagnose,
-    refine,
-)
-from .outside.codec import ModelFileError
-from .outside.model_file import load_model, save_model
-from .outside.online import OnlineCorrector
-from .records import ParquetLog, RecordError, RecordWarning
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from ._version import __version__
+
+if TYPE_CHECKING:
+    from .estimators import (
+        DiffusiveFeatures,
+        DynamicBiasRegressor,
+        MergedRidge,
+        TimeConstantSearch,
+        VariantComparison,
+        compare_variants,
+        held_out_residuals,
+    )
+    from .files.codec import ModelFileError
+    from .files.model_file import load_model, save_model
+    from .judgement import Diagnosis, Refinement, diagnose, refine
+    from .live import OnlineCorrector
+    from .pictures import (
+        AllanDisplay,
+        ContributionsDisplay,
+        RefinementDisplay,
+        ResidualLoopDisplay,
+        ResidualsDisplay,
+        SpectrumDisplay,
+        StepResponseDisplay,
+        SuspectsDisplay,
+        VariantsDisplay,
+        WhereDisplay,
+    )
+    from .records import ParquetLog, RecordError, RecordWarning
+
+_ROOMS = {
+    "estimators": (
+        "DiffusiveFeatures", "DynamicBiasRegressor", "MergedRidge", "TimeConstantSearch", "VariantComparison",
+        "compare_variants", "held_out_residuals",
+    ),
+    "files.codec": ("ModelFileError",),
+    "files.model_file": ("load_model", "save_model"),
+    "judgement": ("Diagnosis", "Refinement", "diagnose", "refine"),
+    "live": ("OnlineCorrector",),
+    "pictures": (
+        "AllanDisplay", "ContributionsDisplay", "RefinementDisplay", "ResidualLoopDisplay", "ResidualsDisplay",
+        "SpectrumDisplay", "StepResponseDisplay", "SuspectsDisplay", "VariantsDisplay", "WhereDisplay",
+    ),
+    "records": ("ParquetLog", "RecordError", "RecordWarning"),
+}  # fmt: skip
+"""Room -> public names in it, which are loaded when they are first asked for."""
+_ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 __all__ = [
     "AllanDisplay",
     "ContributionsDisplay",
@@ -54,6 +73,7 @@ __all__ = [
     "VariantComparison",
     "VariantsDisplay",
     "WhereDisplay",
+    "__version__",
     "compare_variants",
     "diagnose",
     "held_out_residuals",
@@ -61,3 +81,14 @@ __all__ = [
     "refine",
     "save_model",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ROOM_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = globals()[name] = getattr(import_module(f".{_ROOM_OF[name]}", __name__), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -29,12 +29,12 @@ from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import equal_edges, require_rows, standard_errors, sweep_effects
 from .flat import flat_columns
 from .reading import Reading, check_corrected, check_plausible, check_range
-from .resolution import spectrum_table, unresolved
 from .ridge import MergedRidge
-from .search import SearchSettings, TimeConstantChoice, search
-from .spectrum import DECAY_SHARE, POOL_SIZE
 from .tables import coefficient_table, distinct, equation_text
 from .threads import one_blas_thread
+from .time_constants.resolution import spectrum_table, unresolved
+from .time_constants.search import SearchSettings, TimeConstantChoice, search
+from .time_constants.spectrum import DECAY_SHARE, POOL_SIZE
 
 WASHOUT_TIME_CONSTANTS = 3.0
 """An unknown start is felt for this many of the longest time constant: 5 % of it is left then."""
@@ -50,7 +50,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
     time_constants : "auto", int, or sequence, default "auto"
         Sequence: the time constants, in seconds or anything pandas reads as a time span ("15 min"). A number: how many
         to choose. "auto": choose their number too. The choice is by forecasting later blocks of time from earlier
-        ones, see `thermocorr.estimators.search`.
+        ones, see `thermocorr.estimators.time_constants.search`.
     degree : int, default 2
         Highest power of T - T0 in the static law, eq. (3).
     effects : list, default ()

@@ -14,13 +14,13 @@ from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
 from ..records import seconds_of
-from .crossvalidation import SCORINGS
-from .refinement import refined, sensitivity
 from .regressor import DynamicBiasRegressor
-from .resolution import interval_table, spectrum_table
-from .search import SearchSettings, TimeConstantChoice, Tried, search
-from .spectrum import MAX_COUNT
 from .threads import one_blas_thread
+from .time_constants.crossvalidation import SCORINGS
+from .time_constants.projection import refined, sensitivity
+from .time_constants.resolution import interval_table, spectrum_table
+from .time_constants.search import SearchSettings, TimeConstantChoice, Tried, search
+from .time_constants.spectrum import MAX_COUNT
 
 
 class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
@@ -85,7 +85,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         The choice with 95 % intervals [s]: columns time_constant, low, high, relative_error.
     spectrum_ : DataFrame
         Diffusive spectrum mu(tau) over the pool and what the record can see of it, see
-        `thermocorr.estimators.resolution.spectrum_table`. None where sets were given.
+        `thermocorr.estimators.time_constants.resolution.spectrum_table`. None where sets were given.
     n_splits_ : int
     refit_time_, search_time_ : float
         [s].

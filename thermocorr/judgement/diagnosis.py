@@ -15,11 +15,11 @@ from ..effects import CATALOGUE
 from ..effects.protocol import Effect
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
+from ..pages import DiagnosisPage, PageData
 from ..records.text import printable
+from .candidates import as_fitted, further_candidates, given_effects, suspect_record
 from .helping import helping
 from .lagging import Lagging, thermal_parts
-from .page import DiagnosisPage, PageData
-from .suspects import as_fitted, further_candidates, given_effects, suspect_record
 from .trial import FAIR_SHARE, LEVEL, MOST_CAUSES, TIE, Suspect, Trial, tied
 from .where import against_white, where_it_fails
 
@@ -57,6 +57,8 @@ class Diagnosis(DiagnosisPage):
     colour: float
     """Variance over innovation variance of what all suspects together leave: 1 for white noise."""
     unit: str
+    level: float = LEVEL
+    """Error probability of the whole family of suspects, below which one is named."""
     data: PageData | None = field(default=None, repr=False, compare=False)
     """Series, formula and coefficients of the model on the record, for the page."""
 
@@ -88,7 +90,7 @@ class Diagnosis(DiagnosisPage):
 
         `X`, the record, tells the units of its columns.
         """
-        from .displays import plot_diagnosis
+        from ..pictures import plot_diagnosis
 
         return plot_diagnosis(self, X)
 
@@ -198,7 +200,7 @@ def _conclude(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, lagging
         rms,
         trial.evidence.noise.colour,
         model.reading_.unit,
-        PageData.of(model, seen, y, beside=tuple(name for name in beside if name in seen)),
+        data=PageData.of(model, seen, y, beside=tuple(name for name in beside if name in seen)),
     )
 
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from scipy import stats
 
-from .averages import Averages
+from .blocks import Averages
 from .noise import NoiseModel, noise_model
 
 SATURATED = 4

@@ -13,7 +13,7 @@ from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record
-from .averages import averaged
+from .blocks import averaged
 from .evidence import Evidence, orthonormal, own_part
 from .noise import noise_model
 from .trial import FAIR_SHARE, SHARES, TIE, Key, Suspect, Trial, residual_sum_of_squares

@@ -13,10 +13,10 @@ from sklearn.base import clone
 from ..effects import Covariate, LaggedCovariate
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
+from ..pages import RefinementPage
 from ..records.text import printable
 from .adding import held_out_rms, with_missing
 from .diagnosis import Diagnosis, diagnose
-from .page import RefinementPage
 
 HELPS = 0.9995
 """Held-out error of a model with an effect more, over that before, above which the effect is not kept."""
@@ -49,7 +49,7 @@ class Refinement(RefinementPage):
 
     def plot(self) -> Any:
         """Draw the steps, and what is suspected after the last one; returns the figure (extra "plot")."""
-        from .displays import plot_refinement
+        from ..pictures import plot_refinement
 
         return plot_refinement(self)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..effects.protocol import Effect
 from ..records import Record, RecordError
-from .averages import Averages, averaged
+from .blocks import Averages, averaged
 from .evidence import Evidence, evidence, own_parts
 
 LEVEL = 0.001

@@ -14,7 +14,7 @@ from ..effects import Covariate, Rate, ThermalLag
 from ..effects.protocol import Effect
 from ..equations import allan_deviation
 from ..records import Record
-from .averages import Averages, averaged
+from .blocks import Averages, averaged
 
 TIME_BINS = 20
 VALUE_BINS = 10

@@ -11,9 +11,9 @@ from typing import Any
 
 import pandas as pd
 
-from .cells import MISSING
 from .csvlines import CUT, check_lines, header_of
 from .errors import RecordError, RecordWarning, listing
+from .grammar import MISSING
 from .parquet import open_parquet
 
 TIME_NAMES = ("time", "timestamp", "datetime", "date", "time_s")

@@ -12,8 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from sklearn.utils import column_or_1d
 
-from .cells import LARGEST, is_missing
 from .errors import RecordError, RecordWarning, listing, times_word
+from .grammar import LARGEST, is_missing
 from .log import Log
 from .record import Record, Segment
 from .times import Times, seconds_of, times_from

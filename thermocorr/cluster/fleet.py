@@ -1,0 +1,118 @@
+"""A fleet of devices: one model each, fitted by the processes of a Dask cluster (extra "dask")."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+
+from ..estimators.features import DiffusiveFeatures
+from ..estimators.regressor import DynamicBiasRegressor
+from ..estimators.threads import one_blas_thread
+from ..estimators.time_constants.search import SearchSettings, factors_of, final_alpha, learned, reference_spectrum
+from ..estimators.time_constants.spectrum import POOL_SIZE, Projected, log_grid, project
+from ..records import RecordError
+from .parts import Part, opened
+
+
+def fit_fleet(
+    client: Any,
+    devices: Mapping[Any, Any],
+    reading: str,
+    model: DynamicBiasRegressor | None = None,
+    *,
+    shared_time_constants: bool = False,
+) -> dict[Any, DynamicBiasRegressor]:
+    """Fit one model for each device, in parallel.
+
+    Parameters
+    ----------
+    client : dask.distributed.Client
+    devices : mapping of name to ParquetLog, DataFrame, path, or future of one of these
+        The devices' records.
+    reading : str
+        Column of the readings.
+    model : DynamicBiasRegressor, optional
+        Cloned for each device.
+    shared_time_constants : bool
+        Devices of one make have the same bodies inside: choose one set of time constants for all (with
+        ``time_constants="auto"`` or a number), by the sum of the devices' misfits over their noise. Each device keeps
+        its own coefficients and ridge penalty.
+
+    Returns
+    -------
+    dict of name to fitted DynamicBiasRegressor
+
+    Raises
+    ------
+    RecordError
+        For a device's record that cannot be used; the message names the device.
+    """
+    model = DynamicBiasRegressor() if model is None else model
+    names = list(devices)
+    if not names:
+        raise RecordError("The fleet has no devices.")
+    parts = [opened(device) for device in devices.values()]
+    if not shared_time_constants or model._count() == 0:
+        return dict(zip(names, _each(client, _fit, parts, names, [(reading, model)] * len(parts)), strict=True))
+    looks = _each(client, _span, parts, names, [(reading, model)] * len(parts))
+    grid = log_grid(min(step for step, _ in looks), max(span for _, span in looks), POOL_SIZE)
+    found: list[tuple[Projected, float]] = _each(client, _spectrum, parts, names, [(reading, model, grid)] * len(parts))
+    path = project([projected for projected, _ in found], model._count())
+    chosen = grid[list(path[-1])] if path else np.zeros(0)
+    own = [clone(model).set_params(time_constants=chosen) for _ in parts]
+    if model.alpha == "auto":
+        own = [one.set_params(alpha=alpha) for one, (_, alpha) in zip(own, found, strict=True)]
+    return dict(zip(names, _each(client, _fit, parts, names, [(reading, one) for one in own]), strict=True))
+
+
+def _each(client: Any, function: Any, parts: list[Part], names: list[Any], arguments: list[Any]) -> list[Any]:
+    """``function(part, name, *arguments)`` for each device, by the workers."""
+    jobs = zip(parts, names, arguments, strict=True)
+    futures = [client.submit(function, part, name, *own, pure=False) for part, name, own in jobs]
+    return client.gather(futures)  # type: ignore[no-any-return]
+
+
+def _fit(part: Part, name: Any, reading: str, model: DynamicBiasRegressor) -> DynamicBiasRegressor:
+    with _Named(name):
+        return clone(model).fit(part, part[reading])
+
+
+def _span(part: Part, name: Any, reading: str, model: DynamicBiasRegressor) -> tuple[float, float]:
+    """Usual step and length of a device's record [s]."""
+    with _Named(name):
+        record = _plain(model).learn(part, part[reading])
+        return record.usual_step(), max(record.duration(segment) for segment in record.segments)
+
+
+def _spectrum(
+    part: Part, name: Any, reading: str, model: DynamicBiasRegressor, grid: np.ndarray
+) -> tuple[Projected, float]:
+    """What `project` needs of a device, and its ridge penalty."""
+    with _Named(name), one_blas_thread():
+        settings = SearchSettings(candidates=grid, longest_decay_share=model.longest_decay_share)
+        features = _plain(model)
+        factored = factors_of(features, *learned(features, part, part[reading]), grid, settings)
+        reference = reference_spectrum(factored)
+        return factored.projected(reference), final_alpha(factored, reference)
+
+
+def _plain(model: DynamicBiasRegressor) -> DiffusiveFeatures:
+    """Static law and further effects of a model."""
+    return model._features(())
+
+
+class _Named:
+    """Puts the device's name before an error."""
+
+    def __init__(self, name: Any):
+        self.name = name
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        if isinstance(error, RecordError):
+            raise RecordError(f"Device {self.name!r}: {error}") from None

@@ -1,0 +1,226 @@
+"""`thermocorr analyze`: from a log to the table, the corrected log and the fitted model."""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from ..datasets import load_voltage_reference
+from ..estimators import DynamicBiasRegressor, compare_variants
+from ..files import Outputs
+from ..judgement import Diagnosis, Refinement, diagnose, refine
+from ..pages.report import report_text
+from ..records import RecordError, RecordWarning
+from ..records.files import TIME_NAMES, read_table, require_column
+from .outputs import write_corrected, write_model
+
+RESULTS = ("corrected.csv", "model.json", "model.txt")
+"""Files in the folder of --out."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `thermocorr analyze`."""
+    parser.add_argument(
+        "log", nargs="?", help="CSV or Parquet file; without one, a built-in voltage reference with a hidden effect"
+    )
+    columns = parser.add_argument_group("columns of the log")
+    columns.add_argument("--temperature", metavar="COLUMN", help="ambient temperature (default: temperature)")
+    columns.add_argument("--reading", metavar="COLUMN", help="what the instrument shows")
+    columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds (default: time, timestamp, ...)")
+    columns.add_argument("--run", metavar="COLUMN", help="labels of runs; each starts anew")
+    columns.add_argument(
+        "--sampling-period", metavar="SPAN", help="time between rows of a log without times, such as 15s"
+    )
+    columns.add_argument("--max-gap", metavar="SPAN", help="a longer step starts a new segment, such as 10min")
+    model = parser.add_argument_group("model")
+    model.add_argument(
+        "--time-constants",
+        metavar="N|auto|LIST",
+        default="6",
+        help="how many to choose (default 6, as in the paper), auto, or a list such as 60,15min,2h",
+    )
+    model.add_argument("--degree", type=int, default=2, metavar="N", help="degree of the static law (default 2)")
+    model.add_argument("--products", action="store_true", help="add the products of lags, eq. (21)")
+    model.add_argument("--window", type=int, default=25, metavar="N", help="samples of the moving average (default 25)")
+    model.add_argument(
+        "--blocks", type=int, default=5, metavar="N", help="blocks of time for held-out figures (default 5)"
+    )
+    parser.add_argument("--refine", action="store_true", help="add missing effects, one by one, while the error falls")
+    parser.add_argument("--out", metavar="FOLDER", help="where to write corrected.csv and the fitted model")
+    parser.add_argument(
+        "--report",
+        metavar="FILE",
+        nargs="?",
+        const="",
+        help="write everything as one HTML page (default: report.html, in the folder of --out)",
+    )
+    parser.add_argument("--force", action="store_true", help="overwrite files that thermocorr did not write")
+    parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
+
+
+def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> None:
+    """Do it: `say` prints results, `progress` shows what is being done."""
+    with Outputs([] if options.log is None else [options.log], options.force) as outputs:
+        _run(options, say, progress, outputs)
+
+
+def _run(
+    options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None], outputs: Outputs
+) -> None:
+    folder = None if options.out is None else Path(options.out)
+    report = None if options.report is None else Path(options.report or (folder or Path()) / "report.html")
+    for path in [
+        *([] if folder is None else [folder / name for name in RESULTS]),
+        *([] if report is None else [report]),
+    ]:
+        outputs.claim(path)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", RecordWarning)
+        log, index, model, reading = _load(options)
+        X, y = log.drop(columns=reading), log[reading]
+        comparison = compare_variants(
+            X,
+            y,
+            model=model,
+            degree=options.degree,
+            products=options.products,
+            window=options.window,
+            n_blocks=options.blocks,
+            progress=None if options.quiet else progress,
+        )
+    best = list(comparison.models.values())[-1]
+    say(f"{best.reading_.n_readings} readings of {reading!r}, temperature {best.temperature!r}\n")
+    for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
+        say(f"Note: {note}\n")
+    say(f"{comparison}\n")
+    say(f"Time constants of the last model: {', '.join(f'{tau:.4g} s' for tau in best.time_constants_)}\n")
+    judged = _judge(best, X, y, options, say, progress)
+    best = judged.model
+    if folder is not None:
+        written = [
+            write_corrected(outputs, folder, log, best.evaluate(X, y), index),
+            *write_model(outputs, folder, best, (X, y)),
+        ]
+    if report is not None:
+        page = report_text(
+            best,
+            X,
+            y,
+            diagnosis=judged.diagnosis,
+            refinement=judged.refinement,
+            comparison=comparison,
+            unjudged=judged.reason,
+            source=options.log or "the built-in voltage reference with a hidden effect",
+            command=options.as_written,
+        )
+        outputs.write(report, page)
+    outputs.commit()
+    if folder is not None:
+        say(f"Written: {', '.join(str(path) for path in written)}")
+    if report is not None:
+        say(f"Report: {report}")
+
+
+class Judged(NamedTuple):
+    """The model to keep, and what was found."""
+
+    model: DynamicBiasRegressor
+    diagnosis: Diagnosis | None = None
+    refinement: Refinement | None = None
+    reason: str = ""
+    """Why there is no diagnosis."""
+
+
+def _judge(
+    model: DynamicBiasRegressor,
+    X: pd.DataFrame,
+    y: pd.Series,
+    options: argparse.Namespace,
+    say: Callable[[str], None],
+    progress: Callable[[str], None],
+) -> Judged:
+    """Say where the model fails and what is missing; with --refine, add it."""
+    show = (lambda text: None) if options.quiet else progress
+    show("looking for what is missing")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RecordWarning)
+            if not options.refine:
+                found = diagnose(model, X, y)
+                say(f"{found}\n\n{places(found)}")
+                if found.best is not None:
+                    say("\nAdd --refine to add what is missing and watch the error fall.")
+                return Judged(model, found)
+            refinement = refine(model, X, y, progress=show)
+    except RecordError as error:
+        say(f"Not judged: {error}")
+        return Judged(model, reason=f"Not judged: {error}")
+    first = refinement.diagnoses[0]
+    say(f"{first}\n\n{places(first)}\n\nThe error, step by step (held out: blocks of time that the fit did not see):\n")
+    say(f"{refinement}\n")
+    return Judged(refinement.model_, first, refinement)
+
+
+def places(found: Diagnosis) -> str:
+    """The five worst places of a diagnosis as text."""
+    if not len(found.where):
+        return "No place where it fails more than elsewhere."
+    frame = found.where.head(5).assign(share=found.where["share"].map("{:.0%}".format))
+    return frame.drop(columns="lift").to_string(index=False, float_format=lambda value: f"{value:.3g}")
+
+
+def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasRegressor, str]:
+    """The log, whether its index is to be written, the unfitted model, and the reading's column."""
+    time_constants = parse_time_constants(options.time_constants)
+    if options.log is None:
+        if options.reading or options.temperature or options.time or options.run:
+            raise RecordError("Columns are named but no log is given. Put the log's file name after 'analyze'.")
+        log = load_voltage_reference(hidden="moisture")
+        return log, True, DynamicBiasRegressor("temperature", time_constants, options.degree), "voltage"
+    log = read_table(options.log)
+    reading = require_column(log.columns, options.reading, "reading", ("reading",))
+    temperature = require_column(log.columns, options.temperature, "temperature", ("temperature",))
+    if reading == temperature:
+        raise RecordError(
+            f"--reading and --temperature both name {reading!r}. The reading is what the instrument shows."
+        )
+    run = None if options.run is None else require_column(log.columns, options.run, "run")
+    stamped = isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex)
+    time = None
+    if options.sampling_period is None and not (stamped and options.time is None):
+        time = require_column(
+            log, options.time, "time", tuple(n for n in TIME_NAMES if n not in (reading, temperature))
+        )
+    elif options.time is not None:
+        raise RecordError("Give --time or --sampling-period, not both.")
+    layout: dict[str, Any] = {
+        "time": time,
+        "run": run,
+        "sampling_period": number_or_span(options.sampling_period),
+        "max_gap": number_or_span(options.max_gap),
+    }
+    return log, stamped, DynamicBiasRegressor(temperature, time_constants, options.degree, **layout), reading
+
+
+def number_or_span(text: str | None) -> Any:
+    """Seconds as a number, anything else as it stands."""
+    if text is None:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def parse_time_constants(text: str) -> Any:
+    """``6`` is how many to choose, ``auto`` is auto, ``60,15min,2h`` is a list; ``3600s`` is a list of one."""
+    if text == "auto":
+        return "auto"
+    if text.isdigit():
+        return int(text)
+    return [number_or_span(part.strip()) for part in text.split(",") if part.strip()]

@@ -1,0 +1,125 @@
+"""The command `thermocorr`."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import shlex
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from importlib import import_module
+
+from .._version import __version__
+from .stopping import Stopped
+
+COMMANDS = {
+    "analyze": "compare corrections of a log, say what is missing, write the corrected log and the model",
+    "correct": "correct a log, or a stream of lines, with a fitted model",
+    "export-c": "write a fitted model as C source for a microcontroller",
+}
+"""Name -> what for. The module of that name does it: `add_arguments`, `run`."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command.
+
+    Returns the exit status: 0; 1 for a log with damaged rows, which got no result; 2 for what could not be done, with
+    one sentence on standard error; 130 or 143 where a signal ended it.
+    """
+    parser = argparse.ArgumentParser(
+        prog="thermocorr", description="Learn and remove the dynamic thermal bias of precise instruments."
+    )
+    parser.add_argument("--version", action="version", version=f"thermocorr {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    for name, purpose in COMMANDS.items():
+        command = commands.add_parser(name, help=purpose)
+        if name in given[:1]:  # the others need not be loaded
+            module = import_module(f".{name.replace('-', '_')}", __package__)
+            command.description = module.__doc__
+            module.add_arguments(command)
+            command.set_defaults(execute=module.run)
+    options = parser.parse_args(given)
+    options.as_written = shlex.join(["thermocorr", *given])
+    return _executed(options)
+
+
+def _executed(options: argparse.Namespace) -> int:
+    """Run a command; whatever ends it is one sentence on standard error, and an exit status."""
+    terminate = _on_terminate()
+    try:
+        status = options.execute(options, _say, show_progress) or 0
+        sys.stdout.flush()
+        clear_progress()
+        return int(status)
+    except BrokenPipeError:  # the reader has gone: `thermocorr correct ... | head`
+        _abandon_output()
+        return 0
+    except Stopped as stopped:
+        return _ended(str(stopped), stopped.status)
+    except KeyboardInterrupt:
+        return _ended("stopped", 130)
+    except SystemExit as ended:  # a signal, see _on_terminate
+        return _ended("stopped", int(ended.code or 0))
+    except MemoryError:
+        return _ended("error: there is not enough memory for this. Analyse a shorter log, or close other programs.", 2)
+    except (ValueError, TypeError, ImportError, ArithmeticError) as error:
+        return _ended(f"error: {' '.join(str(error).split()) or type(error).__name__}", 2)
+    except OSError as error:
+        _abandon_output()
+        return _ended(f"error: {error.filename or 'The output'}: {error.strerror or error}.", 2)
+    finally:
+        terminate()
+
+
+def _ended(text: str, status: int) -> int:
+    from ..records.text import printable  # loaded with a command, not for its help
+
+    clear_progress()
+    print(f"thermocorr: {printable(text)}", file=sys.stderr)
+    return status
+
+
+def _say(text: str) -> None:
+    """Print to standard output, as long as somebody reads there: files are written all the same."""
+    from ..records.text import printable
+
+    try:
+        print(printable(text, "\n"), flush=True)
+    except BrokenPipeError:
+        _abandon_output()
+
+
+def _abandon_output() -> None:
+    """Let what is still to be printed go nowhere: a flush at the end of the process would fail again."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _on_terminate() -> Callable[[], object]:
+    """Make SIGTERM end the command in good order, drafts removed; returns what undoes this."""
+    if threading.current_thread() is not threading.main_thread():
+        return lambda: None
+    before = signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+    return lambda: signal.signal(signal.SIGTERM, before)
+
+
+def show_progress(text: str) -> None:
+    """One line on standard error that the next one replaces; plain lines where it is not a terminal."""
+    if sys.stderr.isatty():
+        print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
+    else:
+        print(text, file=sys.stderr, flush=True)
+
+
+def clear_progress() -> None:
+    """Remove the progress line from a terminal."""
+    if sys.stderr.isatty():
+        print("\r\033[K", end="", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,167 @@
+"""`thermocorr correct`: a log through a fitted model, whole or line by line while it grows."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..files import Outputs
+from ..files.model_file import load
+from ..live.corrector import OnlineCorrector
+from ..records import RecordError
+from ..records.csvlines import CUT
+from ..records.files import read_table
+from ..records.text import printable
+from .lines import Lines, TableLines, open_lines
+from .log_rows import LogRows, Sample, csv_text
+from .results import Results, Saved, open_results, read_state
+from .stopping import Stopped, StopSignal
+
+STATE_EVERY = 10.0
+"""Time between savings of the state [s]."""
+BLOCK = 8192
+"""Rows of a whole log that are corrected together."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `thermocorr correct`."""
+    parser.add_argument(
+        "log", nargs="?", default="-", help="CSV file with a header line, or Parquet; - or nothing: standard input"
+    )
+    parser.add_argument(
+        "--model", required=True, metavar="FILE", help="model.json, as `thermocorr analyze --out` writes"
+    )
+    parser.add_argument("--follow", action="store_true", help="go on as the log grows; write and flush line by line")
+    parser.add_argument("--out", metavar="FILE", help="where to write (default: standard output)")
+    parser.add_argument(
+        "--state", metavar="FILE", help="save the state there, and go on from it next time, --out included"
+    )
+    parser.add_argument("--idle", type=float, metavar="SECONDS", help="with --follow: end after so long without a line")
+    parser.add_argument("--force", action="store_true", help="overwrite files that thermocorr did not write")
+    columns = parser.add_argument_group("columns of the log (default: those of the model)")
+    columns.add_argument("--temperature", metavar="COLUMN", help="ambient temperature")
+    columns.add_argument("--reading", metavar="COLUMN", help="what the instrument shows")
+    columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds")
+    more = parser.add_argument_group("beside the corrected reading")
+    more.add_argument("--average", type=int, metavar="N", help="its mean over the last N samples, as `smoothed`")
+    more.add_argument("--track", metavar="SPAN", help="a slowly tracked U0, as `reference`: time constant, such as 2h")
+
+
+def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> int:
+    """Filter the log: results to standard output or --out, complaints about lines to standard error.
+
+    Returns 1 where lines were left out or refused for their time, else 0.
+    """
+    model = load(options.model)
+    live = OnlineCorrector(model, average=options.average, track=_number_or_text(options.track))
+    saved = None
+    if options.state and Path(options.state).exists():
+        saved = read_state(options.state, model)
+        live = saved.live
+    inputs = [options.model, *([] if options.log == "-" else [options.log])]
+    claims = Outputs(inputs, options.force)
+    for path in (options.state, options.out):
+        if path is not None:
+            claims.claim(path)
+    with StopSignal() as stop:
+        lines = open_lines(options.log, options.follow, options.idle if options.follow else None, stop)
+        try:
+            rows = LogRows(live, options, _complain, lines.time_name if isinstance(lines, TableLines) else None)
+            if saved is None and not options.follow and options.log != "-":
+                _place(live, options)
+            _pump(rows, lines, options, inputs, saved, stop)
+        finally:
+            lines.close()
+    return 1 if rows.damaged else 0
+
+
+def _pump(
+    rows: LogRows, lines: Lines, options: argparse.Namespace, inputs: list[str], saved: Saved | None, stop: StopSignal
+) -> None:
+    """Lines in, rows out, until the lines end or a signal comes."""
+    stream = iter(lines)
+    first = next((line for line in stream if line is not None), None)
+    if first is None:
+        if stop.number is not None:
+            raise Stopped(stop.number, "stopped before the first line; nothing was written")
+        raise RecordError("The log is empty: a header line with the columns' names is needed, then the samples.")
+    names = rows.begin(first)
+    with open_results(rows, csv_text([names]), options, inputs, saved, lines) as results:
+        if options.follow:
+            _follow(rows, stream, lines, results)
+        else:
+            _whole(rows, stream, results)
+        if lines.rest:
+            rows.number += 1
+            rows.leave_out(CUT)
+        kept = results.finish(bool(stop))
+    if summary := rows.summary():
+        _complain(summary)
+    if stop.number is not None:
+        raise Stopped(stop.number, f"stopped after row {rows.done}, {kept}")
+
+
+def _follow(rows: LogRows, stream: Any, lines: Lines, results: Results) -> None:
+    """Row by row, each written before the next is read."""
+    saved = time.monotonic()
+    for line in stream:
+        if line is not None:
+            if lines.restarted:
+                lines.restarted = False
+                rows.begin(line, new_file=True)
+                continue
+            sample = rows.read(line)
+            if sample is not None and not results.seen(sample):
+                results.write(csv_text([[*sample.fields, *rows.one(sample)]]))
+        if time.monotonic() - saved > STATE_EVERY:
+            results.keep()
+            saved = time.monotonic()
+
+
+def _whole(rows: LogRows, stream: Any, results: Results) -> None:
+    """Block by block, with the digits that `analyze` writes."""
+    samples: list[Sample] = []
+    saved = time.monotonic()
+
+    def correct() -> None:
+        if samples:
+            shown = rows.many(samples)
+            results.write(csv_text([*sample.fields, *cells] for sample, cells in zip(samples, shown, strict=True)))
+            samples.clear()
+
+    for line in stream:
+        sample = None if line is None else rows.read(line)
+        if sample is not None and not results.seen(sample):
+            samples.append(sample)
+        if len(samples) == BLOCK or time.monotonic() - saved > STATE_EVERY:
+            correct()
+            if time.monotonic() - saved > STATE_EVERY:
+                results.keep()
+                saved = time.monotonic()
+    correct()
+
+
+def _place(live: OnlineCorrector, options: argparse.Namespace) -> None:
+    """Find the rows of a log without times in the fitted record."""
+    history = live.model.features_.history_
+    if history.kind != "rows":
+        return
+    frame = read_table(options.log)
+    if options.temperature is not None:
+        frame = frame.rename(columns={options.temperature: history.record.temperature_name})
+    live.place_block(frame)
+
+
+def _complain(text: str) -> None:
+    print(f"thermocorr: {printable(text)}", file=sys.stderr)
+
+
+def _number_or_text(text: str | None) -> Any:
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return text

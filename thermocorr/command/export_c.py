@@ -1,0 +1,65 @@
+"""Write a fitted model as C99 source for a microcontroller: header, source and a self-test with reference values."""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+from ..firmware.export import export_c
+from ..records import RecordWarning
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("--model", required=True, metavar="FILE", help="the fitted model's file")
+    parser.add_argument(
+        "--out", default="firmware", metavar="PATH", help="folder, or a path such as out/bridge.c (default: firmware)"
+    )
+    parser.add_argument("--name", help="prefix of all names in C (default: thermal_bias, or the stem of --out)")
+    parser.add_argument("--double", action="store_true", help="double precision instead of single")
+    parser.add_argument(
+        "--sampling-period",
+        default="fitted",
+        metavar="SPAN",
+        help="time between samples: seconds, a span such as 15s, 'fitted' for the log's usual step (default), or "
+        "'variable' where each update is told its step",
+    )
+    parser.add_argument(
+        "--continue-from-fit",
+        action="store_true",
+        help="start with the states at the end of the fitted log instead of a device at rest",
+    )
+    parser.add_argument("--force", action="store_true", help="overwrite files that thermocorr did not write")
+
+
+def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callable[[str], Any]) -> None:
+    """Load the model, write the files, print what they cost on the device."""
+    from ..files.model_file import load
+
+    progress(f"Loading {options.model}")
+    model = load(options.model)
+    dtype = "double" if options.double else "float"
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", RecordWarning)
+        export = export_c(
+            model,
+            options.out,
+            dtype,  # type: ignore[arg-type]
+            sampling_period=_period(options.sampling_period),
+            name=options.name,
+            continue_from_fit=options.continue_from_fit,
+            force=options.force,
+            inputs=[options.model],
+        )
+    say(str(export))
+    for warning in caught:
+        say(f"Note: {warning.message}")
+
+
+def _period(text: str) -> Any:
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -1,0 +1,196 @@
+"""Rows of a log and what a live corrector makes of them: fields in, fields and results out."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from ..live.corrector import OnlineCorrector
+from ..records import RecordError
+from ..records.csvlines import fields_of, header_of, miscounted
+from ..records.errors import listing, times_word
+from ..records.files import TIME_NAMES
+from ..records.grammar import label, number
+from .outputs import new_names
+
+RESULTS = ("corrected", "bias", "flag")
+REFUSED = ("stale time", "backward time")
+"""Flags of rows that get no result for their time."""
+_SHOWN = 20
+"""Bad lines that are named one by one; further ones are counted."""
+
+
+class Sample(NamedTuple):
+    """One row, read."""
+
+    fields: list[str]
+    stamp: Any
+    """None in a log without times."""
+    run: Any
+    values: dict[Any, float]
+    """Temperature and recorded columns."""
+    reading: float
+
+
+class LogRows:
+    """Reads the rows of a log for a corrector, and corrects them.
+
+    Parameters
+    ----------
+    live : OnlineCorrector
+    options : Namespace
+        Of the command: `temperature`, `reading`, `time` name columns.
+    complain : callable
+        Takes a sentence about a line.
+    time_name : str, optional
+        Column of the times where none is named.
+    """
+
+    def __init__(
+        self,
+        live: OnlineCorrector,
+        options: argparse.Namespace,
+        complain: Callable[[str], None],
+        time_name: str | None = None,
+    ):
+        self.live, self.options, self.complain, self._time_name = live, options, complain, time_name
+        self.header: list[str] | None = None
+        self.number = 0
+        """Lines read."""
+        self.done = 0
+        """Rows that the corrector has seen, in this run of the command and those before."""
+        self.without_result: Counter[str] = Counter()
+        self.left_out = 0
+        history = live.model.features_.history_
+        self._timed, self._temperature_name = history.kind != "rows", history.record.temperature_name
+        self._seconds = history.kind == "seconds"
+        self._labels = [segment.run for segment in history.record.segments]
+
+    def begin(self, line: bytes, new_file: bool = False) -> list[str]:
+        """Read the header; returns its fields and the names of the results."""
+        self.number += 1
+        header = header_of(line)
+        if self.header is not None and new_file and header != self.header:
+            raise RecordError(
+                f"The log goes on in a file with other columns: {listing(header)} instead of {listing(self.header)}. "
+                "Start the command again."
+            )
+        self.header = header
+        model = self.live.model
+        self._temperature = self._place(self.options.temperature or self._temperature_name, "temperature")
+        self._reading = self._place(self.options.reading or model.reading_.name, "reading")
+        guesses = (self._time_name, *TIME_NAMES)
+        name = self.options.time or model.time or next((n for n in guesses if n in header), "time")
+        self._time = self._place(name, "time") if self._timed else None
+        self._others = {column: self._place(str(column), "") for column in self.live.columns}
+        self._run = None if model.run is None else self._place(str(model.run), "")
+        self._extra = [*RESULTS]
+        self._extra += [] if self.live.average is None else ["smoothed"]
+        self._extra += [] if self.live.track is None else ["reference"]
+        return [*header, *new_names(self._extra, header)]
+
+    def read(self, line: bytes) -> Sample | None:
+        """A row; None for an empty line, a header that comes again, and a line that is left out and complained of."""
+        self.number += 1
+        assert self.header is not None
+        try:
+            fields = fields_of(line)
+            if not fields or fields == self.header:
+                return None
+            if len(fields) != len(self.header):
+                raise RecordError(miscounted(len(fields), len(self.header)))
+            return self._sample(fields)
+        except (RecordError, TypeError) as error:
+            self.leave_out(str(error))
+            return None
+
+    def leave_out(self, why: str) -> None:
+        """Count a line that is no row, and say so."""
+        self.left_out += 1
+        if self.left_out <= _SHOWN:
+            self.complain(f"line {self.number} is left out: {' '.join(why.split())}")
+        if self.left_out == _SHOWN:
+            self.complain("further lines that are left out are counted only")
+
+    def one(self, sample: Sample) -> list[str]:
+        """Correct a row; returns the cells of its results."""
+        result = self.live.update_stamp(sample.stamp, sample.run, sample.values, sample.reading)
+        cells = {**result._asdict(), "flag": result.flag}
+        self._count(cells["flag"], result.corrected)
+        return [_cell(cells[name]) for name in self._extra]
+
+    def replay(self, fields: list[str]) -> None:
+        """Let the corrector see a row whose results have been written."""
+        self.one(self._sample(fields))
+
+    def many(self, samples: list[Sample]) -> list[list[str]]:
+        """Correct rows, to the last digit as `DynamicBiasRegressor.correct`; returns the cells of their results."""
+        names = samples[0].values
+        values = {name: np.array([sample.values[name] for sample in samples]) for name in names}
+        reading = np.array([sample.reading for sample in samples])
+        stamps = np.array([sample.stamp for sample in samples]) if self._timed else None
+        runs = None if self._run is None else pd.Series([sample.run for sample in samples], dtype=object)
+        out = self.live.update_stamps(stamps, values, reading, runs)
+        columns = [getattr(out, {"flag": "flags"}.get(name, name)).tolist() for name in self._extra]
+        for flag, corrected in zip(out.flags, out.corrected, strict=True):
+            self._count(flag, corrected)
+        return [[_cell(value) for value in row] for row in zip(*columns, strict=True)]
+
+    def summary(self) -> str:
+        """How many rows got no result, and why; empty where all did."""
+        reasons = [f"{count} {why}" for why, count in self.without_result.most_common()]
+        if self.left_out:
+            reasons.insert(0, f"{times_word(self.left_out, 'line')} left out")
+        rows = self.left_out + sum(self.without_result.values())
+        return f"{rows} of {times_word(self.number - 1, 'line')} got no result: {', '.join(reasons)}" if reasons else ""
+
+    @property
+    def damaged(self) -> bool:
+        """Whether rows got no result for what is wrong with the log, not for a cell that it leaves empty."""
+        return bool(self.left_out or any(self.without_result[flag] for flag in REFUSED))
+
+    def _count(self, flag: str, corrected: float) -> None:
+        self.done += 1
+        if math.isnan(corrected):
+            self.without_result[flag] += 1
+
+    def _place(self, name: Any, option: str) -> int:
+        assert self.header is not None
+        if name not in self.header:
+            hint = f" Name it with --{option}." if option else ""
+            raise RecordError(f"The log has no column {name!r}; it has {listing(self.header)}.{hint}")
+        return self.header.index(name)
+
+    def _sample(self, fields: list[str]) -> Sample:
+        T = number(fields[self._temperature], "the temperature")
+        U = number(fields[self._reading], "the reading")
+        values: dict[Any, float] = {self._temperature_name: T}
+        for column, at in self._others.items():
+            values[column] = number(fields[at], str(column), switch=True)
+        run = None if self._run is None else label(fields[self._run], self._labels)
+        if self._time is None:
+            return Sample(fields, None, run, values, U)
+        time: Any = fields[self._time].strip()
+        return Sample(fields, self.live.stamp(number(time, "the time") if self._seconds else time), run, values, U)
+
+
+def csv_text(rows: Iterable[list[str]]) -> bytes:
+    """Rows as lines of CSV."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode("utf-8")
+
+
+def _cell(value: Any) -> str:
+    """All the digits that tell a number from others; nothing for NaN."""
+    if isinstance(value, str):
+        return value
+    return "" if math.isnan(value) else repr(value)

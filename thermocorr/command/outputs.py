@@ -1,0 +1,44 @@
+"""Results in files: corrected log and model out."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ..estimators import DynamicBiasRegressor
+from ..files import Outputs
+from ..files.marks import TEXT_MARK
+from ..files.model_file import content_of
+from ..records.text import printable
+
+RESULT_COLUMNS = ("corrected", "model", "residual", "flag")
+
+
+def write_corrected(outputs: Outputs, folder: Path, log: pd.DataFrame, evaluated: pd.DataFrame, index: bool) -> Path:
+    """Write corrected.csv: the log as it came, and four columns more."""
+    names = new_names(RESULT_COLUMNS, log.columns)
+    result = log.assign(**{new: evaluated[old].to_numpy() for new, old in zip(names, RESULT_COLUMNS, strict=True)})
+    path = folder / "corrected.csv"
+    # floats are written with all the digits that tell them apart
+    result.to_csv(outputs.open(path), mode="wb", index=index, lineterminator="\n")
+    return path
+
+
+def new_names(names: Sequence[str], taken: Collection[str]) -> list[str]:
+    """Names for columns beside others: those that are taken get an ending."""
+    return [name if name not in taken else f"{name}_thermocorr" for name in names]
+
+
+def write_model(
+    outputs: Outputs, folder: Path, model: DynamicBiasRegressor, data: tuple[Any, Any] | None = None
+) -> list[Path]:
+    """Write the fitted model: model.json for `thermocorr.load_model` and `thermocorr correct`, model.txt to read."""
+    paths = [folder / "model.json", folder / "model.txt"]
+    outputs.write(paths[0], content_of(model, data=data))
+    table = model.coef_table().to_string()
+    notes = "\n".join(f"Note: {note}" for note in model.notes_)
+    outputs.write(paths[1], printable(f"{TEXT_MARK}\n\n{model.equation()}\n\n{table}\n{notes}\n", "\n"))
+    return paths

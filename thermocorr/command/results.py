@@ -1,0 +1,227 @@
+"""Where the rows of `thermocorr correct` go, and the state that is saved with them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from dataclasses import dataclass
+from typing import Any
+
+from ..files import AppendedFile, OutputError, Outputs, write_file
+from ..files.appending import Position
+from ..files.codec import ModelFileError, fields, integer, parse, read_bytes, text
+from ..live.corrector import OnlineCorrector
+from ..records.csvlines import fields_of
+from .lines import Lines
+from .log_rows import LogRows, Sample
+
+
+@dataclass(frozen=True)
+class Saved:
+    """What a state file holds."""
+
+    live: OnlineCorrector
+    rows: int
+    """Rows that it has seen."""
+    lines: int
+    """Lines of the log that it has read."""
+    out: Position | None
+    """Where the file of results stood."""
+    source: Position | None
+    """Where the log stood."""
+
+
+def read_state(path: str, model: Any) -> Saved:
+    """What was saved for this model; ModelFileError for anything else."""
+    try:
+        node = fields(parse(read_bytes(path)), "$", ("stream", "rows", "lines", "out", "source"))
+        out, source = (_position(node[key], f"$.{key}") for key in ("out", "source"))
+        rows, lines = integer(node["rows"], "$.rows", 0), integer(node["lines"], "$.lines", 0)
+        return Saved(OnlineCorrector.from_state(model, node["stream"]), rows, lines, out, source)
+    except ModelFileError as error:
+        raise ModelFileError(f"{path}: {error} Remove the file to start afresh.") from None
+    except OSError as error:
+        raise ModelFileError(f"{path} cannot be read: {error.strerror}. Remove it to start afresh.") from None
+
+
+def _position(node: Any, where: str) -> Position | None:
+    if node is None:
+        return None
+    node = fields(node, where, ("length", "digest"))
+    return Position(integer(node["length"], f"{where}.length", 0), text(node["digest"], f"{where}.digest"))
+
+
+class Results:
+    """Base: rows are written; `keep` makes what was written so far last, and the state with it.
+
+    A state is saved only with the rows that it has seen: whatever ends the process, the next one finds in the file of
+    results what the state does not know yet, and goes on behind it.
+    """
+
+    def __init__(self, rows: LogRows, options: argparse.Namespace, inputs: list[str], lines: Lines):
+        self.rows, self.options, self.inputs, self.lines = rows, options, inputs, lines
+        self._first_new = True
+        self._to_skip = self.skipped = 0
+
+    def __enter__(self) -> Results:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def write(self, rows: bytes) -> None:
+        """Write whole rows."""
+        raise NotImplementedError
+
+    def _commit(self) -> Position | None:
+        """Make the rows so far last."""
+        raise NotImplementedError
+
+    def keep(self) -> None:
+        """Make the rows so far last, and save the state."""
+        out = self._commit()
+        if not self.options.state:
+            return
+        source, rows = self.lines.position(), self.rows
+        node = {
+            "stream": rows.live.state(),
+            "rows": rows.done,
+            "lines": rows.number,
+            "out": None if out is None else out._asdict(),
+            "source": None if source is None else source._asdict(),
+        }
+        inputs = [*self.inputs, *([self.options.out] if self.options.out else [])]
+        write_file(self.options.state, json.dumps(node) + "\n", inputs=inputs, force=self.options.force)
+
+    def finish(self, stopped: bool) -> str:
+        """Make all rows last; returns what was kept, in words."""
+        self.keep()
+        if self.skipped:
+            print(f"thermocorr: {self.skipped} lines were corrected before, by the saved state", file=sys.stderr)
+        return "state saved" if self.options.state else "no state saved (--state FILE keeps one to go on from)"
+
+    def resume(self, saved: Saved) -> bool:
+        """Go on where the state was saved; returns whether the log is at that place again."""
+        self.rows.done = saved.rows
+        if self.lines.skip_to(saved.source):
+            self.rows.number, self.skipped, self._first_new = saved.lines, saved.rows, False
+            return True
+        if self.options.log != "-":
+            self._to_skip = saved.rows
+        return False
+
+    def seen(self, sample: Sample) -> bool:
+        """Whether the state from which this run goes on knows a row: another file may begin with such ones."""
+        if not self._first_new:
+            return False
+        if sample.stamp is None:
+            self._first_new = self.skipped + 1 < self._to_skip
+            known = self.skipped < self._to_skip
+        else:
+            known = self._first_new = self.rows.live.has_seen(sample.stamp, sample.run)
+        self.skipped += known
+        return known
+
+
+class Printed(Results):
+    """Rows go to standard output."""
+
+    def write(self, rows: bytes) -> None:
+        """Write whole rows; at once where the log is followed."""
+        sys.stdout.buffer.write(rows)
+        if self.options.follow:
+            sys.stdout.buffer.flush()
+
+    def _commit(self) -> None:
+        sys.stdout.buffer.flush()
+
+
+class Drafted(Results):
+    """A whole log's results: the file takes its place when all are there."""
+
+    def __init__(self, *arguments: Any):
+        super().__init__(*arguments)
+        self._outputs = Outputs(self.inputs, self.options.force)
+        self._file = self._outputs.open(self.options.out)
+
+    def __exit__(self, *_: object) -> None:
+        self._outputs.discard()
+
+    def write(self, rows: bytes) -> None:
+        """Write whole rows to the draft."""
+        try:
+            self._file.write(rows)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise OutputError(f"{self.options.out} cannot be written: {error.strerror}. It is unchanged.") from None
+
+    def _commit(self) -> None:
+        pass
+
+    def finish(self, stopped: bool) -> str:
+        """Let the file take its place, unless the log was not read to its end."""
+        if stopped:
+            return f"nothing was written to {self.options.out}"
+        self._outputs.commit()
+        return ""
+
+
+class Appended(Results):
+    """Rows go to a file that can be watched, and taken up again with the state."""
+
+    file: AppendedFile
+
+    def __exit__(self, *_: object) -> None:
+        self.file.close()
+
+    def begin(self, header: bytes, saved: Saved | None) -> None:
+        """Open the file, or take it up where the state was saved, with the rows that came behind."""
+        options = self.options
+        at_place = saved is not None and self.resume(saved)
+        if saved is None or not os.path.exists(options.out) or (saved.out is None and options.force):
+            others = [options.state] if options.state else []
+            self.file = AppendedFile.new(options.out, [*self.inputs, *others], options.force)
+            self.write(header)
+            return
+        if saved.out is None:
+            raise OutputError(
+                f"{options.out} is there already, and the state in {options.state} was saved without it: rows could "
+                "come twice. Name another file, or overwrite it with --force."
+            )
+        self.file = AppendedFile.resumed(options.out, saved.out)
+        if at_place:
+            self.file.cut(saved.out.length)
+            return
+        assert self.rows.header is not None
+        for row in self.file.rows_behind(saved.out.length):  # seen by a process that was killed
+            self.rows.replay(fields_of(row)[: len(self.rows.header)])
+
+    def write(self, rows: bytes) -> None:
+        """Write whole rows."""
+        self.file.write(rows)
+
+    def _commit(self) -> Position | None:
+        return self.file.commit()
+
+
+def open_results(
+    rows: LogRows, header: bytes, options: argparse.Namespace, inputs: list[str], saved: Saved | None, lines: Lines
+) -> Results:
+    """Where the rows go, by the command's options; the header is written, or was before."""
+    if options.out is not None and not options.follow and not options.state:
+        drafted = Drafted(rows, options, inputs, lines)
+        drafted.write(header)
+        return drafted
+    if options.out is None:
+        printed = Printed(rows, options, inputs, lines)
+        if saved is not None:
+            printed.resume(saved)
+        printed.write(header)
+        return printed
+    appended = Appended(rows, options, inputs, lines)
+    appended.begin(header, saved)
+    appended.keep()
+    return appended

@@ -1,0 +1,142 @@
+"""Cross-validation of sets of time constants from factors: every set, every fold, every ridge penalty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import comb
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from ...equations import TriangularFactor
+from ...equations.subsets import Fold, all_set_errors, set_errors
+from .folds import TimeFolds
+from .spectrum import GridLayout, grown
+
+Set = tuple[int, ...]
+SCORINGS = {"neg_root_mean_squared_error": np.sqrt, "neg_mean_squared_error": np.asarray}
+"""scikit-learn's names of the scores, and what they make of a fold's mean squared error."""
+KEPT = 200
+"""Sets of each size whose errors are kept from an exhaustive search."""
+NEGLIGIBLE = 5e-4
+"""A time constant that lowers the loss by less than this share is not worth having."""
+
+
+class CrossValidation:
+    """Errors of sets of grid members, each computed once.
+
+    Parameters
+    ----------
+    chunks : list of TriangularFactor
+        Factors of the stretches that `folds` is made of.
+    folds : TimeFolds
+    layout : GridLayout
+        Which column is what.
+    dead : list of lists of int
+        Columns that a fold must not use, see `TimeFolds.prepared`.
+    scoring : str
+        One of `SCORINGS`.
+    """
+
+    def __init__(
+        self,
+        chunks: Sequence[TriangularFactor],
+        folds: TimeFolds,
+        layout: GridLayout,
+        dead: Sequence[Sequence[int]],
+        scoring: str,
+    ):
+        self.chunks, self.folds, self.layout, self.dead = chunks, folds, layout, dead
+        self.loss_of = SCORINGS[scoring]
+        self.losses: dict[tuple[float, Set], np.ndarray] = {}
+        """Loss in each fold of every (penalty, set) tried so far."""
+        self._prepared: dict[float, list[Fold]] = {}
+        width = max((len(layout.columns([i])) for i in range(len(layout.grid))), default=1)
+        self.groups = np.full((len(layout.grid), width), -1)
+        for i in range(len(layout.grid)):
+            columns = layout.columns([i])
+            self.groups[i, : len(columns)] = np.array(columns) - layout.n_free
+
+    def score_sets(self, sets: Sequence[Set], alpha: float) -> np.ndarray:
+        """Losses of sets, shape (n_sets, n_folds)."""
+        new: dict[int, list[Set]] = {}
+        for members in sets:
+            if (alpha, members) not in self.losses:
+                new.setdefault(len(members), []).append(members)
+        for count, group in new.items():
+            columns = self.groups[np.array(group, np.intp).reshape(len(group), count)].reshape(len(group), -1)
+            losses = self.loss_of(set_errors(self.prepared(alpha), columns))
+            self.losses.update(((alpha, members), loss) for members, loss in zip(group, losses, strict=True))
+        return np.array([self.losses[alpha, members] for members in sets])
+
+    def prepared(self, alpha: float) -> list[Fold]:
+        """The folds for one ridge penalty."""
+        if alpha not in self._prepared:
+            self._prepared[alpha] = self.folds.prepared(self.chunks, self.layout.n_free, alpha, self.dead)
+        return self._prepared[alpha]
+
+    def greedy(self, candidates: Sequence[int], max_count: int, alpha: float, say: Callable[[str], None]) -> list[Set]:
+        """Best set found of each size: forward steps, each followed by exchanges."""
+
+        def best(sets: set[Set]) -> tuple[Set, float]:
+            ordered = sorted(sets)
+            losses = self.score_sets(ordered, alpha).mean(axis=1)
+            return ordered[int(losses.argmin())], float(losses.min())
+
+        path: list[Set] = []
+        for size in range(1, min(max_count, len(candidates)) + 1):
+            path.append(grown(path[-1] if path else (), candidates, best))
+            say(f"{size} of {max_count} time constants: error {self.losses[alpha, path[-1]].mean():.6g}")
+        return path
+
+    def exhaustive(
+        self, candidates: Sequence[int], max_count: int, alpha: float, say: Callable[[str], None], n_jobs: int | None
+    ) -> list[Set]:
+        """Best set of each size among all sets; the errors of the `KEPT` best of each are kept."""
+        members = np.array(candidates)
+        groups = self.groups[members]
+        max_count = min(max_count, len(members))
+
+        def one(number: int, fold: Fold) -> tuple[list[np.ndarray], list[np.ndarray]]:
+            by_size: list[list[Any]] = [[] for _ in range(max_count)]
+            for sets, errors in all_set_errors(fold, groups, max_count):
+                by_size[sets.shape[1] - 1].append((sets, errors))
+            say(f"fold {number + 1}: {sum(comb(len(members), k + 1) for k in range(max_count))} sets done")
+            first = [np.concatenate([sets for sets, _ in parts]) for parts in by_size] if number == 0 else []
+            return first, [np.concatenate([errors for _, errors in parts]) for parts in by_size]
+
+        jobs = (delayed(one)(number, fold) for number, fold in enumerate(self.prepared(alpha)))
+        results = Parallel(n_jobs=n_jobs, prefer="threads")(jobs)
+        path: list[Set] = []
+        for size, sets in enumerate(results[0][0]):
+            losses = self.loss_of(np.array([errors[size] for _, errors in results]).T)
+            order = np.argsort(losses.mean(axis=1), kind="stable")[:KEPT]
+            for i in order:
+                self.losses[alpha, tuple(members[sets[i]].tolist())] = losses[i]
+            path.append(tuple(members[sets[order[0]]].tolist()))
+        return path
+
+
+def count_sets(n_candidates: int, max_count: int) -> int:
+    """Number of sets of 1 to `max_count` of `n_candidates`."""
+    return sum(comb(n_candidates, k) for k in range(1, max_count + 1))
+
+
+def no_worse(losses: np.ndarray, best: np.ndarray) -> bool:
+    """Whether losses are above the best ones by no more than one standard error of the difference, or negligibly.
+
+    The difference is taken fold by fold (Breiman et al. 1984, section 3.4.3, on paired folds): what all folds share
+    says nothing about it.
+    """
+    difference = losses - best
+    error = float(difference.std(ddof=1)) / np.sqrt(len(difference)) if len(difference) > 1 else 0.0
+    return float(difference.mean()) <= max(error, NEGLIGIBLE * float(best.mean()))
+
+
+def fewest(losses: Sequence[np.ndarray], rule: str) -> int:
+    """Which of the best sets of growing size to take: the one with the least mean loss, or the first no worse."""
+    best = int(np.argmin([float(loss.mean()) for loss in losses]))
+    if rule == "best":
+        return best
+    return next(i for i, loss in enumerate(losses) if i == best or no_worse(loss, losses[best]))

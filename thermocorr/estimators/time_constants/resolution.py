@@ -1,0 +1,111 @@
+"""Which time constants a record can resolve: diffusive spectrum, excitation, intervals, and warnings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from ...equations import RidgeSolution, TriangularFactor
+from ...records import Record
+from .search import Factored
+from .spectrum import Reference
+
+CONFIDENCE_95 = 1.96
+OPPOSED = 0.1
+"""Share of two coefficients that is left in their sum, below which they cancel."""
+
+
+def spectrum_table(factored: Factored, reference: Reference) -> pd.DataFrame:
+    """Diffusive spectrum mu(tau) over the grid, and what the record could see of each time constant.
+
+    Returns
+    -------
+    DataFrame with columns
+        time_constant [s];
+        coefficient: mu(tau) of the reference model (ridge over the whole grid), reading per K;
+        excitation [K]: rms of the lag difference, the static law and further effects taken out;
+        smallest_coefficient: coefficient of twice its standard error, were this the only lag and the residuals white;
+        alike_next: correlation with the next longer time constant, after the same projection: near 1 where the record
+        cannot tell the two apart.
+    """
+    layout, whole = factored.layout, TriangularFactor.merged(factored.chunks)
+    lags = whole.r[layout.n_free :, layout.n_free : layout.n_free + len(layout.grid)]
+    norms = np.linalg.norm(lags, axis=0)
+    noise = np.sqrt(reference.residual_sum_of_squares / whole.n_rows)
+    unit = lags / np.where(norms > 0, norms, 1.0)
+    with np.errstate(divide="ignore"):
+        smallest = 2 * noise / norms
+    return pd.DataFrame(
+        {
+            "time_constant": layout.grid,
+            "coefficient": reference.coefficients[layout.n_free : layout.n_free + len(layout.grid)],
+            "excitation": norms / np.sqrt(whole.n_rows),
+            "smallest_coefficient": smallest,
+            "alike_next": np.append(np.einsum("ij,ij->j", unit[:, :-1], unit[:, 1:]), np.nan),
+        }
+    )
+
+
+def interval_table(time_constants: np.ndarray, log_errors: np.ndarray) -> pd.DataFrame:
+    """Time constants with 95 % intervals [s], from standard errors of ln tau."""
+    with np.errstate(over="ignore"):
+        factor = np.exp(CONFIDENCE_95 * log_errors)
+    return pd.DataFrame(
+        {
+            "time_constant": time_constants,
+            "low": time_constants / factor,
+            "high": time_constants * factor,
+            "relative_error": log_errors,
+        }
+    )
+
+
+def unresolved(
+    time_constants: np.ndarray, record: Record, solution: RidgeSolution, n_static: int, noise: float
+) -> list[str]:
+    """Sentences on time constants that the record cannot determine; empty where all is well.
+
+    Parameters
+    ----------
+    time_constants : array of shape (J,)
+        Of a fitted model [s], increasing.
+    record : Record
+    solution : RidgeSolution
+        Columns are `n_static` static ones, then the lags.
+    noise : float
+        Standard deviation of the residuals.
+    """
+    step, span = record.usual_step(), max(record.duration(segment) for segment in record.segments)
+    said = []
+    for tau in time_constants[time_constants > span]:
+        said.append(
+            f"A time constant of {tau:.6g} s is longer than the record ({span:.6g} s): over the record its lag looks "
+            f"like a drift, and its coefficient is a guess. Record for at least {3 * tau:.6g} s, or leave it out."
+        )
+    for tau in time_constants[time_constants < step / 2]:
+        said.append(
+            f"A time constant of {tau:.6g} s is shorter than half the sampling step ({step:.6g} s): the record cannot "
+            "tell it from no lag. Sample faster, or leave it out."
+        )
+    mu = solution.coef[n_static : n_static + len(time_constants)]
+    triangle = solution.inverse_triangle[n_static : n_static + len(time_constants)]
+    for j in range(len(time_constants) - 1):
+        both = float(np.abs(mu[j]) + np.abs(mu[j + 1]))
+        error, error_of_sum = (
+            CONFIDENCE_95 * noise * float(np.linalg.norm(triangle[j] + sign * triangle[j + 1])) for sign in (-1, 1)
+        )
+        if abs(mu[j] + mu[j + 1]) < error_of_sum:
+            continue  # nothing here that could be parted
+        pair = f"Time constants of {time_constants[j]:.6g} s and {time_constants[j + 1]:.6g} s"
+        if error > both or not (triangle[j].any() and triangle[j + 1].any()):
+            said.append(
+                f"{pair} cannot be told apart in this record: the difference of their coefficients is known to "
+                f"+-{error:.3g} only, more than both together. Predictions are sound, the two coefficients are not: "
+                "leave one out, or record faster temperature changes."
+            )
+        elif abs(mu[j] + mu[j + 1]) < OPPOSED * both:
+            said.append(
+                f"{pair} work against each other: their coefficients, {mu[j]:.4g} and {mu[j + 1]:.4g}, nearly cancel. "
+                "Predictions are sound, but these are no bodies of the device: leave one out."
+            )
+    return said

@@ -1,0 +1,354 @@
+"""The search for time constants: one pass over the record, then every question is answered from small factors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+
+from ...effects import InitialTransient, ThermalLag
+from ...effects.thermal import seconds_array
+from ...equations import TriangularFactor
+from ...records import Record, RecordError
+from ..features import DiffusiveFeatures
+from ..fitting import equal_edges, require_rows, sweep_effects
+from ..reading import Reading, check_plausible
+from .crossvalidation import NEGLIGIBLE, CrossValidation, Set, count_sets, fewest
+from .folds import TimeFolds, folds_in_time
+from .spectrum import (
+    LARGEST_ALPHA,
+    MIN_ROWS,
+    N_BLOCKS,
+    PENALTIES,
+    POOL_SIZE,
+    GridLayout,
+    Projected,
+    Reference,
+    log_grid,
+    project,
+    reference_of,
+    spread,
+)
+
+FAST_SHARE = 1 / 200
+"""Time constants up to this share of the record are fast: any stretch has seen many of their lives."""
+MOST_FAST = 3
+"""Fast time constants that may join the projected ones."""
+EXHAUSTIVE_LIMIT = 20_000
+"""Up to this many sets, "cross_validation" tries them all; beyond, forward steps with exchanges."""
+ALPHAS_PER_ROW = (0.0, 1e-8, 1e-6, 1e-4)
+"""Ridge penalties that are tried when none are given, per reading."""
+MAX_DECAY_SEGMENTS = 8
+"""With more segments than this the search leaves start-up decays out."""
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """What to search and how; see `TimeConstantSearch`."""
+
+    candidates: Any = "auto"
+    method: str = "spectrum"
+    count: int | None = None
+    max_count: int = 6
+    alphas: Any = "auto"
+    cv: Any = 5
+    washout: float | None = None
+    rule: str = "one_standard_error"
+    scoring: str = "neg_root_mean_squared_error"
+    longest_decay_share: float = 1.0
+    n_jobs: int | None = None
+    say: Callable[[str], None] = lambda text: None
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One line of the table of candidates."""
+
+    members: Set
+    alpha: float
+    losses: np.ndarray
+    """Shape (n_folds,)."""
+
+
+@dataclass(frozen=True)
+class Factored:
+    """A record, turned into what the search works on: the only pass over the data."""
+
+    record: Record
+    reading: Reading
+    features: DiffusiveFeatures
+    """Static law and further effects, learned."""
+    columns: LagColumns
+    chunks: list[TriangularFactor]
+    """One for each stretch of `folds`."""
+    folds: TimeFolds
+
+    @property
+    def layout(self) -> GridLayout:
+        """Which column is what."""
+        return self.columns.layout
+
+    def projected(self, reference: Reference) -> Projected:
+        """What `project` needs."""
+        return Projected(TriangularFactor.merged(self.chunks), self.layout, reference)
+
+    def cross_validation(self, scoring: str) -> CrossValidation:
+        """Errors of sets in the folds."""
+        dead = self.columns.dead(self.record, self.folds)
+        return CrossValidation(self.chunks, self.folds, self.layout, dead, scoring)
+
+
+@dataclass(frozen=True)
+class TimeConstantChoice:
+    """What the search found and how."""
+
+    time_constants: np.ndarray
+    """[s]."""
+    alpha: float
+    """Ridge penalty for the final fit."""
+    grid: np.ndarray
+    """The time constants that were searched [s]."""
+    tried: tuple[Tried, ...] = ()
+    """The candidates, best first."""
+    chosen: Tried | None = None
+    reference: Reference | None = None
+    factored: Factored | None = None
+    spectrum: dict[str, np.ndarray] | None = None
+    """Of a fitted `DynamicBiasRegressor`: columns of `resolution.spectrum_table`."""
+
+
+def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings) -> TimeConstantChoice:
+    """Search time constants for a record.
+
+    Parameters
+    ----------
+    features : DiffusiveFeatures
+        The model without lags: static law and further effects, which stand in every set.
+    X, y : as for `DynamicBiasRegressor.fit`
+    settings : SearchSettings
+    """
+    grid_given = not isinstance(settings.candidates, str)
+    record, reading = learned(features, X, y)
+    span = max(record.duration(segment) for segment in record.segments)
+    if reading.n_readings < MIN_ROWS:
+        if settings.method == "spectrum" and not grid_given:
+            return _evenly_spread(features, record, reading, span, settings)
+        raise RecordError(
+            f"The record is too short for a search: {reading.n_readings} readings, and {MIN_ROWS} are needed. Record "
+            "longer, or give time_constants."
+        )
+    explicit = _explicit_sets(settings.candidates)
+    if explicit is not None:
+        grid = np.unique(np.concatenate(explicit))
+    elif grid_given:
+        grid = seconds_array(settings.candidates)
+    else:
+        grid = log_grid(record.usual_step(), span, POOL_SIZE)
+    factored = factors_of(features, record, reading, grid, settings)
+    cross = factored.cross_validation(settings.scoring)
+    if not cross.prepared(0.0):
+        raise RecordError("No fold has readings both to learn from and to test. Choose other folds with cv=...")
+    if settings.method == "spectrum" and explicit is None:
+        return _by_spectrum(factored, cross, settings)
+    return _by_cross_validation(factored, cross, settings, explicit)
+
+
+def learned(features: DiffusiveFeatures, X: Any, y: Any) -> tuple[Record, Reading]:
+    """Let the features learn a record; refuse one that nothing can be learned from."""
+    record = features.learn(X, y)
+    reading = Reading.of(X, y, record)
+    require_rows(reading.n_readings, sum(len(effect.names()) for effect in features.effect_list()))
+    check_plausible(record, reading)
+    return record, reading
+
+
+def _by_spectrum(factored: Factored, cross: CrossValidation, settings: SearchSettings) -> TimeConstantChoice:
+    """A whole spectrum chosen by forecasting, projected on few time constants: see `spectrum`."""
+    reference = reference_spectrum(factored)
+    path = project([factored.projected(reference)], settings.count)
+    alpha = final_alpha(factored, reference)
+    if path and settings.count is None:
+        path.append(_with_fast_ones(path[-1], factored, cross, alpha))
+    tried = [Tried(members, alpha, cross.score_sets([members], alpha)[0]) for members in path]
+    chosen = tried[-1] if tried else Tried((), alpha, cross.score_sets([()], alpha)[0])
+    return _choice(factored, tried or [chosen], chosen, reference)
+
+
+def _with_fast_ones(members: Set, factored: Factored, cross: CrossValidation, alpha: float) -> Set:
+    """Add fast time constants that the penalty of the reference has held down.
+
+    The mean over the folds has to be better with them, and so have all folds but one: a missing effect may upset one.
+    Only fast ones: any stretch of a record has seen many of their lives, and forecasts are safe.
+    """
+    grid = factored.layout.grid
+    fast = [i for i in range(len(grid)) if grid[i] <= FAST_SHARE * factored.layout.span]
+    for _ in range(MOST_FAST):
+        now = cross.score_sets([members], alpha)[0]
+        more = [tuple(sorted((*members, i))) for i in fast if i not in members]
+        if not more:
+            break
+        losses = cross.score_sets(more, alpha)
+        best = int(np.argmin([each.mean() for each in losses]))
+        if not (np.sum(losses[best] >= now) <= 1 and losses[best].mean() < now.mean() * (1 - NEGLIGIBLE)):
+            break
+        members = more[best]
+    return members
+
+
+def _by_cross_validation(
+    factored: Factored, cross: CrossValidation, settings: SearchSettings, explicit: list[np.ndarray] | None
+) -> TimeConstantChoice:
+    """The set and the ridge penalty with the least error on stretches of time that they did not see."""
+    n = factored.reading.n_readings
+    alphas = sorted(
+        [alpha * n for alpha in ALPHAS_PER_ROW]
+        if isinstance(settings.alphas, str)
+        else np.atleast_1d(np.asarray(settings.alphas, float)).tolist()
+    )
+    grid = factored.layout.grid
+    if explicit is not None:
+        sets = [tuple(np.searchsorted(grid, times).tolist()) for times in explicit]
+        for alpha in alphas:
+            cross.score_sets(sets, alpha)
+            settings.say(f"alpha {alpha:.4g}: {len(sets)} sets done")
+        best = _best_of_each_size(cross, sets, alphas)
+    else:
+        candidates = list(range(len(grid)))
+        most = settings.count or settings.max_count
+        method = settings.method
+        if method == "cross_validation":
+            method = "exhaustive" if count_sets(len(grid), most) <= EXHAUSTIVE_LIMIT else "greedy"
+        if method == "exhaustive":
+            path = cross.exhaustive(candidates, most, alphas[0], settings.say, settings.n_jobs)
+        else:
+            path = cross.greedy(candidates, most, alphas[0], settings.say)
+        if settings.count is not None:
+            path = path[-1:]
+        for alpha in alphas[1:]:
+            cross.score_sets(path, alpha)
+        best = _best_of_each_size(cross, path, alphas)
+    chosen = best[fewest([line.losses for line in best], settings.rule)]
+    tried = [Tried(members, alpha, losses) for (alpha, members), losses in cross.losses.items()]
+    reference = None
+    if explicit is None:
+        reference = reference_spectrum(factored)
+    return _choice(factored, tried, chosen, reference)
+
+
+def _best_of_each_size(cross: CrossValidation, sets: Sequence[Set], alphas: Sequence[float]) -> list[Tried]:
+    best: dict[int, Tried] = {}
+    for members in sets:
+        for alpha in alphas:
+            line = Tried(members, alpha, cross.losses[alpha, members])
+            known = best.get(len(members))
+            if known is None or line.losses.mean() < known.losses.mean():
+                best[len(members)] = line
+    return [best[size] for size in sorted(best)]
+
+
+def _choice(
+    factored: Factored, tried: Sequence[Tried], chosen: Tried, reference: Reference | None
+) -> TimeConstantChoice:
+    grid = factored.layout.grid
+    ordered = sorted(tried, key=lambda line: float(line.losses.mean()))
+    return TimeConstantChoice(
+        grid[list(chosen.members)], chosen.alpha, grid, tuple(ordered), chosen, reference, factored
+    )
+
+
+def _explicit_sets(candidates: Any) -> list[np.ndarray] | None:
+    """Sets of time constants [s], where the user lists them; None where one pool is given."""
+    if isinstance(candidates, str) or not len(candidates) or np.ndim(candidates[0]) == 0:
+        return None
+    return [seconds_array(times) for times in candidates]
+
+
+def _evenly_spread(
+    features: DiffusiveFeatures, record: Record, reading: Reading, span: float, settings: SearchSettings
+) -> TimeConstantChoice:
+    """Too few readings to choose from: a few time constants, evenly spread in the logarithm."""
+    n_static = sum(len(effect.names()) for effect in features.effect_list())
+    count = 3 if settings.count is None else settings.count
+    count = max(1, min(count, (reading.n_readings - n_static - 2) // 4))
+    grid = spread(log_grid(record.usual_step(), span), span, count)
+    if isinstance(settings.cv, Integral):
+        settings = replace(settings, cv=max(2, min(int(settings.cv), record.n_rows // 4)))
+    factored = factors_of(features, record, reading, grid, settings)
+    cross = factored.cross_validation(settings.scoring)
+    members, alpha = tuple(range(count)), PENALTIES[2] * reading.n_readings
+    losses = cross.score_sets([members], alpha)[0] if cross.prepared(alpha) else np.full(1, np.nan)
+    chosen = Tried(members, alpha, losses)
+    return _choice(factored, [chosen], chosen, None)
+
+
+@dataclass(frozen=True)
+class LagColumns:
+    """Learned lags and decays for a list of time constants, and where their columns stand."""
+
+    lag: ThermalLag
+    transient: InitialTransient
+    layout: GridLayout
+    decays: list[tuple[int, int, float]]
+    """Column, segment and time constant of each decay."""
+
+    @classmethod
+    def of(cls, features: DiffusiveFeatures, record: Record, time_constants: np.ndarray, share: float) -> LagColumns:
+        """Lags, and decays up to a `share` of their segment, behind the columns of the learned `features`."""
+        lag = ThermalLag(
+            time_constants,
+            features.hold,
+            features.initial_state,
+            reference_temperature=features.reference_temperature,
+        )
+        with_decays = features.initial_state == "fit" and len(record.segments) <= MAX_DECAY_SEGMENTS
+        transient = InitialTransient(time_constants, share if with_decays else 0.0)
+        for effect in (lag, transient):
+            effect.learn(record)
+        n_free = 1 + sum(len(effect.names()) for effect in features.effect_list())
+        owned: list[list[int]] = [[] for _ in time_constants]
+        decays = []
+        for key, taus in transient.decays_.items():
+            for offset, tau in enumerate(taus):
+                column = n_free + len(time_constants) + transient.first_column_[key] + offset
+                owned[int(np.searchsorted(time_constants, tau))].append(column)
+                decays.append((column, key, float(tau)))
+        span = max(record.duration(segment) for segment in record.segments)
+        return cls(lag, transient, GridLayout(time_constants, span, n_free, owned), decays)
+
+    def dead(self, record: Record, folds: TimeFolds) -> list[list[int]]:
+        """Decays too slow for what each fold learns from: columns that it must not use."""
+        share, result = self.transient.longest_share, []
+        for f in range(len(folds)):
+            length = {key: folds.learned_duration(f, record, record.segments[key]) for _, key, _ in self.decays}
+            result.append([column for column, key, tau in self.decays if tau > share * length[key]])
+        return result
+
+
+def factors_of(
+    features: DiffusiveFeatures, record: Record, reading: Reading, grid: np.ndarray, settings: SearchSettings
+) -> Factored:
+    """The one pass: a factor for each stretch over ``[1 | static | lags | decays | U]``."""
+    columns = LagColumns.of(features, record, grid, settings.longest_decay_share)
+    folds = folds_in_time(record, settings.cv, settings.washout)
+    effects = [*features.effect_list(), columns.lag, columns.transient]
+    chunks = sweep_effects(record, effects, folds.edges).chunks
+    return Factored(record, reading, features, columns, chunks, folds)
+
+
+def reference_spectrum(factored: Factored) -> Reference:
+    """The whole spectrum, from the factors of consecutive stretches merged to `N_BLOCKS` of equal length."""
+    ends = equal_edges(factored.record, N_BLOCKS)
+    block = np.searchsorted(ends, factored.folds.edges[:-1], side="right") - 1
+    blocks = [
+        TriangularFactor.merged([chunk for chunk, b in zip(factored.chunks, block, strict=True) if b == number])
+        for number in range(len(ends) - 1)
+    ]
+    return reference_of(blocks, factored.layout, factored.record.moments(factored.record.temperature_name).std)
+
+
+def final_alpha(factored: Factored, reference: Reference) -> float:
+    """Ridge penalty of the final fit: the reference's, within limits."""
+    return min(LARGEST_ALPHA, reference.penalty) * factored.reading.n_readings

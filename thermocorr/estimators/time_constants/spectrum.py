@@ -1,0 +1,263 @@
+"""Choice of time constants: a whole spectrum chosen by forecasting, then projected on a few time constants.
+
+1. One pass gives a triangular factor per block of time over ``[1 | static | lags of a log grid | fast decays | U]``.
+2. Reference model: ridge on the whole grid. Its two knobs, penalty and longest time constant, are chosen by forward
+   chaining inside the record: learn the past, forecast what follows, offset included.
+3. The smallest set of time constants whose span reproduces the reference's modelled reading within `TOLERANCE` of its
+   residual variance, by forward greedy steps with exchanges. The target carries no noise: nothing to overfit.
+4. Fast time constants that the penalty has held down join where nearly every fold is better with them (in `search`).
+
+Choosing sets by cross-validation on the readings themselves was tried first; on real records of one temperature sweep
+it picks too many time constants and forecasts badly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ...equations import TriangularFactor
+
+POOL_SIZE = 25
+FASTEST = 0.5
+"""Fastest time constant of the pool, in sampling steps: a body that follows within a step still shows as a lag."""
+N_BLOCKS = 20
+DECAY_SHARE = 1 / 25
+"""Decay columns only for time constants up to this share of the record: slower ones look like drift or ageing."""
+CEILINGS = (1 / 3, 1.0)
+"""Longest time constant, as a share of the record."""
+PENALTIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+"""Ridge penalties per row on sd(T) mu, for a grid of `GRID_STEP` in ln(time constant)."""
+GRID_STEP = 0.33
+LEARNED_SHARES = tuple(cut / N_BLOCKS for cut in range(8, 17))
+"""Shares of the record after which a forecast starts."""
+HORIZON = 3 / 7
+"""Length of a forecast over that of its past: learn on 70 %, use on 30 %."""
+TOLERANCE = 0.003
+"""Misfit of the chosen set to the reference, as a share of the reference's residual variance."""
+MAX_COUNT = 8
+MAX_EXCHANGES = 8
+LARGEST_ALPHA = 1e-4
+"""Largest ridge penalty per row of the final fit; a record that forecasts better with less keeps its own."""
+MIN_ROWS = 120
+"""With fewer readings nothing is searched: time constants are spread evenly in the logarithm."""
+
+
+@dataclass(frozen=True)
+class GridLayout:
+    """Which column of a factor is what."""
+
+    grid: np.ndarray
+    """Time constants of the log grid [s], increasing."""
+    span: float
+    """Length of the longest segment [s]."""
+    n_free: int
+    """Columns that stand first and are never penalised: 1, the static law, further effects."""
+    decays: Sequence[Sequence[int]]
+    """``decays[i]``: columns of grid member i's decays, one for each segment that has it."""
+
+    def columns(self, chosen: Sequence[int]) -> list[int]:
+        """Columns of the model with grid members `chosen`, the free ones left out."""
+        lags = [self.n_free + i for i in chosen]
+        return lags + [column for i in chosen for column in self.decays[i]]
+
+    def members(self, ceiling: float) -> np.ndarray:
+        """Grid members up to a share of the span."""
+        return np.flatnonzero(self.grid <= ceiling * self.span * (1 + 1e-9))
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Ridge on the whole grid, its two knobs chosen by forecasting."""
+
+    coefficients: np.ndarray
+    ceiling: float
+    """Longest time constant allowed, as a share of the record."""
+    penalty: float
+    """Ridge penalty per row."""
+    forecast_errors: np.ndarray
+    """``forecast_errors[f, c, a]``: mean squared error of forecast f, ceiling c, penalty a, in y's unit squared."""
+    residual_sum_of_squares: float
+
+
+def log_grid(usual_step: float, span: float, size: int = POOL_SIZE) -> np.ndarray:
+    """Time constants from two sampling steps to the length of the record [s], and one of less than a step."""
+    low = 2 * usual_step
+    return np.append(FASTEST * usual_step, np.geomspace(low, max(span, 2 * low), size - 1))
+
+
+def spread(grid: np.ndarray, span: float, count: int) -> np.ndarray:
+    """`count` time constants spread evenly in the logarithm up to a third of the record [s]."""
+    return np.geomspace(grid[1], max(span / 3, 1.5 * grid[1]), count)
+
+
+def reference_of(blocks: Sequence[TriangularFactor], layout: GridLayout, temperature_std: float) -> Reference:
+    """Choose penalty and ceiling by forecasting; fit the whole grid with them.
+
+    Parameters
+    ----------
+    blocks : sequence of TriangularFactor
+        Blocks of about equal length in time order.
+    layout : GridLayout
+        Which column is what.
+    temperature_std : float
+        Standard deviation of the temperature [K], the scale of the penalty.
+    """
+    errors = forecast_errors(blocks, layout, temperature_std)
+    c, a = np.unravel_index(int(np.argmin(errors.mean(axis=0))), errors.shape[1:])
+    whole = TriangularFactor.merged(blocks)
+    model = reference_models(whole, layout, CEILINGS[c], [PENALTIES[a]], temperature_std)[0]
+    return Reference(model, CEILINGS[c], PENALTIES[a], errors, squared_error(whole, model))
+
+
+def reference_models(
+    factor: TriangularFactor, layout: GridLayout, ceiling: float, penalties: Sequence[float], temperature_std: float
+) -> np.ndarray:
+    """Coefficients of the whole grid for each penalty, shape (len(penalties), columns before the reading).
+
+    Minimises ``|U - A b|^2 + n penalty (sd_T^2 |mu|^2 + |nu|^2)``; the free columns are not penalised, so they drop
+    out with the first rows of R, and one singular value decomposition serves every penalty.
+    """
+    r, free = factor.r, layout.n_free
+    members = layout.members(ceiling)
+    columns = np.array(layout.columns(members.tolist()))
+    step = np.gradient(np.log(layout.grid)) if len(layout.grid) > 1 else np.full(1, GRID_STEP)
+    owners = [*members, *(i for i in members for _ in layout.decays[i])]
+    scale = np.sqrt(step[owners] / GRID_STEP)  # a denser grid means the same prior
+    scale[: len(members)] /= temperature_std
+    left, singular, right = np.linalg.svd(r[free:, columns] * scale, full_matrices=False)
+    target = left.T @ r[free:, -1]
+    result = np.zeros((len(penalties), r.shape[1] - 1))
+    for row, penalty in zip(result, penalties, strict=True):
+        shrunk = singular / (singular**2 + factor.n_rows * penalty)
+        row[columns] = scale * (right.T @ (shrunk * target))  # eq. (13)
+        row[:free] = np.linalg.lstsq(r[:free, :free], r[:free, -1] - r[:free, columns] @ row[columns], rcond=1e-13)[0]
+    return result
+
+
+def squared_error(factor: TriangularFactor, coefficients: np.ndarray) -> float:
+    """Sum of squares of U - A b, from the triangle alone."""
+    rest = factor.r[:, -1] - factor.r[:, :-1] @ coefficients
+    return float(rest @ rest)
+
+
+def forecast_errors(blocks: Sequence[TriangularFactor], layout: GridLayout, temperature_std: float) -> np.ndarray:
+    """Mean squared forecast errors, shape (forecasts, ceilings, penalties), by forward chaining."""
+    n_blocks = len(blocks)
+    errors = []
+    learned, done = TriangularFactor(blocks[0].r.shape[1]), 0
+    for cut in sorted({max(1, round(share * n_blocks)) for share in LEARNED_SHARES}):
+        learned.merge(*blocks[done:cut])
+        done = cut
+        future = [block for block in blocks[cut : cut + max(2, round(HORIZON * cut))] if block.n_rows]
+        if not future or learned.n_rows <= 2 * layout.n_free:
+            continue
+        test = TriangularFactor.merged(future)
+        errors.append(
+            [
+                [
+                    squared_error(test, model) / test.n_rows
+                    for model in reference_models(learned, layout, ceiling, PENALTIES, temperature_std)
+                ]
+                for ceiling in CEILINGS
+            ]
+        )
+    return np.array(errors)
+
+
+class Projected(NamedTuple):
+    """A record, and its reference model that few time constants are to reproduce."""
+
+    factor: TriangularFactor
+    layout: GridLayout
+    reference: Reference
+
+
+def project(records: Sequence[Projected], count: int | None = None) -> list[tuple[int, ...]]:
+    """Grid members whose span holds the reference's reading: greedy steps, each followed by exchanges.
+
+    Several records on one grid get one set: the sum of their misfits, each over its residual sum of squares, is made
+    small. Returns the set after each step; the last one is the choice, with `count` members or the first whose misfit
+    falls below `TOLERANCE`. An empty list says that no lag is needed.
+    """
+    misfits = [_Misfit(*record) for record in records]
+    candidates = sorted(set.intersection(*(misfit.candidates for misfit in misfits)))
+    limit = TOLERANCE * len(records)
+    total = sum(misfit.total for misfit in misfits)
+
+    def best(sets: set[tuple[int, ...]]) -> tuple[tuple[int, ...], float]:
+        ordered = sorted(sets, key=lambda members: (len(members), members))
+        errors = sum(misfit.errors(ordered) for misfit in misfits)
+        return ordered[int(np.argmin(errors))], float(np.min(errors))
+
+    path: list[tuple[int, ...]] = []
+    if count is None and total <= limit:
+        return path
+    chosen: tuple[int, ...] = ()
+    for _ in range(min(count or MAX_COUNT, len(candidates))):
+        chosen = grown(chosen, candidates, best, -1e-12 * total)
+        path.append(chosen)
+        if count is None and sum(misfit.exact(chosen) for misfit in misfits) <= limit:
+            break
+    return path
+
+
+Best = Callable[[set[tuple[int, ...]]], tuple[tuple[int, ...], float]]
+
+
+def grown(chosen: tuple[int, ...], candidates: Sequence[int], best: Best, slack: float = 0.0) -> tuple[int, ...]:
+    """One greedy step: the best set with one member more, then exchanges of one member as long as they help.
+
+    `best` takes sets and returns the one with the least error, and that error.
+    """
+    chosen, error = best({tuple(sorted((*chosen, new))) for new in candidates if new not in chosen})
+    for _ in range(MAX_EXCHANGES):
+        swapped = {
+            tuple(sorted({*chosen} - {old} | {new})) for old in chosen for new in candidates if new not in chosen
+        }
+        if not swapped:
+            break
+        other, lower = best(swapped)
+        if lower >= error * (1 - 1e-9) + slack:
+            break
+        chosen, error = other, lower
+    return chosen
+
+
+class _Misfit:
+    """What sets of grid members leave of a reference's reading, over the residual sum of squares.
+
+    Screened by cross products, confirmed by QR.
+    """
+
+    def __init__(self, factor: TriangularFactor, layout: GridLayout, reference: Reference):
+        triangle = factor.r[layout.n_free :, :-1]  # below the rows of the free columns, which are in every set
+        self.target = triangle @ reference.coefficients / np.sqrt(reference.residual_sum_of_squares)
+        norms = np.linalg.norm(triangle, axis=0)
+        self.unit = triangle / np.where(norms > 0, norms, 1.0)
+        self.gram, self.moment = self.unit.T @ self.unit, self.unit.T @ self.target
+        self.total = float(self.target @ self.target)
+        self.columns = layout.columns
+        self.candidates = set(layout.members(reference.ceiling).tolist())
+
+    def errors(self, sets: Sequence[tuple[int, ...]]) -> np.ndarray:
+        """Misfit of each set; sets of equal width are solved together."""
+        widths = np.array([len(self.columns(members)) for members in sets])
+        errors = np.empty(len(sets))
+        for width in np.unique(widths):
+            which = np.flatnonzero(widths == width)
+            columns = np.array([self.columns(sets[i]) for i in which])
+            moment = self.moment[columns]
+            matrix = self.gram[columns[:, :, None], columns[:, None, :]] + 1e-11 * np.eye(width)
+            solved = np.linalg.solve(matrix, moment[:, :, None])[:, :, 0]
+            errors[which] = self.total - np.einsum("bi,bi->b", moment, solved)
+        return errors
+
+    def exact(self, members: Sequence[int]) -> float:
+        """The same for one set without forming cross products."""
+        matrix = self.unit[:, self.columns(members)]
+        rest = self.target - matrix @ np.linalg.lstsq(matrix, self.target, rcond=None)[0]
+        return float(rest @ rest)

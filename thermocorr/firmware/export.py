@@ -1,0 +1,220 @@
+"""`export_c`: a fitted model as C99 source for a microcontroller."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..effects import StaticPolynomial
+from ..estimators.cancellation import Cancellation
+from ..files import Outputs
+from ..records import RecordWarning, seconds_of
+from . import ageing, moving, recorded, thermal_parts  # noqa: F401  (they register their emitters)
+from .body import source
+from .costs import FirmwareExport
+from .counter import Clock, settling
+from .emitters import EMITTERS, Part, refuse
+from .finished import Firmware
+from .header import header
+from .lagbank import LagBank
+from .language import DEFAULT_PREFIX, Dtype, prefix
+from .program import Program
+from .provenance import fitted_range, provenance
+from .reference import reference_bias
+from .selftest import TOLERANCE, expected_flags, test_program
+from .selftest import inputs as test_inputs
+from .target import Target
+
+_ROUNDINGS = 4.0
+"""Roundings of each contribution that may add up: of its coefficient, its column, their product and the sum."""
+
+
+def export_c(
+    model: Any,
+    path: str | Path,
+    dtype: Dtype = "float",
+    *,
+    sampling_period: Any = "fitted",
+    name: str | None = None,
+    continue_from_fit: bool = False,
+    force: bool = False,
+    inputs: Iterable[str | Path] = (),
+) -> FirmwareExport:
+    """Write a fitted model as C99: `<name>.h`, `<name>.c` and the self-test `<name>_test.c`.
+
+    The code takes no heap and keeps all it remembers in one struct. ``init`` starts a device anew, ``update`` takes a
+    temperature and a reading (and recorded columns) and gives bias, corrected reading and flags. A missing or infinite
+    input raises a flag, and its last good value stands in; Python starts a new segment there instead, for which the
+    device calls ``init`` again. Start-up decays, eq. (18), belong to the fitted record: a device that starts anew has
+    none, is taken to be at rest, and is flagged until the washout is over.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+        Fitted, or loaded from its file.
+    path : str or Path
+        Folder (made where there is none), or a path that ends in .c or .h, whose stem becomes the name.
+    dtype : {"float", "double"}, default "float"
+        Numbers on the device. A float holds a reading to seven digits; where these are not enough, take the code's
+        `bias` and subtract it in another form.
+    sampling_period : float, time span, "fitted" or "variable", default "fitted"
+        Time between samples [s]; "fitted" is the fitted record's usual step. "variable" gives each update its step in
+        microseconds, at the price of a division or two for each lag, and of `expm1` (`exp` in double precision) for
+        steps above tau/10; a step longer than the model's `max_gap` starts anew, as in Python.
+    name : str, optional
+        Prefix of all names in C, and name of the files; by default "thermal_bias", or the stem of `path`. One that C
+        or its library has taken ("int", "math") comes behind "thermal_bias_".
+    continue_from_fit : bool, default False
+        Start with the states at the end of the fitted record: the first sample follows its last row by one period.
+    force : bool, default False
+        Overwrite files that thermocorr did not write.
+    inputs : paths
+        Files that must not be overwritten in any case.
+
+    Returns
+    -------
+    FirmwareExport
+        Files and costs; `print` it.
+
+    Raises
+    ------
+    ValueError
+        For an effect that cannot be written in C, before anything is written; for numbers that `dtype` cannot hold.
+    OutputError
+        An OSError and a RecordError: the files cannot be written, or must not be; none of them is.
+    """
+    if dtype not in ("float", "double"):
+        raise ValueError(f"The 'dtype' parameter of export_c must be 'float' or 'double'. Got {dtype!r} instead.")
+    effects = model.features_.effect_list()
+    removed = [i for i, effect in enumerate(effects) if effect.removed_by_correct]
+    refuse([effects[i] for i in removed])
+    folder, stem = _place(path)
+    static = next(effect for effect in effects if isinstance(effect, StaticPolynomial))
+    history = getattr(model.features_, "history_", None)
+    T0 = float(static.reference_temperature_)
+    target = Target(
+        name=prefix(name or stem),
+        dtype=dtype,
+        period=_period(sampling_period, history),
+        reference_temperature=float(np.float32(T0)) if dtype == "float" else T0,
+        temperature_name=static.temperature_name_,
+        history=history,
+        continues=continue_from_fit,
+    )
+    edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
+    weights = [np.asarray(model.coef_[low:high], float) for low, high in pairwise(edges)]
+    states = [None] * len(effects) if not continue_from_fit else list(target.fitted_history.end_states[-1])
+    program, clock = _compose(model, target, effects, removed, weights, states)
+    firmware = Firmware(program, clock, fitted_range(model))
+    step = target.period or (history.usual_step if history is not None else 1.0)
+    given = test_inputs(firmware, _recorded(program, history, effects), step)
+    seconds = _seconds(target, given.steps)
+    parts = [(effects[i], weights[i], states[i]) for i in removed]
+    bias, size = reference_bias(target, parts, given.temperature, given.columns, seconds, given.steps)
+    spread = max(float(np.ptp(bias)), getattr(getattr(model, "reading_", None), "std", 0.0))
+    if dtype == "float":
+        _warn_of_lost_digits(Cancellation(size, spread))
+    flags = expected_flags(firmware, given, float(model.washout_))
+    texts = {
+        ".h": header(firmware, provenance(model, target, effects)),
+        ".c": source(firmware),
+        "_test.c": test_program(firmware, given, bias, flags, size),
+    }
+    paths = _write(folder, target.name, texts, Outputs(inputs, force))
+    return FirmwareExport(
+        target.name,
+        dtype,
+        target.period,
+        paths,
+        tuple(program.columns),
+        firmware.state_bytes,
+        firmware.constant_bytes,
+        firmware.operations,
+        tuple(effect.label() for effect in effects if not effect.removed_by_correct),
+    )
+
+
+def _warn_of_lost_digits(found: Cancellation) -> None:
+    """Warn where large contributions cancel, so that the digits of single precision are lost with them."""
+    rounding = _ROUNDINGS * float(np.finfo(np.float32).eps) / 2
+    if found.beyond(TOLERANCE["float"] / rounding):
+        warnings.warn(
+            f"{found} Single precision may be wrong by {rounding * found.reach:.1g}. Export with dtype='double', or "
+            "fit fewer time constants (or with a ridge penalty, alpha).",
+            RecordWarning,
+            stacklevel=3,
+        )
+
+
+def _compose(
+    model: Any, target: Target, effects: list[Any], removed: list[int], weights: list[np.ndarray], states: list[Any]
+) -> tuple[Program, Clock]:
+    """Let every effect write its part."""
+    program = Program(target)
+    lags, clock = LagBank(program), Clock(program)
+    if target.continues:
+        kept = target.fitted_history.record
+        last = target.last_row
+        ended = program.constant("temperature_at_end", kept.columns[target.temperature_name][last], "of the fit")
+        program.add("init", f"s->temperature = {ended};")
+    unit = model.reading_.unit if hasattr(model, "reading_") else ""
+    finishes = []
+    for i in removed:
+        part = Part(effects[i], weights[i], states[i], program, lags, clock, i + 1, unit)
+        finishes.append(EMITTERS[type(effects[i])](part))
+    lags.emit()
+    for finish in finishes:
+        if finish is not None:
+            finish()
+    if target.continues:
+        for number, column in enumerate(program.columns):
+            ended = program.constant(f"column_at_end_{number}", kept.columns[column][last], "of the fit")
+            program.add("init", f"s->column[{number}] = {ended};")
+    settling(program, float(model.washout_))
+    return program, clock
+
+
+def _place(path: str | Path) -> tuple[Path, str]:
+    """Folder and name: a path that ends in .c or .h names the files, any other is a folder."""
+    path = Path(path)
+    return (path.parent, path.stem) if path.suffix in (".c", ".h") else (path, DEFAULT_PREFIX)
+
+
+def _period(given: Any, history: Any) -> float | None:
+    if isinstance(given, str) and given == "variable":
+        return None
+    if isinstance(given, str) and given == "fitted":
+        if history is None:
+            raise ValueError("This model does not know its fitted record: pass sampling_period to export_c.")
+        return float(history.usual_step)
+    return seconds_of(given, "sampling_period")
+
+
+def _seconds(target: Target, steps: np.ndarray) -> np.ndarray:
+    """Times of samples since the first fitted row [s]."""
+    if target.period is not None:
+        return target.origin + target.period * np.arange(len(steps))
+    return target.origin + (target.first_count + np.cumsum(np.round(steps * 1e6))) / 1e6
+
+
+def _recorded(program: Program, history: Any, effects: list[Any]) -> dict[Any, np.ndarray]:
+    """Values of the recorded columns for the self-test: fitted rows, or the mean where these are not known."""
+    means = {
+        effect.inputs()[0]: float(effect.mean_) for effect in effects if hasattr(effect, "mean_") and effect.inputs()
+    }
+    if history is None:
+        return {name: np.array([means[name]]) for name in program.columns}
+    return {name: np.asarray(history.record.columns[name], float) for name in program.columns}
+
+
+def _write(folder: Path, name: str, texts: dict[str, str], outputs: Outputs) -> tuple[Path, ...]:
+    paths = tuple(folder / f"{name}{ending}" for ending in texts)
+    with outputs:
+        for path, text in zip(paths, texts.values(), strict=True):
+            outputs.write(path, text.encode("ascii"))
+    return paths

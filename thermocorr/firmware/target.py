@@ -1,0 +1,116 @@
+"""What the firmware runs on: type of its numbers, sampling, and how it starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..records import History
+from .language import Dtype, number
+
+MICROSECONDS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Target:
+    """Choices of an export that every part of the code depends on."""
+
+    name: str
+    """Prefix of every name in the C files."""
+    dtype: Dtype
+    period: float | None
+    """Fixed time between samples [s]; None where each update is told its step."""
+    reference_temperature: float
+    """Temperature from which the C code counts, exact in `dtype`."""
+    temperature_name: Any
+    history: History | None = None
+    """Fitted record, where the model still has it."""
+    continues: bool = False
+    """True: the first sample follows the last fitted row, with the states that the fit ended with."""
+
+    @property
+    def longest_step(self) -> float | None:
+        """Steps longer than this start a new segment [s], as `max_gap` does in Python; None: no step does."""
+        return None if self.fixed or self.history is None else self.history.max_gap
+
+    @property
+    def begins(self) -> bool:
+        """Whether the program can start from an unknown state: at first, or after a long step."""
+        return not self.continues or self.longest_step is not None
+
+    @property
+    def single(self) -> bool:
+        """Whether numbers are of single precision."""
+        return self.dtype == "float"
+
+    @property
+    def fixed(self) -> bool:
+        """Whether the time between samples is known now."""
+        return self.period is not None
+
+    def held(self, value: float) -> float:
+        """A number as the C type holds it."""
+        return float(np.float32(value)) if self.single else float(value)
+
+    def number(self, value: float) -> str:
+        """A literal."""
+        return number(value, self.dtype)
+
+    def call(self, function: str) -> str:
+        """Name of a libm function for this type."""
+        return function + ("f" if self.single else "")
+
+    @property
+    def largest(self) -> str:
+        """Largest number of this type, as float.h calls it."""
+        return "FLT_MAX" if self.single else "DBL_MAX"
+
+    def macro(self, name: str) -> str:
+        """A name in capitals with the prefix."""
+        return f"{self.name}_{name}".upper()
+
+    # Time: seconds since the first fitted row are `origin` and what the clock shows.
+
+    @property
+    def last_row(self) -> int:
+        """Kept row that the first sample follows."""
+        return self.fitted_history.record.segments[-1].stop - 1
+
+    @property
+    def first_count(self) -> int:
+        """What the clock shows at the end of the fit [us]; 0 where it counts samples, or where `init` is told."""
+        return round(self._fitted_span * MICROSECONDS) if self.continues and not self.fixed else 0
+
+    @property
+    def origin(self) -> float:
+        """Time since the first fitted row [s] at which the clock shows 0."""
+        if not self.continues:
+            return 0.0
+        return self._fitted_span + (self.period or 0.0) - self.first_count / MICROSECONDS
+
+    @property
+    def _fitted_span(self) -> float:
+        return self.fitted_history.between(self.fitted_history.record.stamp(self.last_row), self.fitted_history.zero)
+
+    @property
+    def segment_elapsed(self) -> float:
+        """Time from the start of the last fitted segment to its last row [s]."""
+        history = self.fitted_history
+        first = history.record.stamp(history.record.segments[-1].start)
+        return history.between(history.record.stamp(self.last_row), first)
+
+    def absolute_zero(self) -> float:
+        """Absolute time of the first fitted row [s], from which phases of periods count."""
+        return self.fitted_history.between(self.fitted_history.zero, 0)
+
+    @property
+    def fitted_history(self) -> History:
+        """The fitted record; ValueError where the model has forgotten it."""
+        if self.history is None:
+            raise ValueError(
+                "This model does not know the record that it was fitted to, which this export needs (effects with a "
+                "period, continue_from_fit=True). Export from the fitted model itself."
+            )
+        return self.history

@@ -1,0 +1,5 @@
+"""Floor 5: a fitted model on a running stream."""
+
+from .corrector import Corrected, OnlineCorrector
+
+__all__ = ["Corrected", "OnlineCorrector"]

@@ -1,0 +1,273 @@
+"""The stream of a live corrector: one segment after the other, sample by sample or in blocks, on stamps and numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from operator import mul
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..effects.steppers import Sample, stepper_of
+from ..effects.stream import Walked, needed_columns, states_before, walk
+from ..estimators import DynamicBiasRegressor
+from ..records import Record, Segment, SegmentStart
+from .clock import Clock
+from .state import StreamState
+
+GAP_STEPS = 10.0
+"""A step of more than so many usual ones is flagged as a gap, where the model has no `max_gap`."""
+SUSPECT_GAPS = 1000.0
+"""A step of more than so many gaps is more likely a damaged time: hours for a log with a step of a second."""
+REASONS = ("suspect time", "no reading", "washout", "outside fitted range", "gap")
+"""Reasons for distrust that leave a number, the weightiest first."""
+SUSPECT, NO_READING, WASHOUT, OUTSIDE, GAP = (1 << bit for bit in range(len(REASONS)))
+FLAGS = tuple(tuple(r for bit, r in enumerate(REASONS) if mask >> bit & 1) for mask in range(1 << len(REASONS)))
+NO_TEMPERATURE, BACKWARD, STALE = ("no temperature",), ("backward time",), ("stale time",)
+
+
+class Advanced(NamedTuple):
+    """What a stream makes of one sample."""
+
+    bias: float
+    flags: tuple[str, ...]
+    counts: bool
+    """Whether its corrected reading may move a tracked reference."""
+
+
+class Stream:
+    """Where a stream stands, and how it goes on.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+    continues : bool
+        Whether the stream may continue or repeat the fitted record.
+    """
+
+    def __init__(self, model: DynamicBiasRegressor, continues: bool):
+        features = model.features_
+        self.model, self.continues = model, continues
+        self.history = history = features.history_
+        self.effects = features.effect_list()
+        self.temperature = temperature = history.record.temperature_name
+        self.inputs = [column for column in needed_columns(self.effects) if column != temperature]
+        self._steppers = [
+            stepper_of(effect, history.record.times, history.zero, temperature) for effect in self.effects
+        ]
+        self._removed = [effect.removed_by_correct for effect in self.effects]
+        edges = np.cumsum([0, *(len(effect.names()) for effect in self.effects)]).tolist()
+        self._coefficients = [
+            (model.coef_[low:high] * removed).tolist()
+            for (low, high), removed in zip(pairwise(edges), self._removed, strict=True)
+        ]
+        self._low, self._high = model.reading_.temperature_range
+        self._washout = model.washout_
+        self._max_gap = math.inf if history.max_gap is None else history.max_gap
+        self.gap = GAP_STEPS * history.usual_step if history.max_gap is None else history.max_gap
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the stream: the next sample is taken as the first."""
+        self.clock = Clock(self.history)
+        self._sample = Sample()
+        self.put(StreamState())
+
+    def state(self) -> StreamState:
+        """All that is remembered of the samples so far."""
+        states = tuple(stepper.state() for stepper in self._steppers) if self._open else ()
+        key, zero = (self._sample.key, self._sample.segment_zero) if self._open else (None, 0)
+        return StreamState(self.last, self._run, tuple(self._seen), self._open, key, zero, states)
+
+    def put(self, state: StreamState) -> None:
+        """Go on where `state` was taken."""
+        self.last, self._run, self._seen = state.last, state.run, list(state.seen)
+        self._open, self._until = state.open, -math.inf
+        if state.open:
+            self._take_up(state.key, state.segment_zero, state.states)
+
+    def step_to(self, stamp: Any, run: Any) -> float:
+        """Time since the last sample of the same run [s]; infinite for the first."""
+        return math.inf if self.last is None or run != self._run else self.clock.between(stamp, self.last)
+
+    def returns_behind(self, before: StreamState, stamp: Any, run: Any) -> bool:
+        """Whether a sample tells that the last one's time was false: it is earlier, and follows on those before."""
+        if run != self._run or not stamp < self.last:
+            return False
+        if before.last is None or before.run != run:  # the first of its run, unless the fitted record speaks for it
+            return not (self._open and self._sample.key is not None)
+        return bool(stamp > before.last)
+
+    # ------------------------------------------------------------------------------------------------- one by one
+
+    def advance(self, stamp: Any, run: Any, values: dict[Any, float], known: bool) -> Advanced:
+        """Go on by one sample; `known` says whether it has a reading."""
+        sample, clock = self._sample, self.clock
+        step = self.step_to(stamp, run)
+        if step <= 0.0:
+            return Advanced(math.nan, STALE if step == 0.0 else BACKWARD, False)
+        goes_on = self._open and step <= self._max_gap and step < math.inf
+        self.last, self._run = stamp, run
+        T = values[self.temperature]
+        for value in values.values():
+            if value - value != 0.0:  # NaN or infinity
+                self._open = False
+                return Advanced(math.nan, NO_TEMPERATURE, False)
+        if goes_on:
+            sample.begins, sample.step = False, step
+        else:
+            since = self._begin(stamp, run, values)
+            step = since if step == math.inf else step
+        sample.temperature, sample.values, sample.stamp = T, values, stamp
+        sample.seconds = clock.between(stamp, self.history.zero)
+        sample.elapsed = elapsed = clock.between(stamp, sample.segment_zero)
+        if elapsed > self._until:
+            self._settle(elapsed)
+        row: list[float] = []
+        try:
+            for advance in self._steps:
+                row += advance(sample)
+            bias = sum(map(mul, row, self._weights))
+        except OverflowError:
+            bias = math.nan
+        mask = 0 if known else NO_READING
+        if sample.key is None and elapsed < self._washout:
+            mask |= WASHOUT
+        if not self._low <= T <= self._high:
+            mask |= OUTSIDE
+        if bias - bias != 0.0:  # far outside: powers of it are no numbers
+            bias, mask = math.nan, mask | OUTSIDE
+        if step > self.gap:
+            mask |= GAP if step <= SUSPECT_GAPS * self.gap else SUSPECT
+        return Advanced(bias, FLAGS[mask], not mask & ~GAP)
+
+    def _settle(self, elapsed: float) -> None:
+        """Leave out effects that have nothing more to say in this segment: start-up decays that are over."""
+        key = self._sample.key
+        active = [i for i, stepper in enumerate(self._steppers) if stepper.over(key) >= elapsed]
+        self._steps = [self._steppers[i].step for i in active]
+        self._weights = [weight for i in active for weight in self._coefficients[i]]
+        self._until = min((self._steppers[i].over(key) for i in active), default=math.inf)
+
+    def _begin(self, stamp: Any, run: Any, values: Any) -> float:
+        """Start a segment; returns the step since the sample that it continues [s], 0 where it starts afresh."""
+        start, states = self._tied(stamp, run, values)
+        known = start is not None and start.step is not None
+        self._take_up(*((None, stamp) if start is None else (start.key, start.segment_zero)), states)
+        self._sample.begins = not known
+        self._sample.step = start.step if known else 1.0  # type: ignore[union-attr, assignment]
+        self._open, self._until = True, -math.inf
+        return self._sample.step if known else 0.0
+
+    def _take_up(self, key: int | None, segment_zero: Any, states: Any) -> None:
+        self._sample.key, self._sample.segment_zero = key, segment_zero
+        for stepper, state in zip(self._steppers, states, strict=True):
+            stepper.start(state)
+
+    def _tied(self, stamp: Any, run: Any, values: Any) -> tuple[SegmentStart | None, list[Any]]:
+        """How a segment that begins with this row hangs on the fitted record, and its states."""
+        first = run not in self._seen
+        if first:
+            self._seen.append(run)
+        tied = self.history.tie(stamp, run, values, first) if self.continues else None
+        nothing: list[Any] = [None] * len(self.effects)
+        if tied is None:
+            return None, nothing
+        start, replay = tied
+        if start.step is None:
+            return start, nothing
+        return start, states_before(self.effects, self.history, start.key, replay)
+
+    # -------------------------------------------------------------------------------------------------- in blocks
+
+    def advance_block(self, stamps: np.ndarray, run: Any, values: Any, reading: np.ndarray) -> AdvancedBlock:
+        """Go on by many samples of one run at once; rows as they came."""
+        out = AdvancedBlock.empty(len(stamps))
+        same_run = self.last is not None and run == self._run
+        before = np.maximum.accumulate(np.concatenate(([self.last if same_run else stamps[0] - 1], stamps)))[:-1]
+        late = stamps <= before
+        out.flags[late] = np.where(stamps[late] == before[late], STALE[0], BACKWARD[0])
+        rows = np.flatnonzero(~late)
+        if not len(rows):
+            return out
+        here = stamps[rows]
+        values = {name: column[rows] for name, column in values.items()}
+        valid = np.logical_and.reduce([np.isfinite(column) for column in values.values()])
+        steps = np.empty(len(rows))
+        steps[0] = self.clock.between(here[0], self.last) if same_run else np.inf
+        steps[1:] = self.clock.between(here[1:], here[:-1])
+        goes_on = np.concatenate(([self._open and same_run], valid[:-1])) & (steps <= self._max_gap)
+        self.last, self._run = here[-1].item(), run
+        record, starts, states = self._record(here, steps, values, valid & ~goes_on, valid, run)
+        walked: Walked | None = None
+
+        def noted() -> Iterator[Walked]:
+            nonlocal walked
+            for step in walk(self.effects, record, zero=self.history.zero, starts=starts, states=states):
+                walked = step
+                yield step
+
+        measured = reading[rows]
+        for block, parts in self.model.weighed(noted()):
+            into = rows[block.rows]
+            bias = parts[:, self._removed].sum(axis=1)
+            flags = self.model.block_flags(block, measured[block.rows])
+            absurd = ~np.isfinite(bias)
+            bias[absurd], flags[absurd & (flags == "")] = np.nan, "outside fitted range"
+            flags[(flags == "") & (steps[block.rows] > self.gap)] = "gap"
+            flags[steps[block.rows] > SUSPECT_GAPS * self.gap] = "suspect time"
+            out.bias[into], out.flags[into] = bias, flags
+        self._open, self._until = bool(valid[-1]), -math.inf
+        if self._open:
+            assert walked is not None
+            self._take_up(walked.block.segment_key, walked.block.segment_zero, walked.states)
+        return out
+
+    def next_jump(self, stamps: np.ndarray, run: Any) -> int:
+        """Number of the first row that comes after a gap; their count where none does."""
+        same_run = self.last is not None and run == self._run
+        before = np.maximum.accumulate(stamps)[:-1]
+        before = np.maximum(before, self.last) if same_run else before
+        steps = np.concatenate(([self.step_to(stamps[0].item(), run)], self.clock.between(stamps[1:], before)))
+        jumps = np.flatnonzero(steps > self.gap)
+        return int(jumps[0]) if len(jumps) else len(stamps)
+
+    def _record(
+        self, here: Any, steps: Any, values: Any, fresh: Any, valid: Any, run: Any
+    ) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
+        """A record of these rows, how its segments hang on what came before, and the states they start with."""
+        begins = fresh.copy()
+        begins[0] = valid[0]
+        edges = np.flatnonzero(begins)
+        segments, starts, states = [], {}, {}
+        gone = np.append(np.flatnonzero(~valid), len(valid))
+        for number, start in enumerate(edges.tolist()):
+            stop = int(gone[np.searchsorted(gone, start)])
+            if number + 1 < len(edges):
+                stop = min(stop, int(edges[number + 1]))
+            segments.append(Segment(start, stop, run))
+            if not fresh[start]:  # the stream goes on
+                starts[number] = SegmentStart(self._sample.key, self._sample.segment_zero, float(steps[start]))
+                states[number] = [stepper.state() for stepper in self._steppers]
+                continue
+            first = {name: column[start] for name, column in values.items()}
+            tied, known = self._tied(here[start].item(), run, first)
+            if steps[start] == np.inf:
+                steps[start] = 0.0 if tied is None or tied.step is None else tied.step
+            if tied is not None:
+                starts[number], states[number] = tied, known
+        return Record(self.clock.times(here), self.temperature, values, tuple(segments)), starts, states
+
+
+class AdvancedBlock(NamedTuple):
+    """What a stream makes of many samples."""
+
+    bias: np.ndarray
+    flags: np.ndarray
+
+    @classmethod
+    def empty(cls, n: int) -> AdvancedBlock:
+        """Nothing known yet."""
+        return cls(np.full(n, np.nan), np.full(n, NO_TEMPERATURE[0], dtype=object))

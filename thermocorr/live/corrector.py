@@ -1,0 +1,391 @@
+"""`OnlineCorrector`: a fitted model that corrects readings as they arrive, one by one or in blocks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from sklearn.utils.validation import check_is_fitted
+
+from ..effects.thermal import column_text
+from ..estimators import DynamicBiasRegressor
+from ..records import RecordError, read_record
+from ..records.read import from_polars, is_frame, numeric_column, times_of
+from .advance import Advanced, Stream
+from .smoothing import MovingAverage, Tracker
+from .state import Settings, StreamState, from_json, to_json
+
+_SHORT = 16
+"""Fewer rows are faster one by one than in a block."""
+_PIECE = 1 << 16
+"""Rows of one block at most."""
+
+
+class Corrected(NamedTuple):
+    """What is known about one sample."""
+
+    corrected: float
+    """Reading less bias, eq. (24); NaN without a reading."""
+    bias: float
+    """What was taken away; NaN without a temperature."""
+    flags: tuple[str, ...]
+    """Every reason for distrust, the weightiest first; empty where there is none."""
+    smoothed: float = math.nan
+    """Moving average of the corrected reading, eq. (26); NaN unless asked for."""
+    reference: float = math.nan
+    """Tracked U0; NaN unless asked for."""
+
+    @property
+    def flag(self) -> str:
+        """The weightiest reason for distrust, as in `DynamicBiasRegressor.flags`; "" where there is none."""
+        return self.flags[0] if self.flags else ""
+
+
+class OnlineCorrector:
+    """Corrects a stream of samples: the same numbers as `DynamicBiasRegressor.correct` on the whole of it.
+
+    A stream whose first sample follows on the fitted record in time continues its lags; one that begins with a fitted
+    row repeats it; any other starts afresh, by the model's `initial_state`, and is flagged for the model's washout. A
+    step longer than the model's `max_gap`, a sample without a temperature and a change of the run start afresh too.
+
+    A sample after a gap is flagged "gap", after an absurdly long one "suspect time". It is believed until the next
+    one: if that lies before it, and after the samples before the gap, its time was false, and the stream goes on as if
+    it had not been. One damaged date does not end a stream.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+        Fitted, or loaded with `thermocorr.load_model`. It is not changed.
+    average : int, optional
+        Report the mean of the last so many corrected readings too, eq. (26).
+    track : float or time span, optional
+        Report a slowly tracked U0 too: the mean of the corrected readings under an exponential weight with this time
+        constant [s], starting with the model's U0. Flagged readings do not enter; a gap alone does not keep one out.
+    continues : bool, default True
+        False starts afresh whatever the first sample's time is: another instrument of the same kind, say.
+    first_row : int, optional
+        For a model of a record without times: number of the stream's first row, counted from the first fitted one. By
+        default a first block is placed as `correct` places its rows, and a first single sample on the fitted row that
+        it repeats, where only one has these digits; any other follows on the fitted record.
+
+    Examples
+    --------
+    >>> from thermocorr import DynamicBiasRegressor, OnlineCorrector
+    >>> from thermocorr.datasets import make_record
+    >>> lab = make_record(2000, seed=1)
+    >>> X, y = lab[["temperature"]], lab["reading"]
+    >>> model = DynamicBiasRegressor(time_constants=["5 min", "2 h"]).fit(X[:1500], y[:1500])
+    >>> live = OnlineCorrector(model)
+    >>> values = [live.update(time, T, U).corrected for time, T, U in zip(X.index, X["temperature"], y)]
+    >>> bool(abs(model.correct(X, y) - values).max() < 1e-12)
+    True
+    """
+
+    def __init__(
+        self,
+        model: DynamicBiasRegressor,
+        *,
+        average: int | None = None,
+        track: Any = None,
+        continues: bool = True,
+        first_row: int | None = None,
+    ):
+        if not isinstance(model, DynamicBiasRegressor):
+            raise TypeError(f"The model must be a DynamicBiasRegressor. Got {type(model).__name__}.")
+        check_is_fitted(model, "pipeline_")
+        self.model = model
+        self.average = None if average is None else MovingAverage(average)
+        self.track = None if track is None else Tracker(track, model.intercept_)
+        self.continues, self.first_row = bool(continues), first_row
+        self._stream = Stream(model, self.continues)
+        self.columns = tuple(self._stream.inputs)
+        """Recorded columns that the model needs beside the temperature."""
+        self._given = [column_text(column) for column in self.columns]
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the stream: the next sample is taken as the first."""
+        self._stream.reset()
+        self._doubt: StreamState | None = None
+        self._placed = self._stream.history.kind != "rows" or not self.continues
+        if self.first_row is not None:
+            self.place(self.first_row)
+        for part in (self.average, self.track):
+            if part is not None:
+                part.reset()
+
+    def place(self, row: int) -> None:
+        """Say which row of the record the next sample is, for a record without times; see `first_row`."""
+        if self._stream.history.kind != "rows":
+            raise ValueError("The 'first_row' parameter is for records without times: these rows have their own.")
+        self._stream.clock.next_row, self._placed = int(row), True
+
+    def place_block(self, X: Any) -> None:
+        """Take these rows for the next ones of a record without times, and find them in it as `correct` does."""
+        try:
+            record = read_record(X, self.model.features_._layout(), needed=self.columns, quiet=True)
+        except RecordError:  # no row to find them by
+            self.place(self._stream.history.n_fitted)
+        else:
+            self.place(self._stream.history.first_row(record))
+
+    def stamp(self, time: Any) -> Any:
+        """A sample's time as a number on the clock of the fitted record; RecordError for a time of another kind."""
+        return self._stream.clock.stamp(time)
+
+    def has_seen(self, stamp: Any, run: Any) -> bool:
+        """Whether a sample of this time would be refused: it does not lie after the last one of its run."""
+        return self._stream.step_to(stamp, run) <= 0.0
+
+    # ------------------------------------------------------------------------------------------------- one by one
+
+    def update(self, time: Any = None, temperature: Any = None, reading: Any = math.nan, **columns: Any) -> Corrected:
+        """Correct one sample.
+
+        Parameters
+        ----------
+        time : date, time span, or seconds
+            Of the kind that the fitted record had, on the same clock; None where it had none (a fixed sampling period).
+        temperature, reading : float
+            None or NaN where there is none. A sample without a temperature ends what is known about the device.
+        **columns : float
+            Other recorded columns that the model's effects use, and the run's label under the name of its column.
+
+        Returns
+        -------
+        Corrected
+            A sample whose time does not lie after the one before is refused (flagged "stale time" or "backward time",
+            NaN) and changes nothing.
+
+        Raises
+        ------
+        RecordError
+            For a time of another kind, and a run without a label.
+        TypeError
+            For columns that are missing, or no numbers.
+        """
+        stream = self._stream
+        values = {stream.temperature: _number(temperature)}
+        for column, name in zip(self.columns, self._given, strict=True):
+            if name not in columns:
+                raise TypeError(f"update() needs the column {name!r}, which the model uses.")
+            values[column] = _number(columns[name])
+        U = _number(reading)
+        run = columns.get(self.model.run) if self.model.run is not None else None
+        if run is not None and type(run) is not str and pd.isna(run):
+            raise RecordError(f"The sample has no label of its run in {self.model.run!r}. Label every sample.")
+        return self.update_stamp(None if time is None else stream.clock.stamp(time), run, values, U)
+
+    def update_stamp(self, stamp: Any, run: Any, values: dict[Any, float], U: float) -> Corrected:
+        """`update` on what it makes of its arguments: a `stamp`, the temperature and columns, the reading."""
+        stream = self._stream
+        if stamp is None:
+            if not self._placed:
+                self.place(stream.history.row_of(values))
+            stamp = stream.clock.stamp(None)
+        if self._doubt is not None or stream.step_to(stamp, run) > stream.gap:
+            self._consider(stamp, run)
+        known = U - U == 0.0
+        done = stream.advance(stamp, run, values, known)
+        corrected = U - done.bias if known else math.nan
+        if self.average is None and self.track is None:
+            return Corrected(corrected, done.bias, done.flags)
+        return self._accompanied(corrected, done, stamp)
+
+    def _accompanied(self, corrected: float, done: Advanced, stamp: Any) -> Corrected:
+        smoothed = math.nan if self.average is None else self.average.one(corrected)
+        seconds = stamp * self._stream.clock.unit
+        reference = math.nan if self.track is None else self.track.one(seconds, corrected, done.counts)
+        return Corrected(corrected, done.bias, done.flags, smoothed, reference)
+
+    def _consider(self, stamp: Any, run: Any) -> None:
+        """Before a sample: forget the last one if its time was false; doubt this one if it jumps."""
+        stream = self._stream
+        if self._doubt is not None and stream.returns_behind(self._doubt, stamp, run):
+            self._put(self._doubt)
+        self._doubt = self._state() if stream.step_to(stamp, run) > stream.gap else None
+
+    # -------------------------------------------------------------------------------------------------- in blocks
+
+    def update_many(self, X: Any, y: Any = None) -> pd.DataFrame:
+        """Correct the next samples of the stream, all at once.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n, n_columns)
+            As for `DynamicBiasRegressor.correct`. Rows stand in the order of their arrival.
+        y : array-like of shape (n,), optional
+            Readings; NaN where there is none.
+
+        Returns
+        -------
+        DataFrame
+            `corrected`, `bias`, `flag`, and `smoothed`, `reference` where they were asked for; rows as they came.
+        """
+        X = from_polars(X)
+        X = X if is_frame(X) else np.asarray(X)
+        n, stream, run = len(X), self._stream, self.model.run
+        reading = np.full(n, np.nan) if y is None else _readings(y, n)
+        values = {stream.temperature: _column(X, stream.temperature, "temperature")}
+        values |= {name: _column(X, name, "column") for name in self.columns}
+        if not n:
+            return self._frame(Columns(self, 0), X)
+        times = times_of(X, self.model.features_._layout())
+        if not self._placed:
+            self.place_block(X)
+        labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run])
+        short = n + 1 if n < _SHORT else 1
+        return self._frame(self.update_stamps(stream.clock.stamps(times), values, reading, labels, short), X)
+
+    def update_stamps(
+        self,
+        stamps: np.ndarray | None,
+        values: dict[Any, np.ndarray],
+        reading: np.ndarray,
+        runs: Any = None,
+        short: int = 1,
+    ) -> Columns:
+        """`update_many` on what it made of its arguments: stamps, columns and readings as numbers, labels of runs.
+
+        Stamps are None for a record without times. Stretches of less than `short` rows go one by one, which is faster,
+        and equal to the last digit but one.
+        """
+        out = Columns(self, len(reading))
+        if stamps is None:
+            if not self._placed:
+                frame = pd.DataFrame(values)
+                self.place_block(frame if runs is None else frame.assign(**{str(self.model.run): runs}))
+            stamps = self._stream.clock.next_rows(len(reading))
+        for low, high, run in _stretches(runs, len(stamps)):
+            at = low
+            while at < high:
+                ahead = stamps[at : min(at + _PIECE, high)]
+                first = ahead[0].item()
+                jumps = self._doubt is not None or self._stream.step_to(first, run) > self._stream.gap
+                stop = at + (1 if jumps else self._stream.next_jump(ahead, run))
+                rows = slice(at, stop)
+                if stop - at < short:
+                    self._singly(rows, stamps, run, values, reading, out)
+                else:
+                    if jumps:
+                        self._consider(first, run)
+                    self._together(rows, stamps, run, values, reading, out)
+                at = stop
+        return out
+
+    def _together(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, out: Columns) -> None:
+        some = {name: column[rows] for name, column in values.items()}
+        block = self._stream.advance_block(stamps[rows], run, some, reading[rows])
+        corrected = reading[rows] - block.bias
+        out.corrected[rows], out.bias[rows], out.flags[rows] = corrected, block.bias, block.flags
+        if self.average is not None:
+            out.smoothed[rows] = self.average.many(corrected)
+        if self.track is not None:
+            trusted = (block.flags == "") | (block.flags == "gap")
+            out.reference[rows] = self.track.many(stamps[rows] * self._stream.clock.unit, corrected, trusted)
+
+    def _singly(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, out: Columns) -> None:
+        for k in range(rows.start, rows.stop):
+            one = {name: float(column[k]) for name, column in values.items()}
+            done = self.update_stamp(stamps[k].item(), run, one, float(reading[k]))
+            out.corrected[k], out.bias[k], out.flags[k] = done.corrected, done.bias, done.flag
+            out.smoothed[k], out.reference[k] = done.smoothed, done.reference
+
+    def _frame(self, out: Columns, X: Any) -> pd.DataFrame:
+        result = {"corrected": out.corrected, "bias": out.bias, "flag": out.flags}
+        if self.average is not None:
+            result["smoothed"] = out.smoothed
+        if self.track is not None:
+            result["reference"] = out.reference
+        return pd.DataFrame(result, index=X.index if isinstance(X, pd.DataFrame) else None)
+
+    # ------------------------------------------------------------------------------------------------ stop and go on
+
+    def state(self) -> dict[str, Any]:
+        """All that is needed to go on later, in another process: a dict for `json.dumps`."""
+        average = None if self.average is None else self.average.count
+        settings = Settings(self.continues, average, None if self.track is None else self.track.time_constant)
+        next_row = self._stream.clock.next_row if self._placed else None
+        return to_json(self.model, settings, next_row, self._state(), self._doubt)
+
+    @classmethod
+    def from_state(cls, model: DynamicBiasRegressor, state: dict[str, Any]) -> OnlineCorrector:
+        """Go on where `state` was taken, with the same model.
+
+        Raises
+        ------
+        ModelFileError
+            A ValueError: the state is damaged, or belongs to another model.
+        """
+        settings, next_row, now, doubt = from_json(model, state)
+        corrector = cls(model, average=settings.average, track=settings.track, continues=settings.continues)
+        if next_row is not None:
+            corrector._stream.clock.next_row, corrector._placed = next_row, True
+        corrector._put(now)
+        corrector._doubt = doubt
+        return corrector
+
+    def _state(self) -> StreamState:
+        averaged = () if self.average is None else tuple(self.average.values)
+        tracked = None if self.track is None else (self.track.value, self.track.last)
+        return replace(self._stream.state(), averaged=averaged, tracked=tracked)
+
+    def _put(self, state: StreamState) -> None:
+        self._stream.put(state)
+        if self.average is not None:
+            self.average.reset()
+            self.average.values.extend(state.averaged)
+        if self.track is not None and state.tracked is not None:
+            self.track.value, self.track.last = state.tracked
+
+
+class Columns:
+    """Columns of the result, as they are filled."""
+
+    def __init__(self, corrector: OnlineCorrector, n: int):
+        self.corrected, self.bias, self.smoothed, self.reference = (np.full(n, np.nan) for _ in range(4))
+        self.flags = np.full(n, "", dtype=object)
+
+
+def _number(value: Any) -> float:
+    """A float; NaN for None."""
+    return math.nan if value is None else float(value)
+
+
+def _floats(values: Any) -> np.ndarray:
+    """A column as floats of its own, NaN for what is missing or infinite; TypeError or ValueError for text."""
+    array = np.array(values, float)
+    array[np.isinf(array)] = np.nan
+    return array
+
+
+def _readings(y: Any, n: int) -> np.ndarray:
+    values = _floats(from_polars(y)[:])
+    values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+    if values.shape != (n,):
+        raise RecordError(
+            f"X has {n} rows and y has the shape {values.shape}. Each row needs one reading (NaN where none)."
+        )
+    return values
+
+
+def _column(X: Any, name: Any, role: Any) -> np.ndarray:
+    try:
+        return _floats(X[name][:] if is_frame(X) else X[:, name])
+    except (KeyError, IndexError, TypeError, ValueError):
+        return _floats(numeric_column(X, name, role))  # the same, or a sentence about what is wrong
+
+
+def _stretches(labels: pd.Series[Any] | None, n: int) -> list[tuple[int, int, Any]]:
+    """Stretches of rows of the same run: first row, row after the last, label."""
+    if labels is None:
+        return [(0, n, None)]
+    if labels.isna().any():
+        raise RecordError(f"Row {int(labels.isna().argmax())} has no label of its run. Label every row.")
+    codes = pd.factorize(labels)[0]
+    edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), n]
+    return [(low, high, labels.iloc[low]) for low, high in pairwise(edges)]

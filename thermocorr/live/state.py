@@ -1,0 +1,164 @@
+"""What a live corrector remembers between two samples, and its form in JSON."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..effects import Effect
+from ..estimators import DynamicBiasRegressor
+from ..files.codec import ModelFileError, fields, integer, items, label, number, pack, positive, unexpected, unpack
+from ..files.effect_nodes import EffectCodec, check_state
+from ..records.grammar import LARGEST
+
+FORMAT = "thermocorr stream 2"
+
+
+@dataclass(frozen=True)
+class StreamState:
+    """A stream between two samples."""
+
+    last: Any = None
+    """Stamp of the last sample; None before the first."""
+    run: Any = None
+    """Label of its run."""
+    seen: tuple[Any, ...] = ()
+    """Labels of all runs so far."""
+    open: bool = False
+    """Whether a segment goes on: the last sample had all that the effects need."""
+    key: int | None = None
+    """Fitted segment that it belongs to."""
+    segment_zero: Any = 0
+    """Stamp of its first sample."""
+    states: tuple[Any, ...] = ()
+    """State of each effect, where a segment goes on."""
+    averaged: tuple[float, ...] = ()
+    """Values in the window of the moving average."""
+    tracked: tuple[float, float | None] | None = None
+    """The tracked reference, and when it was moved last [s]."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a stream was begun."""
+
+    continues: bool
+    average: int | None
+    track: float | None
+
+
+def model_mark(model: DynamicBiasRegressor) -> str:
+    """What tells models apart: a digest of columns, coefficients and where the fitted record stands in time."""
+    history = model.features_.history_
+    said = repr((list(model.features_.get_feature_names_out()), history.kind, history.zero, float(model.intercept_)))
+    return hashlib.sha256(said.encode() + model.coef_.astype("<f8").tobytes()).hexdigest()
+
+
+def to_json(
+    model: DynamicBiasRegressor, settings: Settings, next_row: int | None, state: StreamState, doubt: StreamState | None
+) -> dict[str, Any]:
+    """All of a stream as plain values for `json.dumps`."""
+    effects = model.features_.effect_list()
+    return {
+        "format": FORMAT,
+        "model": model_mark(model),
+        "continues": settings.continues,
+        "average": settings.average,
+        "track": settings.track,
+        "next_row": next_row,
+        "state": _packed(state, effects),
+        "doubt": None if doubt is None else _packed(doubt, effects),
+    }
+
+
+_FIELDS = ("format", "model", "continues", "average", "track", "next_row", "state", "doubt")
+_STATE_FIELDS = tuple(StreamState.__dataclass_fields__)
+
+
+def from_json(model: DynamicBiasRegressor, node: Any) -> tuple[Settings, int | None, StreamState, StreamState | None]:
+    """Settings, number of the next row, state and the state to return to; every value is checked."""
+    try:
+        node = fields(node, "$", _FIELDS)
+        if node["format"] != FORMAT:
+            raise unexpected("$.format", repr(node["format"])[:60], repr(FORMAT))
+        if node["model"] != model_mark(model):
+            raise ModelFileError("it belongs to another model")
+        average = None if node["average"] is None else integer(node["average"], "$.average", 1)
+        track = None if node["track"] is None else positive(node["track"], "$.track")
+        settings = Settings(_truth(node, "$", "continues"), average, track)
+        doubt = None if node["doubt"] is None else _unpacked(node["doubt"], "$.doubt", model, settings)
+        state = _unpacked(node["state"], "$.state", model, settings)
+        next_row = None if node["next_row"] is None else integer(node["next_row"], "$.next_row", 0)
+        return settings, next_row, state, doubt
+    except ModelFileError as error:
+        raise ModelFileError(
+            f"The stream cannot go on from this state: {error}. Start afresh with OnlineCorrector(model)."
+        ) from None
+
+
+def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
+    return {
+        "last": state.last,
+        "run": pack(state.run, "the label of the run"),
+        "seen": [pack(run, "the label of a run") for run in state.seen],
+        "open": state.open,
+        "key": state.key,
+        "segment_zero": state.segment_zero,
+        "states": [
+            pack(inner, f"the state of {effect.label()!r}")
+            for effect, inner in zip(effects, state.states, strict=False)
+        ],
+        "averaged": list(state.averaged),
+        "tracked": None if state.tracked is None else list(state.tracked),
+    }
+
+
+def _unpacked(node: Any, where: str, model: DynamicBiasRegressor, settings: Settings) -> StreamState:
+    node = fields(node, where, _STATE_FIELDS)
+    history, effects, codec = model.features_.history_, model.features_.effect_list(), EffectCodec()
+    seconds = history.kind == "seconds"
+
+    def stamp(key: str) -> Any:
+        place = f"{where}.{key}"
+        return number(node[key], place, -LARGEST, LARGEST) if seconds else integer(node[key], place)
+
+    is_open = _truth(node, where, "open")
+    if is_open and node["last"] is None:
+        raise unexpected(f"{where}.last", "null", "a time")
+    states = []
+    for i, packed in enumerate(items(node["states"], f"{where}.states", len(effects) if is_open else 0)):
+        place = f"{where}.states[{i}]"
+        inner = unpack(packed, place, codec.unpack_nested)
+        check_state(effects[i], inner, place)
+        states.append(inner)
+    segments = len(history.record.segments)
+    averaged = items(node["averaged"], f"{where}.averaged")
+    if len(averaged) > (settings.average or 0):
+        raise unexpected(f"{where}.averaged", f"{len(averaged)} values", f"at most {settings.average or 0}")
+    return StreamState(
+        None if node["last"] is None else stamp("last"),
+        label(unpack(node["run"], f"{where}.run"), f"{where}.run"),
+        tuple(label(unpack(run, f"{where}.seen"), f"{where}.seen") for run in items(node["seen"], f"{where}.seen")),
+        is_open,
+        None if node["key"] is None else integer(node["key"], f"{where}.key", 0, segments - 1),
+        stamp("segment_zero") if is_open else 0,
+        tuple(states),
+        tuple(number(value, f"{where}.averaged[{i}]", -LARGEST, LARGEST) for i, value in enumerate(averaged)),
+        _tracked(node["tracked"], f"{where}.tracked", settings),
+    )
+
+
+def _tracked(node: Any, where: str, settings: Settings) -> tuple[float, float | None] | None:
+    if settings.track is None:
+        return None
+    value, last = items(node, where, 2)
+    moved = None if last is None else number(last, f"{where}[1]", -LARGEST, LARGEST)
+    return number(value, f"{where}[0]", -LARGEST, LARGEST), moved
+
+
+def _truth(node: dict[str, Any], where: str, key: str) -> bool:
+    if type(node[key]) is not bool:
+        raise unexpected(f"{where}.{key}", repr(node[key])[:60], "true or false")
+    return node[key]  # type: ignore[no-any-return]

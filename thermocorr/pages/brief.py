@@ -1,0 +1,90 @@
+"""A diagnosis or a refinement in short, for notebooks: no script, colours that suit a light and a dark ground."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..pictures.protocols import DiagnosisLike, RefinementLike
+from .charts import still
+from .html import Safe, decibels, join, number, percent, probability, tag, with_unit
+from .sections import VERDICTS, effect_name, place_text
+
+SHOWN = 3
+"""Places and suspects listed."""
+_CELL = "padding:.15em .8em .15em 0;border:0;background:none;vertical-align:baseline;color:inherit"
+
+
+def brief_diagnosis(found: DiagnosisLike) -> str:
+    """Verdict, residual, first places and suspects."""
+    parts = [
+        tag("div", tag("strong", found.verdict), ". ", VERDICTS.get(found.verdict, "")),
+        tag(
+            "div",
+            "Residual ",
+            number(found.residual_rms, found.unit),
+            ", noise floor ",
+            number(found.noise_floor, found.unit),
+            ": ",
+            percent(found.explainable),
+            " of the residual's variance could still be explained.",
+        ),
+    ]
+    if found.data is not None:
+        parts += [
+            tag("div", "Residual over time; dashed: twice the noise floor.", style="opacity:.75;margin-top:.5em"),
+            still(found.data.traces.columns["residual"], 2 * found.noise_floor),
+        ]
+    if found.verdict != "nothing missing":
+        rows = [
+            (place_text(row.condition, row.interval), percent(row.share), percent(row.share / row.lift))
+            for row in found.where.head(SHOWN).itertuples()
+        ]
+        parts.append(_table(("fails most", "of the error", "of the samples"), rows))
+        rows = [
+            (effect_name(row.kind, row.column), percent(row.share), decibels(row.gain_db), probability(row.p_value))
+            for row in found.ranking.head(SHOWN).itertuples()
+        ]
+        parts.append(_table(("suspect", "explains", "held-out gain", "error probability"), rows))
+    if found.best is not None and found.best.info is not None:
+        parts.append(tag("div", "On the bench: ", found.best.info.bench_check))
+    return _box(parts)
+
+
+def brief_refinement(refinement: RefinementLike) -> str:
+    """The steps, and the last residual."""
+    last = refinement.diagnoses[-1]
+    rows = [
+        (
+            f"{row.step} {row.effect or 'as given'}",
+            number(row.held_out_rms),
+            number(row.rms),
+            decibels(row.db) if row.step else "",
+            row.verdict,
+        )
+        for row in refinement.steps.itertuples()
+    ]
+    head = ("step", with_unit("held-out rms", last.unit), with_unit("rms of the fit", last.unit), "held out", "verdict")
+    parts: list[Any] = [_table(head, rows)]
+    if last.data is not None:
+        parts += [
+            tag("div", "Residual of the last model over time; dashed: twice the noise floor.", style="opacity:.75"),
+            still(last.data.traces.columns["residual"], 2 * last.noise_floor),
+        ]
+    return _box(parts)
+
+
+def _table(head: tuple[Any, ...], rows: list[tuple[Any, ...]]) -> Safe:
+    if not rows:
+        return Safe("")
+    sides = ["left", *["right"] * (len(head) - 1)]
+    lines = [
+        tag("tr", *(tag(kind, cell, style=f"{_CELL};text-align:{s}") for cell, s in zip(line, sides, strict=True)))
+        for kind, line in (("th", head), *(("td", row) for row in rows))
+    ]
+    return tag(
+        "table", *lines, style="border-collapse:collapse;margin:.5em 0;background:none;color:inherit;font-size:inherit"
+    )
+
+
+def _box(parts: list[Any]) -> str:
+    return str(tag("div", join(parts), class_="thermocorr", style="color:inherit;max-width:52em;overflow-x:auto"))

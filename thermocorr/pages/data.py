@@ -1,0 +1,139 @@
+"""What a page shows of a fitted model and a record, small enough to stay with a diagnosis."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..effects.thermal import column_text
+from ..pictures import AllanDisplay, ContributionsDisplay, ResidualLoopDisplay, StepResponseDisplay
+from ..pictures.timeline import TimeLine, time_text
+from ..pictures.walk import Walk
+from ..records import Record
+from ..records.units import unit_of
+from .traces import MOST_POINTS, Traces, column_key
+
+UPLOT = "1.6.32"
+"""Version of the chart library in ``assets``."""
+LISTED_GAPS = 20
+"""Gaps and runs listed by name."""
+
+
+@dataclass(frozen=True)
+class PageData:
+    """A fitted model on a record: series, formula, coefficients, and what is odd about the data."""
+
+    reading: str
+    temperature: str
+    unit: str
+    temperature_unit: str
+    traces: Traces
+    beside: tuple[tuple[str, str, str], ...]
+    """Recorded columns in the traces: key, name, unit."""
+    timeline: TimeLine
+    span: str
+    """First to last time, in words."""
+    n_rows: int
+    n_readings: int
+    step: float
+    """Usual step [s]."""
+    segments: tuple[tuple[str, str, str, int], ...]
+    """First segments: run, first time, last time, rows."""
+    n_segments: int
+    notes: tuple[str, ...]
+    equation: str
+    coefficients: pd.DataFrame
+    time_constants: np.ndarray
+    model: str
+    """The estimator as code."""
+    residual_rms: float
+    allan: pd.DataFrame
+    """`AllanDisplay.frame`: Allan deviation before and after correction."""
+    loop: pd.DataFrame
+    """`ResidualLoopDisplay.frame`: mean residual and temperature of short stretches."""
+    step_response: pd.DataFrame
+    """`StepResponseDisplay.frame`: bias after a step of temperature by one unit."""
+    shares: pd.Series
+    """`ContributionsDisplay.rms`: what each effect moves the reading by, largest first."""
+    versions: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def of(cls, model: Any, X: Any, y: Any, beside: tuple[Any, ...] = (), most: int = MOST_POINTS) -> PageData:
+        """Gather it in one pass through the record.
+
+        Parameters
+        ----------
+        model : DynamicBiasRegressor
+            Fitted.
+        X, y : as for `DynamicBiasRegressor.fit`
+            May be a `ParquetLog`: the record is read block by block.
+        beside : tuple
+            Recorded columns to show under the residual.
+        most : int
+            Most points of a line.
+        """
+        walk = Walk(model, X)
+        record: Record = walk.record
+        traces = Traces.of(model, X, y, walk.timeline, beside, most)
+        last = record.segments[-1].stop - 1
+        return cls(
+            reading=model.reading_.name,
+            temperature=walk.temperature_name,
+            unit=model.reading_.unit,
+            temperature_unit=model.reading_.temperature_unit,
+            traces=traces,
+            beside=tuple((column_key(name), column_text(name), unit_of(name, X)) for name in beside),
+            timeline=walk.timeline,
+            span=" to ".join(record.times.label(record.row(k)) for k in (record.segments[0].start, last)),
+            n_rows=record.n_rows,
+            n_readings=record.n_used - traces.flags.get("no reading", 0),
+            step=record.usual_step(),
+            segments=tuple(
+                (
+                    "" if run is None else str(run),
+                    record.times.label(record.row(start)),
+                    record.times.label(record.row(stop - 1)),
+                    stop - start,
+                )
+                for start, stop, run in record.segments[:LISTED_GAPS]
+            ),
+            n_segments=len(record.segments),
+            notes=tuple(dict.fromkeys((*model.notes_, *record.notes))),
+            equation=model.equation(),
+            coefficients=model.coef_table(),
+            time_constants=np.array(model.time_constants_, float),
+            model=repr(model),
+            residual_rms=traces.rms,
+            allan=AllanDisplay.from_estimator(model, X, y).frame(),
+            loop=ResidualLoopDisplay.from_estimator(model, X, y).frame(),
+            step_response=StepResponseDisplay.from_estimator(model).frame(),
+            shares=ContributionsDisplay.from_estimator(model, X).rms,
+            versions=versions(),
+        )
+
+    @property
+    def start(self) -> float | None:
+        """Seconds since 1970 of the first row; None for a record without dates."""
+        return self.timeline.first / 1e9 if self.timeline.dates else None
+
+    def record_sentence(self) -> str:
+        """What was measured, in one sentence."""
+        many = "" if self.n_segments == 1 else f", in {self.n_segments} stretches"
+        said = f"{self.n_readings:,} readings of {self.reading}"
+        if self.timeline.samples:
+            return f"{said}, at unknown times{many}."
+        zone = "" if self.timeline.zone is None else " UTC"
+        return f"{said}, {self.span}{zone}, every {time_text(self.step)}{many}."
+
+
+def versions() -> tuple[tuple[str, str], ...]:
+    """Versions of what computed the page."""
+    own = sys.modules[__name__.split(".")[0]].__version__
+    others = [(name, version(name)) for name in ("numpy", "scipy", "scikit-learn", "pandas")]
+    return (("thermocorr", own), *others, ("Python", platform.python_version()), ("uPlot (charts)", UPLOT))

@@ -1,0 +1,242 @@
+"""The charts of a page, from the numbers that stand with a diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..estimators.time_constants.resolution import CONFIDENCE_95
+from ..pictures.timeline import SECONDS_OF, elapsed_unit, time_text
+from .charts import Chart, Line, Panel
+from .data import PageData
+
+NOISY = 0.3
+"""Noise floor over residual from which the noise hides what is to be seen."""
+FEW = 8
+"""Fewer means than this are not drawn."""
+MOST_JOINTS = 5000
+"""Segments whose true times a pointer can show."""
+
+
+def series(data: PageData, floor: float | None = None, shades: Sequence[tuple[float, float]] = ()) -> Chart:
+    """Reading, residual, temperature and recorded columns over time."""
+    traces = data.traces
+    columns = traces.columns
+    axis = time_axis(data)
+    rules = () if floor is None else ((2 * floor, "twice the noise floor"), (-2 * floor, ""))
+    panels = [
+        Panel(
+            data.reading,
+            data.unit,
+            (
+                Line("measured", columns["reading"], "reading"),
+                Line("modelled", columns["model"], "model"),
+                Line("corrected", columns["corrected"], "corrected"),
+            ),
+        ),
+        Panel(
+            "residual",
+            data.unit,
+            residual_lines(data, floor),
+            rules=rules,
+        ),
+        Panel(
+            data.temperature,
+            data.temperature_unit,
+            (Line(data.temperature, columns["temperature"], "temperature"),),
+            height=140,
+        ),
+    ]
+    panels += [Panel(name, unit_, (Line(name, columns[key], "other"),), height=140) for key, name, unit_ in data.beside]
+    return Chart(
+        "series",
+        axis.label,
+        axis.x,
+        tuple(panels),
+        caption=series_caption(data, floor, bool(shades)),
+        x_unit=axis.unit,
+        joints=axis.joints,
+        dates=axis.dates,
+        shades=tuple(
+            ((low + axis.zero) / axis.scale, (high + axis.zero) / axis.scale, "fails") for low, high in shades
+        ),
+    )
+
+
+def residual_lines(data: PageData, floor: float | None) -> tuple[Line, ...]:
+    """The residual, and its averages where noise hides something."""
+    traces = data.traces
+    own = Line("residual", traces.columns["residual"], "residual")
+    if floor is not None and floor < NOISY * traces.rms:
+        return (replace(own, role="average"),)
+    if len(traces.average[1]) < FEW:
+        return (own,)
+    return own, Line(f"mean of {traces.average_rows}", traces.average[1], "average", stretches=traces.average[0])
+
+
+def refined(first: PageData, last: PageData, floor: float) -> Chart:
+    """Residual before and after refinement, on the scale of the one before."""
+    axis = time_axis(last)
+    rules = ((2 * floor, "twice the noise floor"), (-2 * floor, ""))
+    after = Panel("after", last.unit, residual_lines(last, floor), rules=rules)
+    panels: tuple[Panel, ...] = (after,)
+    where: np.ndarray | str = axis.x
+    if np.array_equal(first.traces.seconds, last.traces.seconds):  # else the effects need columns with missing values
+        lines = [replace(line, values=("series", 1, i)) for i, line in enumerate(residual_lines(first, floor))]
+        where, panels = "series", (Panel("before", last.unit, tuple(lines), rules=rules), replace(after, scale_of=0))
+    return Chart(
+        "refined",
+        axis.label,
+        where,
+        panels,
+        caption="What the model leaves, before and after. Dashed: twice the noise floor.",
+        x_unit=axis.unit,
+        joints=axis.joints,
+        dates=axis.dates,
+    )
+
+
+class Axis(NamedTuple):
+    """The axis of time."""
+
+    x: np.ndarray
+    label: str
+    unit: str
+    scale: float
+    """Seconds in one unit of x."""
+    dates: bool
+    zero: float
+    """What is added to the place on the time line [s] before it is divided by `scale`."""
+    joints: tuple[tuple[float, float], ...]
+    """x and true time (seconds since 1970, else in the unit of x) where segments begin, if they were moved."""
+
+
+def time_axis(data: PageData) -> Axis:
+    """Dates, or time since the first row in a fitting unit."""
+    line, places = data.timeline, data.traces.seconds
+    zone = "time" if line.zone is None else "time (UTC)"
+    if line.dates and line.in_order:
+        zero = line.first / 1e9
+        return Axis(places + zero, zone, "", 1.0, True, zero, ())
+    if line.samples and line.in_order:
+        return Axis(places, "sample", "", 1.0, False, 0.0, ())
+    unit = "samples" if line.samples else elapsed_unit(line.span)
+    scale = 1.0 if line.samples else SECONDS_OF[unit]
+    label = "time since the first row" if line.in_order else "recorded time, long gaps left out"
+    joints: tuple[tuple[float, float], ...] = ()
+    if not line.in_order and len(line.starts) <= MOST_JOINTS:
+        true = line.starts - line.shifts
+        true = true + line.first / 1e9 if line.dates else true / scale
+        joints = tuple(zip((line.starts / scale).tolist(), true.tolist(), strict=True))
+    return Axis(places / scale, label, unit, scale, False, 0.0, joints)
+
+
+def placed(data: PageData, low: float, high: float) -> tuple[float, float] | None:
+    """Ends of a ``time`` interval of `Diagnosis.where` on the axis; None where a time has several places."""
+    line, axis = data.timeline, time_axis(data)
+    begins = line.starts - line.shifts
+    if (np.diff(begins) < 0).any() or not np.isfinite((low, high)).all():
+        return None
+    seconds = np.array((low, high)) - (line.first / 1e9 if line.dates else 0.0)
+    segment = np.clip(np.searchsorted(begins, seconds, side="right") - 1, 0, None)
+    first, last = (seconds + line.shifts[segment] + axis.zero) / axis.scale
+    return float(first), float(last)
+
+
+def stability(data: PageData) -> Chart | None:
+    """Allan deviation before and after correction."""
+    frame = data.allan
+    if len(frame) < 3:
+        return None
+    times = frame["averaging_time"].to_numpy(float)
+    lines = []
+    for name, role, label in (("before", "model", "before correction"), ("after", "corrected", "after correction")):
+        lines.append(Line(label, frame[f"deviation_{name}"].to_numpy(float), role, dots=True))
+        lines += [Line(end, frame[f"{end}_{name}"].to_numpy(float), role, edge=True) for end in ("low", "high")]
+    first = frame["deviation_after"].first_valid_index()
+    if first is not None:
+        white = frame["deviation_after"][first] * np.sqrt(times[first] / times)
+        lines.append(Line("white noise alone", white, "floor", dash=True))
+    return Chart(
+        "allan",
+        "averaging time",
+        times,
+        (Panel("Allan deviation", data.unit, tuple(lines), log=True, height=260),),
+        caption=(
+            "Averaging helps as long as the corrected reading's Allan deviation falls along the dashed line of white "
+            "noise; where it leaves that line, longer averages are no better. Bands: 95 % confidence."
+        ),
+        x_unit="samples" if data.timeline.samples else "s",
+        x_log=True,
+    )
+
+
+def loop(data: PageData) -> Chart | None:
+    """Residual over temperature, while it rises and while it falls."""
+    frame = data.loop.dropna(subset=["temperature", "residual"])
+    if len(frame) < 8:
+        return None
+    rises = frame.groupby("segment")["temperature"].transform(lambda t: np.gradient(t) if len(t) > 1 else 0 * t) > 0
+    frame = frame.assign(rises=rises).sort_values("temperature", kind="stable")
+    residual = frame["residual"].to_numpy(float)
+    lines = tuple(
+        Line(label, np.where(frame["rises"] == up, residual, np.nan), role, dots=True, joined=False)
+        for up, role, label in ((True, "temperature", "while it rises"), (False, "corrected", "while it falls"))
+    )
+    return Chart(
+        "loop",
+        data.temperature,
+        frame["temperature"].to_numpy(float),
+        (Panel("residual", data.unit, lines, height=260),),
+        caption=(
+            f"Means of the residual over {len(frame)} stretches of time, over the temperature. Two separate clouds are "
+            "a lag or a hysteresis that the model does not have; a common bend is a static law that it does not have."
+        ),
+        x_unit=data.temperature_unit,
+    )
+
+
+def following(data: PageData) -> Chart | None:
+    """Bias after a step of temperature."""
+    frame = data.step_response
+    if not len(frame) or not len(data.time_constants):
+        return None
+    value, error = (frame[name].to_numpy(float) for name in ("response", "standard_error"))
+    lines = (
+        Line("bias", value, "corrected"),
+        Line("low", value - CONFIDENCE_95 * error, "corrected", edge=True),
+        Line("high", value + CONFIDENCE_95 * error, "corrected", edge=True),
+    )
+    degree = "°F" if data.temperature_unit == "degF" else "K"
+    return Chart(
+        "step",
+        "time after the step",
+        frame["time"].to_numpy(float),
+        (Panel("bias", data.unit, lines, height=220),),
+        caption=f"How the reading follows a step of temperature of 1 {degree}, by this model. Band: 95 % confidence.",
+        x_unit="samples" if data.timeline.samples else "s",
+        x_log=True,
+    )
+
+
+def series_caption(data: PageData, floor: float | None, shaded: bool) -> str:
+    """What is to be seen, and what the points are."""
+    parts = ["The reading as measured, modelled and corrected; what the model leaves; and the temperature."]
+    if floor is not None:
+        parts.append("Dashed: twice the noise floor; about one white-noise sample in twenty lies outside.")
+    if len(residual_lines(data, floor)) > 1:
+        span = time_text(data.traces.average_rows * data.step)
+        parts.append(f"The line inside the residual is its mean over stretches of {span}: what the noise hides.")
+    if shaded:
+        parts.append("Shaded: where it fails clearly more than elsewhere.")
+    width = data.traces.rows_per_cell
+    if width > 1:
+        parts.append(
+            f"The record has {data.traces.n_rows:,} rows: shown are the smallest and the largest of every {width} "
+            f"({time_text(width * data.step)}), so that no spike is hidden."
+        )
+    parts.append("Drag across to zoom, double-click for the whole record.")
+    return " ".join(parts)

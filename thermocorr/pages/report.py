@@ -1,0 +1,94 @@
+"""The report page in a file: what a model makes of a record, what is missing in it, and what to do."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from ..estimators import DynamicBiasRegressor, VariantComparison
+from ..files import write_file
+from ..pictures.protocols import DiagnosisLike, RefinementLike
+from . import PageData, page
+
+
+def write_report(
+    path: str | PathLike[str],
+    model: DynamicBiasRegressor,
+    X: Any,
+    y: Any,
+    *,
+    diagnosis: DiagnosisLike | None = None,
+    refinement: RefinementLike | None = None,
+    comparison: VariantComparison | None = None,
+    unjudged: str = "",
+    source: str = "",
+    command: str = "",
+    force: bool = False,
+) -> Path:
+    """Write one self-contained HTML page that needs no network, at most 5 MB for a record of any length.
+
+    Parameters
+    ----------
+    path : path
+        File to write.
+    model : DynamicBiasRegressor
+        Fitted; the one that is kept.
+    X, y : as for `DynamicBiasRegressor.evaluate_blocks`
+        The record. A `ParquetLog` is read block by block, in bounded memory.
+    diagnosis, refinement, comparison : optional
+        What `diagnose`, `refine` and `compare_variants` returned for this record.
+    unjudged : str
+        Why there is no diagnosis.
+    source, command : str
+        Name of the data's file, and the command that made the page; shown at its end.
+    force : bool, default False
+        Overwrite a file that thermocorr did not write.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    OutputError
+        An OSError and a RecordError: the file cannot be written, or must not be.
+    """
+    text = report_text(
+        model,
+        X,
+        y,
+        diagnosis=diagnosis,
+        refinement=refinement,
+        comparison=comparison,
+        unjudged=unjudged,
+        source=source,
+        command=command,
+    )
+    return write_file(path, text, force=force)
+
+
+def report_text(
+    model: DynamicBiasRegressor,
+    X: Any,
+    y: Any,
+    *,
+    diagnosis: DiagnosisLike | None = None,
+    refinement: RefinementLike | None = None,
+    comparison: VariantComparison | None = None,
+    unjudged: str = "",
+    source: str = "",
+    command: str = "",
+) -> str:
+    """What `write_report` writes."""
+    kept = refinement.diagnoses[-1] if refinement is not None else diagnosis
+    data = kept.data if kept is not None and kept.data is not None else PageData.of(model, X, y)
+    return page(
+        data,
+        diagnosis=diagnosis,
+        refinement=refinement,
+        comparison=comparison,
+        unjudged=unjudged,
+        source=source,
+        command=command,
+    )

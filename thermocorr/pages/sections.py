@@ -1,0 +1,327 @@
+"""A diagnosis as sections of a page, in the order of the user's questions; sentences first, then figures."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..effects import CATALOGUE
+from ..pictures import WhereDisplay
+from ..pictures.protocols import DiagnosisLike
+from ..pictures.timeline import time_text
+from .data import PageData
+from .figures import placed
+from .html import (
+    DASH,
+    MINUS,
+    Safe,
+    Section,
+    bar,
+    decibels,
+    join,
+    number,
+    percent,
+    plain,
+    probability,
+    table,
+    tag,
+    unit_text,
+    with_unit,
+)
+
+SHOWN_PLACES = 8
+"""Places of failure in the first table; the rest is folded."""
+
+VERDICTS = {
+    "nothing missing": "Nothing is missing: what is left looks like noise.",
+    "missing": "Something is missing, and this record can tell what.",
+    "ambiguous": "Something is missing, and this record cannot tell two explanations apart.",
+    "unexplained": "Structure is left in the residual that no known effect explains by itself.",
+}
+
+
+def section(identity: str, title: str, *parts: Any) -> Section:
+    """A section under a heading."""
+    made = Section(tag("section", tag("h2", title), *parts, id=identity))
+    made.identity, made.heading = identity, title
+    return made
+
+
+def effect_name(kind: str, column: Any) -> str:
+    """Kind and column in words."""
+    words = kind.replace("_", " ")
+    return words if column is None or (isinstance(column, float) and pd.isna(column)) else f"{words}: {column}"
+
+
+def place_text(condition: str, interval: str) -> str:
+    """Where it fails, as part of a sentence."""
+    words = interval_text(interval)
+    return f"from {words}" if condition == "time" else f"where {condition_text(condition)} is {words}"
+
+
+def condition_text(condition: str) -> str:
+    """A condition with its seconds as a person writes them: lag difference, 10.3 h [K]."""
+    return re.sub(r"(?<=, )[\d.e+-]+ s(?= \[)", lambda found: time_text(float(found[0][:-2])), condition)
+
+
+def interval_text(interval: str) -> str:
+    """An interval with spans of time as a person writes them, and with real minus signs."""
+    if interval.endswith(" s"):
+        in_words = interval.removeprefix("periods of ").replace(" s", "").split(" to ")
+        start = interval[: len(interval) - len(interval.removeprefix("periods of "))]
+        return start + " to ".join(time_text(float(seconds)) for seconds in in_words)
+    interval = re.sub(r"^(\d{4}-\d\d-\d\d )(.+ to )\1", r"\1\2", interval)  # the same day is named once
+    return re.sub(r"(?<![\w-])-(?=\d)", MINUS, interval)
+
+
+def parameters_text(kind: str, parameters: dict[str, Any], data: PageData | None) -> str:
+    """Parameters that have a unit, in words; moments of a record with dates as dates."""
+    info = CATALOGUE[kind].info if kind in CATALOGUE else None
+    parts = []
+    for name, unit in (info.parameters if info else {}).items():
+        value = parameters.get(name)
+        several = value if isinstance(value, list | tuple | np.ndarray) else [value]
+        try:
+            numbers = [float(item) for item in several]
+        except (TypeError, ValueError):
+            continue
+        if not numbers:
+            continue
+        if name == "time" and data is not None and data.start is not None:
+            shown = [str(pd.Timestamp(data.start + number, unit="s").round("s")) for number in numbers]
+        elif unit == "s":
+            shown = [time_text(number) for number in numbers]
+        else:
+            absolute = data is not None and name in ("knee", "reference_temperature")
+            shown = [f"{plain(v, 3)} {unit_text(data.temperature_unit if absolute else unit)}" for v in numbers]
+        parts.append(f"{name.replace('_', ' ').removesuffix('s' if len(several) == 1 else '')} {', '.join(shown)}")
+    return "; ".join(parts)
+
+
+def verdict_box(found: DiagnosisLike) -> Safe:
+    """The verdict in a word and in a sentence."""
+    named = ""
+    if found.best is not None and len(found.ranking):
+        first = found.ranking.iloc[0]
+        named = effect_name(first.kind, first.column)
+    return tag(
+        "p",
+        tag("strong", found.verdict, class_="verdict", data_verdict=found.verdict),
+        " ",
+        VERDICTS.get(found.verdict, ""),
+        join((" Most likely: ", tag("strong", named), ".")) if named else "",
+        class_="verdict-line",
+    )
+
+
+def anything(found: DiagnosisLike, *figures: Any) -> Section:
+    """1: residual against noise floor."""
+    largest = max(found.residual_rms, found.noise_floor)
+    rows = [
+        (label, number(value, found.unit), bar(value / largest if largest else 0.0))
+        for label, value in (("residual of the model", found.residual_rms), ("noise floor", found.noise_floor))
+    ]
+    whiteness = "looks like white noise" if found.colour <= 1.05 else "still has structure"
+    return section(
+        "anything",
+        "1 Is anything missing?",
+        verdict_box(found),
+        tag(
+            "p",
+            "The residual has an rms of ",
+            number(found.residual_rms, found.unit),
+            "; the noise floor, which no effect can explain, is ",
+            number(found.noise_floor, found.unit),
+            " for one sample. ",
+            percent(found.explainable),
+            f" of the residual's variance could still be explained. What all suspects together leave {whiteness} "
+            "(variance over innovation variance ",
+            number(found.colour, digits=3),
+            "; 1 is white).",
+        ),
+        table(("", "rms", ""), rows, "lrl"),
+        *figures,
+    )
+
+
+def places(found: DiagnosisLike, data: PageData | None, *figures: Any) -> Section:
+    """2: where the model fails."""
+    where = found.where
+    if not len(where):
+        return section(
+            "where",
+            "2 Where does it fail?",
+            tag("p", "Nowhere more than elsewhere: the error is evenly spread."),
+            *figures,
+        )
+    sentence = _worst_sentence(found)
+    shown = 0 if found.verdict == "nothing missing" else SHOWN_PLACES
+    bands = where[where["condition"] == "frequency"]
+    longest = float(max(where["share"].drop(bands.index).max(), 1e-300))
+    rows = [_place(row, longest, data) for row in WhereDisplay(where).frame().itertuples()]
+    head = ("condition", "range", "share of the error", "", "times its share of samples", with_unit("rms", found.unit))
+    folded = tag(
+        "details",
+        tag("summary", f"{len(rows) - shown} more places" if shown else f"{len(rows)} places"),
+        table(head, rows[shown:], "llrlrr", "places"),
+        class_="long",
+    )
+    return section(
+        "where",
+        "2 Where does it fail?",
+        sentence,
+        *figures,
+        table(head, rows[:shown], "llrlrr", "places") if shown else "",
+        folded if len(rows) > shown else "",
+    )
+
+
+def _worst_sentence(found: DiagnosisLike) -> Safe:
+    """The worst place, and slow or fast."""
+    where = found.where
+    bars = "A bar is a place's share of the error beyond the noise; its mark is the place's share of the samples."
+    if found.verdict == "nothing missing":
+        return tag(
+            "p",
+            "Nowhere in particular: nothing is missing, and the little beyond the noise is where chance put it. ",
+            bars,
+        )
+    worst = where.iloc[0]
+    sentence = tag(
+        "p",
+        "It fails most ",
+        tag("strong", place_text(worst.condition, worst.interval)),
+        ": ",
+        percent(worst.share),
+        " of the error beyond the noise lies in ",
+        percent(worst.share / worst.lift),
+        f" of the samples. {bars}",
+    )
+    bands = where[where["condition"] == "frequency"]
+    if not len(bands):
+        return sentence
+    band = bands.loc[bands["share"].idxmax()]
+    return join(
+        (sentence, tag("p", "Slow or fast: ", percent(band.share), f" of it has {interval_text(band.interval)}."))
+    )
+
+
+def _place(row: Any, longest: float, data: PageData | None) -> tuple[Any, ...]:
+    interval: Any = interval_text(row.interval)
+    scale = 1.0 if row.condition == "frequency" else longest
+    if data is not None and row.condition == "time":
+        stretch = placed(data, row.low, row.high)
+        if stretch is not None:
+            interval = tag("button", interval, class_="show", type="button", data_from=stretch[0], data_to=stretch[1])
+    return (
+        condition_text(row.condition),
+        interval,
+        percent(row.share),
+        bar(row.share / scale, row.share / row.lift / scale if row.lift else None),
+        number(row.lift, digits=3),
+        number(row.rms, digits=3),
+    )
+
+
+def suspects(found: DiagnosisLike, data: PageData | None, *figures: Any) -> Section:
+    """3: the ranking of suspects."""
+    ranking = found.ranking
+    if not len(ranking):
+        return section("what", "3 What is missing?", tag("p", "No suspect could be tried on this record."), *figures)
+    lead = {
+        "nothing missing": "Nothing that was tried: no suspect is worth adding.",
+        "unexplained": "No suspect explains it by itself. The first of those tried:",
+        "ambiguous": "These explain it equally well on this record:",
+    }.get(found.verdict, "The suspects, best first. The gain is on blocks of time that the fit did not see.")
+    rows = [
+        (
+            join(
+                (
+                    tag("strong", effect_name(row.kind, row.column)),
+                    tag("small", parameters_text(row.kind, row.parameters, data)),
+                )
+            ),
+            percent(row.share),
+            bar(row.share),
+            decibels(row.gain_db),
+            probability(row.p_value),
+            ", ".join(name.replace("_", " ") for name in row.confusable_with) or DASH,
+        )
+        for row in ranking.itertuples()
+    ]
+    head = ("suspect", "explains of the structure", "", "held-out gain", "error probability", "not told apart from")
+    kinds = list(dict.fromkeys(ranking["kind"].head(3)))
+    physics = [
+        tag("li", tag("strong", kind.replace("_", " ")), ": ", info.physics)
+        for kind in kinds
+        if kind in CATALOGUE and (info := CATALOGUE[kind].info) is not None
+    ]
+    listed = table(head, rows, "lrlrrl", "suspects")
+    if found.verdict == "nothing missing":
+        listed = tag("details", tag("summary", f"The first {len(rows)} of those tried"), listed)
+        physics = []
+    return section(
+        "what",
+        "3 What is missing?",
+        tag("p", lead),
+        tag("ul", *physics) if physics else "",
+        listed,
+        tag(
+            "p",
+            "Error probabilities are those of the whole family of suspects, on residuals made white; a suspect is "
+            f"named below {found.level:g}.",
+            class_="fine",
+        ),
+        *figures,
+    )
+
+
+def cure(found: DiagnosisLike) -> Section:
+    """4: the effect ready to be added, and the measurement that would confirm it or part rivals."""
+    title = "4 What to do?"
+    if found.best is None:
+        advice = {
+            "nothing missing": "Nothing. To go lower, lower the noise: average longer, or measure better.",
+        }.get(
+            found.verdict,
+            "Record more of what may act on the instrument (supply, load, humidity, pressure, a second temperature), "
+            "or longer, and diagnose again.",
+        )
+        return section("cure", title, tag("p", advice))
+    steps = [tag("p", "Add the effect, and see whether the error falls on data that the fit did not see:")]
+    steps.append(
+        tag(
+            "pre",
+            tag(
+                "code",
+                f"effect = {found.best!r}\nbetter = model.with_effect(effect).fit(X, y)\n# or: refine(model, X, y)",
+            ),
+        )
+    )
+    first = found.ranking.iloc[0]
+    rivals = list(dict.fromkeys([first.kind, *(name.split(":")[0] for name in first.confusable_with)]))
+    checks = [
+        tag("li", tag("strong", kind.replace("_", " ")), ": ", info.bench_check)
+        for kind in rivals
+        if kind in CATALOGUE and (info := CATALOGUE[kind].info) is not None
+    ]
+    lead = (
+        "Confirm it on the bench:"
+        if len(checks) == 1
+        else "Part them on the bench; each of these tells one from the rest:"
+    )
+    return section("cure", title, *steps, tag("p", lead), tag("ul", *checks))
+
+
+def judged(found: DiagnosisLike, data: PageData | None, figures: dict[str, Sequence[Any]]) -> list[Section]:
+    """The four questions."""
+    return [
+        anything(found, *figures.get("anything", ())),
+        places(found, data, *figures.get("where", ())),
+        suspects(found, data, *figures.get("what", ())),
+        cure(found),
+    ]

@@ -1,0 +1,28 @@
+"""Pictures: each answers one question at a glance. `frame()` has the numbers, `plot()` draws (extra "plot")."""
+
+from .allan_deviation import AllanDisplay
+from .comparison import VariantsDisplay
+from .contributions import ContributionsDisplay
+from .overview import plot_diagnosis, plot_refinement
+from .places import WhereDisplay
+from .residual_loop import ResidualLoopDisplay
+from .residuals import ResidualsDisplay
+from .step_response import StepResponseDisplay
+from .steps import RefinementDisplay
+from .suspects import SuspectsDisplay
+from .time_constant_spectrum import SpectrumDisplay
+
+__all__ = [
+    "AllanDisplay",
+    "ContributionsDisplay",
+    "RefinementDisplay",
+    "ResidualLoopDisplay",
+    "ResidualsDisplay",
+    "SpectrumDisplay",
+    "StepResponseDisplay",
+    "SuspectsDisplay",
+    "VariantsDisplay",
+    "WhereDisplay",
+    "plot_diagnosis",
+    "plot_refinement",
+]

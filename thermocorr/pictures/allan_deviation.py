@@ -1,0 +1,127 @@
+"""`AllanDisplay`: stability of the reading before and after correction."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..equations import AllanDeviation, AllanStream
+from ..records import Record
+from .axes import BLUE, GREY, VERMILION, axes_grid, labelled, legend_above, log_time_axis, plain
+from .walk import Walk
+
+LOOKED_AT = 1 << 14
+"""Rows whose steps are looked at."""
+UNEVEN = 1.5
+"""Step that nine in ten do not exceed, over the usual one, above which steps differ much."""
+
+
+class AllanDisplay:
+    """Overlapping Allan deviation of the reading before and after correction, with confidence bands.
+
+    The dashed line is what white noise alone would give, from the corrected reading's shortest averaging time. Where a
+    curve leaves it, longer averaging no longer helps. Irregular times are averaged into regular cells, gaps are left
+    out, see `thermocorr.equations.allan`.
+
+    Attributes
+    ----------
+    before, after : AllanDeviation
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`.
+    """
+
+    def __init__(
+        self,
+        before: AllanDeviation,
+        after: AllanDeviation,
+        name: str,
+        unit: str,
+        confidence: float = 0.95,
+        samples: bool = False,
+    ):
+        self.before = before
+        self.after = after
+        self.name = name
+        self.unit = unit
+        self.confidence = confidence
+        self.samples = samples
+
+    @classmethod
+    def from_estimator(
+        cls, model: Any, X: Any, y: Any, *, averaging_times: str = "octave", confidence: float = 0.95
+    ) -> AllanDisplay:
+        """From a fitted model and a record of any length, in one pass and bounded memory.
+
+        Parameters
+        ----------
+        model : DynamicBiasRegressor
+            Fitted; or a search with a ``best_estimator_``.
+        X, y : as for `DynamicBiasRegressor.evaluate_blocks`
+        averaging_times : {"octave", "log"}
+            Factors of 2 from one another, or eight per factor of 10.
+        confidence : float
+            Probability of the bands.
+        """
+        walk = Walk(model, X, y)
+        step, removed = cell_length(walk.record), walk.removed()
+        n_cells = max(int(walk.record.times.between(*_ends(walk)) / step), walk.n_rows)
+        gap = max(walk.n_rows, 1)
+        streams = [AllanStream(step, n_cells, gap, averaging_times, confidence) for _ in range(2)]
+        for part in walk.parts():
+            corrected = part.measured - part.contributions[:, removed].sum(axis=1)
+            for stream, values in zip(streams, (part.measured, corrected), strict=True):
+                stream.add(walk.timeline.runs[part.segment], part.seconds, values)
+        before, after = (stream.result() for stream in streams)
+        reading = walk.model.reading_
+        return cls(before, after, reading.name, reading.unit, confidence, walk.timeline.samples)
+
+    def frame(self) -> pd.DataFrame:
+        """One row per averaging time [s]: deviation, low, high, degrees of freedom and noise exponent, of both."""
+        frames = [
+            pd.DataFrame(vars(found)).set_index("averaging_times").add_suffix(f"_{name}")
+            for name, found in (("before", self.before), ("after", self.after))
+        ]
+        return pd.concat(frames, axis=1).reset_index().rename(columns={"averaging_times": "averaging_time"})
+
+    def plot(self, ax: Any = None) -> AllanDisplay:
+        """Draw in `ax`, or in a new figure."""
+        axes = axes_grid(ax, size=(7.0, 4.6))[0]
+        only = axes[0]
+        for found, colour, label, marker in (
+            (self.before, VERMILION, "before correction", "s"),
+            (self.after, BLUE, "after", "o"),
+        ):
+            only.plot(found.averaging_times, found.deviation, f"{marker}-", color=colour, ms=4, lw=1.4, label=label)
+            band = None if found is self.before else f"{100 * self.confidence:g} % confidence"
+            only.fill_between(found.averaging_times, found.low, found.high, color=colour, alpha=0.2, lw=0, label=band)
+        first = self.after.averaging_times[:1]
+        times = np.unique(np.concatenate((self.before.averaging_times, self.after.averaging_times)))
+        if len(first):
+            white = self.after.deviation[0] * np.sqrt(first[0] / times)
+            only.plot(times, white, "--", color=GREY, lw=1.2, label="white noise", zorder=1)
+        else:
+            only.text(0.5, 0.5, "Too few readings in a row to compare.", ha="center", transform=only.transAxes)
+        only.set_yscale("log")
+        plain(only)
+        log_time_axis(only, "averaging time", self.samples)
+        only.set_ylabel(labelled(f"Allan deviation of {self.name}", self.unit))
+        legend_above(only)
+        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
+        return self
+
+
+def cell_length(record: Record) -> float:
+    """The sampling step [s]; where steps differ much, one that nine in ten of them do not exceed."""
+    longest = max(record.segments, key=lambda segment: segment.stop - segment.start)
+    rows = record.rows(longest.start, min(longest.stop, longest.start + LOOKED_AT))
+    steps = record.times.steps(rows)[1:]
+    usual, wide = record.usual_step(), float(np.quantile(steps, 0.9)) if len(steps) else 0.0
+    return wide if wide > UNEVEN * usual else usual
+
+
+def _ends(walk: Walk) -> tuple[float, float]:
+    """Stamps of the last and of the first row."""
+    stamps = [walk.record.stamp(k) for s in walk.record.segments for k in (s.start, s.stop - 1)]
+    return max(stamps), min(stamps)

@@ -1,0 +1,195 @@
+"""What all displays share: axes, colours, labels with units, bands. Nothing here imports matplotlib before it draws."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..records.text import printable
+from ..records.units import unit_of
+from .cells import with_breaks
+from .timeline import TimeLine, time_text
+
+BLUE, VERMILION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
+SKY, PURPLE, GREY, BLACK = "#56B4E9", "#CC79A7", "#737373", "#222222"
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
+"""Okabe & Ito's palette, which colour-blind readers can tell apart."""
+SHADE = "#F0E442"
+SEQUENTIAL = "viridis"
+MARKED = 100
+"""Up to this many rows, each is marked."""
+TIMES = (1e-3, 1e-2, 0.1, 1, 10, 60, 600, 3600, 21_600, 86_400, 864_000, 8_640_000, 31_557_600, 315_576_000)
+FINE_TIMES = (
+    1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 30, 60, 120, 300, 600, 1800, 3600, 7200, 21_600,
+    43_200, 86_400, 172_800, 432_000, 864_000, 2_592_000, 8_640_000, 31_557_600,
+)  # fmt: skip
+
+
+def pyplot() -> Any:
+    """``matplotlib.pyplot``; an ImportError that names the extra where it is absent."""
+    try:
+        from matplotlib import pyplot as plt
+    except ImportError:
+        raise ImportError("Drawing needs matplotlib: pip install 'thermocorr[plot]'.") from None
+    return plt
+
+
+def axes_grid(
+    ax: Any, rows: int = 1, columns: int = 1, *, size: tuple[float, float], sharex: Any = False, **grid: Any
+) -> np.ndarray:
+    """Axes to draw in, shape (rows, columns).
+
+    Without `ax` a new figure of `size` [inch]; one Axes lends its place, which is divided; several are taken as given.
+    """
+    plt = pyplot()
+    if ax is None:
+        _, axes = plt.subplots(
+            rows, columns, figsize=size, layout="constrained", squeeze=False, sharex=sharex, gridspec_kw=grid or None
+        )
+        return np.asarray(axes)
+    given = np.asarray(ax, dtype=object)
+    if given.size == rows * columns:
+        return given.reshape(rows, columns)
+    if given.size != 1:
+        raise ValueError(f"The 'ax' parameter must be one Axes or {rows * columns} of them. Got {given.size}.")
+    only = given.item()
+    figure, place = only.figure, only.get_subplotspec()
+    if place is None:
+        raise ValueError("The 'ax' parameter must be an Axes of a grid, such as plt.subplots() makes: it is divided.")
+    only.remove()
+    parts = place.subgridspec(rows, columns, **grid)
+    axes = np.empty((rows, columns), dtype=object)
+    for i in range(rows):
+        for j in range(columns):
+            shared = axes[0, j] if i and sharex in (True, "col") else None
+            axes[i, j] = figure.add_subplot(parts[i, j], sharex=shared)
+    return axes
+
+
+def labelled(name: str, unit: str, power: int = 0) -> str:
+    """``voltage [mV]``; without a unit the name alone. A unit at the end of the name is not said twice.
+
+    With a power of ten, ``voltage [10^-3 mV]``.
+    """
+    if unit and "_" in name and unit_of(name, None) == unit:
+        name = name.rsplit("_", 1)[0]
+    if power:
+        unit = f"$10^{{{power}}}$ {unit}".strip()
+    return printable(f"{name} [{unit}]" if unit else name)
+
+
+def label_values(axis: Any, name: str, unit: str) -> None:
+    """Label an axis of values, its power of ten beside the unit: ``residual [10^-5 mV]``. Call it after drawing."""
+    from matplotlib.ticker import ScalarFormatter
+
+    low, high = axis.get_view_interval()
+    largest = max(abs(low), abs(high))
+    power = int(np.floor(np.log10(largest))) if largest > 0 else 0
+    if -3 < power < 5:
+        power = 0
+    formatter = ScalarFormatter(useOffset=bool(high - low < 1e-8 * largest))
+    formatter.set_powerlimits((power, power) if power else (-9, 9))
+    axis.set_major_formatter(formatter)
+    if power:
+        axis.get_offset_text().set_visible(False)
+    axis.set_label_text(labelled(name, unit, power))
+
+
+def legend_above(ax: Any, **options: Any) -> None:
+    """A legend in the free space above the axes, where it hides no data."""
+    handles, labels = ax.get_legend_handles_labels()
+    if labels:
+        ax.legend(
+            handles,
+            labels,
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncols=options.pop("ncols", len(labels)),
+            frameon=False,
+            borderaxespad=0.1,
+            columnspacing=1.2,
+            handlelength=1.6,
+            **options,
+        )
+
+
+def plain(ax: Any) -> None:
+    """Take away what carries no information."""
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.grid(True, color="0.9", lw=0.6)
+    ax.set_axisbelow(True)
+
+
+def pale(colour: str, share: float = 0.35) -> tuple[float, ...]:
+    """A colour mixed with white; unlike a transparent one it does not change what it is drawn on."""
+    from matplotlib.colors import to_rgb
+
+    return tuple(1 - share * (1 - part) for part in to_rgb(colour))
+
+
+def draw_cells(
+    ax: Any, frame: pd.DataFrame, timeline: TimeLine, name: str, colour: str, label: str | None = None, lw: float = 1.0
+) -> None:
+    """Draw a value over time: its mean as a line, its range as a band that shows every spike."""
+    x, spaced = with_breaks(frame, timeline)
+    if (frame["n"] > 1).any():
+        ax.fill_between(
+            x,
+            spaced[f"{name}_low"],
+            spaced[f"{name}_high"],
+            facecolor=pale(colour),
+            edgecolor=pale(colour, 0.5),
+            lw=0.8,
+            zorder=2,
+        )
+    marks: dict[str, Any] = {"marker": "o", "ms": 3} if len(frame) <= MARKED else {}
+    ax.plot(x, spaced[name], color=colour, lw=lw, label=label, zorder=3, **marks)
+
+
+def dress_time(ax: Any, timeline: TimeLine, labels: bool = True) -> None:
+    """Ticks and label of a time axis, and thin lines where segments begin."""
+    timeline.dress(ax.xaxis)
+    if labels:
+        ax.set_xlabel(timeline.label())
+    for place, _ in timeline.joints():
+        ax.axvline(float(timeline.on_axis(np.array(place))), color="0.6", lw=0.8, ls=":", zorder=1)
+
+
+def name_runs(ax: Any, timeline: TimeLine) -> None:
+    """Names of the runs along the top edge."""
+    joints = [(0.0, str(timeline.runs[0])), *timeline.joints()]
+    if len(joints) > 1 and any(name for _, name in joints[1:]):
+        for place, name in joints:
+            ax.annotate(
+                f"run {name}" if name.isdigit() else name,
+                (float(timeline.on_axis(np.array(place))), 1.0),
+                xycoords=("data", "axes fraction"),
+                xytext=(2, -2),
+                textcoords="offset points",
+                va="top",
+                fontsize=8,
+                color=GREY,
+            )
+
+
+def log_time_axis(ax: Any, label: str, samples: bool = False) -> None:
+    """A logarithmic axis of times with ticks such as 10 s, 1 min, 1 h, 1 d. Call it after drawing.
+
+    `samples` counts rows, where their times are not known.
+    """
+    ax.set_xscale("log")
+    if samples:
+        ax.set_xlabel(f"{label} [samples]")
+        return
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+    low, high = ax.get_xlim()
+    inside = [t for t in FINE_TIMES if low <= t <= high]
+    if len(inside) > 7:
+        inside = [t for t in TIMES if low <= t <= high]
+    ax.xaxis.set_major_locator(FixedLocator(inside))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, position: time_text(value)))
+    ax.xaxis.set_minor_locator(NullLocator())
+    ax.set_xlabel(label)

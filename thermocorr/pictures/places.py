@@ -1,0 +1,137 @@
+"""`WhereDisplay`: the conditions under which a model fails."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..records.units import unit_of
+from .axes import axes_grid, labelled
+from .intervals import ends, short_ends
+from .protocols import DiagnosisLike
+from .timeline import time_text
+
+STRIPS = 9
+"""Conditions that are drawn."""
+HIGHEST = 4.0
+"""Lift at which the colours end."""
+LABELLED = 12
+"""Tiles of a strip up to which each says its share."""
+
+
+class WhereDisplay:
+    """Where a model fails: one strip per condition, its intervals from low to high, the worst condition on top.
+
+    Numbers are shares of the error beyond the noise [%]; colours compare them with the share of the samples: dark is
+    where the model fails more than elsewhere.
+
+    Attributes
+    ----------
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`.
+    """
+
+    def __init__(self, where: pd.DataFrame, units: dict[str, str] | None = None):
+        self.where = where
+        self.units = units or {}
+
+    @classmethod
+    def from_diagnosis(cls, diagnosis: DiagnosisLike, X: Any = None) -> WhereDisplay:
+        """From what `diagnose` found; `X`, the record, tells the units of its columns."""
+        units = {} if X is None else {str(name): unit_of(name, X) for name in getattr(X, "columns", ())}
+        return cls(diagnosis.where, units)
+
+    def frame(self) -> pd.DataFrame:
+        """Condition, interval, n, rms, share, lift, low, high; the worst first, as in `Diagnosis.where`.
+
+        `low` and `high` are the ends of the interval in the condition's unit; of dates, seconds since 1970.
+        """
+        numbers = [ends(text) for text in self.where["interval"]]
+        return self.where.assign(low=[low for low, _ in numbers], high=[high for _, high in numbers])
+
+    def plot(self, ax: Any = None) -> WhereDisplay:
+        """Draw in `ax`, or in a new figure."""
+        frame = self.frame()
+        conditions = [name for name in dict.fromkeys(frame["condition"]) if name != "frequency"][:STRIPS]
+        if (frame["condition"] == "frequency").any():
+            conditions.append("frequency")  # another view of the same error, not a place where it is
+        axes = axes_grid(ax, size=(9.0, 1.3 + 0.52 * max(len(conditions), 1)))[0]
+        only = axes[0]
+        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
+        if not conditions:
+            only.text(0.5, 0.5, "No error beyond the noise.", ha="center", va="center", transform=only.transAxes)
+            only.set_axis_off()
+            return self
+        only.set_ylim(len(conditions) - 0.5, -0.5)
+        only.set_xlim(0, 1)
+        for row, condition in enumerate(conditions):
+            self._strip(only, row, frame[frame["condition"] == condition].sort_values("low"))
+        only.set_yticks(range(len(conditions)), [self._name(condition) for condition in conditions])
+        only.tick_params(left=False, bottom=False, labelbottom=False)
+        only.spines[:].set_visible(False)
+        only.set_title(
+            "Where the model fails: share of the error beyond the noise [%], intervals low to high",
+            loc="left",
+            fontsize=10,
+        )
+        self._colour_bar(only)
+        return self
+
+    def _strip(self, ax: Any, row: int, strip: pd.DataFrame) -> None:
+        from matplotlib import colormaps
+
+        width = 1.0 / len(strip)
+        worst = int(np.argmax(strip["share"] - strip["n"] / strip["n"].sum()))
+        if strip["condition"].iloc[0] == "frequency":
+            worst = int(np.argmax(strip["share"]))
+        for i, tile in enumerate(strip.itertuples()):
+            strength = float(np.clip(tile.lift / HIGHEST, 0.0, 1.0))
+            colour = colormaps["YlOrBr"](0.05 + 0.85 * strength)
+            ax.add_patch(_tile(i * width, row - 0.28, width, 0.42, colour))
+            if len(strip) <= LABELLED or i == worst:
+                ax.text(
+                    (i + 0.5) * width,
+                    row - 0.07,
+                    f"{max(100 * tile.share, 0):.0f}",
+                    ha="center",
+                    va="center",
+                    fontsize=8,
+                    fontweight="bold" if i == worst else "normal",
+                    color="white" if strength > 0.6 else "0.15",
+                )
+        words = [short_ends(text, float(strip["high"].max() - strip["low"].min())) for text in strip["interval"]]
+        for side, x, text in (("left", 0.0, words[0][0]), ("right", 1.0, words[-1][1])):
+            ax.text(x, row + 0.17, text, ha=side, va="top", fontsize=7, color="0.35")
+        place = float(np.clip((worst + 0.5) * width, 0.3, 0.7))
+        text = f"worst: {words[worst][0]} to {words[worst][1]}"
+        ax.text(place, row + 0.17, text, ha="center", va="top", fontsize=7, color="0.15")
+
+    def _name(self, condition: str) -> str:
+        """A condition with its unit."""
+        if condition == "frequency":
+            return "period"
+        lag = re.fullmatch(r"lag difference, (\S+) s (.*)", condition)
+        if lag:
+            return f"lag difference, {time_text(float(lag.group(1)))} {lag.group(2)}"
+        return labelled(condition, self.units.get(condition, ""))
+
+    def _colour_bar(self, ax: Any) -> None:
+        from matplotlib import colormaps
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import ListedColormap, Normalize
+
+        colours = ListedColormap(colormaps["YlOrBr"](np.linspace(0.05, 0.9, 256)))
+        bar = ax.figure.colorbar(
+            ScalarMappable(Normalize(0, HIGHEST), colours), ax=ax, pad=0.02, aspect=25, extend="max"
+        )
+        bar.set_label("error share / sample share", fontsize=8)
+        bar.set_ticks([0, 1, 2, 3, 4])
+
+
+def _tile(x: float, y: float, width: float, height: float, colour: Any) -> Any:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((x, y), width, height, facecolor=colour, edgecolor="white", lw=1.0)

@@ -1,0 +1,174 @@
+"""`ResidualsDisplay`: readings and model over time, and what is left below."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..records import Record, RecordError, Segment
+from ..records.times import times_from
+from ..records.units import unit_of
+from .axes import (
+    BLUE,
+    GREY,
+    SHADE,
+    VERMILION,
+    axes_grid,
+    draw_cells,
+    dress_time,
+    label_values,
+    legend_above,
+    name_runs,
+    plain,
+)
+from .cells import cells_of
+from .intervals import stretches
+from .protocols import DiagnosisLike
+from .timeline import TimeLine
+from .walk import Walk
+
+NAMES = ("measured", "modelled", "residual")
+
+
+class ResidualsDisplay:
+    """Measured and modelled readings over time, residuals below, failing stretches shaded.
+
+    Make it with `from_estimator` or `from_predictions`. Records of more than 4000 rows are drawn in 2000 cells of
+    time: the mean as a line, lowest to highest value as a band, so that no spike is hidden.
+
+    Attributes
+    ----------
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`: upper axes, both axes, figure.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from thermocorr import ResidualsDisplay
+    >>> display = ResidualsDisplay.from_predictions([0, 60, 120], [1.0, 2.0, 3.5], [1.0, 2.0, 3.0], unit="mV")
+    >>> display.frame()["residual"].tolist()
+    [0.0, 0.0, 0.5]
+    """
+
+    def __init__(
+        self,
+        cells: pd.DataFrame,
+        timeline: TimeLine,
+        name: str,
+        unit: str,
+        failing: list[tuple[float, float]] | None = None,
+        noise_floor: float | None = None,
+    ):
+        self.cells = cells
+        self.timeline = timeline
+        self.name = name
+        self.unit = unit
+        self.failing = failing or []
+        self.noise_floor = noise_floor
+
+    @classmethod
+    def from_estimator(cls, model: Any, X: Any, y: Any, diagnosis: DiagnosisLike | None = None) -> ResidualsDisplay:
+        """From a fitted model and a record of any length, in one pass and bounded memory.
+
+        Parameters
+        ----------
+        model : DynamicBiasRegressor
+            Fitted; or a search with a ``best_estimator_``.
+        X, y : as for `DynamicBiasRegressor.evaluate_blocks`
+        diagnosis : DiagnosisLike, optional
+            Of the same model and record: its worst stretches of time are shaded, its noise floor is drawn.
+        """
+        walk = Walk(model, X, y)
+        U0 = walk.model.intercept_
+
+        def parts() -> Any:
+            for part in walk.parts():
+                modelled = part.contributions.sum(axis=1) + U0
+                yield part.segment, part.seconds, np.column_stack((part.measured, modelled, part.measured - modelled))
+
+        cells = cells_of(walk.timeline, NAMES, walk.n_rows, parts())
+        failing = [] if diagnosis is None else stretches(diagnosis, walk.timeline)
+        reading = walk.model.reading_
+        floor = None if diagnosis is None else diagnosis.noise_floor
+        return cls(cells, walk.timeline, reading.name, reading.unit, failing, floor)
+
+    @classmethod
+    def from_predictions(
+        cls, time: Any, measured: Any, modelled: Any, *, name: Any = None, unit: str | None = None
+    ) -> ResidualsDisplay:
+        """From readings and predictions of any model.
+
+        Parameters
+        ----------
+        time : index, Series or array of shape (n,)
+            Dates, time spans or seconds, increasing.
+        measured, modelled : array-like of shape (n,)
+            NaN where there is none.
+        name, unit : str, optional
+            Of the reading; by default what the Series `measured` says of itself.
+
+        Raises
+        ------
+        RecordError
+            For times or readings that cannot be used.
+        """
+        stamps = time if isinstance(time, pd.Index | pd.Series) else pd.Series(np.asarray(time))
+        times = times_from(stamps, "time")
+        name = getattr(measured, "name", None) if name is None else name
+        found = unit_of(name, measured) if unit is None else unit
+        values = [np.asarray(column, float) for column in (measured, modelled)]
+        if any(column.shape != (times.n,) for column in values):
+            raise RecordError(
+                f"time has {times.n} rows, measured and modelled have the shapes {values[0].shape} and "
+                f"{values[1].shape}. Give one reading and one prediction for each time."
+            )
+        record = Record(times, name, {}, (Segment(0, times.n),))
+        zone = getattr(getattr(stamps, "dtype", None), "tz", None)
+        timeline = TimeLine.of(record, zone)
+        seconds = times.seconds(slice(0, times.n), record.first_stamp())
+        if (np.diff(seconds) < 0).any():
+            raise RecordError(f"Time goes backward at row {int(np.argmax(np.diff(seconds) < 0)) + 1}. Sort the rows.")
+        rows = np.column_stack((*values, values[0] - values[1]))
+        cells = cells_of(timeline, NAMES, times.n, [(0, seconds, rows)])
+        return cls(cells, timeline, "reading" if name is None else str(name), found)
+
+    def frame(self) -> pd.DataFrame:
+        """The numbers drawn: one row per cell of time, every row of the record up to 4000 rows.
+
+        Columns time (dates, else seconds since the first row), segment, seconds, n (rows in the cell), and of each of
+        measured, modelled and residual its mean and its extremes ``_low`` and ``_high``.
+        """
+        return self.cells.copy()
+
+    def plot(self, ax: Any = None) -> ResidualsDisplay:
+        """Draw; `ax` may be one Axes, whose place is divided, or two."""
+        axes = axes_grid(ax, 2, size=(9.0, 5.4), sharex=True, height_ratios=(3, 2))[:, 0]
+        top, bottom = axes
+        draw_cells(top, self.cells, self.timeline, "measured", BLUE, "measured", lw=1.8)
+        draw_cells(top, self.cells, self.timeline, "modelled", VERMILION, "modelled")
+        draw_cells(bottom, self.cells, self.timeline, "residual", BLUE)
+        bottom.axhline(0.0, color="0.4", lw=0.8, zorder=1)
+        if self.noise_floor is not None:
+            for sign in (-2, 2):
+                label = "noise floor, two standard deviations" if sign > 0 else None
+                bottom.axhline(sign * self.noise_floor, color=GREY, lw=1.0, ls="--", zorder=4, label=label)
+        for number, (low, high) in enumerate(self.failing):
+            for axes_ in axes:
+                x = self.timeline.on_axis(np.array((low, high)))
+                label = "fails most" if number == 0 and axes_ is top else None
+                axes_.axvspan(*x, color=SHADE, alpha=0.45, lw=0, zorder=0, label=label)
+        for axes_ in axes:
+            plain(axes_)
+            axes_.margins(x=0.01)
+            dress_time(axes_, self.timeline, labels=axes_ is bottom)
+        label_values(top.yaxis, self.name, self.unit)
+        label_values(bottom.yaxis, "residual", self.unit)
+        top.tick_params(labelbottom=False)
+        name_runs(top, self.timeline)
+        legend_above(top)
+        legend_above(bottom, fontsize="small")
+        top.figure.align_ylabels(axes)
+        self.axes_, self.ax_, self.figure_ = axes, top, top.figure
+        return self

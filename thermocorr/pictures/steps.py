@@ -1,0 +1,77 @@
+"""`RefinementDisplay`: the error falls, step by step."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .axes import BLUE, GREY, VERMILION, axes_grid, label_values, legend_above, plain
+from .protocols import RefinementLike
+
+WIDE = 5.0
+"""Largest over smallest error from which on the axis is logarithmic."""
+
+
+class RefinementDisplay:
+    """Error of the model after each step of `refine`, in sample and held out, down to the noise floor.
+
+    Attributes
+    ----------
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`.
+    """
+
+    def __init__(self, steps: pd.DataFrame, noise_floor: float, unit: str, verdict: str):
+        self.steps = steps
+        self.noise_floor = noise_floor
+        self.unit = unit
+        self.verdict = verdict
+
+    @classmethod
+    def from_refinement(cls, refinement: RefinementLike) -> RefinementDisplay:
+        """From what `refine` did."""
+        last = refinement.diagnoses[-1]
+        return cls(refinement.steps, last.noise_floor, last.unit, last.verdict)
+
+    def frame(self) -> pd.DataFrame:
+        """Step, effect, rms (in sample), held_out_rms, db, verdict, noise_floor."""
+        return self.steps.assign(noise_floor=self.noise_floor)
+
+    def plot(self, ax: Any = None) -> RefinementDisplay:
+        """Draw in `ax`, or in a new figure."""
+        n = len(self.steps)
+        axes = axes_grid(ax, size=(max(5.0, 2.2 + 1.6 * n), 4.2))[0]
+        only = axes[0]
+        x = np.arange(n)
+        only.plot(x, self.steps["held_out_rms"], "o-", color=VERMILION, label="held out", zorder=3)
+        only.plot(x, self.steps["rms"], "s-", color=BLUE, ms=5, label="in sample", zorder=3)
+        only.axhline(self.noise_floor, color=GREY, ls="--", lw=1.2, label="noise floor")
+        values = np.array([*self.steps["held_out_rms"], *self.steps["rms"], self.noise_floor])
+        values = values[np.isfinite(values) & (values > 0)]
+        if len(values) and values.max() > WIDE * values.min():
+            only.set_yscale("log")
+            unit = f" [{self.unit}]" if self.unit else ""
+            only.set_ylabel(f"rms error{unit}")
+        else:
+            only.set_ylim(0.0, 1.15 * float(values.max(initial=0.0)) or 1.0)
+            label_values(only.yaxis, "rms error", self.unit)
+        names = ["given model", *(f"+ {effect}" for effect in self.steps["effect"][1:])]
+        names = [name.replace("+ without", "without").replace("+ parameters", "parameters") for name in names]
+        only.set_xticks(x, [textwrap.fill(name, 16) for name in names], fontsize=9)
+        only.set_xlim(-0.4, n - 0.6)
+        for i, step in enumerate(self.steps.itertuples()):
+            if i:
+                above = step.held_out_rms >= step.rms
+                only.annotate(
+                    f"{step.db:+.1f} dB", (i, step.held_out_rms), xytext=(0, 9 if above else -9),
+                    textcoords="offset points", ha="center", va="bottom" if above else "top", fontsize=8,
+                    color=VERMILION, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0}, zorder=5,
+                )  # fmt: skip
+        plain(only)
+        only.grid(False, axis="x")
+        legend_above(only)
+        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
+        return self

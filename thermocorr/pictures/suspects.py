@@ -1,0 +1,101 @@
+"""`SuspectsDisplay`: the effects under suspicion, ranked."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+import pandas as pd
+
+from .axes import BLUE, axes_grid, plain
+from .protocols import DiagnosisLike
+
+SHOWN = 8
+LONGEST_TEXT = 58
+"""Letters beside a bar; `frame` has everything."""
+LEAST_REACH = 0.5
+"""Gain [dB] that the axis shows at least, so that small gains look small."""
+PALE = "#B8C4CE"
+
+
+class SuspectsDisplay:
+    """Suspects ranked: gain on data not learned from, how sure that is, and what each cannot be told apart from.
+
+    Attributes
+    ----------
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`.
+    """
+
+    def __init__(self, ranking: pd.DataFrame, verdict: str, named: bool = False, level: float = 0.001):
+        self.ranking = ranking
+        self.verdict = verdict
+        self.named = named
+        self.level = level
+
+    @classmethod
+    def from_diagnosis(cls, diagnosis: DiagnosisLike) -> SuspectsDisplay:
+        """From what `diagnose` found."""
+        return cls(diagnosis.ranking, diagnosis.verdict, diagnosis.best is not None, diagnosis.level)
+
+    def frame(self) -> pd.DataFrame:
+        """Label, kind, column, gain_db, p_value, share and confusable_with of each suspect, the best first."""
+        columns = ["kind", "column", "gain_db", "p_value", "share", "confusable_with"]
+        if not len(self.ranking):
+            return pd.DataFrame(columns=["label", *columns])
+        frame = self.ranking[columns].copy()
+        frame.insert(0, "label", [_label(row.kind, row.column) for row in frame.itertuples()])
+        return frame
+
+    def plot(self, ax: Any = None) -> SuspectsDisplay:
+        """Draw in `ax`, or in a new figure."""
+        frame = self.frame().head(SHOWN)
+        axes = axes_grid(ax, size=(9.0, 1.3 + 0.42 * max(len(frame), 1)))[0]
+        only = axes[0]
+        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
+        title = f"Verdict: {self.verdict}" + (f" - {frame['label'].iloc[0]}" if self.named and len(frame) else "")
+        only.set_title(title, loc="left", fontsize=10)
+        if not len(frame):
+            only.text(0.5, 0.5, "No suspects.", ha="center", va="center", transform=only.transAxes)
+            only.set_axis_off()
+            return self
+        certain = (frame["p_value"] <= self.level) & (frame["gain_db"] > 0)
+        gains = frame["gain_db"].clip(lower=0.0)
+        only.barh(range(len(frame)), gains, color=[BLUE if sure else PALE for sure in certain], height=0.62)
+        reach = max(float(gains.max()), LEAST_REACH)
+        for row, suspect in enumerate(frame.itertuples()):
+            text = f"{_probability(suspect.p_value)}, explains {suspect.share:.0%}"
+            if suspect.gain_db <= 0:
+                text += ", no gain"
+            if len(suspect.confusable_with):
+                others = ", ".join(_words(name) for name in suspect.confusable_with)
+                text += "\n" + textwrap.shorten(f"not to be told from {others}", LONGEST_TEXT, placeholder=" ...")
+            only.text(
+                float(gains.iloc[row]) + 0.015 * reach, row, text, va="center", fontsize=8, linespacing=1.1,
+                color="0.1" if certain.iloc[row] else "0.4",
+            )  # fmt: skip
+        only.set_yticks(range(len(frame)), frame["label"])
+        if self.named:
+            only.get_yticklabels()[0].set_fontweight("bold")
+        only.invert_yaxis()
+        only.set_xlim(0, 1.9 * reach)
+        plain(only)
+        only.grid(False, axis="y")
+        only.set_xlabel(
+            f"gain on data not learned from [dB]; grey: no gain, or chance would do as well (p > {self.level:g})"
+        )
+        return self
+
+
+def _label(kind: str, column: Any) -> str:
+    return kind.replace("_", " ") + ("" if column is None or pd.isna(column) else f": {column}")
+
+
+def _words(name: str) -> str:
+    """``lagged_covariate:humidity`` as a label."""
+    kind, _, column = name.partition(":")
+    return _label(kind, column or None)
+
+
+def _probability(p: float) -> str:
+    return f"p = {p:.2g}" if p > 1e-12 else "p < 1e-12"

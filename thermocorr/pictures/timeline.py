@@ -1,0 +1,168 @@
+"""Where a record's times stand on the axis of a picture, from milliseconds to years."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..records import Record
+from ..records.read import is_frame
+
+SECONDS_OF = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "days": 86_400.0, "years": 365.25 * 86_400.0}
+LARGEST = {"ms": 1.0, "s": 150.0, "min": 9000.0, "h": 4 * 86_400.0, "days": 3 * 365.25 * 86_400.0, "years": np.inf}
+"""Longest span that is written in each unit [s]."""
+EMPTY = 0.5
+"""Share of the span without rows beyond which long gaps are left out of the axis."""
+LONG_GAP = 0.05
+"""Gaps longer than this share of the recorded time are then cut to a fifth of it."""
+
+
+@dataclass(frozen=True)
+class TimeLine:
+    """Times of a record's segments, and their places on an axis.
+
+    Seconds count from the first row. Places are seconds too: those of the times, unless runs overlap or the record is
+    mostly gaps; then segments stand one after the other.
+    """
+
+    kind: str
+    first: float
+    """Stamp of the first row: nanoseconds for dates."""
+    zone: Any
+    """Time zone of the dates, or None."""
+    samples: bool
+    """Whether rows have no times at all, so that only their number is known."""
+    shifts: np.ndarray
+    """Place less seconds of each segment [s]."""
+    starts: np.ndarray
+    """Place of the start of each segment [s]."""
+    runs: tuple[object, ...]
+    span: float
+    """Length of the axis [s]."""
+    usual_step: float
+    in_order: bool
+    """Whether places are the times themselves."""
+    overlapping: bool
+    """Whether a segment begins before the one before has ended, so that a time has several places."""
+
+    @classmethod
+    def of(cls, record: Record, zone: Any = None, samples: bool = False) -> TimeLine:
+        """Lay out the segments of a record."""
+        times, zero = record.times, record.first_stamp()
+        start = np.array([times.between(record.stamp(s.start), zero) for s in record.segments])
+        stop = np.array([times.between(record.stamp(s.stop - 1), zero) for s in record.segments])
+        recorded, places = float(np.sum(stop - start)), start
+        gaps = start[1:] - stop[:-1]
+        if (gaps <= 0).any():
+            places = np.concatenate(([0.0], np.cumsum(stop[:-1] - start[:-1] + _small(recorded))))
+        elif gaps.sum() > EMPTY * (stop[-1] - start[0]):
+            gaps = np.where(gaps > LONG_GAP * recorded, _small(recorded), gaps)
+            places = np.concatenate(([0.0], np.cumsum(stop[:-1] - start[:-1] + gaps)))
+        return cls(
+            times.kind,
+            zero,
+            zone,
+            samples,
+            places - start,
+            places,
+            tuple(segment.run for segment in record.segments),
+            float(np.max(places + stop - start)),
+            record.usual_step(),
+            places is start,
+            bool((stop[:-1] >= start[1:]).any()),
+        )
+
+    @property
+    def dates(self) -> bool:
+        """Whether the record has dates."""
+        return self.kind.startswith("datetime")
+
+    def times(self, seconds: np.ndarray) -> Any:
+        """Dates where the record has them, else seconds since the first row [s], or numbers of rows."""
+        if not self.dates:
+            return seconds
+        nanoseconds = int(self.first) + np.round(np.asarray(seconds) * 1e9).astype("i8")
+        stamps = pd.DatetimeIndex(nanoseconds.view("M8[ns]"))
+        return stamps if self.zone is None else stamps.tz_localize("UTC").tz_convert(self.zone)
+
+    def seconds_of(self, stamp: pd.Timestamp) -> float:
+        """Seconds from the first row to a date, which is UTC where the record has a time zone [s]."""
+        return float((stamp.value - int(self.first)) / 1e9)
+
+    def on_axis(self, places: np.ndarray) -> np.ndarray:
+        """What matplotlib draws places at: days for dates, else the unit of the axis."""
+        if self._shows_dates:
+            from matplotlib import dates
+
+            first = dates.date2num(np.datetime64(int(self.first), "ns"))
+            return np.asarray(first + np.asarray(places) / 86_400.0)
+        return np.asarray(places) / (1.0 if self.samples else SECONDS_OF[elapsed_unit(self.span)])
+
+    @property
+    def _shows_dates(self) -> bool:
+        return self.dates and self.in_order
+
+    def label(self) -> str:
+        """Label of the axis."""
+        if self._shows_dates:
+            return "time" if self.zone is None else f"time ({self.zone})"
+        if self.samples:
+            return "sample"
+        what = "time" if self.in_order else "recorded time, long gaps left out"
+        if self.overlapping:
+            what = "recorded time, runs one after the other"
+        return f"{what} [{elapsed_unit(self.span)}]"
+
+    def dress(self, axis: Any) -> None:
+        """Give an axis of matplotlib its ticks; its label is left to the caller."""
+        if self._shows_dates:
+            from matplotlib import dates
+
+            locator = dates.AutoDateLocator(tz=self.zone, minticks=3, maxticks=8)
+            axis.set_major_locator(locator)
+            ticks = ["%Y", "%b %Y", "%d %b", "%H:%M", "%H:%M", "%S.%f"]
+            # the date stands beside the axis only where the ticks are times of day
+            beside = ["", "", "%Y", "%d %b %Y", "%d %b %Y", "%d %b %Y %H:%M"]
+            zeros = ["", "%Y", "%d %b", "%d %b", "%H:%M", "%H:%M"]
+            axis.set_major_formatter(
+                dates.ConciseDateFormatter(
+                    locator, tz=self.zone, formats=ticks, offset_formats=beside, zero_formats=zeros
+                )
+            )
+
+    def joints(self, most: int = 12) -> list[tuple[float, str]]:
+        """Where segments begin, all but the first, and the names of their runs; none where there are too many."""
+        if not 1 < len(self.starts) <= most:
+            return []
+        return [
+            (float(place), "" if run is None or run == before else str(run))
+            for place, run, before in zip(self.starts[1:], self.runs[1:], self.runs[:-1], strict=True)
+        ]
+
+
+def _small(recorded: float) -> float:
+    """What stands for a long gap on the axis [s]."""
+    return LONG_GAP * recorded / 5
+
+
+def elapsed_unit(span: float) -> str:
+    """The unit in which a span of time [s] is written."""
+    return next(unit for unit, limit in LARGEST.items() if span <= limit)
+
+
+def time_text(seconds: float) -> str:
+    """A time span as a person writes it: 45 s, 2.5 min, 3 h, 1.2 d."""
+    for unit, size, least in (("y", 365.25 * 86_400, 1.0), ("d", 86_400, 1.0), ("h", 3600, 1.0), ("min", 60, 1.0)):
+        if seconds >= least * size * (1 - 1e-9):
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.3g} s" if seconds >= 1 - 1e-9 else f"{seconds * 1e3:.3g} ms"
+
+
+def zone_of(X: Any, time: Any) -> Any:
+    """Time zone of the data's dates, or None."""
+    if time is not None and is_frame(X):
+        return getattr(getattr(X[time], "dtype", None), "tz", None)
+    return getattr(getattr(X, "index", None), "tz", None)

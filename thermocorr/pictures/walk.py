@@ -1,0 +1,91 @@
+"""A fitted model walked over a record, in the form that displays need: bounded memory for any length."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..effects.thermal import column_text
+from ..estimators.regressor import DynamicBiasRegressor
+from ..estimators.tables import distinct
+from ..estimators.time_constant_search import TimeConstantSearch
+from ..records import Block, Record
+from ..records.read import numeric_reading
+from .timeline import TimeLine, zone_of
+
+
+class Part(NamedTuple):
+    """Rows of one segment, in time order."""
+
+    segment: int
+    seconds: np.ndarray
+    """Since the first row of the record [s]."""
+    temperature: np.ndarray
+    measured: np.ndarray
+    """NaN where no readings are given."""
+    contributions: np.ndarray
+    """Shape (n, number of effects)."""
+
+
+class Walk:
+    """A model on a record: its time line, and its rows block by block.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor, or a fitted search with a ``best_estimator_``
+    X, y : as for `DynamicBiasRegressor.evaluate_blocks`; y may be left out
+    """
+
+    def __init__(self, model: Any, X: Any, y: Any = None):
+        self.model = regressor_of(model)
+        self._reading = None if y is None else numeric_reading(y, X)
+        self._blocks = self.model._walk_contributions(X)
+        self._first = next(self._blocks)  # a record has at least one block
+        self.record: Record = self._first[0].record
+        layout = self.model.features_._layout()
+        samples = self.record.times.kind == "rows" and layout.sampling_period is None
+        self.timeline = TimeLine.of(self.record, zone_of(X, layout.time), samples)
+        self._shift = self.record.times.between(self.record.first_stamp(), self._first[0].zero)
+
+    @property
+    def n_rows(self) -> int:
+        """Rows inside segments."""
+        return self.record.n_used
+
+    @property
+    def temperature_name(self) -> str:
+        """Name of the temperature, as in the user's data."""
+        return column_text(self.record.temperature_name)
+
+    def labels(self) -> list[str]:
+        """Names of the effects."""
+        return distinct([effect.label() for effect in self.model.features_.effect_list()])
+
+    def removed(self) -> np.ndarray:
+        """Which effects `correct` removes."""
+        return np.array([effect.removed_by_correct for effect in self.model.features_.effect_list()])
+
+    def parts(self) -> Iterator[Part]:
+        """Walk; once."""
+        for block, contributions in chain([self._first], self._blocks):
+            yield self._part(block, contributions)
+
+    def _part(self, block: Block, contributions: np.ndarray) -> Part:
+        measured = (
+            np.full(len(block), np.nan) if self._reading is None else np.asarray(self._reading[block.rows], float)
+        )
+        return Part(block.segment, block.seconds - self._shift, block.temperature, measured, contributions)
+
+
+def regressor_of(model: Any) -> DynamicBiasRegressor:
+    """The fitted `DynamicBiasRegressor`, also of a search."""
+    found = getattr(model, "best_estimator_", model)
+    if isinstance(found, TimeConstantSearch):
+        raise TypeError("The search has no fitted model. Fit it first, with refit=True.")
+    if not isinstance(found, DynamicBiasRegressor):
+        raise TypeError(f"A fitted DynamicBiasRegressor is needed, or a search with one. Got {type(found).__name__}.")
+    found.features_  # noqa: B018 - raises NotFittedError where nothing is fitted
+    return found
