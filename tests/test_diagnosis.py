@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,7 +11,8 @@ from sklearn.preprocessing import SplineTransformer
 
 from thermocorr import DynamicBiasRegressor, RecordError, diagnose, refine
 from thermocorr.datasets import load_voltage_reference, make_record
-from thermocorr.effects import Effect, Hysteresis
+from thermocorr.effects import Covariate, Effect, Hysteresis
+from thermocorr.effects.protocol import EffectInfo
 from thermocorr.effects.wrap import TransformerEffect
 from thermocorr.judgement.blocks import averaged
 from thermocorr.judgement.noise import noise_model
@@ -104,11 +107,9 @@ def test_the_place_of_a_hinge_is_found():
     record = make_record(N, effects={"hinge": 2.0}, seed=64)
     X, y = record.drop(columns="reading"), record["reading"]
     where = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y).where
-    assert where.columns.tolist() == ["condition", "interval", "n", "rms", "share", "lift"]
-    assert {"time", "temperature", "hour of day (UTC)", "rate [K/h]", "humidity", "frequency"} <= set(
-        where["condition"]
-    )
-    parts = where[where["condition"] == "temperature"]
+    assert {"time", "temperature", "hour", "rate", "column", "frequency"} <= set(where["aspect"])
+    assert "humidity" in set(where["column"]) and (where["low"] <= where["high"]).all()
+    parts = where[where["aspect"] == "temperature"]
     assert parts["share"].sum() == pytest.approx(1.0, abs=1e-6)
     assert parts["n"].sum() == N
 
@@ -255,3 +256,37 @@ def test_noise_model_finds_the_coefficient_of_autoregressive_noise():
     white = model.whitened(noise[:, None], np.zeros(len(noise)))[:, 0]
     assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.02
     assert noise_model(shocks, np.zeros(len(shocks))).colour == 1.0
+
+
+class Fan(Covariate):
+    """A user's own kind."""
+
+    kind = "fan"
+    info = EffectInfo("A fan blows.", "Stop the fan.", "its speed")
+
+
+def test_a_suspect_is_one_object_everywhere():
+    """On the printed page, in HTML and in the table; columns may be called as other aspects are."""
+    record, truth = make_record(N, effects={"covariate": 2.0}, seed=70, return_truth=True)
+    guilty = next(iter(truth.attrs["effects"].values()))["parameters"]["column"]
+    innocent = next(name for name in ("pressure", "supply", "humidity") if name != guilty)
+    X = record.drop(columns="reading").rename(columns={guilty: "time", innocent: "frequency"})
+    y = record["reading"]
+    model = DynamicBiasRegressor("temperature").fit(X, y)
+    found = diagnose(model, X, y, suspects=[Fan("time")], exclude=["covariate", "lagged_covariate"])
+    assert found.best.kind == "fan" and found.suspects[0].effect.info.bench_check == "Stop the fan."
+    assert found.ranking["label"][0] == "fan: time" == found.best.label()
+    html = found.to_html()
+    assert "Stop the fan." in str(found) and "Stop the fan." in html and "A fan blows." in html
+    columns = found.where[found.where["aspect"] == "column"]
+    assert {"time", "frequency"} <= set(columns["column"]) and columns["high"].max() < 1e5
+
+
+def test_a_pickled_diagnosis_is_small():
+    found = diagnose(*hidden({"hysteresis": 2.0}, 62))
+    assert found.data is not None
+    content = pickle.dumps(found)
+    copy = pickle.loads(content)
+    assert len(content) < 100_000 and str(copy) == str(found)
+    with pytest.raises(ValueError, match="holds no data"):
+        copy.to_html()

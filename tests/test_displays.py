@@ -31,7 +31,6 @@ from thermocorr import (
 from thermocorr.datasets import make_record
 from thermocorr.effects import Delay, Drift
 from thermocorr.equations import allan_deviation, moving_average
-from thermocorr.pictures.intervals import ends, short_ends
 from thermocorr.pictures.timeline import elapsed_unit, time_text
 
 N = 6000
@@ -189,7 +188,7 @@ def test_failing_stretches_are_those_of_the_diagnosis(fitted, found):
     model, X, y = fitted
     display = ResidualsDisplay.from_estimator(model, X, y, found)
     where = found.where
-    worst = where[(where["condition"] == "time") & (where["lift"] > 1.5)]
+    worst = where[(where["aspect"] == "time") & (where["lift"] > 1.5)]
     inside = np.zeros(N, bool)
     for low, high in display.failing:
         seconds = (X.index - X.index[0]).total_seconds()
@@ -332,25 +331,25 @@ def test_where_and_suspects_show_the_diagnosis(fitted, found):
     _, X, _ = fitted
     where = WhereDisplay.from_diagnosis(found, X)
     frame = where.frame()
-    pd.testing.assert_frame_equal(frame.drop(columns=["low", "high"]), found.where)
-    assert (frame["low"] <= frame["high"]).all()  # so every interval has been read
-    times = frame[frame["condition"] == "time"]
+    pd.testing.assert_frame_equal(frame.drop(columns=["condition"]), found.where)
+    assert (frame["low"] <= frame["high"]).all()
+    times = frame[frame["aspect"] == "time"]
     first = pd.Timestamp(times["low"].min(), unit="s")
     assert pd.Timedelta(0) <= first - X.index[0] < pd.Timedelta("5min")  # the middle of a short average
     ticks = [tick.get_text() for tick in where.plot().ax_.get_yticklabels()]
     assert "temperature [degC]" in ticks and "humidity [%]" in ticks and ticks[-1] == "period"
     suspects = SuspectsDisplay.from_diagnosis(found)
-    assert suspects.frame()["label"].iloc[0] == "hysteresis"
+    assert suspects.frame()["label"].iloc[0] == found.best.label()
     assert suspects.frame()["gain_db"].tolist() == found.ranking["gain_db"].tolist()
     suspects.plot()
-    assert suspects.ax_.get_title(loc="left") == "Verdict: missing - hysteresis"
+    assert suspects.ax_.get_title(loc="left") == f"Verdict: missing - {found.best.label()}"
     assert "[dB]" in suspects.ax_.get_xlabel()
     figure = found.plot(X)
     figure.canvas.draw()
 
 
 def test_nothing_to_show_is_said():
-    empty = pd.DataFrame(columns=["condition", "interval", "n", "rms", "share", "lift"])
+    empty = pd.DataFrame(columns=["aspect", "column", "time_constant", "low", "high", "unit", "share", "lift"])
     display = WhereDisplay(empty).plot()
     assert display.ax_.texts[0].get_text() == "No error beyond the noise."
     assert SuspectsDisplay(pd.DataFrame(), "nothing missing").plot().ax_.texts[0].get_text() == "No suspects."
@@ -462,14 +461,3 @@ def test_spans_are_written_as_a_person_does():
     assert [time_text(t) for t in (0.002, 1.0, 90.0, 3600.0, 86_400.0, 3.2e7)] == [
         "2 ms", "1 s", "1.5 min", "1 h", "1 d", "1.01 y"
     ]  # fmt: skip
-
-
-def test_intervals_of_the_diagnosis_are_read_as_numbers():
-    """Every form that `where_it_fails` writes."""
-    assert ends("-3.2 to 4.5e-05") == (-3.2, 4.5e-05)
-    assert ends("0 to 2 h") == (0.0, 2.0)
-    assert ends("periods of 31.2 to 125 s") == (31.2, 125.0)
-    assert ends("120 s to 1.2e+05 s") == (120.0, 120_000.0)
-    assert ends("2024-03-04 00:01:30 to 2024-03-05 12:00:00") == (1709510490.0, 1709640000.0)
-    assert short_ends("periods of 60 to 7200 s", 1.0) == ("1 min", "2 h")
-    assert short_ends("2024-03-04 00:01:30 to 2024-03-05 12:00:00", 1e9) == ("04 Mar 2024", "05 Mar 2024")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from thermocorr.pages.html import number, plain, script_data, table, text
-from thermocorr.pages.sections import interval_text
 from thermocorr.pages.traces import Cells
+from thermocorr.pictures.words import aspect_text, ends_text, interval_text, place_text
 
 # ---- thinning out
 
@@ -85,18 +87,31 @@ def test_numbers_are_written_as_a_person_writes_them(value, shown):
 
 
 @pytest.mark.parametrize(
-    ("interval", "shown"),
+    ("aspect", "low", "high", "unit", "shown"),
     [
-        ("2018-02-14 19:10:19 to 2018-02-14 20:45:19", "2018-02-14 19:10:19 to 20:45:19"),
-        ("2024-03-17 20:42:08 to 2024-03-18 13:57:22", "2024-03-17 20:42:08 to 2024-03-18 13:57:22"),
-        ("-0.26 to -0.08", "\u22120.26 to \u22120.08"),
-        ("7200 s to 10800 s", "2 h to 3 h"),
-        ("periods of 7.2e+03 to 2.88e+04 s", "periods of 2 h to 8 h"),
-        ("18 to 20 h", "18 to 20 h"),
+        ("time", "2018-02-14 19:10:19", "2018-02-14 20:45:19", "date", "2018-02-14 19:10:19 to 20:45:19"),
+        ("time", "2024-03-17 20:42:08", "2024-03-18 13:57:22", "date", "2024-03-17 20:42:08 to 2024-03-18 13:57:22"),
+        ("lag difference", -0.26, -0.08, "K", "\u22120.26 to \u22120.08"),
+        ("time", 7200.0, 10800.0, "s", "2 h to 3 h"),
+        ("frequency", 7.2e3, 2.88e4, "s", "periods of 2 h to 8 h"),
+        ("hour", 18.0, 20.0, "h", "18 to 20 h"),
     ],
 )
-def test_places_are_written_as_a_person_writes_them(interval, shown):
-    assert interval_text(interval) == shown
+def test_places_are_written_as_a_person_writes_them(aspect, low, high, unit, shown):
+    if unit == "date":
+        low, high = (pd.Timestamp(text).timestamp() for text in (low, high))
+    row = SimpleNamespace(aspect=aspect, column=None, time_constant=36_000.0, low=low, high=high, unit=unit)
+    assert interval_text(row) == shown
+    assert shown in place_text(row)
+    if unit == "date":
+        assert ends_text(row, 1e9)[0].endswith(shown[:4])
+    if aspect == "lag difference":
+        assert aspect_text(row) == "lag difference, 10 h [K]"
+
+
+def test_columns_with_the_names_of_other_aspects_stay_columns():
+    row = SimpleNamespace(aspect="column", column="time", time_constant=None, low=1.0, high=2.0, unit="")
+    assert place_text(row) == "where time is 1 to 2"
 
 
 def test_names_are_made_harmless_in_text_and_in_data():

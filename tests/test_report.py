@@ -128,7 +128,7 @@ def test_a_record_of_many_segments_does_not_swell_the_page(gappy):
 
 
 def test_a_diagnosis_without_data_says_so(gappy):
-    bare = replace(gappy[3], data=None)
+    bare = replace(gappy[3], gather=None)
     with pytest.raises(ValueError, match="holds no data"):
         bare.to_html()
     assert "hysteresis" in bare._repr_html_()

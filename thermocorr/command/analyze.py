@@ -15,6 +15,7 @@ from ..estimators import DynamicBiasRegressor, compare_variants
 from ..files import Outputs
 from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..pages.report import report_text
+from ..pictures.words import aspect_text, interval_text
 from ..records import RecordError, RecordWarning
 from ..records.files import TIME_NAMES, read_table, require_column
 from .outputs import write_corrected, write_model
@@ -170,8 +171,10 @@ def places(found: Diagnosis) -> str:
     """The five worst places of a diagnosis as text."""
     if not len(found.where):
         return "No place where it fails more than elsewhere."
-    frame = found.where.head(5).assign(share=found.where["share"].map("{:.0%}".format))
-    return frame.drop(columns="lift").to_string(index=False, float_format=lambda value: f"{value:.3g}")
+    worst = found.where.head(5)
+    rows = [(aspect_text(row), interval_text(row), row.n, row.rms, f"{row.share:.0%}") for row in worst.itertuples()]
+    frame = pd.DataFrame(rows, columns=["fails most in", "range", "n", "rms", "share"])
+    return frame.to_string(index=False, float_format=lambda value: f"{value:.3g}")
 
 
 def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasRegressor, str]:

@@ -1,6 +1,7 @@
 """Floor 6: judgement: what is missing in a model, where it fails, its refinement."""
 
-from .diagnosis import Diagnosis, diagnose
+from .diagnosis import diagnose
+from .found import Diagnosis, FoundSuspect
 from .refinement import Refinement, refine
 
-__all__ = ["Diagnosis", "Refinement", "diagnose", "refine"]
+__all__ = ["Diagnosis", "FoundSuspect", "Refinement", "diagnose", "refine"]

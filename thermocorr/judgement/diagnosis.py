@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,9 +13,9 @@ from ..effects import CATALOGUE
 from ..effects.protocol import Effect
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
-from ..pages import DiagnosisPage, PageData
-from ..records.text import printable
+from ..pages import PageData
 from .candidates import as_fitted, further_candidates, given_effects, suspect_record
+from .found import Diagnosis, FoundSuspect
 from .helping import helping
 from .lagging import Lagging, thermal_parts
 from .trial import FAIR_SHARE, LEVEL, MOST_CAUSES, TIE, Suspect, Trial, tied
@@ -27,72 +25,8 @@ COLOURED = 1.05
 """Variance over innovation variance of the saturated model's residual, above which structure is left."""
 SIMPLER = 1.5
 """Score by which, of suspects that cannot be told apart, one with a parameter less stands before the other."""
-WIDTH = 110
-"""Characters in a line of a printed diagnosis."""
 CLEAR_SHARE = 0.8
 """Share beyond which the number of further causes does not matter."""
-
-
-@dataclass(frozen=True, repr=False)
-class Diagnosis(DiagnosisPage):
-    """What `diagnose` found. Prints as a page."""
-
-    verdict: str
-    """ "nothing missing", "missing", "ambiguous" or "unexplained"."""
-    noise_floor: float
-    """Standard deviation of one sample that no effect can explain, in the unit of y."""
-    explainable: float
-    """Share of the residual variance that something could still explain."""
-    where: pd.DataFrame
-    """Conditions under which the model fails, worst first, see `thermocorr.judgement.where`."""
-    allan: pd.DataFrame
-    """Allan deviation of the residual against white noise, see `thermocorr.judgement.where.against_white`."""
-    ranking: pd.DataFrame
-    """Suspects, best first: kind, column, parameters, gain_db (held out), p_value (of the whole family), share (of the
-    structured variance), confusable_with, sentence."""
-    best: Effect | None
-    """The first suspect, ready for ``model.with_effect``; None where the verdict names nobody."""
-    residual_rms: float
-    """Of the model on these data, in the unit of y."""
-    colour: float
-    """Variance over innovation variance of what all suspects together leave: 1 for white noise."""
-    unit: str
-    level: float = LEVEL
-    """Error probability of the whole family of suspects, below which one is named."""
-    data: PageData | None = field(default=None, repr=False, compare=False)
-    """Series, formula and coefficients of the model on the record, for the page."""
-
-    def __str__(self) -> str:
-        lines = [
-            f"Verdict: {self.verdict}",
-            f"Residual {self.residual_rms:.4g} {self.unit}, noise floor {self.noise_floor:.4g} {self.unit}: "
-            f"{self.explainable:.0%} of the residual variance could still be explained.",
-        ]
-        if len(self.where) and self.verdict != "nothing missing":
-            worst = self.where.iloc[0]
-            lines.append(
-                f"Where it fails most: {worst.condition} {worst.interval}: {worst.share:.0%} of the error beyond the "
-                f"noise in {worst.share / worst.lift:.0%} of the samples."
-            )
-        if self.verdict == "unexplained":
-            lines.append("There is structure in the residual that no known effect explains by itself.")
-        for number, row in enumerate(self.ranking.head(3).itertuples(), 1):
-            lines.append(f"Suspect {number}, {row.sentence}")
-        if self.best is not None and self.best.info is not None:
-            lines.append(f"To confirm the first on the bench: {self.best.info.bench_check}")
-            lines.append("To add it: better = model.with_effect(diagnosis.best).fit(X, y), or refine(model, X, y).")
-        return "\n".join(textwrap.fill(printable(line), WIDTH, subsequent_indent="    ") for line in lines)
-
-    __repr__ = __str__
-
-    def plot(self, X: Any = None) -> Any:
-        """Draw the suspects, and where the model fails; returns the figure (extra "plot").
-
-        `X`, the record, tells the units of its columns.
-        """
-        from ..pictures import plot_diagnosis
-
-        return plot_diagnosis(self, X)
 
 
 def diagnose(
@@ -190,17 +124,17 @@ def _conclude(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, lagging
     ranked = [*best, *(other for other in (*suspects, *lags) if other.key not in named)]
     beside = dict.fromkeys(ranked[0].effect.inputs() if ranked else ())
     return Diagnosis(
-        verdict,
-        floor,
-        float(np.clip(1 - floor**2 / rms**2, 0.0, 1.0)) if rms > 0 else 0.0,
-        _where(model, trial, residual),
-        against_white(trial.record, residual, floor),
-        pd.DataFrame([_row(suspect, ranked) for suspect in ranked]).astype({"column": object}),
-        clone(best[0].effect) if best else None,
-        rms,
-        trial.evidence.noise.colour,
-        model.reading_.unit,
-        data=PageData.of(model, seen, y, beside=tuple(name for name in beside if name in seen)),
+        verdict=verdict,
+        noise_floor=floor,
+        explainable=float(np.clip(1 - floor**2 / rms**2, 0.0, 1.0)) if rms > 0 else 0.0,
+        where=_where(model, trial, residual),
+        allan=against_white(trial.record, residual, floor),
+        suspects=tuple(_found(suspect, ranked) for suspect in ranked),
+        best=clone(best[0].effect) if best else None,
+        residual_rms=rms,
+        colour=trial.evidence.noise.colour,
+        unit=model.reading_.unit,
+        gather=lambda: PageData.of(model, seen, y, beside=tuple(name for name in beside if name in seen)),
     )
 
 
@@ -227,25 +161,14 @@ def _where(model: DynamicBiasRegressor, trial: Trial, residual: np.ndarray) -> p
     return where_it_fails(trial.record, residual, trial.floor, lag, recorded)
 
 
-def _row(suspect: Suspect, ranked: Sequence[Suspect]) -> dict[str, Any]:
+def _found(suspect: Suspect, ranked: Sequence[Suspect]) -> FoundSuspect:
     others = [other for other in ranked if other is not suspect and abs(other.score - suspect.score) < 2 * TIE]
-    confusable: tuple[str, ...] = ()
-    if suspect.p_value <= LEVEL:
-        confusable = tuple(other.label for other in others if tied(suspect, other))[:3]
-    tie = f"; cannot be told apart from {', '.join(confusable)}" if confusable else ""
-    probability = f"{suspect.p_value:.2g}" if suspect.p_value > 1e-12 else "below 1e-12"
-    sentence = (
-        f"{suspect.effect.label()}: explains {suspect.share:.0%} of the structured variance, held-out gain "
-        f"{suspect.gain_db:.2f} dB, error probability {probability}{tie}. "
-        f"{suspect.effect.info.physics if suspect.effect.info is not None else ''}"
+    p = suspect.p_value
+    alike = [clone(other.effect) for other in others if p <= LEVEL and tied(suspect, other)]
+    return FoundSuspect(
+        effect=clone(suspect.effect),
+        share=suspect.share,
+        gain_db=suspect.gain_db,
+        p_value=p,
+        confusable_with=tuple(alike[:3]),
     )
-    return {
-        "kind": suspect.effect.kind,
-        "column": suspect.key[1],
-        "parameters": suspect.effect.get_params(deep=False),
-        "gain_db": suspect.gain_db,
-        "p_value": suspect.p_value,
-        "share": suspect.share,
-        "confusable_with": confusable,
-        "sentence": sentence.strip(),
-    }

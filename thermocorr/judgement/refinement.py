@@ -16,7 +16,8 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..pages import RefinementPage
 from ..records.text import printable
 from .adding import held_out_rms, with_missing
-from .diagnosis import Diagnosis, diagnose
+from .diagnosis import diagnose
+from .found import Diagnosis
 
 HELPS = 0.9995
 """Held-out error of a model with an effect more, over that before, above which the effect is not kept."""

@@ -26,7 +26,7 @@ RECORDED = 0.8
 CHANCE = 3.0
 """Error beyond the noise, in standard deviations of the noise's own, below which there is no place to show."""
 ALLAN_COLUMNS = ["averaging_time", "deviation", "low", "high", "white", "excess"]
-COLUMNS = ["condition", "interval", "n", "rms", "share", "lift"]
+COLUMNS = ["aspect", "column", "time_constant", "low", "high", "unit", "n", "rms", "share", "lift"]
 
 
 def where_it_fails(
@@ -48,12 +48,18 @@ def where_it_fails(
 
     Returns
     -------
-    DataFrame with columns condition, interval, n (samples), rms (of short averages), share (of the error beyond the
-    noise), lift (share over the share of samples); worst first: by how much more than its part of the record each row
-    has, in standard deviations. Empty where the error is not clearly beyond the noise.
+    DataFrame, one place a row, worst first: by how much more than its part of the record it has, in standard
+    deviations. Empty where the error is not clearly beyond the noise. Columns: aspect ("time", "temperature", "rate",
+    "lag difference", "hour", "column" or "frequency"), column (its name, where a recorded one is the aspect),
+    time_constant [s] (of the lag difference), low, high and unit ("date": seconds since 1970; for frequencies the
+    periods [s]), n (samples), rms (of short averages), share (of the error beyond the noise), lift (share over the
+    share of samples).
     """
     effects: list[Effect] = [Rate(), *([] if lag is None else [ThermalLag([lag])]), *(Covariate(c) for c in recorded)]
-    names = ["rate [K/h]", *([] if lag is None else [f"lag difference, {lag:.3g} s [K]"]), *map(str, recorded)]
+    aspects: list[dict[str, Any]] = [{"aspect": "rate", "unit": "K/h"}]
+    aspects += [] if lag is None else [{"aspect": "lag difference", "time_constant": lag, "unit": "K"}]
+    aspects += [{"aspect": "column", "column": name} for name in recorded]
+    aspects.append({"aspect": "temperature"})
     for effect in effects:
         effect.learn(record)
     data = averaged(replace(record, reading=residual), [*effects, _Temperature()], one=np.ones(1))
@@ -67,15 +73,15 @@ def where_it_fails(
     if total <= CHANCE * floor**2 * np.sqrt(2 * len(excess)):
         return pd.DataFrame(columns=COLUMNS)
     rows = [
-        _row(data, excess, total, condition, interval, inside)
-        for condition, interval, inside in _bins(record, data, [*names, "temperature"], values)
+        {**place, **_figures(data, excess, total, inside)}
+        for place, inside in _bins(record, data, aspects, values)
         if inside.sum() >= 3
     ]
-    weights = {**dict.fromkeys(map(str, recorded), RECORDED), "time": TIME}
     for row in rows:
-        row["concentration"] *= weights.get(row["condition"], 1.0)
+        row["concentration"] *= {"column": RECORDED, "time": TIME}.get(row["aspect"], 1.0)
     rows += _frequencies(data, floor)
-    frame = pd.DataFrame(rows)
+    frame = pd.DataFrame(rows, columns=[*COLUMNS, "concentration"])
+    frame["unit"] = frame["unit"].fillna("")
     return frame.sort_values("concentration", ascending=False, ignore_index=True)[COLUMNS]
 
 
@@ -107,37 +113,34 @@ class _Temperature(Effect):
 
 
 def _bins(
-    record: Record, data: Averages, names: list[str], values: list[np.ndarray]
-) -> Iterator[tuple[str, str, np.ndarray]]:
-    """Condition, interval in words, and the stretches inside."""
+    record: Record, data: Averages, aspects: list[dict[str, Any]], values: list[np.ndarray]
+) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
+    """Places, and the averages inside."""
     n = len(data.reading)
     place = np.arange(n) * TIME_BINS // n
+    dates = record.times.kind.startswith("datetime")
+    zero, unit = (record.first_stamp() / 1e9, "date") if dates else (0.0, "s")
     for i in range(TIME_BINS):
         inside = place == i
         if inside.any():
-            first, last = data.seconds[inside][[0, -1]]
-            yield "time", f"{_when(record, first)} to {_when(record, last)}", inside
-    for name, column in zip(names, values, strict=True):
+            first, last = zero + data.seconds[inside][[0, -1]]
+            yield {"aspect": "time", "low": first, "high": last, "unit": unit}, inside
+    for aspect, column in zip(aspects, values, strict=True):
         edges = np.unique(np.quantile(column, np.linspace(0, 1, VALUE_BINS + 1)))
         for low, high in pairwise(edges):
             inside = (column >= low) & ((column < high) | (high == edges[-1]))
-            yield name, f"{low:.4g} to {high:.4g}", inside
-    if record.times.kind.startswith("datetime"):
-        hour = ((record.first_stamp() / 1e9 + data.seconds) % 86_400) / 3600
+            yield {**aspect, "low": low, "high": high}, inside
+    if dates:
+        hour = ((zero + data.seconds) % 86_400) / 3600
         for i in range(HOUR_BINS):
-            low = 24 * i // HOUR_BINS
-            high = 24 * (i + 1) // HOUR_BINS
-            yield "hour of day (UTC)", f"{low} to {high} h", (hour >= low) & (hour < high)
+            low, high = 24.0 * i / HOUR_BINS, 24.0 * (i + 1) / HOUR_BINS
+            yield {"aspect": "hour", "low": low, "high": high, "unit": "h"}, (hour >= low) & (hour < high)
 
 
-def _row(
-    data: Averages, excess: np.ndarray, total: float, condition: str, interval: str, inside: np.ndarray
-) -> dict[str, Any]:
+def _figures(data: Averages, excess: np.ndarray, total: float, inside: np.ndarray) -> dict[str, Any]:
     weight = float(data.counts[inside].sum() / data.counts.sum())
     share = float(np.sum((excess * data.counts)[inside]) / total)
     return {
-        "condition": condition,
-        "interval": interval,
         "n": int(data.counts[inside].sum()),
         "rms": float(np.sqrt(np.mean(data.reading[inside] ** 2))),
         "share": share,
@@ -164,8 +167,10 @@ def _frequencies(data: Averages, floor: float) -> list[dict[str, Any]]:
         share = float(np.sum(power[inside] - white) / total)
         rows.append(
             {
-                "condition": "frequency",
-                "interval": f"periods of {1 / (4 * low):.3g} to {1 / low:.3g} s",
+                "aspect": "frequency",
+                "low": 1 / (4 * low),
+                "high": 1 / low,
+                "unit": "s",
                 "n": int(data.counts[first].sum()),
                 "rms": float(np.sqrt(2 * power[inside].sum() / n)),
                 "share": share,
@@ -175,10 +180,3 @@ def _frequencies(data: Averages, floor: float) -> list[dict[str, Any]]:
         )
         low *= 4
     return rows
-
-
-def _when(record: Record, seconds: float) -> str:
-    """A time of the record as a person writes it."""
-    if record.times.kind.startswith("datetime"):
-        return str(pd.Timestamp(record.first_stamp() + seconds * 1e9).round("s"))
-    return f"{seconds:.6g} s"

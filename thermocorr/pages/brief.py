@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from ..pictures.protocols import DiagnosisLike, RefinementLike
+from ..pictures.words import place_text
 from .charts import still
 from .html import Safe, decibels, join, number, percent, probability, tag, with_unit
-from .sections import VERDICTS, effect_name, place_text
+from .sections import VERDICTS, named_text
 
 SHOWN = 3
 """Places and suspects listed."""
@@ -36,13 +37,13 @@ def brief_diagnosis(found: DiagnosisLike) -> str:
         ]
     if found.verdict != "nothing missing":
         rows = [
-            (place_text(row.condition, row.interval), percent(row.share), percent(row.share / row.lift))
+            (place_text(row), percent(row.share), percent(row.share / row.lift))
             for row in found.where.head(SHOWN).itertuples()
         ]
         parts.append(_table(("fails most", "of the error", "of the samples"), rows))
         rows = [
-            (effect_name(row.kind, row.column), percent(row.share), decibels(row.gain_db), probability(row.p_value))
-            for row in found.ranking.head(SHOWN).itertuples()
+            (named_text(row.effect), percent(row.share), decibels(row.gain_db), probability(row.p_value))
+            for row in found.suspects[:SHOWN]
         ]
         parts.append(_table(("suspect", "explains", "held-out gain", "error probability"), rows))
     if found.best is not None and found.best.info is not None:

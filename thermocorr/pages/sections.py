@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ..effects import CATALOGUE
-from ..pictures import WhereDisplay
 from ..pictures.protocols import DiagnosisLike
 from ..pictures.timeline import time_text
+from ..pictures.words import aspect_text, interval_text, place_text
 from .data import PageData
 from .figures import placed
 from .html import (
     DASH,
-    MINUS,
     Safe,
     Section,
     bar,
@@ -51,39 +48,11 @@ def section(identity: str, title: str, *parts: Any) -> Section:
     return made
 
 
-def effect_name(kind: str, column: Any) -> str:
-    """Kind and column in words."""
-    words = kind.replace("_", " ")
-    return words if column is None or (isinstance(column, float) and pd.isna(column)) else f"{words}: {column}"
-
-
-def place_text(condition: str, interval: str) -> str:
-    """Where it fails, as part of a sentence."""
-    words = interval_text(interval)
-    return f"from {words}" if condition == "time" else f"where {condition_text(condition)} is {words}"
-
-
-def condition_text(condition: str) -> str:
-    """A condition with its seconds as a person writes them: lag difference, 10.3 h [K]."""
-    return re.sub(r"(?<=, )[\d.e+-]+ s(?= \[)", lambda found: time_text(float(found[0][:-2])), condition)
-
-
-def interval_text(interval: str) -> str:
-    """An interval with spans of time as a person writes them, and with real minus signs."""
-    if interval.endswith(" s"):
-        in_words = interval.removeprefix("periods of ").replace(" s", "").split(" to ")
-        start = interval[: len(interval) - len(interval.removeprefix("periods of "))]
-        return start + " to ".join(time_text(float(seconds)) for seconds in in_words)
-    interval = re.sub(r"^(\d{4}-\d\d-\d\d )(.+ to )\1", r"\1\2", interval)  # the same day is named once
-    return re.sub(r"(?<![\w-])-(?=\d)", MINUS, interval)
-
-
-def parameters_text(kind: str, parameters: dict[str, Any], data: PageData | None) -> str:
+def parameters_text(effect: Any, data: PageData | None) -> str:
     """Parameters that have a unit, in words; moments of a record with dates as dates."""
-    info = CATALOGUE[kind].info if kind in CATALOGUE else None
     parts = []
-    for name, unit in (info.parameters if info else {}).items():
-        value = parameters.get(name)
+    for name, unit in (effect.info.parameters if effect.info is not None else {}).items():
+        value = getattr(effect, name)
         several = value if isinstance(value, list | tuple | np.ndarray) else [value]
         try:
             numbers = [float(item) for item in several]
@@ -102,12 +71,19 @@ def parameters_text(kind: str, parameters: dict[str, Any], data: PageData | None
     return "; ".join(parts)
 
 
+def by_kind(effects: Sequence[Any]) -> list[Any]:
+    """The first effect of each kind that says what it is."""
+    return list({effect.kind: effect for effect in reversed(effects) if effect.info is not None}.values())[::-1]
+
+
+def named_text(effect: Any) -> str:
+    """Kind and column of an effect; its parameters stand beside it."""
+    return effect.kind.replace("_", " ") + "".join(f": {name}" for name in effect.inputs()[:1])
+
+
 def verdict_box(found: DiagnosisLike) -> Safe:
     """The verdict in a word and in a sentence."""
-    named = ""
-    if found.best is not None and len(found.ranking):
-        first = found.ranking.iloc[0]
-        named = effect_name(first.kind, first.column)
+    named = "" if found.best is None else found.best.label()
     return tag(
         "p",
         tag("strong", found.verdict, class_="verdict", data_verdict=found.verdict),
@@ -160,9 +136,9 @@ def places(found: DiagnosisLike, data: PageData | None, *figures: Any) -> Sectio
         )
     sentence = _worst_sentence(found)
     shown = 0 if found.verdict == "nothing missing" else SHOWN_PLACES
-    bands = where[where["condition"] == "frequency"]
+    bands = where[where["aspect"] == "frequency"]
     longest = float(max(where["share"].drop(bands.index).max(), 1e-300))
-    rows = [_place(row, longest, data) for row in WhereDisplay(where).frame().itertuples()]
+    rows = [_place(row, longest, data) for row in where.itertuples()]
     head = ("condition", "range", "share of the error", "", "times its share of samples", with_unit("rms", found.unit))
     folded = tag(
         "details",
@@ -190,35 +166,33 @@ def _worst_sentence(found: DiagnosisLike) -> Safe:
             "Nowhere in particular: nothing is missing, and the little beyond the noise is where chance put it. ",
             bars,
         )
-    worst = where.iloc[0]
+    worst: Any = next(where.itertuples())
     sentence = tag(
         "p",
         "It fails most ",
-        tag("strong", place_text(worst.condition, worst.interval)),
+        tag("strong", place_text(worst)),
         ": ",
         percent(worst.share),
         " of the error beyond the noise lies in ",
         percent(worst.share / worst.lift),
         f" of the samples. {bars}",
     )
-    bands = where[where["condition"] == "frequency"]
+    bands = where[where["aspect"] == "frequency"]
     if not len(bands):
         return sentence
     band = bands.loc[bands["share"].idxmax()]
-    return join(
-        (sentence, tag("p", "Slow or fast: ", percent(band.share), f" of it has {interval_text(band.interval)}."))
-    )
+    return join((sentence, tag("p", "Slow or fast: ", percent(band.share), f" of it has {interval_text(band)}.")))
 
 
 def _place(row: Any, longest: float, data: PageData | None) -> tuple[Any, ...]:
-    interval: Any = interval_text(row.interval)
-    scale = 1.0 if row.condition == "frequency" else longest
-    if data is not None and row.condition == "time":
+    interval: Any = interval_text(row)
+    scale = 1.0 if row.aspect == "frequency" else longest
+    if data is not None and row.aspect == "time":
         stretch = placed(data, row.low, row.high)
         if stretch is not None:
             interval = tag("button", interval, class_="show", type="button", data_from=stretch[0], data_to=stretch[1])
     return (
-        condition_text(row.condition),
+        aspect_text(row),
         interval,
         percent(row.share),
         bar(row.share / scale, row.share / row.lift / scale if row.lift else None),
@@ -229,8 +203,7 @@ def _place(row: Any, longest: float, data: PageData | None) -> tuple[Any, ...]:
 
 def suspects(found: DiagnosisLike, data: PageData | None, *figures: Any) -> Section:
     """3: the ranking of suspects."""
-    ranking = found.ranking
-    if not len(ranking):
+    if not found.suspects:
         return section("what", "3 What is missing?", tag("p", "No suspect could be tried on this record."), *figures)
     lead = {
         "nothing missing": "Nothing that was tried: no suspect is worth adding.",
@@ -241,24 +214,22 @@ def suspects(found: DiagnosisLike, data: PageData | None, *figures: Any) -> Sect
         (
             join(
                 (
-                    tag("strong", effect_name(row.kind, row.column)),
-                    tag("small", parameters_text(row.kind, row.parameters, data)),
+                    tag("strong", named_text(row.effect)),
+                    tag("small", parameters_text(row.effect, data)),
                 )
             ),
             percent(row.share),
             bar(row.share),
             decibels(row.gain_db),
             probability(row.p_value),
-            ", ".join(name.replace("_", " ") for name in row.confusable_with) or DASH,
+            ", ".join(named_text(effect) for effect in row.confusable_with) or DASH,
         )
-        for row in ranking.itertuples()
+        for row in found.suspects
     ]
     head = ("suspect", "explains of the structure", "", "held-out gain", "error probability", "not told apart from")
-    kinds = list(dict.fromkeys(ranking["kind"].head(3)))
     physics = [
-        tag("li", tag("strong", kind.replace("_", " ")), ": ", info.physics)
-        for kind in kinds
-        if kind in CATALOGUE and (info := CATALOGUE[kind].info) is not None
+        tag("li", tag("strong", effect.kind.replace("_", " ")), ": ", effect.info.physics)
+        for effect in by_kind([suspect.effect for suspect in found.suspects[:3]])
     ]
     listed = table(head, rows, "lrlrrl", "suspects")
     if found.verdict == "nothing missing":
@@ -302,12 +273,10 @@ def cure(found: DiagnosisLike) -> Section:
             ),
         )
     )
-    first = found.ranking.iloc[0]
-    rivals = list(dict.fromkeys([first.kind, *(name.split(":")[0] for name in first.confusable_with)]))
+    rivals = [found.best, *(found.suspects[0].confusable_with if found.suspects else ())]
     checks = [
-        tag("li", tag("strong", kind.replace("_", " ")), ": ", info.bench_check)
-        for kind in rivals
-        if kind in CATALOGUE and (info := CATALOGUE[kind].info) is not None
+        tag("li", tag("strong", effect.kind.replace("_", " ")), ": ", effect.info.bench_check)
+        for effect in by_kind(rivals)
     ]
     lead = (
         "Confirm it on the bench:"

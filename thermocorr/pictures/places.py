@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 import numpy as np
@@ -10,9 +9,8 @@ import pandas as pd
 
 from ..records.units import unit_of
 from .axes import axes_grid, labelled
-from .intervals import ends, short_ends
 from .protocols import DiagnosisLike
-from .timeline import time_text
+from .words import aspect_text, ends_text
 
 STRIPS = 9
 """Conditions that are drawn."""
@@ -45,31 +43,27 @@ class WhereDisplay:
         return cls(diagnosis.where, units)
 
     def frame(self) -> pd.DataFrame:
-        """Condition, interval, n, rms, share, lift, low, high; the worst first, as in `Diagnosis.where`.
-
-        `low` and `high` are the ends of the interval in the condition's unit; of dates, seconds since 1970.
-        """
-        numbers = [ends(text) for text in self.where["interval"]]
-        return self.where.assign(low=[low for low, _ in numbers], high=[high for _, high in numbers])
+        """`Diagnosis.where` with the aspect in words, as `condition`; the worst place first."""
+        return self.where.assign(condition=[aspect_text(row) for row in self.where.itertuples()])
 
     def plot(self, ax: Any = None) -> WhereDisplay:
         """Draw in `ax`, or in a new figure."""
         frame = self.frame()
-        conditions = [name for name in dict.fromkeys(frame["condition"]) if name != "frequency"][:STRIPS]
-        if (frame["condition"] == "frequency").any():
-            conditions.append("frequency")  # another view of the same error, not a place where it is
-        axes = axes_grid(ax, size=(9.0, 1.3 + 0.52 * max(len(conditions), 1)))[0]
+        bands = frame[frame["aspect"] == "frequency"]  # another view of the same error, not a place where it is
+        strips = [strip for _, strip in frame.drop(bands.index).groupby(["aspect", "condition"], sort=False)][:STRIPS]
+        strips += [bands] if len(bands) else []
+        axes = axes_grid(ax, size=(9.0, 1.3 + 0.52 * max(len(strips), 1)))[0]
         only = axes[0]
         self.axes_, self.ax_, self.figure_ = axes, only, only.figure
-        if not conditions:
+        if not strips:
             only.text(0.5, 0.5, "No error beyond the noise.", ha="center", va="center", transform=only.transAxes)
             only.set_axis_off()
             return self
-        only.set_ylim(len(conditions) - 0.5, -0.5)
+        only.set_ylim(len(strips) - 0.5, -0.5)
         only.set_xlim(0, 1)
-        for row, condition in enumerate(conditions):
-            self._strip(only, row, frame[frame["condition"] == condition].sort_values("low"))
-        only.set_yticks(range(len(conditions)), [self._name(condition) for condition in conditions])
+        for row, strip in enumerate(strips):
+            self._strip(only, row, strip.sort_values("low"))
+        only.set_yticks(range(len(strips)), [self._name(strip.iloc[0]) for strip in strips])
         only.tick_params(left=False, bottom=False, labelbottom=False)
         only.spines[:].set_visible(False)
         only.set_title(
@@ -85,7 +79,7 @@ class WhereDisplay:
 
         width = 1.0 / len(strip)
         worst = int(np.argmax(strip["share"] - strip["n"] / strip["n"].sum()))
-        if strip["condition"].iloc[0] == "frequency":
+        if strip["aspect"].iloc[0] == "frequency":
             worst = int(np.argmax(strip["share"]))
         for i, tile in enumerate(strip.itertuples()):
             strength = float(np.clip(tile.lift / HIGHEST, 0.0, 1.0))
@@ -102,21 +96,21 @@ class WhereDisplay:
                     fontweight="bold" if i == worst else "normal",
                     color="white" if strength > 0.6 else "0.15",
                 )
-        words = [short_ends(text, float(strip["high"].max() - strip["low"].min())) for text in strip["interval"]]
+        span = float(strip["high"].max() - strip["low"].min())
+        words = [ends_text(row, span) for row in strip.itertuples()]
         for side, x, text in (("left", 0.0, words[0][0]), ("right", 1.0, words[-1][1])):
             ax.text(x, row + 0.17, text, ha=side, va="top", fontsize=7, color="0.35")
         place = float(np.clip((worst + 0.5) * width, 0.3, 0.7))
         text = f"worst: {words[worst][0]} to {words[worst][1]}"
         ax.text(place, row + 0.17, text, ha="center", va="top", fontsize=7, color="0.15")
 
-    def _name(self, condition: str) -> str:
-        """A condition with its unit."""
-        if condition == "frequency":
+    def _name(self, place: Any) -> str:
+        """An aspect with its unit."""
+        if place.aspect == "frequency":
             return "period"
-        lag = re.fullmatch(r"lag difference, (\S+) s (.*)", condition)
-        if lag:
-            return f"lag difference, {time_text(float(lag.group(1)))} {lag.group(2)}"
-        return labelled(condition, self.units.get(condition, ""))
+        if place.aspect in ("column", "temperature"):
+            return labelled(place.condition, self.units.get(place.condition, ""))
+        return str(place.condition)
 
     def _colour_bar(self, ax: Any) -> None:
         from matplotlib import colormaps

@@ -16,6 +16,7 @@ class DiagnosisLike(Protocol):
     where: pd.DataFrame
     allan: pd.DataFrame
     ranking: pd.DataFrame
+    suspects: tuple[Any, ...]
     best: Any
     residual_rms: float
     colour: float

@@ -9,6 +9,7 @@ import pandas as pd
 
 from .axes import BLUE, axes_grid, plain
 from .protocols import DiagnosisLike
+from .words import probability_text
 
 SHOWN = 8
 LONGEST_TEXT = 58
@@ -16,6 +17,7 @@ LONGEST_TEXT = 58
 LEAST_REACH = 0.5
 """Gain [dB] that the axis shows at least, so that small gains look small."""
 PALE = "#B8C4CE"
+COLUMNS = ["label", "kind", "column", "gain_db", "p_value", "share", "confusable_with"]
 
 
 class SuspectsDisplay:
@@ -40,12 +42,7 @@ class SuspectsDisplay:
 
     def frame(self) -> pd.DataFrame:
         """Label, kind, column, gain_db, p_value, share and confusable_with of each suspect, the best first."""
-        columns = ["kind", "column", "gain_db", "p_value", "share", "confusable_with"]
-        if not len(self.ranking):
-            return pd.DataFrame(columns=["label", *columns])
-        frame = self.ranking[columns].copy()
-        frame.insert(0, "label", [_label(row.kind, row.column) for row in frame.itertuples()])
-        return frame
+        return self.ranking.reindex(columns=COLUMNS)
 
     def plot(self, ax: Any = None) -> SuspectsDisplay:
         """Draw in `ax`, or in a new figure."""
@@ -64,11 +61,11 @@ class SuspectsDisplay:
         only.barh(range(len(frame)), gains, color=[BLUE if sure else PALE for sure in certain], height=0.62)
         reach = max(float(gains.max()), LEAST_REACH)
         for row, suspect in enumerate(frame.itertuples()):
-            text = f"{_probability(suspect.p_value)}, explains {suspect.share:.0%}"
+            text = f"error probability {probability_text(suspect.p_value)}, explains {suspect.share:.0%}"
             if suspect.gain_db <= 0:
                 text += ", no gain"
             if len(suspect.confusable_with):
-                others = ", ".join(_words(name) for name in suspect.confusable_with)
+                others = ", ".join(suspect.confusable_with)
                 text += "\n" + textwrap.shorten(f"not to be told from {others}", LONGEST_TEXT, placeholder=" ...")
             only.text(
                 float(gains.iloc[row]) + 0.015 * reach, row, text, va="center", fontsize=8, linespacing=1.1,
@@ -85,17 +82,3 @@ class SuspectsDisplay:
             f"gain on data not learned from [dB]; grey: no gain, or chance would do as well (p > {self.level:g})"
         )
         return self
-
-
-def _label(kind: str, column: Any) -> str:
-    return kind.replace("_", " ") + ("" if column is None or pd.isna(column) else f": {column}")
-
-
-def _words(name: str) -> str:
-    """``lagged_covariate:humidity`` as a label."""
-    kind, _, column = name.partition(":")
-    return _label(kind, column or None)
-
-
-def _probability(p: float) -> str:
-    return f"p = {p:.2g}" if p > 1e-12 else "p < 1e-12"

@@ -1,0 +1,123 @@
+"""What a diagnosis found, as objects and numbers; sentences are made where they are shown."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import pandas as pd
+
+from ..effects.protocol import Effect
+from ..pages import DiagnosisPage, PageData
+from ..pictures.words import suspect_sentence, worst_sentence
+from ..records.text import printable
+from .trial import LEVEL
+
+WIDTH = 110
+"""Characters in a line of a printed diagnosis."""
+RANKING = ["label", "kind", "column", "parameters", "gain_db", "p_value", "share", "confusable_with", "sentence"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundSuspect:
+    """An effect under suspicion, and what is held against it."""
+
+    effect: Effect
+    """Ready for ``model.with_effect``."""
+    share: float
+    """Share of the structured variance that it explains."""
+    gain_db: float
+    """Gain on blocks of time that it was not learned from."""
+    p_value: float
+    """Error probability, the whole family having been tried."""
+    confusable_with: tuple[Effect, ...] = ()
+    """Effects that this record cannot tell it apart from."""
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Diagnosis(DiagnosisPage):
+    """What `diagnose` found. Prints as a page."""
+
+    verdict: str
+    """ "nothing missing", "missing", "ambiguous" or "unexplained"."""
+    noise_floor: float
+    """Standard deviation of one sample that no effect can explain, in the unit of y."""
+    explainable: float
+    """Share of the residual variance that something could still explain."""
+    where: pd.DataFrame
+    """Conditions under which the model fails, worst first, see `thermocorr.judgement.where`."""
+    allan: pd.DataFrame
+    """Allan deviation of the residual against white noise, see `thermocorr.judgement.where.against_white`."""
+    suspects: tuple[FoundSuspect, ...]
+    """Best first."""
+    best: Effect | None
+    """The first suspect, ready for ``model.with_effect``; None where the verdict names nobody."""
+    residual_rms: float
+    """Of the model on these data, in the unit of y."""
+    colour: float
+    """Variance over innovation variance of what all suspects together leave: 1 for white noise."""
+    unit: str
+    level: float = LEVEL
+    """Error probability of the whole family of suspects, below which one is named."""
+    gather: Callable[[], PageData] | None = field(default=None, compare=False)
+    """Gathers series, formula and coefficients of the model on the record; a copy that was pickled has it no more."""
+
+    @property
+    def ranking(self) -> pd.DataFrame:
+        """`suspects` as a table: label, kind, column, parameters, gain_db (held out), p_value (of the whole family),
+        share (of the structured variance), confusable_with (labels), sentence.
+        """
+        rows = [
+            {
+                "label": suspect.effect.label(),
+                "kind": suspect.effect.kind,
+                "column": next(iter(suspect.effect.inputs()), None),
+                "parameters": suspect.effect.get_params(deep=False),
+                "gain_db": suspect.gain_db,
+                "p_value": suspect.p_value,
+                "share": suspect.share,
+                "confusable_with": tuple(effect.label() for effect in suspect.confusable_with),
+                "sentence": suspect_sentence(suspect),
+            }
+            for suspect in self.suspects
+        ]
+        return pd.DataFrame(rows, columns=RANKING).astype({"column": object})
+
+    @property
+    def data(self) -> PageData | None:
+        """What a page shows of the model on the record, gathered when it is first asked for; None in a pickled copy."""
+        if "_data" not in self.__dict__:
+            self.__dict__["_data"] = None if self.gather is None else self.gather()
+        return self.__dict__["_data"]  # type: ignore[no-any-return]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in self.__dict__.items() if key != "_data"} | {"gather": None}
+
+    def __str__(self) -> str:
+        lines = [
+            f"Verdict: {self.verdict}",
+            f"Residual {self.residual_rms:.4g} {self.unit}, noise floor {self.noise_floor:.4g} {self.unit}: "
+            f"{self.explainable:.0%} of the residual variance could still be explained.",
+        ]
+        if len(self.where) and self.verdict != "nothing missing":
+            lines.append(worst_sentence(next(self.where.itertuples())))
+        if self.verdict == "unexplained":
+            lines.append("There is structure in the residual that no known effect explains by itself.")
+        lines += [f"Suspect {k}, {suspect_sentence(suspect)}" for k, suspect in enumerate(self.suspects[:3], 1)]
+        if self.best is not None and self.best.info is not None:
+            lines.append(f"To confirm the first on the bench: {self.best.info.bench_check}")
+            lines.append("To add it: better = model.with_effect(diagnosis.best).fit(X, y), or refine(model, X, y).")
+        return "\n".join(textwrap.fill(printable(line), WIDTH, subsequent_indent="    ") for line in lines)
+
+    __repr__ = __str__
+
+    def plot(self, X: Any = None) -> Any:
+        """Draw the suspects, and where the model fails; returns the figure (extra "plot").
+
+        `X`, the record, tells the units of its columns.
+        """
+        from ..pictures import plot_diagnosis
+
+        return plot_diagnosis(self, X)

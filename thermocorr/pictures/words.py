@@ -1,0 +1,74 @@
+"""Places where a model fails, and effects, in words: what a row of `Diagnosis.where` says to a person."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+from ..records.text import printable
+from .timeline import time_text
+
+MINUS = "\u2212"
+YEARLY = 200 * 86_400.0
+"""Span of a record above which dates are written with their year [s]."""
+_HEADS = {"rate": "rate [K/h]", "hour": "hour of day (UTC)", "frequency": "frequency"}
+
+
+def aspect_text(row: Any) -> str:
+    """What a place is about: ``temperature``, ``lag difference, 10.3 h [K]``, the name of a column."""
+    if row.aspect == "column":
+        return printable(row.column)
+    if row.aspect == "lag difference":
+        return f"lag difference, {time_text(row.time_constant)} [K]"
+    return _HEADS.get(row.aspect, row.aspect)
+
+
+def ends_text(row: Any, span: float = 0.0) -> tuple[str, str]:
+    """Both ends of a place; dates of a record of more than `span` seconds are shortened for a picture."""
+    if row.unit == "date":
+        low, high = (pd.Timestamp(value, unit="s").round("s") for value in (row.low, row.high))
+        if span:
+            form = "%d %b %Y" if span > YEARLY else "%d %b %H:%M"
+            return low.strftime(form), high.strftime(form)
+        return str(low), str(high).removeprefix(f"{low:%Y-%m-%d} ")
+    if row.unit == "s":
+        return time_text(row.low), time_text(row.high)
+    return tuple(f"{value:.4g}".replace("-", MINUS) for value in (row.low, row.high))  # type: ignore[return-value]
+
+
+def interval_text(row: Any) -> str:
+    """``20.1 to 22.4``, ``periods of 2 h to 8 h``, two dates."""
+    start = "periods of " if row.aspect == "frequency" else ""
+    low, high = ends_text(row)
+    return f"{start}{low} to {high}" + (" h" if row.aspect == "hour" else "")
+
+
+def place_text(row: Any) -> str:
+    """Where it fails, as part of a sentence."""
+    return f"from {interval_text(row)}" if row.aspect == "time" else f"where {aspect_text(row)} is {interval_text(row)}"
+
+
+def probability_text(p: float) -> str:
+    """An error probability; below 1e-12 it is no more than that."""
+    return f"{p:.2g}" if p > 1e-12 else "below 1e-12"
+
+
+def suspect_sentence(suspect: Any) -> str:
+    """What is held against a suspect, in one sentence and its physics in another."""
+    tie = ""
+    if suspect.confusable_with:
+        tie = f"; cannot be told apart from {', '.join(effect.label() for effect in suspect.confusable_with)}"
+    physics = suspect.effect.info.physics if suspect.effect.info is not None else ""
+    return (
+        f"{suspect.effect.label()}: explains {suspect.share:.0%} of the structured variance, held-out gain "
+        f"{suspect.gain_db:.2f} dB, error probability {probability_text(suspect.p_value)}{tie}. {physics}"
+    ).strip()
+
+
+def worst_sentence(row: Any) -> str:
+    """The first place of `Diagnosis.where`, for a printed page."""
+    return (
+        f"Where it fails most: {place_text(row)}: {row.share:.0%} of the error beyond the noise in "
+        f"{row.share / row.lift:.0%} of the samples."
+    )
