@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..effects.protocol import Effect
 from ..pages import DiagnosisPage, PageData
-from ..pictures.words import suspect_sentence, worst_sentence
+from ..pictures.words import effect_text, suspect_sentence, worst_sentence
 from ..records.text import printable
 from .trial import LEVEL
 
@@ -71,14 +71,14 @@ class Diagnosis(DiagnosisPage):
         """
         rows = [
             {
-                "label": suspect.effect.label(),
+                "label": effect_text(suspect.effect),
                 "kind": suspect.effect.kind,
                 "column": next(iter(suspect.effect.inputs()), None),
                 "parameters": suspect.effect.get_params(deep=False),
                 "gain_db": suspect.gain_db,
                 "p_value": suspect.p_value,
                 "share": suspect.share,
-                "confusable_with": tuple(effect.label() for effect in suspect.confusable_with),
+                "confusable_with": tuple(effect_text(effect) for effect in suspect.confusable_with),
                 "sentence": suspect_sentence(suspect),
             }
             for suspect in self.suspects

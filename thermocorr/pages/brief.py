@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from ..pictures.protocols import DiagnosisLike, RefinementLike
-from ..pictures.words import place_text
+from ..pictures.words import effect_text, place_text
 from .charts import still
 from .html import Safe, decibels, join, number, percent, probability, tag, with_unit
-from .sections import VERDICTS, named_text
+from .sections import VERDICTS
 
 SHOWN = 3
 """Places and suspects listed."""
@@ -42,7 +42,7 @@ def brief_diagnosis(found: DiagnosisLike) -> str:
         ]
         parts.append(_table(("fails most", "of the error", "of the samples"), rows))
         rows = [
-            (named_text(row.effect), percent(row.share), decibels(row.gain_db), probability(row.p_value))
+            (effect_text(row.effect), percent(row.share), decibels(row.gain_db), probability(row.p_value))
             for row in found.suspects[:SHOWN]
         ]
         parts.append(_table(("suspect", "explains", "held-out gain", "error probability"), rows))

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..pictures.protocols import DiagnosisLike
 from ..pictures.timeline import time_text
-from ..pictures.words import aspect_text, interval_text, place_text
+from ..pictures.words import aspect_text, effect_text, interval_text, place_text
 from .data import PageData
 from .figures import placed
 from .html import (
@@ -76,14 +76,9 @@ def by_kind(effects: Sequence[Any]) -> list[Any]:
     return list({effect.kind: effect for effect in reversed(effects) if effect.info is not None}.values())[::-1]
 
 
-def named_text(effect: Any) -> str:
-    """Kind and column of an effect; its parameters stand beside it."""
-    return effect.kind.replace("_", " ") + "".join(f": {name}" for name in effect.inputs()[:1])
-
-
 def verdict_box(found: DiagnosisLike) -> Safe:
     """The verdict in a word and in a sentence."""
-    named = "" if found.best is None else found.best.label()
+    named = "" if found.best is None else effect_text(found.best)
     return tag(
         "p",
         tag("strong", found.verdict, class_="verdict", data_verdict=found.verdict),
@@ -214,7 +209,7 @@ def suspects(found: DiagnosisLike, data: PageData | None, *figures: Any) -> Sect
         (
             join(
                 (
-                    tag("strong", named_text(row.effect)),
+                    tag("strong", effect_text(row.effect)),
                     tag("small", parameters_text(row.effect, data)),
                 )
             ),
@@ -222,7 +217,7 @@ def suspects(found: DiagnosisLike, data: PageData | None, *figures: Any) -> Sect
             bar(row.share),
             decibels(row.gain_db),
             probability(row.p_value),
-            ", ".join(named_text(effect) for effect in row.confusable_with) or DASH,
+            ", ".join(effect_text(effect) for effect in row.confusable_with) or DASH,
         )
         for row in found.suspects
     ]

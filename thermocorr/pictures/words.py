@@ -49,6 +49,11 @@ def place_text(row: Any) -> str:
     return f"from {interval_text(row)}" if row.aspect == "time" else f"where {aspect_text(row)} is {interval_text(row)}"
 
 
+def effect_text(effect: Any) -> str:
+    """Kind and column of an effect, without its parameters: ``lagged covariate: humidity``."""
+    return effect.kind.replace("_", " ") + "".join(f": {printable(name)}" for name in effect.inputs()[:1])
+
+
 def probability_text(p: float) -> str:
     """An error probability; below 1e-12 it is no more than that."""
     return f"{p:.2g}" if p > 1e-12 else "below 1e-12"
@@ -58,7 +63,7 @@ def suspect_sentence(suspect: Any) -> str:
     """What is held against a suspect, in one sentence and its physics in another."""
     tie = ""
     if suspect.confusable_with:
-        tie = f"; cannot be told apart from {', '.join(effect.label() for effect in suspect.confusable_with)}"
+        tie = f"; cannot be told apart from {', '.join(effect_text(effect) for effect in suspect.confusable_with)}"
     physics = suspect.effect.info.physics if suspect.effect.info is not None else ""
     return (
         f"{suspect.effect.label()}: explains {suspect.share:.0%} of the structured variance, held-out gain "
