@@ -143,6 +143,36 @@ def test_every_module_says_what_it_is(path):
     assert not tree.body or ast.get_docstring(tree)
 
 
+OPEN = {
+    "_asdict", "_fields", "_make", "_replace",  # of named tuples
+    "_get_param_names", "_parameter_constraints", "_validate_params",  # of scikit-learn's estimators
+}  # fmt: skip
+"""Names with an underscore that are the documented way."""
+
+
+def private_access(tree):
+    """(line, code) of every use of a private name of another object: ``model._errors``, but not ``self._errors``."""
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Attribute) or node.attr in OPEN:
+            continue
+        if node.attr.startswith("_") and not (node.attr.startswith("__") and node.attr.endswith("__")):
+            owner = ast.unparse(node.value)
+            if owner not in ("self", "cls", "super()"):
+                yield node.lineno, ast.unparse(node)
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_of)
+def test_no_module_uses_what_another_object_keeps_to_itself(path):
+    found = [f"{path}:{line}: {code}" for line, code in private_access(parsed(path))]
+    assert not found, "make public what others need, with a docstring: " + ", ".join(found)
+
+
+def test_the_reader_of_private_names_sees_them():
+    code = "self._a; cls._b; super()._c; x._fields; x.__class__; model._errors; model.features_._layout(); self.x._d\n"
+    found = [code for _, code in private_access(ast.parse(code))]
+    assert sorted(found) == ["model._errors", "model.features_._layout", "self.x._d"]
+
+
 def test_no_module_imports_itself_by_a_detour():
     """Imports between modules, those inside functions too, make no circle."""
     names = {module_of(path) for path in FILES}
@@ -167,6 +197,10 @@ def test_one_name_one_module():
             continue
         assert path.name not in seen, f"{path} and {seen[path.name]}"
         seen[path.name] = path
+
+
+def test_type_checkers_of_users_are_told_that_there_are_types():
+    assert (PACKAGE / "py.typed").is_file()
 
 
 def test_help_is_quick():

@@ -63,7 +63,7 @@ class DistributedLog(Log):
         self.parts: list[Part] = [opened(part) for part in parts]
         if not self.parts:
             raise RecordError("The log has no parts. Check the list of its files.")
-        self.columns = self.each(names_of, parts=[0])[0]
+        self._columns: list[str] = self.each(names_of, parts=[0])[0]
         self.lengths = self.each(len)
 
     def each(self, function: Callable[..., Any], *arguments: Any, parts: Sequence[int] | None = None) -> list[Any]:
@@ -81,7 +81,13 @@ class DistributedLog(Log):
             )
             for at, number in enumerate(numbers)
         ]
-        return self.client.gather(futures)  # type: ignore[no-any-return]
+        answers: list[Any] = self.client.gather(futures)
+        return answers
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns, the index left out."""
+        return self._columns
 
     def __len__(self) -> int:
         return int(sum(self.lengths))
@@ -153,7 +159,7 @@ def _rows(part: Part, name: Any, rows: _Rows, as_ticks: bool, task: Task | None)
 class DistributedRecord(Record):
     """A record of one segment whose rows the workers hold."""
 
-    log: DistributedLog = field(default=None, repr=False)  # type: ignore[assignment]
+    log: DistributedLog = field(repr=False, kw_only=True)
     tasks: tuple[Task, ...] = ()
     looks: tuple[Look, ...] = ()
 
@@ -169,17 +175,16 @@ class DistributedRecord(Record):
         notes = tuple(dict.fromkeys(note for part in looks for note in part.record.notes))
         segments = (Segment(0, n),)
         return cls(
-            times,
-            first.temperature_name,
-            columns,
-            segments,
-            None,
-            reading,
-            notes,
-            known,
-            log,
-            tuple(tasks),
-            tuple(looks),
+            times=times,
+            temperature_name=first.temperature_name,
+            columns=columns,
+            segments=segments,
+            reading=reading,
+            notes=notes,
+            known_moments=known,
+            log=log,
+            tasks=tuple(tasks),
+            looks=tuple(looks),
         )
 
     def stamp(self, k: int) -> float:
@@ -265,9 +270,11 @@ class DistributedRecord(Record):
             effect = effect.lags_
         if isinstance(effect, ThermalLag):
             start = effect.reference_temperature_ if effect.initial_state == "zero" else None
-            return Signal(self.temperature_name, effect.time_constants_, effect.hold, start)
+            hold: Any = effect.hold  # one of `Hold`, which the effect has checked
+            return Signal(self.temperature_name, effect.time_constants_, hold, start)
         if isinstance(effect, LaggedCovariate) and effect.power == 1:
-            return Signal(effect.column, effect.time_constants_, effect.hold, None)
+            hold = effect.hold
+            return Signal(effect.column, effect.time_constants_, hold, None)
         return None
 
 
@@ -275,5 +282,5 @@ def _after_first(signal: Signal, value: float, state: LagState | None, step: flo
     """Lag differences at the first sample of a part."""
     if state is None:
         return np.full(len(signal.time_constants), 0.0 if signal.start is None else signal.start - value)
-    after = lag_differences(np.array([value]), np.array([step]), signal.time_constants, state, hold=signal.hold)[1]  # type: ignore[arg-type]
+    after = lag_differences(np.array([value]), np.array([step]), signal.time_constants, state, hold=signal.hold)[1]
     return after.lag_difference

@@ -55,12 +55,12 @@ def fit_fleet(
     if not names:
         raise RecordError("The fleet has no devices.")
     parts = [opened(device) for device in devices.values()]
-    if not shared_time_constants or model._count() == 0:
+    if not shared_time_constants or model.count_to_choose() == 0:
         return dict(zip(names, _each(client, _fit, parts, names, [(reading, model)] * len(parts)), strict=True))
     looks = _each(client, _span, parts, names, [(reading, model)] * len(parts))
     grid = log_grid(min(step for step, _ in looks), max(span for _, span in looks), POOL_SIZE)
     found: list[tuple[Projected, float]] = _each(client, _spectrum, parts, names, [(reading, model, grid)] * len(parts))
-    path = project([projected for projected, _ in found], model._count())
+    path = project([projected for projected, _ in found], model.count_to_choose())
     chosen = grid[list(path[-1])] if path else np.zeros(0)
     own = [clone(model).set_params(time_constants=chosen) for _ in parts]
     if model.alpha == "auto":
@@ -72,12 +72,14 @@ def _each(client: Any, function: Any, parts: list[Part], names: list[Any], argum
     """``function(part, name, *arguments)`` for each device, by the workers."""
     jobs = zip(parts, names, arguments, strict=True)
     futures = [client.submit(function, part, name, *own, pure=False) for part, name, own in jobs]
-    return client.gather(futures)  # type: ignore[no-any-return]
+    answers: list[Any] = client.gather(futures)
+    return answers
 
 
 def _fit(part: Part, name: Any, reading: str, model: DynamicBiasRegressor) -> DynamicBiasRegressor:
     with _Named(name):
-        return clone(model).fit(part, part[reading])
+        own: DynamicBiasRegressor = clone(model)
+        return own.fit(part, part[reading])
 
 
 def _span(part: Part, name: Any, reading: str, model: DynamicBiasRegressor) -> tuple[float, float]:
@@ -101,7 +103,7 @@ def _spectrum(
 
 def _plain(model: DynamicBiasRegressor) -> DiffusiveFeatures:
     """Static law and further effects of a model."""
-    return model._features(())
+    return model.unfitted_features(())
 
 
 class _Named:

@@ -15,6 +15,7 @@ import pandas as pd
 from ..effects.protocol import Effect
 from ..effects.stream import walk
 from ..equations import LagState, TriangularFactor, lags_at_end
+from ..equations.lags import Hold
 from ..estimators.fitting import block_rows, reading_offset, sweep
 from ..estimators.threads import one_blas_thread
 from ..records import BLOCK_ROWS, Layout, ParquetLog, Record, RecordError, Segment, SegmentStart, read_record
@@ -41,7 +42,7 @@ class Signal:
 
     column: Any
     time_constants: np.ndarray
-    hold: str
+    hold: Hold
     start: float | None
     """Value that a body starts with; None for the signal's own first value."""
 
@@ -107,18 +108,19 @@ def look(part: Part, task: Task) -> Look:
     keep_freed_memory()
     record = task.record(part)
     n = record.n_rows
-    ends = [0, n - 1]
     times = record.times
     if times.ticks is not None:
         times = replace(times, n=2, ticks=np.array([times.ticks[0], times.ticks[n - 1]]))
+    first, last = ({name: float(column[end]) for name, column in record.columns.items()} for end in (0, n - 1))
     return Look(
-        Record(times, record.temperature_name, {}, record.segments, notes=record.notes),
-        record.stamp(0),
-        record.stamp(n - 1),
-        {(name, 1): record.moments(name) for name in record.columns},
-        *({name: float(column[end]) for name, column in record.columns.items()} for end in ends),
-        None if record.reading is None else record.reading_moments(),
-        0.0 if record.reading is None else reading_offset(record),
+        record=Record(times, record.temperature_name, {}, record.segments, notes=record.notes),
+        first_stamp=record.stamp(0),
+        last_stamp=record.stamp(n - 1),
+        moments={(name, 1): record.moments(name) for name in record.columns},
+        first=first,
+        last=last,
+        reading_moments=None if record.reading is None else record.reading_moments(),
+        offset=0.0 if record.reading is None else reading_offset(record),
     )
 
 
@@ -140,7 +142,7 @@ def ends_from_rest(part: Part, task: Task, signals: Sequence[Signal]) -> list[La
         for i, signal in enumerate(signals):
             values = block[signal.column]
             state = LagState(states[i].lag_difference, float(values[0])) if block.start == first else states[i]
-            states[i] = lags_at_end(values, block.steps, signal.time_constants, state, hold=signal.hold)  # type: ignore[arg-type]
+            states[i] = lags_at_end(values, block.steps, signal.time_constants, state, hold=signal.hold)
     return states
 
 
@@ -201,7 +203,9 @@ def rows_of(part: Part, name: Any, rows: Any, as_ticks: bool, task: Task | None)
     """Some rows of a column, or of the times."""
     if as_ticks:
         assert task is not None
-        return np.asarray(task.record(part).times.ticks[rows])  # type: ignore[index]
+        ticks = task.record(part).times.ticks
+        assert ticks is not None  # rows without times have no ticks to ask for
+        return np.asarray(ticks[rows])
     values = part[name]
     return np.asarray(values.iloc[rows] if isinstance(values, pd.Series) else values[rows])
 

@@ -15,7 +15,7 @@ from ..estimators import DynamicBiasRegressor, compare_variants
 from ..files import Outputs
 from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..pages.report import report_text
-from ..pictures.words import aspect_text, interval_text
+from ..pictures.words import aspect_text, each_row, interval_text
 from ..records import RecordError, RecordWarning
 from ..records.files import TIME_NAMES, read_table, require_column
 from .outputs import write_corrected, write_model
@@ -172,7 +172,7 @@ def places(found: Diagnosis) -> str:
     if not len(found.where):
         return "No place where it fails more than elsewhere."
     worst = found.where.head(5)
-    rows = [(aspect_text(row), interval_text(row), row.n, row.rms, f"{row.share:.0%}") for row in worst.itertuples()]
+    rows = [(aspect_text(row), interval_text(row), row.n, row.rms, f"{row.share:.0%}") for row in each_row(worst)]
     frame = pd.DataFrame(rows, columns=["fails most in", "range", "n", "rms", "share"])
     return frame.to_string(index=False, float_format=lambda value: f"{value:.3g}")
 
@@ -197,7 +197,7 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
     time = None
     if options.sampling_period is None and not (stamped and options.time is None):
         time = require_column(
-            log, options.time, "time", tuple(n for n in TIME_NAMES if n not in (reading, temperature))
+            log.columns, options.time, "time", tuple(n for n in TIME_NAMES if n not in (reading, temperature))
         )
     elif options.time is not None:
         raise RecordError("Give --time or --sampling-period, not both.")

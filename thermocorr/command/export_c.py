@@ -40,13 +40,12 @@ def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callab
 
     progress(f"Loading {options.model}")
     model = load(options.model)
-    dtype = "double" if options.double else "float"
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RecordWarning)
         export = export_c(
             model,
             options.out,
-            dtype,  # type: ignore[arg-type]
+            "double" if options.double else "float",
             sampling_period=_period(options.sampling_period),
             name=options.name,
             continue_from_fit=options.continue_from_fit,

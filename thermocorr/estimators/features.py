@@ -184,7 +184,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         X = self._check_columns(X, reset=True)
         further = as_effects(self.effects)
         needed = needed_columns([effect for _, effect in further])
-        record = read_record(X, self._layout(), y=y, needed=needed, quiet=quiet)
+        record = read_record(X, self.layout(), y=y, needed=needed, quiet=quiet)
         self.effects_ = [*self._thermal_part(), *((name, _copy(effect)) for name, effect in further)]
         for _, effect in self.effects_:
             effect.learn(record)
@@ -209,7 +209,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         check_is_fitted(self, "history_")
         X = self._check_columns(X, reset=False)
         effects = self.effect_list()
-        record = read_record(X, self._layout(), y=y, needed=needed_columns(effects), quiet=True)
+        record = read_record(X, self.layout(), y=y, needed=needed_columns(effects), quiet=True)
         return resume(effects, self.history_, record)
 
     def remember(self, record: Record, end_states: list[list[Any]]) -> None:
@@ -245,7 +245,8 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
             )
         return parts
 
-    def _layout(self) -> Layout:
+    def layout(self) -> Layout:
+        """Which columns of X are the temperature, the time and the run, and how its rows are spaced."""
         return Layout(self.temperature, self.time, self.run, self.sampling_period, self.max_gap)
 
     def _check_columns(self, X: Any, reset: bool) -> Any:
@@ -285,7 +286,8 @@ def _copy(effect: Effect) -> Effect:
     """An unlearned copy, so that the user's object stays as it was given."""
     from sklearn.base import clone
 
-    return clone(effect)  # type: ignore[no-any-return]
+    copy: Effect = clone(effect)
+    return copy
 
 
 def check_columns(estimator: Any, X: Any, reset: bool) -> Any:

@@ -80,7 +80,7 @@ def sweep_effects(record: Record, effects: Sequence[Effect], edges: np.ndarray) 
     )
     flat = {id(effect) for effect in flat_effects(record, effects)}
     silent = [id(effect) in flat for effect in effects for _ in effect.names()]
-    return swept.without(1 + np.flatnonzero(silent)) if flat else swept
+    return swept.without((1 + np.flatnonzero(silent)).tolist()) if flat else swept
 
 
 def _swept(record: Record, effects: Sequence[Effect], edges: np.ndarray) -> Swept:
@@ -175,7 +175,7 @@ def standard_errors(
         part = solve_ridge(rest.select([0, *seen, last]), alpha)
         estimate[0], estimate[seen] = part.intercept, part.coef
     spread = np.var(estimates @ combinations.T, axis=0) * (len(chunks) - 1)
-    return np.maximum(np.sqrt(spread), white)
+    return np.asarray(np.maximum(np.sqrt(spread), white))
 
 
 def _white_errors(swept: Swept, solution: RidgeSolution, combinations: np.ndarray) -> np.ndarray:
@@ -184,4 +184,4 @@ def _white_errors(swept: Swept, solution: RidgeSolution, combinations: np.ndarra
     top = swept.total().r[0]
     means = top[1 : p + 1] / top[0]
     through = (combinations[:, 1:] - combinations[:, :1] * means) @ solution.inverse_triangle  # U0 = mean - means coef
-    return np.sqrt(variance * (combinations[:, 0] ** 2 / n + np.einsum("ij,ij->i", through, through)))
+    return np.asarray(np.sqrt(variance * (combinations[:, 0] ** 2 / n + np.einsum("ij,ij->i", through, through))))

@@ -53,7 +53,7 @@ def flat_effects(record: Record, effects: Sequence[Effect]) -> list[Any]:
     found = []
     for effect in effects:
         if type(effect) in (Covariate, LaggedCovariate, Interaction):
-            values = record.moments(effect.column, getattr(effect, "power", 1))  # type: ignore[attr-defined]
+            values = record.moments(effect.column, getattr(effect, "power", 1))
             if is_flat(values.low, values.high):
                 found.append(effect)
     return found

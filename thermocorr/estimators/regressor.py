@@ -164,7 +164,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         with one_blas_thread():
             self.search_ = self._search(X, y)
             chosen = self.time_constants if self.search_ is None else self.search_.time_constants
-            features = self._features(chosen)
+            features = self.unfitted_features(chosen)
             record = features.learn(X, y, quiet=self.search_ is not None)
             reading = Reading.of(X, y, record)
             require_rows(reading.n_readings, len(features.get_feature_names_out()))
@@ -176,7 +176,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         features.remember(record, self._swept.end_states)
         ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
         self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
-        self.__dict__.pop("_errors", None)
+        self.__dict__.pop("standard_errors_", None)
         self.reading_ = reading
         effects = features.effect_list()
         doubts = [*self._unresolved(record), *flat_columns(record, effects)]
@@ -196,7 +196,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
 
     def predict(self, X: Any) -> np.ndarray:
         """Modelled reading, eq. (22), shape (n_rows,); NaN in rows without a temperature."""
-        return self._contributions(X).sum(axis=1) + self.intercept_
+        return np.asarray(self._contributions(X).sum(axis=1) + self.intercept_)
 
     def bias(self, X: Any) -> Any:
         """What `correct` takes away: modelled reading less U0 (and less effects that are to be kept)."""
@@ -290,7 +290,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         check_is_fitted(self, "pipeline_")
         if not hasattr(self, "_swept"):
             raise ValueError(
-                "A model read from a file knows the errors of single coefficients only, not how they err together. "
+                "A model read from a file knows the errors of single coefficients only, not their correlations. "
                 "Fit it again to have bands of its response."
             )
         rows = np.column_stack((np.zeros(len(combinations)), combinations))
@@ -300,10 +300,10 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
     def standard_errors(self) -> np.ndarray:
         """Standard errors of U0 and of every coefficient, shape (1 + n_columns,); see `coef_table`."""
         check_is_fitted(self, "pipeline_")
-        if not hasattr(self, "_errors"):
+        if not hasattr(self, "standard_errors_"):
             with one_blas_thread():
-                self._errors = standard_errors(self._swept, self._solution, self.alpha_)
-        return self._errors
+                self.standard_errors_ = standard_errors(self._swept, self._solution, self.alpha_)
+        return self.standard_errors_
 
     def equation(self) -> str:
         """The fitted formula as text."""
@@ -319,30 +319,32 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
 
     def with_effect(self, effect: Effect) -> DynamicBiasRegressor:
         """An unfitted copy of this model with one more effect."""
-        model = clone(self)
+        model: DynamicBiasRegressor = clone(self)
         given = model.effects if isinstance(model.effects, list | tuple) else [model.effects]
-        return model.set_params(effects=[*given, effect])  # type: ignore[return-value]
+        model.set_params(effects=[*given, effect])
+        return model
 
     @property
     def features_(self) -> DiffusiveFeatures:
         """The fitted features of `pipeline_`."""
         check_is_fitted(self, "pipeline_")
-        return self.pipeline_[0]  # type: ignore[no-any-return]
+        features: DiffusiveFeatures = self.pipeline_[0]
+        return features
 
     @property
     def coef_(self) -> np.ndarray:
         """Coefficients of `pipeline_`, shape (n_columns,)."""
-        return self.pipeline_[1].coef_  # type: ignore[no-any-return]
+        return np.asarray(self.pipeline_[1].coef_)
 
     @property
     def intercept_(self) -> float:
         """U0: reading at the reference temperature, device at rest."""
-        return self.pipeline_[1].intercept_  # type: ignore[no-any-return]
+        return float(self.pipeline_[1].intercept_)
 
     @property
     def residual_std_(self) -> float:
         """Standard deviation of the residuals of the fitted record, in the unit of y."""
-        return self.pipeline_[1].residual_std_  # type: ignore[no-any-return]
+        return float(self.pipeline_[1].residual_std_)
 
     @property
     def temperature_range_(self) -> tuple[float, float]:
@@ -377,11 +379,11 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
 
     def _search(self, X: Any, y: Any) -> TimeConstantChoice | None:
         """Choose time constants where the user left it to the data; None where they are given."""
-        count = self._count()
+        count = self.count_to_choose()
         if count == 0:
             return None
         settings = SearchSettings(count=count, longest_decay_share=self.longest_decay_share)
-        plain = self._features(())
+        plain = self.unfitted_features(())
         if self.products:  # the lags are chosen beside products of a coarse grid, lest they imitate these
             plain.set_params(products=False, effects=[*as_effects(self.effects), ("products", CoarseProducts())])
         found = search(plain, X, y, settings)
@@ -391,35 +393,37 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
             spectrum = {str(name): column.to_numpy() for name, column in table.items()}
         return replace(found, factored=None, spectrum=spectrum)  # the factors hold the record: it would stay in memory
 
-    def _count(self) -> int | None:
+    def count_to_choose(self) -> int | None:
         """How many time constants to choose: None leaves their number open, 0 means that they are given."""
         given = self.time_constants
         if isinstance(given, str) and given == "auto":
             return None
-        if isinstance(given, bool) or (isinstance(given, Integral) and not 1 <= given <= POOL_SIZE):
+        if isinstance(given, bool) or (isinstance(given, Integral) and not 1 <= int(given) <= POOL_SIZE):
             raise ValueError(
                 f"The 'time_constants' parameter must be 'auto', a number to choose from 1 to {POOL_SIZE}, or a list "
                 f"of times. Got {given!r} instead."
             )
         return int(given) if isinstance(given, Integral) else 0
 
-    def _features(self, time_constants: Any) -> DiffusiveFeatures:
+    def unfitted_features(self, time_constants: Any) -> DiffusiveFeatures:
+        """Features with the settings of this model and the time constants given, before their fit."""
         names = (set(DiffusiveFeatures._get_param_names()) & set(self._get_param_names())) - {"time_constants"}
         features = DiffusiveFeatures(time_constants, **{name: getattr(self, name) for name in names})
-        return features.set_output(transform="default")  # arrays inside, whatever scikit-learn is set to
+        features.set_output(transform="default")  # arrays inside, whatever scikit-learn is set to
+        return features
 
     def _contributions(self, X: Any) -> np.ndarray:
         """Contribution of each effect at each row, shape (n_rows, n_effects)."""
         parts: np.ndarray | None = None
-        for block, values in self._walk_contributions(X):
+        for block, values in self.contribution_blocks(X):
             if parts is None:
                 parts = np.full((block.record.n_rows, values.shape[1]), np.nan)
             parts[block.rows] = values
         assert parts is not None  # a record has at least one block
         return parts
 
-    def _walk_contributions(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
-        """The same block by block."""
+    def contribution_blocks(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
+        """Contribution of each effect, shape (n, n_effects), block by block."""
         record, starts, states = self.features_.resume(X)
         check_range(self.reading_, record)
         return self.weighed(self.features_.walk_resumed(record, starts, states))
@@ -436,7 +440,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         """The columns of `evaluate` as arrays, each with the block (times, segment, temperature) that it belongs to."""
         reading = numeric_reading(y, X)
         removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
-        for block, parts in self._walk_contributions(X):
+        for block, parts in self.contribution_blocks(X):
             measured = np.asarray(reading[block.rows], float)
             model = parts.sum(axis=1) + self.intercept_
             yield (

@@ -79,4 +79,4 @@ class MergedRidge(RegressorMixin, BaseEstimator):
         """Modelled readings, shape (n_rows,)."""
         check_is_fitted(self)
         X = validate_data(self, X, reset=False, dtype=np.float64)
-        return X @ self.coef_ + self.intercept_  # type: ignore[no-any-return]
+        return np.asarray(X @ self.coef_ + self.intercept_)

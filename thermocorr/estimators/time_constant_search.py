@@ -168,7 +168,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         model = DynamicBiasRegressor() if self.estimator is None else clone(self.estimator)
         started = time.perf_counter()
         with one_blas_thread():
-            choice = search(model._features(()), X, y, self._settings(model))
+            choice = search(model.unfitted_features(()), X, y, self._settings(model))
             self._conclude(choice)
         self.search_time_ = time.perf_counter() - started
         if self.refit:
@@ -192,7 +192,8 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
 
     def _best(self) -> DynamicBiasRegressor:
         check_is_fitted(self, "best_estimator_")
-        return self.best_estimator_
+        best: DynamicBiasRegressor = self.best_estimator_
+        return best
 
     def _settings(self, model: DynamicBiasRegressor) -> SearchSettings:
         return SearchSettings(

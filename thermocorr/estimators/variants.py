@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from html import escape
 from typing import Any
 
@@ -168,10 +169,8 @@ def compare_variants(
         tell(f"{name}: fitting")
         fitted[name] = variant.fit(X, y)
         inside[name] = np.asarray(variant.residuals(X, y))
-        outside[name] = held_out_residuals(
-            variant, X, y, n_blocks=n_blocks, progress=lambda text, name=name: tell(f"{name}: {text}")
-        )
-    record = read_record(X, fitted["static linear"].features_._layout(), y=y, quiet=True)
+        outside[name] = held_out_residuals(variant, X, y, n_blocks=n_blocks, progress=partial(_tell, tell, name))
+    record = read_record(X, fitted["static linear"].features_.layout(), y=y, quiet=True)
     smooth = _Smoothing(record, blocks, window)
     raw = reading - np.nanmean(reading)
     before = float(np.nanstd(raw))
@@ -189,6 +188,11 @@ def compare_variants(
         len(blocks),
         record,
     )
+
+
+def _tell(say: Callable[[str], None], name: str, text: str) -> None:
+    """How far the work on a variant is."""
+    say(f"{name}: {text}")
 
 
 class _Smoothing:

@@ -26,7 +26,7 @@ MOST_STATE = LARGEST**3
 """Bound of the numbers in a state, which hold powers of columns."""
 LARGEST_INTEGER = 1 << 63
 LONGEST_TEXT = 10_000
-_STATES: dict[str, type] = {"LagState": LagState, "DelayState": DelayState}
+_STATES: dict[str, type[LagState | DelayState]] = {"LagState": LagState, "DelayState": DelayState}
 _DTYPES = ("float64", "float32", "int64", "int32", "bool")
 
 
@@ -70,7 +70,7 @@ def pack(value: Any, where: str, effect: Callable[[Any, str], Any] | None = None
             return {key: pack(item, f"{where}.{key}", effect) for key, item in value.items()}
         return {"$dict": [[pack(k, where, effect), pack(v, f"{where}[{k!r}]", effect)] for k, v in value.items()]}
     for name, state in _STATES.items():
-        if type(value) is state:
+        if isinstance(value, state):
             return {"$state": name, "values": [pack(item, f"{where}.{name}", effect) for item in value]}
     if isinstance(value, np.ndarray) and value.dtype.name in _DTYPES:
         flat = [pack(item, where) for item in value.ravel().tolist()]
@@ -158,23 +158,25 @@ def _unpack_array(node: dict[str, Any], where: str) -> np.ndarray:
         raise unexpected(where, "numbers", f"numbers within the range of {dtype}") from None
 
 
-def _unpack_state(state: type, values: Any, where: str) -> Any:
-    if not isinstance(values, list) or len(values) != len(state._fields):  # type: ignore[attr-defined]
+def _unpack_state(state: Any, values: Any, where: str) -> Any:
+    if not isinstance(values, list) or len(values) != len(state._fields):
         raise unexpected(where, _shown(values), f"the values of a {state.__name__}")
     parts = [unpack(item, f"{where}.values[{i}]") for i, item in enumerate(values)]
-    for part, name in zip(parts, state._fields, strict=True):  # type: ignore[attr-defined]
-        wanted = float if (state is LagState and name == "temperature") else np.ndarray
-        if type(part) is not wanted or (wanted is np.ndarray and (part.ndim != 1 or part.dtype != np.float64)):
-            raise unexpected(f"{where}.{name}", _shown(part), f"a {wanted.__name__}")
+    for part, name in zip(parts, state._fields, strict=True):
+        if state is LagState and name == "temperature":
+            if type(part) is not float:
+                raise unexpected(f"{where}.{name}", _shown(part), "a float")
+        elif type(part) is not np.ndarray or part.ndim != 1 or part.dtype != np.float64:
+            raise unexpected(f"{where}.{name}", _shown(part), "a ndarray")
     return state(*parts)
 
 
 def _unpack_date(text: str, where: str) -> pd.Timestamp:
     try:
-        date = pd.Timestamp(text)
+        date: pd.Timestamp | None = pd.Timestamp(text)
     except (ValueError, TypeError, OverflowError):
-        date = pd.NaT
-    if date is pd.NaT:
+        date = None
+    if date is None or pd.isna(date):
         raise unexpected(where, _shown(text), "a date such as 2024-05-31T14:00:00")
     return date
 
@@ -262,7 +264,7 @@ def vector(value: Any, where: str, length: int | None = None, most: float = math
         right = False
     if not right or (length is not None and len(value) != length):
         raise unexpected(where, _shown(value), f"an array of {'' if length is None else f'{length} '}finite numbers")
-    return value  # type: ignore[no-any-return]
+    return np.asarray(value)
 
 
 # --------------------------------------------------------------------------------------------------- JSON, strictly

@@ -213,7 +213,8 @@ MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {0: _from_dr
 def _provenance(model: DynamicBiasRegressor, data: tuple[Any, Any] | None) -> dict[str, Any]:
     """Where the model came from: packages, and the record that it was fitted to."""
     if data is None and hasattr(model, "provenance_"):
-        return model.provenance_  # type: ignore[no-any-return]
+        known: dict[str, Any] = model.provenance_
+        return known
     from .._version import __version__
 
     versions = {"thermocorr": __version__, "python": platform.python_version()}
@@ -245,7 +246,7 @@ def data_digest(model: DynamicBiasRegressor, X: Any, y: Any) -> str:
     """sha256 of a record's times, of the columns that `model` uses, and of the readings: compare it with a file's."""
     features = model.features_
     needed = [name for name in features.history_.record.columns if name != features.history_.record.temperature_name]
-    record = read_record(X, features._layout(), needed=needed, quiet=True)
+    record = read_record(X, features.layout(), needed=needed, quiet=True)
     if record.n_rows != features.history_.n_fitted:
         raise ValueError(
             f"data has {record.n_rows} rows, and the model was fitted to {features.history_.n_fitted}. Pass the record "

@@ -182,11 +182,13 @@ def unpack_reading(node: Any, where: str) -> Reading:
     if low > high:
         raise unexpected(f"{where}.temperature_range", f"{low} above {high}", "the lower one first")
     return Reading(
-        *(text(node[key], f"{where}.{key}") for key in ("name", "unit", "temperature_unit")),
-        integer(node["n_readings"], f"{where}.n_readings", 1),
-        number(node["mean"], f"{where}.mean"),
-        number(node["std"], f"{where}.std", 0.0),
-        (low, high),
+        name=text(node["name"], f"{where}.name"),
+        unit=text(node["unit"], f"{where}.unit"),
+        temperature_unit=text(node["temperature_unit"], f"{where}.temperature_unit"),
+        n_readings=integer(node["n_readings"], f"{where}.n_readings", 1),
+        mean=number(node["mean"], f"{where}.mean"),
+        std=number(node["std"], f"{where}.std", 0.0),
+        temperature_range=(low, high),
     )
 
 
@@ -247,7 +249,7 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
             if value is not None and not (isinstance(value, str) and value == "auto"):
                 seconds_of(value, key)
         model._validate_params()
-        features = model._features(())
+        features = model.unfitted_features(())
         features._validate_params()
     except (ValueError, TypeError) as error:
         raise ModelFileError(f"{where}.parameters: {error}") from None
@@ -280,7 +282,7 @@ def _check_names(names: list[str], features: DiffusiveFeatures, where: str) -> N
     twice = pd.Index(names).duplicated()
     if twice.any():
         raise unexpected(f"{where}[{twice.argmax()}]", repr(names[twice.argmax()])[:60], "another name")
-    record, layout = features.history_.record, features._layout()
+    record, layout = features.history_.record, features.layout()
     special = [column for column in (layout.time, layout.run) if column is not None]
     for column in (*record.columns, *special):
         if column not in names:
@@ -300,7 +302,7 @@ def _restore_features(features: DiffusiveFeatures, node: dict[str, Any], where: 
     if static is None:
         raise ModelFileError(f"{where}.effects has no static polynomial, with which every model begins")
     lags: Any = next((effect for effect in effects if effect.kind == "thermal_lag"), None)
-    features.reference_temperature_ = static.reference_temperature_  # type: ignore[attr-defined]
+    features.reference_temperature_ = static.reference_temperature_
     features.time_constants_ = np.zeros(0) if lags is None else lags.time_constants_
     features.time_constants = features.time_constants_.tolist()
     try:
@@ -329,7 +331,7 @@ def _restore_numbers(model: Any, features: DiffusiveFeatures, node: dict[str, An
     model.reading_ = unpack_reading(node["reading"], f"{where}.reading")
     notes = items(node["notes"], f"{where}.notes")
     model.notes_ = tuple(text(note, f"{where}.notes[{i}]") for i, note in enumerate(notes))
-    model._errors = _numbers(node, "standard_errors", where, count + 1, 0.0)
+    model.standard_errors_ = _numbers(node, "standard_errors", where, count + 1, 0.0)
 
 
 def _numbers(node: dict[str, Any], key: str, where: str, count: int, low: float = -np.inf) -> np.ndarray:

@@ -102,7 +102,7 @@ class Outputs:
                 return self._devices[-1]
             draft = Draft(target)
             self._drafts.append(draft)
-            return draft.file  # type: ignore[return-value]
+            return draft.file
 
     def write(self, path: Name, content: str | bytes) -> None:
         """Write a whole file; it takes its place at `commit`."""

@@ -31,7 +31,8 @@ def held_out_blocks(model: DynamicBiasRegressor, X: Any, y: Any) -> np.ndarray:
 def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:
     """An unfitted copy with one effect more; a missing lag joins the model's time constants."""
     if effect.kind == "thermal_lag" and len(model.time_constants_):
-        extended = clone(model)
+        extended: DynamicBiasRegressor = clone(model)
         taus = np.unique([*model.time_constants_.tolist(), *np.asarray(effect.time_constants, float).tolist()])
-        return extended.set_params(time_constants=taus.tolist())  # type: ignore[no-any-return]
+        extended.set_params(time_constants=taus.tolist())
+        return extended
     return model.with_effect(effect)

@@ -24,7 +24,7 @@ def suspect_record(
     X = from_polars(X)
     if isinstance(X, Log):
         raise RecordError("Diagnosis works on a frame or an array. Pass a part of the log that fits in memory.")
-    layout = model.features_._layout()
+    layout = model.features_.layout()
     own = [name for effect in (*model.features_.effect_list(), *further) for name in effect.inputs()]
     temperature = model.features_.history_.record.temperature_name
     special = {layout.time, layout.run, temperature}
@@ -57,11 +57,13 @@ def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:
 
 def further_candidates(further: Any, record: Record) -> list[Effect]:
     """A user's own suspects: effects and transformers as they are, classes of effects over their range."""
-    return [
-        effect
-        for item in further
-        for effect in (item.candidates(record) if isinstance(item, type) else [clone(as_effects([item])[0][1])])
-    ]
+    found: list[Effect] = []
+    for item in further:
+        if isinstance(item, type) and issubclass(item, Effect):
+            found += item.candidates(record)
+        else:
+            found.append(clone(as_effects([item])[0][1]))
+    return found
 
 
 def given_effects(further: Any) -> list[Effect]:

@@ -50,7 +50,7 @@ class Evidence:
     @property
     def freedom(self) -> int:
         """Rows less columns of the base."""
-        return len(self.space) - self.space.shape[1]
+        return len(self.space) - int(self.space.shape[1])
 
     def basis(self, columns: np.ndarray) -> np.ndarray:
         """Orthonormal basis of a candidate's columns, whitened, base taken out."""
@@ -65,7 +65,8 @@ class Evidence:
     def score(self, basis: np.ndarray) -> float:
         """Log likelihood above the base's, less half of BIC's penalty for each column."""
         n = len(self.space)
-        return -0.5 * n * float(np.log1p(-min(self.gain(basis), 1 - 1e-15))) - 0.5 * basis.shape[1] * np.log(n)
+        explained = float(np.log1p(-min(self.gain(basis), 1 - 1e-15)))
+        return -0.5 * n * explained - 0.5 * int(basis.shape[1]) * float(np.log(n))
 
     def family_p(self, basis: np.ndarray) -> float:
         """Error probability of a candidate, the whole family having been tried (Sidak, effective number of tests)."""
@@ -138,11 +139,11 @@ def orthonormal(columns: np.ndarray, tolerance: float = 1e-5) -> np.ndarray:
     alive = norms > 0
     if not alive.any():
         return np.zeros((len(columns), 0))
-    unit = columns[:, alive] / norms[alive]
+    unit: np.ndarray = columns[:, alive] / norms[alive]
     if unit.shape[1] == 1:
         return unit
     left, singular, _ = np.linalg.svd(unit, full_matrices=False)
-    return left[:, singular > tolerance * singular[0]]
+    return np.asarray(left[:, singular > tolerance * singular[0]])
 
 
 def evidence(data: Averages, base: np.ndarray, candidates: Sequence[np.ndarray], rng: np.random.Generator) -> Evidence:
@@ -158,7 +159,7 @@ def evidence(data: Averages, base: np.ndarray, candidates: Sequence[np.ndarray],
 def saturated_residual(data: Averages, base: np.ndarray, candidates: Sequence[np.ndarray]) -> np.ndarray:
     """Residual of the base and of the few candidates, one after the other, that explain most."""
     space = orthonormal(base)
-    residual = data.reading - space @ (space.T @ data.reading)
+    residual: np.ndarray = data.reading - space @ (space.T @ data.reading)
     bases = own_parts(candidates, space)
     n = len(residual)
     for _ in range(SATURATED):

@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..effects.protocol import Effect
 from ..pages import DiagnosisPage, PageData
-from ..pictures.words import effect_text, suspect_sentence, worst_sentence
+from ..pictures.words import each_row, effect_text, suspect_sentence, worst_sentence
 from ..records.text import printable
 from .trial import LEVEL
 
@@ -90,7 +90,8 @@ class Diagnosis(DiagnosisPage):
         """What a page shows of the model on the record, gathered when it is first asked for; None in a pickled copy."""
         if "_data" not in self.__dict__:
             self.__dict__["_data"] = None if self.gather is None else self.gather()
-        return self.__dict__["_data"]  # type: ignore[no-any-return]
+        data: PageData | None = self.__dict__["_data"]
+        return data
 
     def __getstate__(self) -> dict[str, Any]:
         return {key: value for key, value in self.__dict__.items() if key != "_data"} | {"gather": None}
@@ -102,7 +103,7 @@ class Diagnosis(DiagnosisPage):
             f"{self.explainable:.0%} of the residual variance could still be explained.",
         ]
         if len(self.where) and self.verdict != "nothing missing":
-            lines.append(worst_sentence(next(self.where.itertuples())))
+            lines.append(worst_sentence(next(each_row(self.where))))
         if self.verdict == "unexplained":
             lines.append("There is structure in the residual that no known effect explains by itself.")
         lines += [f"Suspect {k}, {suspect_sentence(suspect)}" for k, suspect in enumerate(self.suspects[:3], 1)]

@@ -40,7 +40,7 @@ def thermal_parts(model: DynamicBiasRegressor, record: Record) -> tuple[list[Eff
     grid = np.geomspace(FASTEST_LAG * record.usual_step(), max(span / 3, 8 * record.usual_step()), RICH_LAGS)
     own_taus = model.time_constants_[model.time_constants_ <= grid[-1]]  # slower ones swallow drift and ageing
     taus = np.unique(np.concatenate((grid, own_taus)))
-    taus = taus[np.concatenate(([True], np.diff(np.log(taus)) > 0.02))]
+    taus = taus[np.concatenate(([True], np.diff(np.log(taus)) > 0.02))].tolist()
     further = [clone(effect) for _, effect in as_effects(model.effects)]
     if model.products:
         further += [clone(effect) for effect in model.features_.effect_list() if effect.kind == "lag_products"]
@@ -132,7 +132,7 @@ class Lagging:
 def clearly(suspect: Suspect, enough: float = SLIGHT) -> bool:
     """Whether the rms of what a candidate explains is above `enough`, over the noise of one sample."""
     chance = suspect.basis.shape[1] / suspect.judged.freedom
-    return suspect.basis.shape[1] > 0 and suspect.judged.gain(suspect.basis) - chance > enough**2
+    return bool(suspect.basis.shape[1] > 0 and suspect.judged.gain(suspect.basis) - chance > enough**2)
 
 
 def best_of_each(suspects: Sequence[Suspect]) -> list[Suspect]:

@@ -30,7 +30,7 @@ class NoiseModel:
         result = columns[order:].copy()
         for i, share in enumerate(self.phi):
             result -= share * columns[order - 1 - i : len(columns) - 1 - i]
-        return result[segment[order:] == segment[: len(segment) - order]]
+        return np.asarray(result[segment[order:] == segment[: len(segment) - order]])
 
 
 def noise_model(residual: np.ndarray, segment: np.ndarray, max_order: int = MAX_ORDER) -> NoiseModel:

@@ -154,12 +154,12 @@ class Stream:
     def _begin(self, stamp: Any, run: Any, values: Any) -> float:
         """Start a segment; returns the step since the sample that it continues [s], 0 where it starts afresh."""
         start, states = self._tied(stamp, run, values)
-        known = start is not None and start.step is not None
-        self._take_up(*((None, stamp) if start is None else (start.key, start.segment_zero)), states)
-        self._sample.begins = not known
-        self._sample.step = start.step if known else 1.0  # type: ignore[union-attr, assignment]
+        key, zero, step = (None, stamp, None) if start is None else start
+        self._take_up(key, zero, states)
+        self._sample.begins = step is None
+        self._sample.step = 1.0 if step is None else step
         self._open, self._until = True, -math.inf
-        return self._sample.step if known else 0.0
+        return 0.0 if step is None else step
 
     def _take_up(self, key: int | None, segment_zero: Any, states: Any) -> None:
         self._sample.key, self._sample.segment_zero = key, segment_zero
@@ -176,7 +176,7 @@ class Stream:
         if tied is None:
             return None, nothing
         start, replay = tied
-        if start.step is None:
+        if start.step is None or start.key is None:
             return start, nothing
         return start, states_before(self.effects, self.history, start.key, replay)
 

@@ -89,7 +89,7 @@ class Clock:
 
     def _span(self, time: Any) -> int:
         try:
-            value = pd.Timedelta(time, unit="s" if isinstance(time, int | float) else None)
+            value: Any = pd.Timedelta(time, unit="s" if isinstance(time, int | float) else None)
         except (TypeError, ValueError, OverflowError):
             value = pd.NaT
         if value is pd.NaT:
@@ -121,7 +121,8 @@ class Clock:
     def _nanoseconds(self, value: Any, time: Any) -> int:
         """Stamp of a date or span of pandas."""
         try:
-            return value.value  # type: ignore[no-any-return]
+            stamp: int = value.value
+            return stamp
         except (OverflowError, ValueError):
             raise self._beyond(time) from None
 

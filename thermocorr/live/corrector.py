@@ -127,7 +127,7 @@ class OnlineCorrector:
     def place_block(self, X: Any) -> None:
         """Take these rows for the next ones of a record without times, and find them in it as `correct` does."""
         try:
-            record = read_record(X, self.model.features_._layout(), needed=self.columns, quiet=True)
+            record = read_record(X, self.model.features_.layout(), needed=self.columns, quiet=True)
         except RecordError:  # no row to find them by
             self.place(self._stream.history.n_fitted)
         else:
@@ -234,7 +234,7 @@ class OnlineCorrector:
         values |= {name: _column(X, name, "column") for name in self.columns}
         if not n:
             return self._frame(Columns(self, 0), X)
-        times = times_of(X, self.model.features_._layout())
+        times = times_of(X, self.model.features_.layout())
         if not self._placed:
             self.place_block(X)
         labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run])
@@ -323,11 +323,25 @@ class OnlineCorrector:
         """
         settings, next_row, now, doubt = from_json(model, state)
         corrector = cls(model, average=settings.average, track=settings.track, continues=settings.continues)
-        if next_row is not None:
-            corrector._stream.clock.next_row, corrector._placed = next_row, True
-        corrector._put(now)
-        corrector._doubt = doubt
+        corrector.go_on(now, doubt, next_row)
         return corrector
+
+    def go_on(self, now: StreamState, doubt: StreamState | None = None, next_row: int | None = None) -> None:
+        """Go on where a stream stood.
+
+        Parameters
+        ----------
+        now : StreamState
+            What it remembered of its samples.
+        doubt : StreamState, optional
+            What it remembered before a sample whose time is in doubt.
+        next_row : int, optional
+            Row of the record that the next sample is, for a record without times.
+        """
+        if next_row is not None:
+            self._stream.clock.next_row, self._placed = next_row, True
+        self._put(now)
+        self._doubt = doubt
 
     def _state(self) -> StreamState:
         averaged = () if self.average is None else tuple(self.average.values)

@@ -159,6 +159,7 @@ def _tracked(node: Any, where: str, settings: Settings) -> tuple[float, float | 
 
 
 def _truth(node: dict[str, Any], where: str, key: str) -> bool:
-    if type(node[key]) is not bool:
-        raise unexpected(f"{where}.{key}", repr(node[key])[:60], "true or false")
-    return node[key]  # type: ignore[no-any-return]
+    value = node[key]
+    if value is True or value is False:
+        return value
+    raise unexpected(f"{where}.{key}", repr(value)[:60], "true or false")

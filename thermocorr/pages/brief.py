@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..pictures.protocols import DiagnosisLike, RefinementLike
-from ..pictures.words import effect_text, place_text
+from ..pictures.words import each_row, effect_text, place_text
 from .charts import still
 from .html import Safe, decibels, join, number, percent, probability, tag, with_unit
 from .sections import VERDICTS
@@ -36,9 +36,9 @@ def brief_diagnosis(found: DiagnosisLike) -> str:
             still(found.data.traces.columns["residual"], 2 * found.noise_floor),
         ]
     if found.verdict != "nothing missing":
-        rows = [
+        rows: list[tuple[Any, ...]] = [
             (place_text(row), percent(row.share), percent(row.share / row.lift))
-            for row in found.where.head(SHOWN).itertuples()
+            for row in each_row(found.where.head(SHOWN))
         ]
         parts.append(_table(("fails most", "of the error", "of the samples"), rows))
         rows = [
@@ -62,7 +62,7 @@ def brief_refinement(refinement: RefinementLike) -> str:
             decibels(row.db) if row.step else "",
             row.verdict,
         )
-        for row in refinement.steps.itertuples()
+        for row in each_row(refinement.steps)
     ]
     head = ("step", with_unit("held-out rms", last.unit), with_unit("rms of the fit", last.unit), "held out", "verdict")
     parts: list[Any] = [_table(head, rows)]

@@ -11,6 +11,7 @@ import pandas as pd
 from ..estimators.variants import VariantComparison
 from ..pictures.protocols import RefinementLike
 from ..pictures.timeline import time_text
+from ..pictures.words import each_row
 from .data import PageData
 from .html import DASH, MINUS, Safe, Section, bar, decibels, join, number, table, tag, unit_text, with_unit
 from .sections import section
@@ -46,7 +47,7 @@ def steps(refinement: RefinementLike, title: str, *figures: Any) -> Section:
             decibels(row.db) if row.step else "",
             row.verdict,
         )
-        for row in frame.itertuples()
+        for row in each_row(frame)
     ]
     head = (
         "step",
@@ -132,7 +133,7 @@ def formula(data: PageData, title: str, *figures: Any) -> Section:
             number(row.standard_error, digits=3),
             unit_text(row.unit),
         )
-        for name, row in zip(data.coefficients.index[:LISTED], data.coefficients[:LISTED].itertuples(), strict=True)
+        for name, row in zip(data.coefficients.index[:LISTED], each_row(data.coefficients[:LISTED]), strict=True)
     ]
     count, lines = len(data.coefficients), data.equation.split("\n")
     summary = f"{count} coefficients" + (f", the first {LISTED} of them" if count > LISTED else "")

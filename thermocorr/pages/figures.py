@@ -156,9 +156,10 @@ def stability(data: PageData) -> Chart | None:
     for name, role, label in (("before", "model", "before correction"), ("after", "corrected", "after correction")):
         lines.append(Line(label, frame[f"deviation_{name}"].to_numpy(float), role, dots=True))
         lines += [Line(end, frame[f"{end}_{name}"].to_numpy(float), role, edge=True) for end in ("low", "high")]
-    first = frame["deviation_after"].first_valid_index()
-    if first is not None:
-        white = frame["deviation_after"][first] * np.sqrt(times[first] / times)
+    after = frame["deviation_after"].to_numpy(float)
+    seen = np.flatnonzero(~np.isnan(after))
+    if len(seen):
+        white = after[seen[0]] * np.sqrt(times[seen[0]] / times)
         lines.append(Line("white noise alone", white, "floor", dash=True))
     return Chart(
         "allan",

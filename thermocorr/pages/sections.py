@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..pictures.protocols import DiagnosisLike
 from ..pictures.timeline import time_text
-from ..pictures.words import aspect_text, effect_text, interval_text, place_text
+from ..pictures.words import aspect_text, each_row, effect_text, interval_text, place_text
 from .data import PageData
 from .figures import placed
 from .html import (
@@ -65,8 +65,9 @@ def parameters_text(effect: Any, data: PageData | None) -> str:
         elif unit == "s":
             shown = [time_text(number) for number in numbers]
         else:
-            absolute = data is not None and name in ("knee", "reference_temperature")
-            shown = [f"{plain(v, 3)} {unit_text(data.temperature_unit if absolute else unit)}" for v in numbers]
+            if data is not None and name in ("knee", "reference_temperature"):
+                unit = data.temperature_unit
+            shown = [f"{plain(v, 3)} {unit_text(unit)}" for v in numbers]
         parts.append(f"{name.replace('_', ' ').removesuffix('s' if len(several) == 1 else '')} {', '.join(shown)}")
     return "; ".join(parts)
 
@@ -133,7 +134,7 @@ def places(found: DiagnosisLike, data: PageData | None, *figures: Any) -> Sectio
     shown = 0 if found.verdict == "nothing missing" else SHOWN_PLACES
     bands = where[where["aspect"] == "frequency"]
     longest = float(max(where["share"].drop(bands.index).max(), 1e-300))
-    rows = [_place(row, longest, data) for row in where.itertuples()]
+    rows = [_place(row, longest, data) for row in each_row(where)]
     head = ("condition", "range", "share of the error", "", "times its share of samples", with_unit("rms", found.unit))
     folded = tag(
         "details",
@@ -161,7 +162,7 @@ def _worst_sentence(found: DiagnosisLike) -> Safe:
             "Nowhere in particular: nothing is missing, and the little beyond the noise is where chance put it. ",
             bars,
         )
-    worst: Any = next(where.itertuples())
+    worst = next(each_row(where))
     sentence = tag(
         "p",
         "It fails most ",
@@ -175,7 +176,7 @@ def _worst_sentence(found: DiagnosisLike) -> Safe:
     bands = where[where["aspect"] == "frequency"]
     if not len(bands):
         return sentence
-    band = bands.loc[bands["share"].idxmax()]
+    band = bands.nlargest(1, "share").iloc[0]
     return join((sentence, tag("p", "Slow or fast: ", percent(band.share), f" of it has {interval_text(band)}.")))
 
 

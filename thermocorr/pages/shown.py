@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from os import PathLike
-from typing import Any
 
 from ..files import write_file
+from ..pictures.protocols import DiagnosisLike, RefinementLike
 from .brief import brief_diagnosis, brief_refinement
 from .document import page
 
@@ -25,29 +25,25 @@ class Page:
 class DiagnosisPage(Page):
     """Page of a `Diagnosis`."""
 
-    data: Any
-
-    def to_html(self, *, source: str = "", command: str = "") -> str:
+    def to_html(self: DiagnosisLike, *, source: str = "", command: str = "") -> str:
         """One self-contained HTML page that needs no network; `source` and `command` are named at its end."""
         if self.data is None:
             raise ValueError("This diagnosis holds no data to draw. Make it with diagnose(model, X, y).")
-        return page(self.data, diagnosis=self, source=source, command=command)  # type: ignore[arg-type]
+        return page(self.data, diagnosis=self, source=source, command=command)
 
-    def _repr_html_(self) -> str:
-        return brief_diagnosis(self)  # type: ignore[arg-type]
+    def _repr_html_(self: DiagnosisLike) -> str:
+        return brief_diagnosis(self)
 
 
 class RefinementPage(Page):
     """Page of a `Refinement`: its last model's, with the diagnosis of the first."""
 
-    diagnoses: Any
-
-    def to_html(self, *, source: str = "", command: str = "") -> str:
+    def to_html(self: RefinementLike, *, source: str = "", command: str = "") -> str:
         """One self-contained HTML page that needs no network; `source` and `command` are named at its end."""
         data = self.diagnoses[-1].data
         if data is None:
             raise ValueError("This refinement holds no data to draw. Make it with refine(model, X, y).")
-        return page(data, refinement=self, source=source, command=command)  # type: ignore[arg-type]
+        return page(data, refinement=self, source=source, command=command)
 
-    def _repr_html_(self) -> str:
-        return brief_refinement(self)  # type: ignore[arg-type]
+    def _repr_html_(self: RefinementLike) -> str:
+        return brief_refinement(self)

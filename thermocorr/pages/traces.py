@@ -135,7 +135,7 @@ class Cells:
     def _merge(self) -> None:
         """Merge cells that fit into one of `width` rows, inside segments as long as these have several cells."""
         segment, rows, first, last, low, high, falls, *sums = self._joined()
-        self.across |= 2 * (np.count_nonzero(np.diff(segment)) + 1) > len(segment)
+        self.across |= bool(2 * (np.count_nonzero(np.diff(segment)) + 1) > len(segment))
         number = rows[:, 0 if self.across else 1] // self.width
         changes = np.diff(number) != 0 if self.across else (np.diff(number) != 0) | (np.diff(segment) != 0)
         starts = np.concatenate(([0], np.flatnonzero(changes) + 1))
@@ -222,7 +222,7 @@ def recorded(X: Any, name: Any, rows: Any) -> np.ndarray:
         return np.asarray(X[rows, name], float)
     column = X[name]
     if hasattr(column, "iloc"):
-        return column.iloc[rows].to_numpy(dtype=float, na_value=np.nan)  # type: ignore[no-any-return]
+        return np.asarray(column.iloc[rows].to_numpy(dtype=float, na_value=np.nan))
     return np.asarray(column[rows], float)
 
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..effects.thermal import column_text
 from ..equations import moving_average
 from ..estimators.variants import VariantComparison, compare_variants
 from ..records import Record
 from .axes import BLACK, COLOURS, MARKED, axes_grid, draw_cells, dress_time, label_values, labelled, plain
 from .cells import cells_of
 from .timeline import TimeLine
-from .walk import column_text
 
 READING = "before correction"
 

@@ -10,7 +10,7 @@ import pandas as pd
 from ..records.units import unit_of
 from .axes import axes_grid, labelled
 from .protocols import DiagnosisLike
-from .words import aspect_text, ends_text
+from .words import aspect_text, each_row, ends_text
 
 STRIPS = 9
 """Conditions that are drawn."""
@@ -44,7 +44,7 @@ class WhereDisplay:
 
     def frame(self) -> pd.DataFrame:
         """`Diagnosis.where` with the aspect in words, as `condition`; the worst place first."""
-        return self.where.assign(condition=[aspect_text(row) for row in self.where.itertuples()])
+        return self.where.assign(condition=[aspect_text(row) for row in each_row(self.where)])
 
     def plot(self, ax: Any = None) -> WhereDisplay:
         """Draw in `ax`, or in a new figure."""
@@ -81,7 +81,7 @@ class WhereDisplay:
         worst = int(np.argmax(strip["share"] - strip["n"] / strip["n"].sum()))
         if strip["aspect"].iloc[0] == "frequency":
             worst = int(np.argmax(strip["share"]))
-        for i, tile in enumerate(strip.itertuples()):
+        for i, tile in enumerate(each_row(strip)):
             strength = float(np.clip(tile.lift / HIGHEST, 0.0, 1.0))
             colour = colormaps["YlOrBr"](0.05 + 0.85 * strength)
             ax.add_patch(_tile(i * width, row - 0.28, width, 0.42, colour))
@@ -97,7 +97,7 @@ class WhereDisplay:
                     color="white" if strength > 0.6 else "0.15",
                 )
         span = float(strip["high"].max() - strip["low"].min())
-        words = [ends_text(row, span) for row in strip.itertuples()]
+        words = [ends_text(row, span) for row in each_row(strip)]
         for side, x, text in (("left", 0.0, words[0][0]), ("right", 1.0, words[-1][1])):
             ax.text(x, row + 0.17, text, ha=side, va="top", fontsize=7, color="0.35")
         place = float(np.clip((worst + 0.5) * width, 0.3, 0.7))

@@ -8,26 +8,56 @@ import pandas as pd
 
 
 class DiagnosisLike(Protocol):
-    """See `thermocorr.Diagnosis`."""
+    """What is shown of a `thermocorr.Diagnosis`, where each of these is explained."""
 
-    verdict: str
-    noise_floor: float
-    explainable: float
-    where: pd.DataFrame
-    allan: pd.DataFrame
-    ranking: pd.DataFrame
-    suspects: tuple[Any, ...]
-    best: Any
-    residual_rms: float
-    colour: float
-    unit: str
-    level: float
-    data: Any
+    @property
+    def verdict(self) -> str: ...  # noqa: D102
+
+    @property
+    def noise_floor(self) -> float: ...  # noqa: D102
+
+    @property
+    def explainable(self) -> float: ...  # noqa: D102
+
+    @property
+    def where(self) -> pd.DataFrame: ...  # noqa: D102
+
+    @property
+    def allan(self) -> pd.DataFrame: ...  # noqa: D102
+
+    @property
+    def ranking(self) -> pd.DataFrame: ...  # noqa: D102
+
+    @property
+    def suspects(self) -> tuple[Any, ...]: ...  # noqa: D102
+
+    @property
+    def best(self) -> Any: ...  # noqa: D102
+
+    @property
+    def residual_rms(self) -> float: ...  # noqa: D102
+
+    @property
+    def colour(self) -> float: ...  # noqa: D102
+
+    @property
+    def unit(self) -> str: ...  # noqa: D102
+
+    @property
+    def level(self) -> float: ...  # noqa: D102
+
+    @property
+    def data(self) -> Any: ...  # noqa: D102
 
 
 class RefinementLike(Protocol):
-    """See `thermocorr.Refinement`."""
+    """What is shown of a `thermocorr.Refinement`, where each of these is explained."""
 
-    steps: pd.DataFrame
-    model_: Any
-    diagnoses: tuple[Any, ...]
+    @property
+    def steps(self) -> pd.DataFrame: ...  # noqa: D102
+
+    @property
+    def model_(self) -> Any: ...  # noqa: D102
+
+    @property
+    def diagnoses(self) -> tuple[Any, ...]: ...  # noqa: D102

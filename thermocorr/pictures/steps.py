@@ -10,6 +10,7 @@ import pandas as pd
 
 from .axes import BLUE, GREY, VERMILION, axes_grid, label_values, legend_above, plain
 from .protocols import RefinementLike
+from .words import each_row
 
 WIDE = 5.0
 """Largest over smallest error from which on the axis is logarithmic."""
@@ -62,7 +63,7 @@ class RefinementDisplay:
         names = [name.replace("+ without", "without").replace("+ parameters", "parameters") for name in names]
         only.set_xticks(x, [textwrap.fill(name, 16) for name in names], fontsize=9)
         only.set_xlim(-0.4, n - 0.6)
-        for i, step in enumerate(self.steps.itertuples()):
+        for i, step in enumerate(each_row(self.steps)):
             if i:
                 above = step.held_out_rms >= step.rms
                 only.annotate(

@@ -9,7 +9,7 @@ import pandas as pd
 
 from .axes import BLUE, axes_grid, plain
 from .protocols import DiagnosisLike
-from .words import probability_text
+from .words import each_row, probability_text
 
 SHOWN = 8
 LONGEST_TEXT = 58
@@ -60,7 +60,7 @@ class SuspectsDisplay:
         gains = frame["gain_db"].clip(lower=0.0)
         only.barh(range(len(frame)), gains, color=[BLUE if sure else PALE for sure in certain], height=0.62)
         reach = max(float(gains.max()), LEAST_REACH)
-        for row, suspect in enumerate(frame.itertuples()):
+        for row, suspect in enumerate(each_row(frame)):
             text = f"error probability {probability_text(suspect.p_value)}, explains {suspect.share:.0%}"
             if suspect.gain_db <= 0:
                 text += ", no gain"

@@ -42,10 +42,10 @@ class Walk:
     def __init__(self, model: Any, X: Any, y: Any = None):
         self.model = regressor_of(model)
         self._reading = None if y is None else numeric_reading(y, X)
-        self._blocks = self.model._walk_contributions(X)
+        self._blocks = self.model.contribution_blocks(X)
         self._first = next(self._blocks)  # a record has at least one block
         self.record: Record = self._first[0].record
-        layout = self.model.features_._layout()
+        layout = self.model.features_.layout()
         samples = self.record.times.kind == "rows" and layout.sampling_period is None
         self.timeline = TimeLine.of(self.record, zone_of(X, layout.time), samples)
         self._shift = self.record.times.between(self.record.first_stamp(), self._first[0].zero)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import pandas as pd
@@ -15,13 +16,21 @@ YEARLY = 200 * 86_400.0
 _HEADS = {"rate": "rate [K/h]", "hour": "hour of day (UTC)", "frequency": "frequency"}
 
 
+def each_row(table: pd.DataFrame) -> Iterator[Any]:
+    """Rows of a result's table, each with its columns as attributes.
+
+    pandas' types know a cell as any scalar there is; which one it is stands in the docstring of the table.
+    """
+    return table.itertuples()
+
+
 def aspect_text(row: Any) -> str:
     """What a place is about: ``temperature``, ``lag difference, 10.3 h [K]``, the name of a column."""
     if row.aspect == "column":
         return printable(row.column)
     if row.aspect == "lag difference":
         return f"lag difference, {time_text(row.time_constant)} [K]"
-    return _HEADS.get(row.aspect, row.aspect)
+    return _HEADS.get(row.aspect, str(row.aspect))
 
 
 def ends_text(row: Any, span: float = 0.0) -> tuple[str, str]:
@@ -34,7 +43,7 @@ def ends_text(row: Any, span: float = 0.0) -> tuple[str, str]:
         return str(low), str(high).removeprefix(f"{low:%Y-%m-%d} ")
     if row.unit == "s":
         return time_text(row.low), time_text(row.high)
-    return tuple(f"{value:.4g}".replace("-", MINUS) for value in (row.low, row.high))  # type: ignore[return-value]
+    return f"{row.low:.4g}".replace("-", MINUS), f"{row.high:.4g}".replace("-", MINUS)
 
 
 def interval_text(row: Any) -> str:
@@ -51,7 +60,7 @@ def place_text(row: Any) -> str:
 
 def effect_text(effect: Any) -> str:
     """Kind and column of an effect, without its parameters: ``lagged covariate: humidity``."""
-    return effect.kind.replace("_", " ") + "".join(f": {printable(name)}" for name in effect.inputs()[:1])
+    return str(effect.kind).replace("_", " ") + "".join(f": {printable(name)}" for name in effect.inputs()[:1])
 
 
 def probability_text(p: float) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 
 class RecordError(ValueError):
     """The record cannot be used as it is; the message names the place and the remedy."""
@@ -11,9 +13,9 @@ class RecordWarning(UserWarning):
     """The record can be used, but its user should know something first."""
 
 
-def listing(names: object, limit: int = 8) -> str:
+def listing(names: Iterable[object], limit: int = 8) -> str:
     """Names for a message: ``'a', 'b', 'c' and 3 more``."""
-    items = [repr(name) for name in names]  # type: ignore[attr-defined]
+    items = [repr(name) for name in names]
     shown = ", ".join(items[:limit])
     return shown if len(items) <= limit else f"{shown} and {len(items) - limit} more"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import stat
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -109,7 +109,7 @@ def _read_parquet(path: Path) -> pd.DataFrame:
     return frame
 
 
-def require_column(names: Sequence[Any], name: str | None, option: str, guesses: tuple[str, ...] = ()) -> str:
+def require_column(names: Iterable[Any], name: str | None, option: str, guesses: tuple[str, ...] = ()) -> str:
     """The column that an option names, or the first of `guesses` that is there."""
     columns = [str(column) for column in names]
     if name is None:

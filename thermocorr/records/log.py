@@ -10,8 +10,10 @@ from .times import Times
 class Log:
     """Base of logs that are read piece by piece: the X of estimators, where a DataFrame would not fit in memory."""
 
-    columns: list[str]
-    """Names of the columns, the index left out."""
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns, the index left out."""
+        raise NotImplementedError
 
     def __len__(self) -> int:
         raise NotImplementedError

@@ -49,8 +49,7 @@ class ParquetLog(Log):
     def __init__(
         self, paths: str | PathLike[str] | Sequence[str | PathLike[str]], row_groups: Sequence[int] | None = None
     ):
-        several = not isinstance(paths, str | PathLike)
-        self.paths: list[str] = [str(path) for path in paths] if several else [str(paths)]  # type: ignore[union-attr]
+        self.paths: list[str] = [str(paths)] if isinstance(paths, str | PathLike) else [str(path) for path in paths]
         self.row_groups = None if row_groups is None else list(row_groups)
         self._files = [open_parquet(path) for path in self.paths]
         self._schema = self._files[0].schema_arrow
@@ -73,7 +72,7 @@ class ParquetLog(Log):
         return type(self), (self.paths, self.row_groups)
 
     @property
-    def columns(self) -> list[str]:  # type: ignore[override]
+    def columns(self) -> list[str]:
         """Names of the columns, the index left out."""
         return [name for name in self._schema.names if name != self.index_name]
 
@@ -110,7 +109,8 @@ class ParquetLog(Log):
     def times(self, name: str) -> Times:
         """Times from a column of dates, spans or seconds."""
         column = TimeColumn(self, name)
-        return Times(len(self), column.time_kind, column, column.per_second)  # type: ignore[arg-type]
+        ticks: Any = column  # read when it is sliced, like every column of a log
+        return Times(len(self), column.time_kind, ticks, column.per_second)
 
     def read_group(self, group: int, name: str) -> Any:
         """One column of one row group, as Arrow has it."""

@@ -64,9 +64,9 @@ def read_record(
         For what cannot be used: the message says what was found, where, and what to do.
     """
     if isinstance(X, Log):
-        record = X.to_record(layout, y, needed)
+        record: Record | None = X.to_record(layout, y, needed)
         if record is not None:
-            return record  # type: ignore[no-any-return]
+            return record
     X = from_polars(X)
     frame = is_frame(X)
     n = len(X)
@@ -211,7 +211,8 @@ def as_numbers(values: Any, what: str, role: Role = "column") -> NDArray[Any]:
         )
     for start in range(0, len(values), _CHUNK):
         _refuse_absurd(values[start : start + _CHUNK], start, what)
-    return values  # type: ignore[no-any-return]
+    checked: np.ndarray = values  # a column of a log stays what it is, and is read when it is sliced
+    return checked
 
 
 def _refuse_absurd(chunk: Any, first_row: int, what: str) -> None:

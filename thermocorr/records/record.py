@@ -231,8 +231,8 @@ class Record:
 class SegmentStart(NamedTuple):
     """How a segment of a new record hangs on one of the fitted record."""
 
-    key: int
-    """Number of the fitted segment that it belongs to."""
+    key: int | None
+    """Number of the fitted segment that it belongs to; None for a stretch that hangs on none."""
     segment_zero: float
     """Stamp of that segment's first sample."""
     step: float | None

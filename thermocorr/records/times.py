@@ -110,7 +110,7 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
     n = len(values)
     dtype: Any = values.dtype
     if isinstance(dtype, pd.ArrowDtype) and dtype.kind in "mM":
-        values = pd.Series(pd.Index(values.array._pa_array.to_pandas()))
+        values = pd.Series(pd.Index(values.array.__arrow_array__().to_pandas()))
         dtype = values.dtype
     if pd.api.types.is_bool_dtype(dtype):
         raise RecordError(f"{where} holds true/false where times are needed. Give dates, time spans or seconds.")
@@ -195,7 +195,7 @@ def date_of_text(text: str) -> Any:
     return parsed.iloc[0]
 
 
-def seconds_of(value: object, name: str) -> float:
+def seconds_of(value: Any, name: str) -> float:
     """A time span in seconds: a number, or anything that pandas reads as a span ('15 min', Timedelta).
 
     Raises ValueError in the words of scikit-learn's parameter checks.
@@ -209,7 +209,7 @@ def seconds_of(value: object, name: str) -> float:
         seconds = float(value)
     else:
         try:
-            seconds = pd.Timedelta(value).total_seconds()  # type: ignore[arg-type]
+            seconds = pd.Timedelta(value).total_seconds()
         except (ValueError, TypeError):
             seconds = float("nan")
     if not (np.isfinite(seconds) and seconds > 0):

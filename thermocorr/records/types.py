@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import pandas as pd
 
@@ -43,7 +43,7 @@ def kind_of(values: Any) -> ColumnKind:
     """Kind of a Series, an array, or a column of a `Log`, which says its kind itself."""
     said = getattr(values, "kind", None)
     if isinstance(said, str):
-        return said  # type: ignore[return-value]
+        return cast(ColumnKind, said)
     dtype = values.dtype
     if pd.api.types.is_bool_dtype(dtype):
         return "switch"

@@ -15,7 +15,10 @@ from .folds import TimeFolds
 from .spectrum import GridLayout, grown
 
 Set = tuple[int, ...]
-SCORINGS = {"neg_root_mean_squared_error": np.sqrt, "neg_mean_squared_error": np.asarray}
+SCORINGS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "neg_root_mean_squared_error": np.sqrt,
+    "neg_mean_squared_error": np.asarray,
+}
 """scikit-learn's names of the scores, and what they make of a fold's mean squared error."""
 KEPT = 200
 """Sets of each size whose errors are kept from an exhaustive search."""

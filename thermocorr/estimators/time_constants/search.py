@@ -297,14 +297,15 @@ class LagColumns:
     @classmethod
     def of(cls, features: DiffusiveFeatures, record: Record, time_constants: np.ndarray, share: float) -> LagColumns:
         """Lags, and decays up to a `share` of their segment, behind the columns of the learned `features`."""
+        taus = time_constants.tolist()
         lag = ThermalLag(
-            time_constants,
+            taus,
             features.hold,
             features.initial_state,
             reference_temperature=features.reference_temperature,
         )
         with_decays = features.initial_state == "fit" and len(record.segments) <= MAX_DECAY_SEGMENTS
-        transient = InitialTransient(time_constants, share if with_decays else 0.0)
+        transient = InitialTransient(taus, share if with_decays else 0.0)
         for effect in (lag, transient):
             effect.learn(record)
         n_free = 1 + sum(len(effect.names()) for effect in features.effect_list())

@@ -249,7 +249,7 @@ class _Misfit:
         errors = np.empty(len(sets))
         for width in np.unique(widths):
             which = np.flatnonzero(widths == width)
-            columns = np.array([self.columns(sets[i]) for i in which])
+            columns = np.array([self.columns(sets[i]) for i in which.tolist()])
             moment = self.moment[columns]
             matrix = self.gram[columns[:, :, None], columns[:, None, :]] + 1e-11 * np.eye(width)
             solved = np.linalg.solve(matrix, moment[:, :, None])[:, :, 0]
