@@ -197,14 +197,14 @@ class DistributedRecord(Record):
         return super().stamp(k)
 
     def moments(self, column: object, power: int = 1) -> Moments:
-        """Of a column, or of a power of it; put together from those of the parts."""
+        """Moments of a column or of a power of it, merged from those of the parts."""
         if (column, power) not in self.known_moments:
             parts = self.log.each(moments_of, list(self.tasks), column, power)
             self.known_moments[column, power] = reduce(Moments.merged, parts)
         return self.known_moments[column, power]
 
     def reading_moments(self) -> Moments:
-        """The same of the readings; missing ones do not count."""
+        """Moments of the readings, without the missing ones."""
         return reduce(Moments.merged, (part.reading_moments or Moments() for part in self.looks))
 
     def sweep_effects(self, effects: Sequence[Effect], edges: np.ndarray) -> Swept:

@@ -52,7 +52,7 @@ class Look:
     """What is known of a part after a first look."""
 
     record: Record
-    """Without its columns: times are kept of the first and the last row only."""
+    """The record without columns, and with the times of its first and last row only."""
     first_stamp: float
     last_stamp: float
     moments: dict[tuple[object, int], Moments]
@@ -72,9 +72,9 @@ class Task:
     reading: str | None
     needed: tuple[Any, ...]
     number: int
-    """Of the part."""
+    """Number of the part in the log."""
     token: str
-    """Of the log: a worker that has validated a part before knows it by this."""
+    """Name of the log, by which a worker finds a part that it has validated before."""
 
     def record(self, part: Part, first_row: int = 0) -> Record:
         """The part as a record of one segment."""

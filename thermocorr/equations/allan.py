@@ -21,7 +21,7 @@ from scipy import stats
 Floats = NDArray[np.float64]
 
 COVERAGE = 2 / 3
-"""Known share of the cells of an average from which on it counts."""
+"""An average counts if at least this share of its cells is known."""
 LONGEST_SHARE = 1 / 4
 """Longest averaging time by default, as a share of the record: beyond, the deviation is hardly known."""
 MIN_AVERAGES = 30

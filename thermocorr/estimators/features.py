@@ -319,7 +319,7 @@ def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
 
 
 def _check_log_columns(estimator: Any, X: Log, reset: bool) -> Log:
-    """The same for a log: `validate_data` on an empty frame with its columns."""
+    """scikit-learn's checks of a log: `validate_data` on an empty frame with the columns of the log."""
     if len(X) == 0:
         raise RecordError("The log has 0 rows. Check its files.")
     validate_data(estimator, pd.DataFrame(columns=X.columns), skip_check_array=True, reset=reset)

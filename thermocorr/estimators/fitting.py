@@ -29,12 +29,12 @@ class Swept:
     """Subtracted from every reading before it was swept in, so that its digits are kept."""
 
     def ordered(self, effects: Sequence[int], columns: Sequence[int]) -> Swept:
-        """The same with columns, and states of effects, in another order: see `decays_first`."""
+        """Factors and end states with columns and effects in another order, as `decays_first` gives it."""
         ends = [[states[effects.index(i)] for i in range(len(states))] for states in self.end_states]
         return Swept([chunk.select(columns) for chunk in self.chunks], ends, self.reading_offset)
 
     def without(self, columns: Sequence[int]) -> Swept:
-        """The same with columns of zeros, which get no coefficient, in these places of ``[1 | Q | U]``."""
+        """Put zeros in these columns of ``[1 | Q | U]``, so that they get no coefficient."""
         for chunk in self.chunks:
             chunk.r[:, list(columns)] = 0.0
         return self
@@ -157,7 +157,7 @@ def standard_errors(
     white-noise formula. Shape (1 + p,).
 
     With `combinations`, shape (k, 1 + p), those of these linear combinations, shape (k,): coefficients of neighbouring
-    lags err together, so that their errors do not simply add.
+    lags have correlated errors, which do not simply add.
     """
     if combinations is None:
         combinations = np.eye(1 + len(solution.coef))

@@ -144,5 +144,5 @@ def _far(levels: tuple[float, ...], low: float, high: float) -> bool:
 
 
 def _width(low: float, high: float) -> float:
-    """Of a range; of a single number what it can be resolved to."""
+    """Width of a range; for a single number, the step to which it can be resolved."""
     return max(high - low, resolved(low, high))

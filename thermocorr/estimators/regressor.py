@@ -271,7 +271,7 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         return coefficient_table(self.features_.effect_list(), self._all_coefficients(), errors, self.reading_)
 
     def combined_errors(self, combinations: np.ndarray) -> np.ndarray:
-        """Standard errors of linear combinations of the coefficients, which err together; as in `coef_table`.
+        """Standard errors of linear combinations of the coefficients, correlations included; as in `coef_table`.
 
         Parameters
         ----------

@@ -21,7 +21,7 @@ def held_out_rms(model: DynamicBiasRegressor, X: Any, y: Any) -> float:
 
 
 def held_out_blocks(model: DynamicBiasRegressor, X: Any, y: Any) -> np.ndarray:
-    """The same of each block, and of all of them at the end; NaN for a block without a figure."""
+    """Rms residual of each held-out block, then of all blocks together; NaN for a block without readings."""
     residual = held_out_residuals(model, X, y, n_blocks=N_BLOCKS)
     parts = [residual[block] for block in time_blocks(len(residual), N_BLOCKS)]
     known = [part[np.isfinite(part)] for part in (*parts, residual)]

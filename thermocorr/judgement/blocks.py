@@ -21,9 +21,9 @@ STRETCHES = 2500
 """Stretches that a record is averaged over: enough for slow causes, few enough for hundreds of candidates."""
 
 NEAR = 100
-"""Stretches over which the size of the noise is taken."""
+"""Stretches over which the size of the noise is measured."""
 UNEVEN = 2.0
-"""Its largest over its smallest value, from which the noise counts as changing with time."""
+"""Largest over smallest size of the noise, above which the noise counts as changing with time."""
 
 
 @dataclass(frozen=True)
@@ -40,18 +40,19 @@ class Averages:
     """Number of the segment of each stretch."""
     seconds: np.ndarray
     """Middle of each stretch [s]."""
-    one: np.ndarray
-    """The constant column: 1, or less where the noise is larger than usual."""
+    weight: np.ndarray
+    """Shape (n,) or (1,): 1, or less where the noise is larger than usual. Reading and columns have been multiplied
+    by it, so it is also the column of the constant."""
 
 
 def averaged(
-    record: Record, effects: Sequence[Effect], n_stretches: int = STRETCHES, *, one: np.ndarray | None = None
+    record: Record, effects: Sequence[Effect], n_stretches: int = STRETCHES, *, weight: np.ndarray | None = None
 ) -> Averages:
     """Average the readings and all effects' columns over stretches of equal numbers of rows.
 
     Rows without a reading are left out of the averages, columns and all. Effects must have learned the record. Where
     the noise clearly changes in the course of the record, readings and columns are divided by its relative size:
-    weighted least squares. `one` gives the weights where they are known.
+    weighted least squares. `weight` gives the weights where they are known.
     """
     assert record.reading is not None
     width = max(1, -(-record.n_used // n_stretches))
@@ -73,7 +74,7 @@ def averaged(
         seconds.append((np.add.reduceat(block.seconds * share, starts) / np.maximum(count, 1))[kept])
         counts.append(count[kept])
         segments.append(np.full(int(kept.sum()), block.segment))
-        if one is None:
+        if weight is None:
             jumps.append(_jumps(reading, starts)[kept])
         for i, effect in enumerate(effects):
             columns, states[i] = effect.columns(block, states[i])
@@ -82,15 +83,15 @@ def averaged(
                 columns = columns * share[:, None]
             parts[i].append((np.add.reduceat(columns, starts, axis=0) / np.maximum(count, 1)[:, None])[kept])
     counted = np.concatenate(counts)
-    if one is None:
-        one = 1 / _unevenness(np.concatenate(jumps))
+    if weight is None:
+        weight = 1 / _unevenness(np.concatenate(jumps))
     return Averages(
-        np.concatenate(readings) * one,
-        [np.concatenate(part) * one[:, None] for part in parts],
+        np.concatenate(readings) * weight,
+        [np.concatenate(part) * weight[:, None] for part in parts],
         counted,
         np.concatenate(segments),
         np.concatenate(seconds),
-        one,
+        weight,
     )
 
 

@@ -22,11 +22,11 @@ from .trial import FAIR_SHARE, LEVEL, MOST_CAUSES, TIE, Suspect, Trial, tied
 from .where import against_white, where_it_fails
 
 COLOURED = 1.05
-"""Variance over innovation variance of the saturated model's residual, above which structure is left."""
+"""Variance over innovation variance of the saturated model's residual. Above this, structure is left."""
 SIMPLER = 1.5
-"""Score by which, of suspects that cannot be told apart, one with a parameter less stands before the other."""
+"""Score that one parameter is worth among suspects that cannot be told apart: the simpler one is named first."""
 CLEAR_SHARE = 0.8
-"""Share beyond which the number of further causes does not matter."""
+"""A suspect that explains at least this share is named whatever the number of further causes."""
 
 
 def diagnose(
@@ -96,7 +96,7 @@ def diagnose(
 
 
 def _conclude(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, lagging: Lagging) -> Diagnosis:
-    """Weigh the suspects, the model's thermal part, and what nothing explains."""
+    """Verdict and ordered suspects, from the evidence for each and from what nothing explains."""
     seen = as_fitted(model, X)
     residual = np.asarray(model.residuals(seen, y), float)
     rms = float(np.sqrt(np.nanmean(residual**2)))

@@ -14,21 +14,21 @@ from .blocks import Averages
 from .noise import NoiseModel, noise_model
 
 SATURATED = 4
-"""Candidates at most of the saturated model: with more, hundreds of candidates imitate any slow noise."""
+"""Most candidates in the saturated model: with more, hundreds of candidates imitate any slow noise."""
 SLOW = 40
-"""Rows of the averages in which a noise that wanders shows."""
+"""Rows that are averaged to see whether the noise wanders."""
 SLOW_EXCESS = 1.5
-"""Their variance over white noise's, above which it does (and above that of every draw)."""
+"""Variance of these averages over that of white noise, above which the noise wanders (and above every draw)."""
 FURTHER_LOOKS = 2.5
-"""Tests over those of the list of candidates: the search around the best looks further, and the noise model is only
-an estimate. Measured on clean simulated records (`benchmarks/hidden_effects.py --kinds none`)."""
+"""Factor on the number of tests: the search around the best candidates looks further than their list, and the noise
+model is only an estimate. Measured on clean simulated records (`benchmarks/hidden_effects.py --kinds none`)."""
 DRAWS = 300
 """Draws of white noise that calibrate the family-wise error probability."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """White noise, base taken out, and what the candidates explain of it."""
+    """What each candidate explains of the residual of the base, in noise made white."""
 
     noise: NoiseModel
     segment: np.ndarray
@@ -120,7 +120,7 @@ def own_part(columns: np.ndarray, space: np.ndarray) -> np.ndarray:
 
 
 def own_parts(blocks: Sequence[np.ndarray], space: np.ndarray) -> list[np.ndarray]:
-    """The same for many blocks of columns at once."""
+    """Orthonormal bases of what many blocks of columns have outside a space: `own_part` of each."""
     if not len(blocks):
         return []
     columns = np.column_stack(blocks)

@@ -25,13 +25,13 @@ class FoundSuspect:
     """An effect under suspicion, and what is held against it."""
 
     effect: Effect
-    """Ready for ``model.with_effect``."""
+    """The effect, ready for ``model.with_effect``."""
     share: float
     """Share of the structured variance that it explains."""
     gain_db: float
     """Gain on blocks of time that it was not learned from."""
     p_value: float
-    """Error probability, the whole family having been tried."""
+    """Error probability, corrected for the number of candidates tried."""
     confusable_with: tuple[Effect, ...] = ()
     """Effects that this record cannot tell it apart from."""
 
@@ -55,14 +55,14 @@ class Diagnosis(DiagnosisPage):
     best: Effect | None
     """The first suspect, ready for ``model.with_effect``; None where the verdict names nobody."""
     residual_rms: float
-    """Of the model on these data, in the unit of y."""
+    """Rms residual of the model on these data, in the unit of y."""
     colour: float
     """Variance over innovation variance of what all suspects together leave: 1 for white noise."""
     unit: str
     level: float = LEVEL
     """Error probability of the whole family of suspects, below which one is named."""
     gather: Callable[[], PageData] | None = field(default=None, compare=False)
-    """Gathers series, formula and coefficients of the model on the record; a copy that was pickled has it no more."""
+    """Gathers series, formula and coefficients of the model on the record; None in a pickled copy."""
 
     @property
     def ranking(self) -> pd.DataFrame:

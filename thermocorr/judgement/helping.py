@@ -1,4 +1,4 @@
-"""The last word of held-out blocks of time, where much of the structure has other causes."""
+"""Naming a suspect beside other causes: the model is fitted with it, and judged on held-out blocks of time."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from .adding import N_BLOCKS, held_out_blocks, with_missing
 from .trial import LEVEL, Key, Suspect, Trial, key_of
 
 SMALLEST_SHARE = 0.3
-"""Share below which a suspect is not tried on held-out blocks."""
+"""A suspect that explains a smaller share of the structured variance is not tried on held-out blocks."""
 CLEAR_HELP = 0.8
-"""Held-out error with a suspect over that without, up to which it is named although other structure is left."""
+"""Held-out error with the suspect, over the error without it, must not exceed this for the suspect to be named."""
 IN_EVERY_BLOCK = 0.99
-"""The same for each single block."""
+"""This ratio must not exceed this in any single block: a cause helps throughout, a coincidence here and there."""
 TRIED = 3
-"""Suspects that are tried so."""
+"""Suspects of each list that are fitted and judged on held-out blocks."""
 
 
 def helping(model: DynamicBiasRegressor, X: Any, y: Any, trial: Trial, suspects: Sequence[Suspect]) -> list[Suspect]:
     """The suspect whose addition lowers the error on held-out blocks most, if it lowers it clearly, and in every block.
 
-    The last word where much of the structure has other causes: the model is fitted anew, time constants and all,
-    without each block. Tried are the first suspects, and those that seem to help most with the time constants held.
-    Effects of time alone have no say here: a noise that wanders looks like them.
+    This decides where much of the structure has other causes. For each block, the model is fitted again without it,
+    time constants included. The first suspects are tried, and those that help most while the time constants stay
+    fixed. Effects of time alone are not tried: wandering noise looks like them.
     """
     before = held_out_blocks(model, X, y)
     tried = [s for s in suspects[:TRIED] if s.supported() and s.share >= SMALLEST_SHARE and not s.effect.of_time_alone]

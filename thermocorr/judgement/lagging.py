@@ -21,15 +21,15 @@ from .trial import FAIR_SHARE, SHARES, TIE, Key, Suspect, Trial, residual_sum_of
 RICH_LAGS = 16
 """Lags of the thermal part that suspects are judged against: a poorer one makes others look guilty."""
 FASTEST_LAG = 0.25
-"""Fastest of them, in sampling steps: a device faster than the sampling shows as a lag of less than a step."""
+"""Fastest of these lags, in sampling steps: a device faster than the sampling shows as a lag of less than a step."""
 LONGEST_DECAY = 1 / 25
-"""Start-up decays of that part, as a share of the segment: slower ones swallow drift and ageing."""
+"""Longest start-up decay of the thermal part, as a share of the segment: slower decays swallow drift and ageing."""
 MINOR = 0.15
-"""What a lag explains, over the noise of one sample, below which the model's thermal part is good enough."""
+"""Rms of what further lags explain, over the noise of one sample. Below this, the model's lags are good enough."""
 SLIGHT = 0.14
-"""The same for a delay, rate or fast lag, judged on the samples themselves."""
+"""Rms of what a delay, rate or fast lag explains, over the noise of one sample. Below this, it is not a suspect."""
 WEIGHTY = 0.2
-"""The same for one that is to stand before another suspect."""
+"""Rms of what a delay, rate or fast lag must explain, over that noise, to be named before another suspect."""
 SAMPLES = 40_000
 """Samples (or averages of longer records) on which delays and fast lags are told apart."""
 
@@ -50,7 +50,7 @@ def thermal_parts(model: DynamicBiasRegressor, record: Record) -> tuple[list[Eff
 
 
 class Lagging:
-    """What the model's own thermal part lacks: judged against that part alone.
+    """What the model's own thermal part lacks, judged against that part alone.
 
     On short averages a rich set of lags tells whether anything slow is lacking; the samples themselves tell a delay
     of a few steps from a lag of the same size, which averages cannot.
@@ -76,7 +76,7 @@ class Lagging:
             return []
         judged = replace(trial.evidence, space=orthonormal(noise.whitened(trial.own, data.segment)))
         rich = judged.gain(own_part(noise.whitened(trial.base, data.segment), judged.space))
-        columns = averaged(trial.record, self.candidates, one=data.one).columns
+        columns = averaged(trial.record, self.candidates, weight=data.weight).columns
         found = [self._suspect(effect, Q, judged, rich) for effect, Q in zip(self.candidates, columns, strict=True)]
         return best_of_each([s for s in found if s.share >= FAIR_SHARE and s.supported()])
 
@@ -86,7 +86,7 @@ class Lagging:
         data = averaged(record, [*self.own, *self.candidates], SAMPLES)
         if len(data.reading) <= len(self.trial.data.reading):
             return []
-        thin = np.column_stack([data.one, *data.columns[: len(self.own)]])
+        thin = np.column_stack([data.weight, *data.columns[: len(self.own)]])
         columns = data.columns[len(self.own) :]
         saturated = orthonormal(np.column_stack((thin, *columns)))
         noise = noise_model(data.reading - saturated @ (saturated.T @ data.reading), data.segment)
@@ -107,7 +107,7 @@ class Lagging:
         return Suspect(effect, basis, score, judged, share)
 
     def _refined(self, suspect: Suspect) -> Suspect:
-        """The same with its parameters moved to where it explains most."""
+        """A suspect with its parameters moved to where it explains most."""
         for share in SHARES:
             near = suspect.effect.nearby(self.trial.record, share)
             for effect in near:
@@ -122,7 +122,7 @@ class Lagging:
         if len(lag.judged.space) <= len(self.trial.data.reading) or not clearly(lag, WEIGHTY):
             return False
         gain, data = lag.judged.gain(lag.basis), self.trial.data
-        slow = self.trial.explained(averaged(self.trial.record, [other.effect], one=data.one).columns[0])
+        slow = self.trial.explained(averaged(self.trial.record, [other.effect], weight=data.weight).columns[0])
         if gain / (1 - gain) * lag.judged.noise.innovation_variance < slow / len(data.reading):
             return False
         columns = averaged(self.trial.record, [other.effect], SAMPLES).columns[0]

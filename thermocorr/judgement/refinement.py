@@ -20,9 +20,9 @@ from .diagnosis import diagnose
 from .found import Diagnosis
 
 HELPS = 0.9995
-"""Held-out error of a model with an effect more, over that before, above which the effect is not kept."""
+"""An effect is kept if it lowers the held-out error at least to this share of what it was before."""
 SUPERFLUOUS = 1.001
-"""Held-out error without an effect, over that with it, up to which the effect leaves again."""
+"""An effect leaves again if the held-out error without it is at most this share of the error with it."""
 TUNING = (0.1, 0.03)
 """Steps of the joint search around the parameters of the effects at the end."""
 
@@ -175,7 +175,7 @@ def _without_superfluous(
 
 
 def _simpler(model: DynamicBiasRegressor, X: Any, y: Any, rms: float) -> tuple[DynamicBiasRegressor, float]:
-    """Recorded columns that act at once where a lag of theirs is not missed on held-out blocks."""
+    """The model with lagged columns acting at once, where the held-out blocks do not miss the lag."""
     effects = [effect for _, effect in as_effects(model.effects)]
     for i, effect in enumerate(effects):
         if isinstance(effect, LaggedCovariate):

@@ -1,4 +1,4 @@
-"""A record's trial: every candidate effect against a rich thermal part, on short averages made white."""
+"""Every candidate effect against a rich thermal part, on short averages of the record made white."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEVEL = 0.001
 FAIR_SHARE = 0.45
 """Share of the structured variance that the best suspect must explain: the larger of two causes has about half."""
 MOST_CAUSES = 3
-"""More causes than this, each needed, are the sign of a noise that wanders."""
+"""More causes than this, each of them needed, are a sign of wandering noise."""
 TIE = 4.0
 """Difference of scores (log likelihood) below which two suspects that explain the same cannot be parted."""
 ALIKE = 0.8
@@ -29,11 +29,11 @@ RANKED = 10
 REFINED = 4
 """Best suspects whose parameters are refined."""
 SHARES = (0.5, 0.25, 0.1, 0.03)
-"""Steps of this refinement, coarse to fine."""
+"""Steps of the refinement as shares of a parameter, coarse to fine."""
 MOVES = 2
-"""Moves at each step."""
+"""Moves of the refinement at each step."""
 FEWEST_READINGS = 100
-"""Averages below which a record says nothing."""
+"""A record of fewer averages is too short to judge."""
 
 Key = tuple[str, Any]
 
@@ -45,7 +45,7 @@ class Suspect:
     effect: Effect
     basis: np.ndarray = field(repr=False)
     score: float
-    """Log likelihood above that without it, less penalties for its columns and for the parameters tried."""
+    """Gain in log likelihood, less penalties for the columns and for the parameters tried."""
     judged: Evidence = field(repr=False)
     share: float
     """Share of the structured variance that it explains."""
@@ -63,12 +63,12 @@ class Suspect:
 
     @property
     def p_value(self) -> float:
-        """Error probability, the whole family having been tried."""
+        """Error probability, corrected for the number of candidates tried."""
         return self.judged.family_p(self.basis)
 
     @property
     def gain_db(self) -> float:
-        """Held-out gain."""
+        """Gain on blocks of time that the coefficients were not learned from [dB]."""
         return self.judged.held_out_gain(self.basis)
 
     def supported(self) -> bool:
@@ -77,7 +77,7 @@ class Suspect:
 
 
 class Trial:
-    """All candidates of a record before the evidence."""
+    """All candidates of a record, and the evidence for each."""
 
     def __init__(
         self,
@@ -96,8 +96,8 @@ class Trial:
                 f"The record is too short to judge: {len(self.data.reading)} readings, and {FEWEST_READINGS} are "
                 "needed. Record longer."
             )
-        self.base = np.column_stack([self.data.one, *self.data.columns[: len(base)]])
-        self.own = np.column_stack([self.data.one, *self.data.columns[len(base) : len(base) + len(own)]])
+        self.base = np.column_stack([self.data.weight, *self.data.columns[: len(base)]])
+        self.own = np.column_stack([self.data.weight, *self.data.columns[len(base) : len(base) + len(own)]])
         """Columns of the model's own part."""
         self.columns = self.data.columns[len(base) + len(own) :]
         self.evidence: Evidence = evidence(self.data, self.base, self.columns, rng)
@@ -140,7 +140,7 @@ class Trial:
                     other.learn(self.record)
                 if not near:
                     break
-                tried = averaged(self.record, near, one=self.data.one).columns
+                tried = averaged(self.record, near, weight=self.data.weight).columns
                 gains = [self.evidence.gain(self.evidence.basis(columns)) for columns in tried]
                 if max(gains) > gain:
                     which = int(np.argmax(gains))
@@ -150,10 +150,10 @@ class Trial:
                 self.columns.append(found)
 
     def causes(self, most: int = MOST_CAUSES + 1) -> tuple[int, bool]:
-        """How many candidates, one after the other, are each supported by what those before have left; and whether
-        what all of them leave still wanders.
+        """How many causes the record shows, and whether wandering noise is left after them.
 
-        One cause needs one, two need two; a noise that wanders is imitated by ever more, and never quite.
+        Candidates are added one after the other as long as each is supported by what the earlier ones left. One cause
+        needs one candidate, two causes need two; wandering noise takes ever more, and never quite goes away.
         """
         judged = self.evidence
         for count in range(most):

@@ -22,9 +22,9 @@ HOUR_BINS = 12
 TIME = 0.85
 """Weight of stretches of time in the order: a slow residual is large somewhere by chance; what recurs says more."""
 RECORDED = 0.8
-"""The same for recorded columns, which are right by chance more easily than a temperature or an hour."""
+"""Weight of recorded columns in the order: a temperature or an hour is less easily right by chance."""
 CHANCE = 3.0
-"""Error beyond the noise, in standard deviations of the noise's own, below which there is no place to show."""
+"""Error beyond the noise, in standard deviations of what noise alone shows. Below this, no place is shown."""
 ALLAN_COLUMNS = ["averaging_time", "deviation", "low", "high", "white", "excess"]
 COLUMNS = ["aspect", "column", "time_constant", "low", "high", "unit", "n", "rms", "share", "lift"]
 
@@ -62,7 +62,7 @@ def where_it_fails(
     aspects.append({"aspect": "temperature"})
     for effect in effects:
         effect.learn(record)
-    data = averaged(replace(record, reading=residual), [*effects, _Temperature()], one=np.ones(1))
+    data = averaged(replace(record, reading=residual), [*effects, _Temperature()], weight=np.ones(1))
     values = [columns[:, 0] for columns in data.columns]
     values[0] = values[0] * 3600.0
     for i, effect in enumerate(effects):
@@ -91,7 +91,7 @@ def against_white(record: Record, residual: np.ndarray, floor: float) -> pd.Data
     Columns averaging_time [s], deviation, low, high (95 %), white (the line of the noise floor) and excess (deviation
     over white); from averages over short stretches of time, so the shortest averaging time is one of these.
     """
-    data = averaged(replace(record, reading=residual), [], one=np.ones(1))
+    data = averaged(replace(record, reading=residual), [], weight=np.ones(1))
     pieces = [data.reading[data.segment == segment] for segment in np.unique(data.segment)]
     steps = np.diff(data.seconds)[np.diff(data.segment) == 0]
     if len(data.reading) < 3 or not len(steps):
@@ -115,7 +115,7 @@ class _Temperature(Effect):
 def _bins(
     record: Record, data: Averages, aspects: list[dict[str, Any]], values: list[np.ndarray]
 ) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
-    """Places, and the averages inside."""
+    """Each place (aspect and interval), and which averages lie in it."""
     n = len(data.reading)
     place = np.arange(n) * TIME_BINS // n
     dates = record.times.kind.startswith("datetime")

@@ -120,5 +120,5 @@ def asset(name: str) -> str:
 
 
 def digest(script: str) -> str:
-    """Its SHA-256 as the policy writes it."""
+    """SHA-256 of a script, as a content security policy writes it."""
     return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()

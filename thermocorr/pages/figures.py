@@ -14,7 +14,7 @@ from .charts import Chart, Line, Panel
 from .data import PageData
 
 NOISY = 0.3
-"""Noise floor over residual from which the noise hides what is to be seen."""
+"""Noise floor over residual, above which the noise hides what is to be seen and averages are drawn too."""
 FEW = 8
 """Fewer means than this are not drawn."""
 MOST_JOINTS = 5000

@@ -36,7 +36,7 @@ class Traces:
     flags: dict[str, int]
     """Number of rows that each flag of `DynamicBiasRegressor.flags` stands at."""
     rms: float
-    """Of the residual of all rows, in the unit of the reading."""
+    """Rms residual of all rows, in the unit of the reading."""
     average: tuple[np.ndarray, np.ndarray]
     """Means of the residual over short stretches: first and last point of each, shape (m, 2), and mean, shape (m,)."""
     average_rows: int

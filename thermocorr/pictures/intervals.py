@@ -8,7 +8,7 @@ from .protocols import DiagnosisLike
 from .timeline import TimeLine
 
 WORSE = 1.5
-"""Share of the excess error over the share of the samples from which on a stretch is shown as failing."""
+"""A stretch is shown as failing above this ratio of its share of the excess error to its share of the samples."""
 
 
 def stretches(diagnosis: DiagnosisLike, timeline: TimeLine) -> list[tuple[float, float]]:

@@ -17,7 +17,7 @@ STRIPS = 9
 HIGHEST = 4.0
 """Lift at which the colours end."""
 LABELLED = 12
-"""Tiles of a strip up to which each says its share."""
+"""In a strip of at most so many tiles, each tile says its share."""
 
 
 class WhereDisplay:

@@ -15,17 +15,17 @@ from .walk import Walk
 FINE_CELLS = 20_000
 """Cells of time while a record passes."""
 MERGED = (200, 100, 50, 20, 10, 5, 2)
-"""How many of them are averaged, at most the first of these that keeps the temperature's swings."""
+"""Cells that are averaged into one: the first of these numbers that keeps the swings of the temperature."""
 KEPT = 0.98
 """Share of the temperature's standard deviation that averaging must keep."""
 FEWEST = 250
-"""Averages below which no more are merged: they are few enough to be followed by eye."""
+"""Merging ends before fewer averages than this are left: these can be followed by eye."""
 FOLLOWED = 1200
 """Averages up to which the path from one to the next is drawn."""
 BINS = 15
 """Bins of temperature of the curves for heating and cooling."""
 LEAST_AVERAGES = 3
-"""Averages in a bin below which it has no mean."""
+"""A bin of fewer averages has no mean."""
 NAMES = ("temperature", "residual")
 
 

@@ -13,7 +13,7 @@ from .protocols import RefinementLike
 from .words import each_row
 
 WIDE = 5.0
-"""Largest over smallest error from which on the axis is logarithmic."""
+"""Largest over smallest error, above which the axis is logarithmic."""
 
 
 class RefinementDisplay:

@@ -15,7 +15,7 @@ SHOWN = 8
 LONGEST_TEXT = 58
 """Letters beside a bar; `frame` has everything."""
 LEAST_REACH = 0.5
-"""Gain [dB] that the axis shows at least, so that small gains look small."""
+"""Shortest length of the axis of gains [dB], so that small gains look small."""
 PALE = "#B8C4CE"
 COLUMNS = ["label", "kind", "column", "gain_db", "p_value", "share", "confusable_with"]
 

@@ -12,7 +12,7 @@ from .axes import BLUE, GREY, ORANGE, axes_grid, label_values, legend_above, log
 from .walk import regressor_of
 
 UNKNOWN = 10.0
-"""Upper over lower end of its interval above which the record does not determine a time constant."""
+"""Upper over lower end of an interval, above which the record does not determine the time constant."""
 
 
 class SpectrumDisplay:

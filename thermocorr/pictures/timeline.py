@@ -15,7 +15,7 @@ SECONDS_OF = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "days": 86_400.0, 
 LARGEST = {"ms": 1.0, "s": 150.0, "min": 9000.0, "h": 4 * 86_400.0, "days": 3 * 365.25 * 86_400.0, "years": np.inf}
 """Longest span that is written in each unit [s]."""
 EMPTY = 0.5
-"""Share of the span without rows beyond which long gaps are left out of the axis."""
+"""Share of the span without rows, above which long gaps are left out of the axis."""
 LONG_GAP = 0.05
 """Gaps longer than this share of the recorded time are then cut to a fifth of it."""
 

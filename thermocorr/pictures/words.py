@@ -34,7 +34,7 @@ def aspect_text(row: Any) -> str:
 
 
 def ends_text(row: Any, span: float = 0.0) -> tuple[str, str]:
-    """Both ends of a place; dates of a record of more than `span` seconds are shortened for a picture."""
+    """Low and high end of a place; dates of a record of more than `span` seconds are shortened for a picture."""
     if row.unit == "date":
         low, high = (pd.Timestamp(value, unit="s").round("s") for value in (row.low, row.high))
         if span:

@@ -70,7 +70,7 @@ class History:
         )
 
     def thinned(self, limit: int) -> History:
-        """The same with at most about `limit` kept rows, first and last rows of segments among them."""
+        """History with at most about `limit` kept rows, first and last rows of segments among them."""
         if self.record.n_rows <= limit:
             return self
         fewer = History.of(self.record, self.end_states, self.max_gap, limit)

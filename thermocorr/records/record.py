@@ -35,7 +35,7 @@ class Moments(NamedTuple):
 
     @classmethod
     def of(cls, values: Floats) -> Moments:
-        """Of an array; NaN do not count."""
+        """Moments of an array, without its NaN."""
         if np.isnan(values.sum()):
             values = values[np.isfinite(values)]
         if not len(values):
@@ -45,7 +45,7 @@ class Moments(NamedTuple):
         return cls(len(values), mean, float(centred @ centred), float(values.min()), float(values.max()))
 
     def merged(self, other: Moments) -> Moments:
-        """Of both together (Chan, Golub & LeVeque 1983, American Statistician 37, 242)."""
+        """Moments of two sets of values together (Chan, Golub & LeVeque 1983, American Statistician 37, 242)."""
         n = self.n + other.n
         if not n:
             return self
@@ -178,7 +178,7 @@ class Record:
         return self.known_moments[column, power]
 
     def reading_moments(self) -> Moments:
-        """The same of the readings; missing ones do not count."""
+        """Moments of the readings, without the missing ones."""
         assert self.reading is not None
         return self._moments(self.reading)
 

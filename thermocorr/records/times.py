@@ -132,7 +132,7 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
 
 
 def _times_of_index(index: pd.DatetimeIndex | pd.TimedeltaIndex, where: str) -> Times:
-    """The same without a copy."""
+    """Times of an index of dates or spans, without a copy."""
     ticks = index.asi8
     if len(ticks) and ticks.min() == pd.NaT.value:
         _refuse_missing(np.asarray(index.isna()), where)

@@ -117,7 +117,7 @@ class TimeConstantChoice:
     reference: Reference | None = None
     factored: Factored | None = None
     spectrum: dict[str, np.ndarray] | None = None
-    """Of a fitted `DynamicBiasRegressor`: columns of `resolution.spectrum_table`."""
+    """Columns of `resolution.spectrum_table`, in the choice that a fitted `DynamicBiasRegressor` keeps."""
 
 
 def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings) -> TimeConstantChoice:

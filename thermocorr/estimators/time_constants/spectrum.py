@@ -257,7 +257,7 @@ class _Misfit:
         return errors
 
     def exact(self, members: Sequence[int]) -> float:
-        """The same for one set without forming cross products."""
+        """Misfit of one set, from the columns themselves instead of their cross products: slower, more digits."""
         matrix = self.unit[:, self.columns(members)]
         rest = self.target - matrix @ np.linalg.lstsq(matrix, self.target, rcond=None)[0]
         return float(rest @ rest)
