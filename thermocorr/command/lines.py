@@ -15,7 +15,7 @@ import pandas as pd
 
 from ..files.appending import Position, position
 from ..records import RecordError
-from ..records.files import existing_file, is_parquet, read_table
+from ..records.files import existing_file, format_of, read_table
 from ..records.types import kind_of
 from .stopping import StopSignal
 
@@ -150,7 +150,7 @@ class PipeLines(Lines):
 
 
 class TableLines(Lines):
-    """Rows of a Parquet file as lines of CSV, every digit of them."""
+    """Rows of a table, such as Parquet, as lines of CSV, every digit of them."""
 
     def __init__(self, path: Path, stop: StopSignal):
         self.stop = stop
@@ -178,9 +178,10 @@ def open_lines(log: str, follow: bool, idle: float | None, stop: StopSignal) -> 
     if log == "-":
         return PipeLines(sys.stdin.fileno(), idle, stop)
     path = existing_file(log)
-    if is_parquet(path):
+    said = format_of(path)
+    if said is not None:
         if follow:
-            raise RecordError(f"{path} is Parquet, which cannot be followed while it grows. Leave out --follow.")
+            raise RecordError(f"{path} is {said.name}, which cannot be followed while it grows. Leave out --follow.")
         return TableLines(path, stop)
     try:
         if not stat.S_ISREG(path.stat().st_mode):

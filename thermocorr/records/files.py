@@ -5,9 +5,9 @@ from __future__ import annotations
 import io
 import stat
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
@@ -18,7 +18,6 @@ from .parquet import open_parquet
 
 TIME_NAMES = ("time", "timestamp", "datetime", "date", "time_s")
 """Columns that are taken as times where none is named, the first that is there."""
-PARQUET_ENDINGS = (".parquet", ".pq")
 EVERY_DIGIT: dict[str, Any] = (
     {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
 )
@@ -41,9 +40,16 @@ def existing_file(path: str | Path) -> Path:
     return path
 
 
-def is_parquet(path: str | Path) -> bool:
-    """Whether the file's name says Parquet."""
-    return Path(path).suffix.lower() in PARQUET_ENDINGS
+class Format(NamedTuple):
+    """A format of files that are read as a whole."""
+
+    name: str
+    read: Callable[[Path], pd.DataFrame]
+
+
+def format_of(path: str | Path) -> Format | None:
+    """The format that the ending of a file's name says, one of `FORMATS`; None for CSV."""
+    return FORMATS.get(Path(path).suffix.lower())
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
@@ -56,7 +62,8 @@ def read_table(path: str | Path) -> pd.DataFrame:
     """
     path = existing_file(path)
     try:
-        frame = _read_parquet(path) if is_parquet(path) else _read_csv(path)
+        said = format_of(path)
+        frame = _read_csv(path) if said is None else said.read(path)
     except UnicodeDecodeError as error:
         raise RecordError(f"{path} is not text in UTF-8 (byte {error.start + 1}). Save it as CSV in UTF-8.") from None
     except OSError as error:
@@ -107,6 +114,10 @@ def _read_parquet(path: Path) -> pd.DataFrame:
     except (ValueError, ArithmeticError) as error:
         raise RecordError(f"{path} cannot be read as a table of Parquet: {' '.join(str(error).split())}.") from None
     return frame
+
+
+FORMATS = {ending: Format("Parquet", _read_parquet) for ending in (".parquet", ".pq")}
+"""Ending -> format of files that are no CSV."""
 
 
 def require_column(names: Iterable[Any], name: str | None, option: str, guesses: tuple[str, ...] = ()) -> str:
