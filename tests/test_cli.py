@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import load_model
+from thermocorr import __version__, load_model
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 
@@ -35,6 +38,11 @@ def test_corrected_log_has_the_same_rows_and_the_model_loads(log, tmp_path, caps
     model = load_model(out / "model.json")
     np.testing.assert_allclose(model.predict(before.drop(columns="reading")), after["model"], rtol=1e-12)
     assert "lag[600 s]" in (out / "model.txt").read_text()
+
+
+def test_the_package_is_a_command_too():
+    said = subprocess.run([sys.executable, "-m", "thermocorr", "--version"], capture_output=True, text=True, check=True)
+    assert said.stdout == f"thermocorr {__version__}\n"
 
 
 def test_parquet_and_runs(log, tmp_path, capsys):
