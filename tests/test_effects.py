@@ -48,7 +48,15 @@ def cut(effect, record, cuts):
             begins = start == block.start
             steps = block.steps[start - block.start : stop - block.start]
             piece = Block(
-                record, block.segment, start, stop, begins, steps, block.zero, block.segment_zero, block.segment_key
+                record=record,
+                segment=block.segment,
+                start=start,
+                stop=stop,
+                begins=begins,
+                steps=steps,
+                zero=block.zero,
+                segment_zero=block.segment_zero,
+                segment_key=block.segment_key,
             )
             part, state = effect.columns(piece, state)
             parts.append(np.asarray(part).reshape(stop - start, -1))

@@ -47,7 +47,7 @@ class Signal:
     """Value that a body starts with; None for the signal's own first value."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Look:
     """What is known of a part after a first look."""
 

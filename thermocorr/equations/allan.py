@@ -28,7 +28,7 @@ MIN_AVERAGES = 30
 """Averages from which the kind of noise is read at an averaging time; with fewer, it is that of the one before."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AllanDeviation:
     """Overlapping Allan deviation of a record; each array has one element per averaging time."""
 
@@ -121,7 +121,15 @@ def deviation_of(
     low = np.sqrt(variance * freedom / stats.chi2.ppf(1 - tails, freedom))
     high = np.sqrt(variance * freedom / stats.chi2.ppf(tails, freedom))
     times = np.asarray(factors * sampling_period, np.float64)
-    return AllanDeviation(times, np.sqrt(variance), low, high, freedom, exponents, n)
+    return AllanDeviation(
+        averaging_times=times,
+        deviation=np.sqrt(variance),
+        low=low,
+        high=high,
+        degrees_of_freedom=freedom,
+        noise_exponent=exponents,
+        n=n,
+    )
 
 
 def averaging_factors(

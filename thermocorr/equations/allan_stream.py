@@ -106,7 +106,7 @@ class AllanStream:
         )
         later = coarse.averaging_times >= FINE * self.factor * self.sampling_period * (1 - 1e-9)
         return AllanDeviation(
-            *(np.concatenate((getattr(fine, name), getattr(coarse, name)[later])) for name in vars(fine))
+            **{name: np.concatenate((getattr(fine, name), getattr(coarse, name)[later])) for name in vars(fine)}
         )
 
     def _begin(self, piece: object, start: float) -> None:

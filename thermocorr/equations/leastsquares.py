@@ -95,7 +95,7 @@ class TriangularFactor:
         return cls(factors[0].r.shape[1]).merge(*factors)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RidgeSolution:
     """Coefficients of eq. (32) and what is needed to judge them."""
 
@@ -153,4 +153,12 @@ def solve_ridge(factor: TriangularFactor, alpha: float = 0.0) -> RidgeSolution:
         inverse, coef, rank = np.zeros((0, 0)), np.zeros(0), 0
     rest = r[1:, -1] - centred @ coef
     intercept = (r[0, -1] - r[0, 1:-1] @ coef) / r[0, 0] if r[0, 0] else 0.0
-    return RidgeSolution(float(intercept), coef, float(rest @ rest), rank, factor.n_rows, norms / np.sqrt(n), inverse)
+    return RidgeSolution(
+        intercept=float(intercept),
+        coef=coef,
+        residual_sum_of_squares=float(rest @ rest),
+        rank=rank,
+        n_rows=factor.n_rows,
+        scale=norms / np.sqrt(n),
+        inverse_triangle=inverse,
+    )

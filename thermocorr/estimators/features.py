@@ -240,7 +240,13 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
             parts.append(
                 (
                     "lag_products",
-                    LagProducts(time_constants, self.hold, self.initial_state, self.reference_temperature, True),
+                    LagProducts(
+                        time_constants,
+                        self.hold,
+                        self.initial_state,
+                        self.reference_temperature,
+                        temperature_products=True,
+                    ),
                 )
             )
         return parts

@@ -18,7 +18,7 @@ USUAL_STDS = 10.0
 """A corrected reading so many standard deviations from the mean of the fitted readings is no surprise."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Reading:
     """Names, units and ranges of what was fitted."""
 
@@ -43,13 +43,13 @@ class Reading:
                 f"All {record.n_rows} readings are missing (NaN). Check the name of the reading's column and the file."
             )
         return cls(
-            "reading" if name is None else str(name),
-            unit,
-            unit_of(record.temperature_name, X) or "K",
-            readings.n,
-            readings.mean,
-            readings.std,
-            (temperatures.low, temperatures.high),
+            name="reading" if name is None else str(name),
+            unit=unit,
+            temperature_unit=unit_of(record.temperature_name, X) or "K",
+            n_readings=readings.n,
+            mean=readings.mean,
+            std=readings.std,
+            temperature_range=(temperatures.low, temperatures.high),
         )
 
 

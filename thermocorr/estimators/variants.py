@@ -31,7 +31,7 @@ _TITLES = {
 }
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, kw_only=True)
 class VariantComparison:
     """Result of `compare_variants`: figures, models and residuals; prints as the paper's table."""
 
@@ -179,14 +179,14 @@ def compare_variants(
         rows[name] = _figures(name, inside, outside, before, smooth)
     index = X.index if isinstance(X, pd.DataFrame) else None
     return VariantComparison(
-        pd.DataFrame.from_dict(rows, orient="index", columns=list(_TITLES)).rename_axis("variant"),
-        fitted,
-        pd.DataFrame(inside, index=index),
-        pd.DataFrame(outside, index=index),
-        fitted["static linear"].reading_.unit,
-        window,
-        len(blocks),
-        record,
+        table=pd.DataFrame.from_dict(rows, orient="index", columns=list(_TITLES)).rename_axis("variant"),
+        models=fitted,
+        residuals=pd.DataFrame(inside, index=index),
+        held_out_residuals=pd.DataFrame(outside, index=index),
+        unit=fitted["static linear"].reading_.unit,
+        window=window,
+        n_blocks=len(blocks),
+        record=record,
     )
 
 

@@ -122,14 +122,14 @@ def unpack_history(node: Any, where: str, effects: list[Any], codec: EffectCodec
     if type(node["zero"]) is not type(zero) or node["zero"] != zero:
         raise unexpected(f"{where}.zero", repr(node["zero"])[:60], f"the first row's time {zero!r}")
     return History(
-        kind,
-        zero,
-        Record(times, temperature, columns, tuple(segments)),
-        tuple(ends),
-        integer(node["rows"], f"{where}.rows", at),
-        integer(node["stride"], f"{where}.stride", 1),
-        positive(node["usual_step"], f"{where}.usual_step"),
-        None if node["max_gap"] is None else positive(node["max_gap"], f"{where}.max_gap"),
+        kind=kind,
+        zero=zero,
+        record=Record(times, temperature, columns, tuple(segments)),
+        end_states=tuple(ends),
+        n_fitted=integer(node["rows"], f"{where}.rows", at),
+        stride=integer(node["stride"], f"{where}.stride", 1),
+        usual_step=positive(node["usual_step"], f"{where}.usual_step"),
+        max_gap=None if node["max_gap"] is None else positive(node["max_gap"], f"{where}.max_gap"),
     )
 
 

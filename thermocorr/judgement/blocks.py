@@ -26,7 +26,7 @@ UNEVEN = 2.0
 """Largest over smallest size of the noise, above which the noise counts as changing with time."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Averages:
     """Averages over stretches of time, none of which crosses from one segment into the next."""
 
@@ -86,12 +86,12 @@ def averaged(
     if weight is None:
         weight = 1 / _unevenness(np.concatenate(jumps))
     return Averages(
-        np.concatenate(readings) * weight,
-        [np.concatenate(part) * weight[:, None] for part in parts],
-        counted,
-        np.concatenate(segments),
-        np.concatenate(seconds),
-        weight,
+        reading=np.concatenate(readings) * weight,
+        columns=[np.concatenate(part) * weight[:, None] for part in parts],
+        counts=counted,
+        segment=np.concatenate(segments),
+        seconds=np.concatenate(seconds),
+        weight=weight,
     )
 
 

@@ -37,13 +37,16 @@ def suspect_record(
     known = {name: column for name, column in values.items() if np.isfinite(column).mean() > 0.95}
     return filled(
         Record(
-            read.times,
-            read.temperature_name,
-            {**read.columns, **{name: np.where(np.isfinite(column), column, np.nan) for name, column in known.items()}},
-            read.segments,
-            read.order,
-            read.reading,
-            read.notes,
+            times=read.times,
+            temperature_name=read.temperature_name,
+            columns={
+                **read.columns,
+                **{name: np.where(np.isfinite(column), column, np.nan) for name, column in known.items()},
+            },
+            segments=read.segments,
+            order=read.order,
+            reading=read.reading,
+            notes=read.notes,
         )
     )
 

@@ -26,7 +26,7 @@ DRAWS = 300
 """Draws of white noise that calibrate the family-wise error probability."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Evidence:
     """What each candidate explains of the residual of the base, in noise made white."""
 
@@ -153,7 +153,14 @@ def evidence(data: Averages, base: np.ndarray, candidates: Sequence[np.ndarray],
     space = orthonormal(whitened[:, 1:])
     bases = own_parts([noise.whitened(columns, data.segment) for columns in candidates], space)
     freedom = len(space) - space.shape[1]
-    return Evidence(noise, data.segment, space, whitened[:, 0], bases, _effective_tests(bases, space, freedom, rng))
+    return Evidence(
+        noise=noise,
+        segment=data.segment,
+        space=space,
+        reading=whitened[:, 0],
+        bases=bases,
+        tests=_effective_tests(bases, space, freedom, rng),
+    )
 
 
 def saturated_residual(data: Averages, base: np.ndarray, candidates: Sequence[np.ndarray]) -> np.ndarray:

@@ -92,7 +92,9 @@ class Lagging:
         noise = noise_model(data.reading - saturated @ (saturated.T @ data.reading), data.segment)
         space = orthonormal(noise.whitened(thin, data.segment))
         reading = noise.whitened(data.reading[:, None], data.segment)[:, 0]
-        judged = Evidence(noise, data.segment, space, reading, [], float(len(columns)))
+        judged = Evidence(
+            noise=noise, segment=data.segment, space=space, reading=reading, bases=[], tests=float(len(columns))
+        )
         first = [self._suspect(effect, Q, judged, None) for effect, Q in zip(self.candidates, columns, strict=True)]
         if not any(clearly(suspect) for suspect in first):
             return []

@@ -79,7 +79,15 @@ class Stream:
         """All that is remembered of the samples so far."""
         states = tuple(stepper.state() for stepper in self._steppers) if self._open else ()
         key, zero = (self._sample.key, self._sample.segment_zero) if self._open else (None, 0)
-        return StreamState(self.last, self._run, tuple(self._seen), self._open, key, zero, states)
+        return StreamState(
+            last=self.last,
+            run=self._run,
+            seen=tuple(self._seen),
+            open=self._open,
+            key=key,
+            segment_zero=zero,
+            states=states,
+        )
 
     def put(self, state: StreamState) -> None:
         """Go on where `state` was taken."""

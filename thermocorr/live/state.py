@@ -16,7 +16,7 @@ from ..records.grammar import LARGEST
 FORMAT = "thermocorr stream 2"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StreamState:
     """A stream between two samples."""
 
@@ -138,15 +138,17 @@ def _unpacked(node: Any, where: str, model: DynamicBiasRegressor, settings: Sett
     if len(averaged) > (settings.average or 0):
         raise unexpected(f"{where}.averaged", f"{len(averaged)} values", f"at most {settings.average or 0}")
     return StreamState(
-        None if node["last"] is None else stamp("last"),
-        label(unpack(node["run"], f"{where}.run"), f"{where}.run"),
-        tuple(label(unpack(run, f"{where}.seen"), f"{where}.seen") for run in items(node["seen"], f"{where}.seen")),
-        is_open,
-        None if node["key"] is None else integer(node["key"], f"{where}.key", 0, segments - 1),
-        stamp("segment_zero") if is_open else 0,
-        tuple(states),
-        tuple(number(value, f"{where}.averaged[{i}]", -LARGEST, LARGEST) for i, value in enumerate(averaged)),
-        _tracked(node["tracked"], f"{where}.tracked", settings),
+        last=None if node["last"] is None else stamp("last"),
+        run=label(unpack(node["run"], f"{where}.run"), f"{where}.run"),
+        seen=tuple(
+            label(unpack(run, f"{where}.seen"), f"{where}.seen") for run in items(node["seen"], f"{where}.seen")
+        ),
+        open=is_open,
+        key=None if node["key"] is None else integer(node["key"], f"{where}.key", 0, segments - 1),
+        segment_zero=stamp("segment_zero") if is_open else 0,
+        states=tuple(states),
+        averaged=tuple(number(value, f"{where}.averaged[{i}]", -LARGEST, LARGEST) for i, value in enumerate(averaged)),
+        tracked=_tracked(node["tracked"], f"{where}.tracked", settings),
     )
 
 

@@ -80,7 +80,7 @@ class PageData:
         """
         walk = Walk(model, X)
         record: Record = walk.record
-        traces = Traces.of(model, X, y, walk.timeline, beside, most)
+        traces = Traces.of(model, X, y, walk.timeline, beside=beside, most=most)
         last = record.segments[-1].stop - 1
         return cls(
             reading=model.reading_.name,

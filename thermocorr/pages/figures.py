@@ -120,9 +120,9 @@ def time_axis(data: PageData) -> Axis:
     zone = "time" if line.zone is None else "time (UTC)"
     if line.dates and line.in_order:
         zero = line.first / 1e9
-        return Axis(places + zero, zone, "", 1.0, True, zero, ())
+        return Axis(x=places + zero, label=zone, unit="", scale=1.0, dates=True, zero=zero, joints=())
     if line.samples and line.in_order:
-        return Axis(places, "sample", "", 1.0, False, 0.0, ())
+        return Axis(x=places, label="sample", unit="", scale=1.0, dates=False, zero=0.0, joints=())
     unit = "samples" if line.samples else elapsed_unit(line.span)
     scale = 1.0 if line.samples else SECONDS_OF[unit]
     label = "time since the first row" if line.in_order else "recorded time, long gaps left out"
@@ -131,7 +131,7 @@ def time_axis(data: PageData) -> Axis:
         true = line.starts - line.shifts
         true = true + line.first / 1e9 if line.dates else true / scale
         joints = tuple(zip((line.starts / scale).tolist(), true.tolist(), strict=True))
-    return Axis(places / scale, label, unit, scale, False, 0.0, joints)
+    return Axis(x=places / scale, label=label, unit=unit, scale=scale, dates=False, zero=0.0, joints=joints)
 
 
 def placed(data: PageData, low: float, high: float) -> tuple[float, float] | None:

@@ -19,7 +19,7 @@ LEAST = 4
 """Fewest rows of such a stretch."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Traces:
     """Time series of a record, thinned out without hiding a spike."""
 
@@ -83,14 +83,14 @@ class Traces:
         names = list(columns)
         group = cells.group()
         return cls(
-            seconds,
-            {name: points[:, i] for i, name in enumerate(names)},
-            cells.width,
-            n_rows,
-            flags,
-            float(np.sqrt(squares / known)) if known else float("nan"),
-            cells.averages(names.index("residual"), group),
-            group * cells.width,
+            seconds=seconds,
+            columns={name: points[:, i] for i, name in enumerate(names)},
+            rows_per_cell=cells.width,
+            n_rows=n_rows,
+            flags=flags,
+            rms=float(np.sqrt(squares / known)) if known else float("nan"),
+            average=cells.averages(names.index("residual"), group),
+            average_rows=group * cells.width,
         )
 
 

@@ -75,7 +75,14 @@ class AllanDisplay:
                 stream.add(walk.timeline.runs[part.segment], part.seconds, values)
         before, after = (stream.result() for stream in streams)
         reading = walk.model.reading_
-        return cls(before, after, reading.name, reading.unit, confidence, walk.timeline.samples)
+        return cls(
+            before=before,
+            after=after,
+            name=reading.name,
+            unit=reading.unit,
+            confidence=confidence,
+            samples=walk.timeline.samples,
+        )
 
     def frame(self) -> pd.DataFrame:
         """One row per averaging time [s]: deviation, low, high, degrees of freedom and noise exponent, of both."""

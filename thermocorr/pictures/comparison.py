@@ -60,7 +60,14 @@ class VariantsDisplay:
         cells = cells_of(timeline, names, record.n_used, _parts(record, comparison))
         reading = model.reading_
         temperature = (column_text(record.temperature_name), reading.temperature_unit)
-        return cls(cells, timeline, comparison.frame(), comparison.window, temperature, (reading.name, reading.unit))
+        return cls(
+            cells=cells,
+            timeline=timeline,
+            table=comparison.frame(),
+            window=comparison.window,
+            temperature=temperature,
+            reading=(reading.name, reading.unit),
+        )
 
     @classmethod
     def from_estimator(cls, model: Any, X: Any, y: Any, **options: Any) -> VariantsDisplay:

@@ -92,7 +92,14 @@ class ResidualsDisplay:
         failing = [] if diagnosis is None else stretches(diagnosis, walk.timeline)
         reading = walk.model.reading_
         floor = None if diagnosis is None else diagnosis.noise_floor
-        return cls(cells, walk.timeline, reading.name, reading.unit, failing, floor)
+        return cls(
+            cells=cells,
+            timeline=walk.timeline,
+            name=reading.name,
+            unit=reading.unit,
+            failing=failing,
+            noise_floor=floor,
+        )
 
     @classmethod
     def from_predictions(

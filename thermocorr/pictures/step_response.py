@@ -75,7 +75,14 @@ class StepResponseDisplay:
         reading = fitted.reading_
         samples = fitted.features_.history_.kind == "rows" and fitted.sampling_period is None
         temperature_unit = "degF" if reading.temperature_unit == "degF" else "K"
-        return cls(response, fitted.time_constants_, step, temperature_unit, reading.unit, samples)
+        return cls(
+            response=response,
+            time_constants=fitted.time_constants_,
+            step=step,
+            temperature_unit=temperature_unit,
+            unit=reading.unit,
+            samples=samples,
+        )
 
     def frame(self) -> pd.DataFrame:
         """Time after the step [s], response of the bias, and its standard error, in the unit of the reading."""

@@ -20,7 +20,7 @@ LONG_GAP = 0.05
 """Gaps longer than this share of the recorded time are then cut to a fifth of it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TimeLine:
     """Times of a record's segments, and their places on an axis.
 
@@ -62,17 +62,17 @@ class TimeLine:
             gaps = np.where(gaps > LONG_GAP * recorded, _small(recorded), gaps)
             places = np.concatenate(([0.0], np.cumsum(stop[:-1] - start[:-1] + gaps)))
         return cls(
-            times.kind,
-            zero,
-            zone,
-            samples,
-            places - start,
-            places,
-            tuple(segment.run for segment in record.segments),
-            float(np.max(places + stop - start)),
-            record.usual_step(),
-            places is start,
-            bool((stop[:-1] >= start[1:]).any()),
+            kind=times.kind,
+            first=zero,
+            zone=zone,
+            samples=samples,
+            shifts=places - start,
+            starts=places,
+            runs=tuple(segment.run for segment in record.segments),
+            span=float(np.max(places + stop - start)),
+            usual_step=record.usual_step(),
+            in_order=places is start,
+            overlapping=bool((stop[:-1] >= start[1:]).any()),
         )
 
     @property

@@ -19,7 +19,7 @@ HISTORY_ROWS = 1 << 17
 State = Any
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class History:
     """Times and columns of the fitted record (thinned beyond `HISTORY_ROWS`) and its states at each segment's end."""
 
@@ -59,14 +59,14 @@ class History:
         columns = {name: np.array(values[rows], np.float64) for name, values in record.columns.items()}
         small = Record(thin, record.temperature_name, columns, tuple(segments))
         return cls(
-            times.kind,
-            record.first_stamp(),
-            small,
-            tuple(end_states),
-            record.n_rows,
-            stride,
-            record.usual_step(),
-            max_gap,
+            kind=times.kind,
+            zero=record.first_stamp(),
+            record=small,
+            end_states=tuple(end_states),
+            n_fitted=record.n_rows,
+            stride=stride,
+            usual_step=record.usual_step(),
+            max_gap=max_gap,
         )
 
     def thinned(self, limit: int) -> History:
@@ -181,15 +181,22 @@ class History:
         """Rows without times: those that repeat fitted rows are these, others follow directly on the fitted ones."""
         first_row = self.first_row(record)
         times = record.times
-        placed = Times(times.n, times.kind, None, times.per_second, times.period, first_row)
+        placed = Times(
+            n=times.n,
+            kind=times.kind,
+            ticks=None,
+            per_second=times.per_second,
+            period=times.period,
+            first_row=first_row,
+        )
         return Record(
-            placed,
-            record.temperature_name,
-            record.columns,
-            record.segments,
-            record.order,
-            record.reading,
-            record.notes,
+            times=placed,
+            temperature_name=record.temperature_name,
+            columns=record.columns,
+            segments=record.segments,
+            order=record.order,
+            reading=record.reading,
+            notes=record.notes,
         )
 
     def first_row(self, record: Record) -> int:

@@ -84,7 +84,15 @@ def read_record(
             f"No row has a number in every needed column ({listing(columns)}): all {n} rows have a missing value. "
             "Check the columns' names and the file they come from."
         )
-    record = Record(times, name, columns, tuple(segments), order, reading, tuple(notes))
+    record = Record(
+        times=times,
+        temperature_name=name,
+        columns=columns,
+        segments=tuple(segments),
+        order=order,
+        reading=reading,
+        notes=tuple(notes),
+    )
     if not quiet:
         for note in notes:
             warnings.warn(note, RecordWarning, stacklevel=4)

@@ -216,15 +216,15 @@ class Record:
                 if known is not None and begins and known.step is not None:
                     steps[0] = known.step
                 yield Block(
-                    self,
-                    number,
-                    start,
-                    stop,
-                    begins and (known is None or known.step is None),
-                    steps,
-                    zero,
-                    segment_zero,
-                    None if known is None else known.key,
+                    record=self,
+                    segment=number,
+                    start=start,
+                    stop=stop,
+                    begins=begins and (known is None or known.step is None),
+                    steps=steps,
+                    zero=zero,
+                    segment_zero=segment_zero,
+                    segment_key=None if known is None else known.key,
                 )
 
 

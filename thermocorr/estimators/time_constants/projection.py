@@ -98,7 +98,9 @@ def sensitivity(base: Factored, time_constants: np.ndarray, alpha: float) -> Sen
             share = solution.coef[column - 1] / DIFFERENCE
             combination[column, n_model + j] = -share
             combination[column + n_moved, n_model + j] = share
-    model = Factored(record, base.reading, base.features, columns, plain, base.folds)
+    model = Factored(
+        record=record, reading=base.reading, features=base.features, columns=columns, chunks=plain, folds=base.folds
+    )
     return Sensitivity(model, [chunk.combined(combination) for chunk in chunks], solution.residual_sum_of_squares)
 
 

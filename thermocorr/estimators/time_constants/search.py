@@ -73,7 +73,7 @@ class Tried:
     """Shape (n_folds,)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Factored:
     """A record, turned into what the search works on: the only pass over the data."""
 
@@ -101,7 +101,7 @@ class Factored:
         return CrossValidation(self.chunks, self.folds, self.layout, dead, scoring)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TimeConstantChoice:
     """What the search found and how."""
 
@@ -255,7 +255,13 @@ def _choice(
     grid = factored.layout.grid
     ordered = sorted(tried, key=lambda line: float(line.losses.mean()))
     return TimeConstantChoice(
-        grid[list(chosen.members)], chosen.alpha, grid, tuple(ordered), chosen, reference, factored
+        time_constants=grid[list(chosen.members)],
+        alpha=chosen.alpha,
+        grid=grid,
+        tried=tuple(ordered),
+        chosen=chosen,
+        reference=reference,
+        factored=factored,
     )
 
 
@@ -336,7 +342,7 @@ def factors_of(
     folds = folds_in_time(record, settings.cv, settings.washout)
     effects = [*features.effect_list(), columns.lag, columns.transient]
     chunks = sweep_effects(record, effects, folds.edges).chunks
-    return Factored(record, reading, features, columns, chunks, folds)
+    return Factored(record=record, reading=reading, features=features, columns=columns, chunks=chunks, folds=folds)
 
 
 def reference_spectrum(factored: Factored) -> Reference:
