@@ -95,6 +95,7 @@ def test_no_file_is_written_twice_by_one_command(tmp_path):
     outputs.write(tmp_path / "x", "claimed early, written later")
     with pytest.raises(OutputError, match="would be written twice"):
         outputs.write(tmp_path / "x", "again")
+    outputs.discard()
 
 
 def test_foreign_files_are_overwritten_by_force_only(tmp_path):
