@@ -89,9 +89,13 @@ def test_inputs_are_refused_under_every_name(tmp_path):
 def test_no_file_is_written_twice_by_one_command(tmp_path):
     outputs = Outputs()
     outputs.claim(tmp_path / "x")
-    assert outputs.claim(tmp_path / "x") == (tmp_path / "x").resolve()  # claimed early, written later
+    for again in (tmp_path / "x", tmp_path / "sub" / ".." / "x"):
+        with pytest.raises(OutputError, match="would be written twice"):
+            outputs.claim(again)
+    outputs.write(tmp_path / "x", "claimed early, written later")
     with pytest.raises(OutputError, match="would be written twice"):
-        outputs.claim(tmp_path / "sub" / ".." / "x")
+        outputs.write(tmp_path / "x", "again")
+    outputs.discard()
 
 
 def test_foreign_files_are_overwritten_by_force_only(tmp_path):

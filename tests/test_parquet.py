@@ -125,3 +125,9 @@ def test_files_of_one_log_have_the_same_columns(record, tmp_path):
         ParquetLog([tmp_path / "a.parquet", tmp_path / "b.parquet"])
     with pytest.raises(RecordError, match="no column 'supply'"):
         ParquetLog(tmp_path / "b.parquet")["supply"]
+
+
+def test_rows_in_any_order(record, log):
+    """Runs that take turns are read in the order of the runs, across row groups and files."""
+    rows = np.random.default_rng(0).permutation(5000)
+    np.testing.assert_array_equal(log["temperature"][rows], record["temperature"].to_numpy()[rows])

@@ -14,7 +14,6 @@ from ..files.model_file import load
 from ..live.corrector import OnlineCorrector
 from ..records import RecordError
 from ..records.csvlines import CUT
-from ..records.files import read_table
 from ..records.text import printable
 from .lines import Lines, TableLines, open_lines
 from .log_rows import LogRows, Sample, csv_text
@@ -71,8 +70,6 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
         lines = open_lines(options.log, options.follow, options.idle if options.follow else None, stop)
         try:
             rows = LogRows(live, options, _complain, lines.time_name if isinstance(lines, TableLines) else None)
-            if saved is None and not options.follow and options.log != "-":
-                _place(live, options)
             _pump(rows, lines, options, inputs, saved, stop)
         finally:
             lines.close()
@@ -143,17 +140,6 @@ def _whole(rows: LogRows, stream: Any, results: Results) -> None:
                 results.keep()
                 saved = time.monotonic()
     correct()
-
-
-def _place(live: OnlineCorrector, options: argparse.Namespace) -> None:
-    """Find the rows of a log without times in the fitted record."""
-    history = live.model.features_.history_
-    if history.kind != "rows":
-        return
-    frame = read_table(options.log)
-    if options.temperature is not None:
-        frame = frame.rename(columns={options.temperature: history.record.temperature_name})
-    live.place_block(frame)
 
 
 def _complain(text: str) -> None:

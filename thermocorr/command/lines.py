@@ -116,10 +116,12 @@ class PipeLines(Lines):
     ----------
     descriptor : int
     idle, stop : see `FileLines`
+    own : bool
+        Close it at the end.
     """
 
-    def __init__(self, descriptor: int, idle: float | None, stop: StopSignal):
-        self.descriptor, self.idle, self.stop = descriptor, idle, stop
+    def __init__(self, descriptor: int, idle: float | None, stop: StopSignal, own: bool = False):
+        self.descriptor, self.idle, self.stop, self.own = descriptor, idle, stop, own
 
     def __iter__(self) -> Iterator[bytes | None]:
         descriptor = self.descriptor
@@ -148,12 +150,17 @@ class PipeLines(Lines):
             line, self.rest = self.rest, b""
             yield line
 
+    def close(self) -> None:
+        """Close the pipe."""
+        if self.own:
+            os.close(self.descriptor)
+
 
 class TableLines(Lines):
     """Rows of a table, such as Parquet, as lines of CSV, every digit of them."""
 
     def __init__(self, path: Path, stop: StopSignal):
-        self.stop = stop
+        self.path, self.stop = path, stop
         self.frame = read_table(path)
         index = self.frame.index
         self.stamped = isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex)
@@ -164,13 +171,25 @@ class TableLines(Lines):
         written: dict[str, Any] = {"index": self.stamped, "index_label": self.time_name}
         yield self.frame[:0].to_csv(**written).encode()
         for start in range(0, len(self.frame), _CHUNK):
-            part = self.frame[start : start + _CHUNK]
-            for name in [column for column in part.columns if kind_of(part[column]) == "text"]:
-                part = part.assign(**{name: part[name].replace({r"[\r\n\0]": " "}, regex=True)})
-            for line in part.to_csv(header=False, **written).splitlines(keepends=True):
+            for line in self._text(self.frame[start : start + _CHUNK], written).splitlines(keepends=True):
                 if self.stop:
                     return
                 yield line.encode()
+
+    def _text(self, part: pd.DataFrame, written: dict[str, Any]) -> str:
+        try:
+            part = part.assign(**{name: _written(part[name]) for name in part.columns})
+            return part.to_csv(header=False, **written)
+        except (ValueError, ArithmeticError, NotImplementedError) as error:  # dates that Python does not know
+            reason = " ".join(str(error).split())
+            raise RecordError(f"{self.path} cannot be read row by row: {reason}. Are its dates damaged?") from None
+
+
+def _written(column: pd.Series[Any]) -> pd.Series[Any]:
+    """A column whose text is its numbers' in double precision, and stands on one line."""
+    if column.dtype.kind == "f":
+        return column.astype(float)
+    return column.replace({r"[\r\n\0]": " "}, regex=True) if kind_of(column) == "text" else column
 
 
 def open_lines(log: str, follow: bool, idle: float | None, stop: StopSignal) -> Lines:
@@ -185,7 +204,7 @@ def open_lines(log: str, follow: bool, idle: float | None, stop: StopSignal) -> 
         return TableLines(path, stop)
     try:
         if not stat.S_ISREG(path.stat().st_mode):
-            return PipeLines(os.open(path, os.O_RDONLY), idle, stop)
+            return PipeLines(os.open(path, os.O_RDONLY), idle, stop, own=True)
         return FileLines(path, follow, idle, stop)
     except OSError as error:
         raise RecordError(f"{path} cannot be read: {error.strerror}.") from None

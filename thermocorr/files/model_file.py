@@ -11,6 +11,7 @@ import json
 import os
 import platform
 import re
+import textwrap
 from collections.abc import Callable, Collection
 from importlib.metadata import version
 from pathlib import Path
@@ -29,6 +30,8 @@ from .model_nodes import pack_model, unpack_model
 
 FORMAT = "thermocorr model"
 VERSION = 2
+LONGEST_MESSAGE = 400
+"""Characters of what is said about a file's content, which may be anything."""
 HISTORY_ROWS = 4096
 """Rows of the fitted record that a file keeps unless it is told otherwise."""
 _HEAD = re.compile(rb'\{"format": "thermocorr model", "version": ([0-9]{1,9}), "digest": "(sha256:[0-9a-f]{64})",\n')
@@ -134,7 +137,8 @@ def load(path: str | os.PathLike[str], *, allow_imports: Collection[str] = ()) -
     except OSError as error:
         raise ModelFileError(f"{path} cannot be read: {error.strerror}. Check its name and folder.") from None
     except ModelFileError as error:
-        raise ModelFileError(f"{path} is no model that can be loaded: {error}. {_remedy(str(error))}") from None
+        found = textwrap.shorten(str(error), LONGEST_MESSAGE, placeholder=" ...")
+        raise ModelFileError(f"{path} is no model that can be loaded: {found}. {_remedy(str(error))}") from None
 
 
 save_model, load_model = save, load

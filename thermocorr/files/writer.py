@@ -53,6 +53,7 @@ class Outputs:
         self.force = force
         self._inputs = [Path(path) for path in inputs]
         self._claimed: dict[Path, Path] = {}
+        self._opened: set[Path] = set()
         self._drafts: list[Draft] = []
         self._devices: list[BinaryIO] = []
 
@@ -77,8 +78,6 @@ class Outputs:
         path = Path(path)
         with _said(path):
             target = Path(os.path.realpath(path))
-            if self._claimed.get(target) == path:
-                return target
             self._refuse_same(path, target)
             if target.is_dir():
                 raise OutputError(f"{path} is a directory and cannot be written. Name a file in it.")
@@ -95,8 +94,13 @@ class Outputs:
 
     def open(self, path: Name) -> BinaryIO:
         """A file to write to; it takes its place at `commit`. Devices and pipes are written to at once."""
-        target = self.claim(path)
         with _said(Path(path)):
+            target = Path(os.path.realpath(path))
+            if target not in self._claimed:
+                self.claim(path)
+            elif target in self._opened:
+                raise OutputError(f"{path} would be written twice by this command. Name another file for one of them.")
+            self._opened.add(target)
             if target.exists() and not _regular(target):
                 self._devices.append(target.open("wb"))
                 return self._devices[-1]

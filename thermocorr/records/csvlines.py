@@ -7,6 +7,7 @@ for a shorter row, a shorter number, or an index in front.
 from __future__ import annotations
 
 import csv
+from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,10 +59,11 @@ def header_of(line: bytes) -> list[str]:
         raise RecordError(
             "The log seems to be separated by semicolons or tabs. Save it with commas between its columns."
         )
-    twice = [name for i, name in enumerate(names) if name and name in names[:i]]
-    if twice:
+    counted = Counter(filter(None, names))
+    twice = next((name for name in names if counted[name] > 1), None)
+    if twice is not None:
         raise RecordError(
-            f"The header has the name {twice[0]!r} twice; its names are {listing(names)}. Give columns unique names."
+            f"The header has the name {twice!r} twice; its names are {listing(names)}. Give columns unique names."
         )
     return names
 

@@ -15,7 +15,7 @@ class RecordWarning(UserWarning):
 
 def listing(names: Iterable[object], limit: int = 8) -> str:
     """Names for a message: ``'a', 'b', 'c' and 3 more``."""
-    items = [repr(name) for name in names]
+    items = [repr(name) if len(repr(name)) <= 60 else f"{repr(name)[:57]}..." for name in names]
     shown = ", ".join(items[:limit])
     return shown if len(items) <= limit else f"{shown} and {len(items) - limit} more"
 

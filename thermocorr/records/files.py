@@ -88,6 +88,8 @@ def _read_csv(path: Path) -> pd.DataFrame:
     if end < len(content) and start < len(content):
         warnings.warn(f"The last line of {path} is left out: {CUT}.", RecordWarning, stacklevel=3)
     names = [name or f"Unnamed: {i}" for i, name in enumerate(names)]
+    if len(set(names)) < len(names):
+        raise RecordError(f"{path} has columns without a name, and others called {listing(names)}. Name them all.")
     if not rows:
         return pd.DataFrame(columns=names)
     body = io.BytesIO(memoryview(content)[start:end])

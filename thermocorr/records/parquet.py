@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .errors import RecordError, listing
 from .log import Log
-from .times import Kind, Times
+from .times import Kind, Times, within_range
 from .types import ColumnKind, kind_of_arrow, require_role
 
 _PER_SECOND = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
@@ -150,7 +150,7 @@ class ParquetColumn:
         return np.asarray(self[:], dtype)
 
     def __getitem__(self, rows: Any) -> Any:
-        """Rows of the column: a number, a slice, or increasing row numbers."""
+        """Rows of the column: a number, a slice, or row numbers in any order."""
         if isinstance(rows, int | np.integer):
             row = int(rows) + (len(self) if rows < 0 else 0)
             group = int(np.searchsorted(self.log.edges, row, side="right")) - 1
@@ -159,11 +159,12 @@ class ParquetColumn:
             start, stop, stride = rows.indices(len(self))
             return self._stretch(start, max(stop, start))[::stride]
         rows = np.asarray(rows)
-        parts = []
-        for group in np.unique(np.searchsorted(self.log.edges, rows, side="right") - 1):
-            low, high = self.log.edges[group], self.log.edges[group + 1]
-            parts.append(self._group(int(group))[rows[(rows >= low) & (rows < high)] - low])
-        return np.concatenate(parts) if parts else np.zeros(0, self.dtype)
+        groups = np.searchsorted(self.log.edges, rows, side="right") - 1
+        values = np.empty(len(rows), self.dtype)
+        for group in np.unique(groups):
+            inside = groups == group
+            values[inside] = self._group(int(group))[rows[inside] - self.log.edges[group]]
+        return values
 
     def _stretch(self, start: int, stop: int) -> NDArray[Any]:
         edges = self.log.edges
@@ -183,8 +184,12 @@ class ParquetColumn:
     def _values(self, column: Any, first_row: int) -> NDArray[Any]:
         """A stretch of the column, from row `first_row` on."""
         if self.kind in ("number", "switch"):
-            return np.asarray(column.cast("float64").to_numpy(), np.float64)
-        return np.asarray(column.to_numpy() if self.kind in ("date", "span") else column.to_pylist())
+            return np.asarray(column.cast("float64", safe=False).to_numpy(), np.float64)
+        if self.kind in ("date", "span"):
+            return np.asarray(column.to_numpy())
+        values = np.empty(len(column), object)
+        values[:] = column.to_pylist()
+        return values
 
 
 class TimeColumn(ParquetColumn):
@@ -203,7 +208,8 @@ class TimeColumn(ParquetColumn):
             raise RecordError(f"The column {self.name!r} has no time in row {row}. Every row needs its time.")
         if values.dtype.kind == "f":
             return values
-        return values.astype(f"{values.dtype.str[1]}8[{_UNIT[self.per_second]}]").view("i8")
+        ticks = values.astype(f"{values.dtype.str[1]}8[{_UNIT[self.per_second]}]").view("i8")
+        return within_range(ticks, self.per_second, f"The time column {self.name!r}", first_row)
 
 
 def open_parquet(path: str | PathLike[str]) -> Any:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date, timedelta
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,8 @@ from .record import Record, Segment
 from .times import Times, seconds_of, times_from
 from .types import Role, kind_of, require_role
 
+LABELS = (str, bool, int, float, Decimal, np.number, np.bool_, date, timedelta, np.datetime64, np.timedelta64)
+"""What may label a run: dates and spans of pandas are dates and spans of Python too."""
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
 
@@ -206,7 +210,7 @@ def as_numbers(values: Any, what: str, role: Role = "column") -> NDArray[Any]:
     """Numbers with NaN for missing ones; text, complex numbers, dates and infinities are refused by row."""
     kind = kind_of(values)
     require_role(kind, role, what, str(getattr(values, "type_name", values.dtype)))
-    if kind == "text":
+    if kind == "text" or values.dtype == object:
         if isinstance(getattr(values, "log", None), Log):
             raise RecordError(
                 f"{what} holds {values.type_name}, not numbers. Convert it when the file is written, or read the file "
@@ -245,11 +249,14 @@ def _refuse_absurd(chunk: Any, first_row: int, what: str) -> None:
 
 def _parse_numbers(values: Any, what: str) -> NDArray[Any]:
     series = pd.Series(values)
-    for row, value in enumerate(series.head(1000)):  # pandas would coerce dicts and lists without a word
-        if isinstance(value, dict | list | tuple | set):
-            raise TypeError(f"{what}: argument must be a string or a number, row {row} holds {value!r}.")
+    for row, value in enumerate(series):  # pandas would coerce dicts, lists and bytes without a word
+        if isinstance(value, dict | list | tuple | set | bytes | bytearray | np.ndarray):
+            raise TypeError(f"{what}: argument must be a string or a number, row {row} holds {value!r:.60}.")
     series = series.where(~series.map(lambda value: isinstance(value, str) and is_missing(value)), None)
-    numbers = pd.to_numeric(series, errors="coerce")
+    try:
+        numbers = pd.to_numeric(series, errors="coerce")
+    except OverflowError:  # a whole number of more than 300 digits
+        numbers = series.map(_float_or_infinity)
     bad = (numbers.isna() & series.notna()).to_numpy()
     if bad.any():
         row = int(bad.argmax())
@@ -258,6 +265,15 @@ def _parse_numbers(values: Any, what: str) -> NDArray[Any]:
             "all). Remove units and text from the data, or convert it with pandas.to_numeric(..., errors='coerce')."
         )
     return numbers.to_numpy(dtype=float, na_value=np.nan)
+
+
+def _float_or_infinity(value: Any) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return np.inf
+    except (TypeError, ValueError):
+        return np.nan
 
 
 def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Times:
@@ -307,6 +323,12 @@ def _runs(X: Any, layout: Layout, times: Times) -> tuple[NDArray[Any] | None, ND
     missing = labels.isna().to_numpy()
     if missing.any():
         raise RecordError(f"The run column {layout.run!r} is empty in row {missing.argmax()}. Label every row.")
+    for row, value in enumerate(labels):
+        if not isinstance(value, LABELS):
+            raise RecordError(
+                f"The run column {layout.run!r} holds a {type(value).__name__} in row {row}. Label runs with text, "
+                "numbers or dates."
+            )
     codes, names = pd.factorize(labels)
     order = None
     if (np.diff(codes) < 0).any():

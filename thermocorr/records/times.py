@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import RecordError
+from .types import kind_of
 
 Floats = NDArray[np.float64]
 Rows = slice | NDArray[np.intp]
@@ -114,7 +115,7 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
         dtype = values.dtype
     if pd.api.types.is_bool_dtype(dtype):
         raise RecordError(f"{where} holds true/false where times are needed. Give dates, time spans or seconds.")
-    if pd.api.types.is_numeric_dtype(dtype):
+    if kind_of(values) == "number":
         seconds = values.to_numpy(dtype=float, na_value=np.nan)
         _refuse_missing(~np.isfinite(seconds), where)
         return Times(n, "seconds", seconds)
@@ -128,7 +129,7 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
         values = values.dt.tz_convert("UTC").dt.tz_localize(None)
     ticks = values.to_numpy()
     per_second = _UNITS[np.datetime_data(ticks.dtype)[0]]
-    return Times(n, kind, _within_range(ticks.view("i8"), per_second, where), per_second)
+    return Times(n, kind, within_range(ticks.view("i8"), per_second, where), per_second)
 
 
 def _times_of_index(index: pd.DatetimeIndex | pd.TimedeltaIndex, where: str) -> Times:
@@ -140,16 +141,16 @@ def _times_of_index(index: pd.DatetimeIndex | pd.TimedeltaIndex, where: str) -> 
     if isinstance(index, pd.DatetimeIndex):
         kind = "datetime" if index.tz is None else "datetime with time zone"
     per_second = _UNITS[index.unit]
-    return Times(len(index), kind, _within_range(ticks, per_second, where), per_second)
+    return Times(len(index), kind, within_range(ticks, per_second, where), per_second)
 
 
-def _within_range(ticks: NDArray[Any], per_second: int, where: str) -> NDArray[Any]:
+def within_range(ticks: NDArray[Any], per_second: int, where: str, first_row: int = 0) -> NDArray[Any]:
     """The ticks; RecordError where one of them is no integer of nanoseconds: stamps are."""
     limit = np.iinfo(np.int64).max // (_NS // per_second)
     if per_second < _NS and len(ticks) and (ticks.max() > limit or ticks.min() < -limit):
         row = int(np.argmax((ticks > limit) | (ticks < -limit)))
-        date = pd.Timestamp(int(ticks[row]) // per_second, unit="s")
-        raise RecordError(f"{where} is {date} in row {row}. {BEYOND}")
+        date = np.datetime64(int(ticks[row]) // per_second, "s")
+        raise RecordError(f"{where} is {date} in row {first_row + row}. {BEYOND}")
     return ticks
 
 
@@ -163,6 +164,9 @@ def _refuse_missing(missing: NDArray[np.bool_], where: str) -> None:
 
 def _parse(values: pd.Series[Any], where: str) -> pd.Series[Any]:
     """Text to dates; all zones become UTC, so that summer time cannot fold an hour."""
+    for row, value in enumerate(values):  # pandas would make text of anything
+        if isinstance(value, bytes | list | dict | tuple | np.ndarray):
+            raise RecordError(f"{where} holds a {type(value).__name__} in row {row}. Give dates, spans or seconds.")
     text = values.astype("string")
     text = text.str.strip()
     numbers = pd.to_numeric(text, errors="coerce")
@@ -183,10 +187,19 @@ def _parse(values: pd.Series[Any], where: str) -> pd.Series[Any]:
 
 
 def _parse_dates(text: pd.Series[Any]) -> pd.Series[Any]:
-    """Dates of texts in the forms of ISO 8601, from year to day at least; NaT for others, such as "now" or "2024"."""
+    """Dates of texts in the forms of ISO 8601, from year to day at least; NaT for others, such as "now" or "2024".
+
+    Raises RecordError where only some have a zone.
+    """
     whole = text.str.fullmatch(_ISO_8601, na=False)
-    zoned = bool(text.str.fullmatch(_ZONED, na=False).any())
-    return pd.to_datetime(text.where(whole), errors="coerce", format="ISO8601", utc=zoned)
+    zoned = text.str.fullmatch(_ZONED, na=False)
+    if (zoned != whole).any() and zoned.any():
+        row = int((whole & ~zoned).to_numpy().argmax())
+        raise RecordError(
+            f"Some times have a zone and others none, the first in row {row}: {text.iloc[row]!r}. Write all with a "
+            "zone, or all without."
+        )
+    return pd.to_datetime(text.where(whole), errors="coerce", format="ISO8601", utc=bool(zoned.any()))
 
 
 def date_of_text(text: str) -> Any:

@@ -55,7 +55,8 @@ def kind_of(values: Any) -> ColumnKind:
         return "date"
     if pd.api.types.is_timedelta64_dtype(dtype):
         return "span"
-    return "text"
+    inner = pd.api.types.infer_dtype(values, skipna=True) if pd.api.types.is_object_dtype(dtype) else ""
+    return {"boolean": "switch", "decimal": "number"}.get(inner, "text")  # type: ignore[return-value]
 
 
 def kind_of_arrow(type_name: str) -> ColumnKind:
