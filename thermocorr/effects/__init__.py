@@ -8,6 +8,7 @@ from .periodic import Periodic
 from .products import LagProducts
 from .protocol import Effect, EffectInfo
 from .rates import Delay, Rate
+from .signals import Signals
 from .thermal import StaticPolynomial, ThermalLag
 from .time import Drift, LogAgeing, SensitivityDrift, Step
 from .transient import InitialTransient
@@ -30,6 +31,7 @@ __all__ = [
     "Periodic",
     "Rate",
     "SensitivityDrift",
+    "Signals",
     "StaticPolynomial",
     "Step",
     "ThermalLag",

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from numbers import Integral
 from typing import Any
 
-import numpy as np
 from sklearn.utils._param_validation import Interval
 
-from ..equations import LagState, lag_differences
-from ..records import Block, Record
+from ..records import Record
 from ..records.units import unit_of
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, suspects, time_text
+from .signals import Signals
 from .thermal import HOLD, column_text, seconds_array
 
 _CURVED = 0.1
@@ -66,12 +65,12 @@ class Covariate(Effect):
         unit = unit_of(self.column, None)
         return [(f"{unit}^{self.power}" if self.power > 1 and unit else unit)] * len(self.names())
 
-    def _values(self, block: Block) -> np.ndarray:
-        return block[self.column] if self.power == 1 else block[self.column] ** self.power
+    def _value(self, x: Signals) -> Any:
+        return x[self.column] if self.power == 1 else x[self.column] ** self.power
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
+    def signals(self, x: Signals) -> Sequence[Any]:
         """The column less its mean."""
-        return self._values(block) - self.mean_, state
+        return [self._value(x) - self.mean_]
 
     def label(self) -> str:
         """``covariate: humidity``, ``lagged covariate: current^2``."""
@@ -137,15 +136,10 @@ class LaggedCovariate(Covariate):
         name = super().names()[0]
         return [name, *(f"{name} lag[{time_text(tau)}]" for tau in self.time_constants_)]
 
-    def columns(self, block: Block, state: LagState | None) -> tuple[np.ndarray, LagState]:
+    def signals(self, x: Signals) -> Sequence[Any]:
         """The column and its lag differences."""
-        values = self._values(block)
-        lagged, state = lag_differences(values, block.steps, self.time_constants_, state, hold=self.hold)
-        return np.column_stack((values - self.mean_, lagged)), state
-
-    def memory(self) -> float:
-        """The longest time constant [s]."""
-        return float(self.time_constants_.max(initial=0.0))
+        value = self._value(x)
+        return [value - self.mean_, *x.lag(value, self.time_constants_, self.hold)]
 
 
 class Interaction(Effect):
@@ -190,9 +184,9 @@ class Interaction(Effect):
         """K times the column's unit where its name tells it."""
         return [f"K {unit_of(self.column, None)}".strip()]
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Product of temperature and column, both less their means, shape (n,)."""
-        return (block.temperature - self.reference_temperature_) * (block[self.column] - self.mean_), state
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """Product of temperature and column, both less their means."""
+        return [(x.T - self.reference_temperature_) * (x[self.column] - self.mean_)]
 
 
 def _powers(record: Record, column: Any) -> tuple[int, ...]:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from sklearn.utils._param_validation import Interval
 
-from ..records import Block, Record
+from ..records import Record
 from .grids import temperature_quantiles
 from .protocol import Effect, EffectInfo
+from .signals import Signals
 
 _SHARES = np.geomspace(0.03, 0.9, 10)
 """Widths to try, as shares of the range that holds 96 % of the temperatures."""
@@ -68,18 +69,9 @@ class Hysteresis(Effect):
         """K."""
         return ["K"]
 
-    def columns(self, block: Block, state: float | None) -> tuple[np.ndarray, float]:
-        """Play less temperature [K], within +- w/2, shape (n,); the state is the play's position."""
-        T = block.temperature
-        position = float(T[0]) if state is None else state
-        play = []
-        for low, high in zip((T - self.width / 2).tolist(), (T + self.width / 2).tolist(), strict=True):
-            if position < low:
-                position = low
-            elif position > high:
-                position = high
-            play.append(position)
-        return np.array(play) - T, position
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """Play less temperature [K], within +- w/2."""
+        return [x.play(x.T, self.width) - x.T]
 
     def label(self) -> str:
         """``hysteresis: 0.5 K``."""

@@ -15,9 +15,10 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.utils._param_validation import Interval
 
-from ..records import Block, Record, seconds_of
+from ..records import Record, seconds_of
 from .grids import longest_segment, mean_seconds, time_grid, time_quantiles
 from .protocol import Effect, EffectInfo, time_text
+from .signals import BlockSignals, Signals
 from .thermal import column_text
 
 DAY = 86_400.0
@@ -66,9 +67,9 @@ class Drift(Effect):
         """Days: d."""
         return ["d"]
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Time since the centre of the fitted record [d], shape (n,)."""
-        return (block.seconds - self.centre_) / DAY, state
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """Time since the centre of the fitted record [d]."""
+        return [(x.seconds - self.centre_) / DAY]
 
 
 class LogAgeing(Effect):
@@ -115,18 +116,19 @@ class LogAgeing(Effect):
         """Convert the onset to seconds; fix the mean."""
         self._validate_params()
         self.onset_ = seconds_of(self.onset, "onset")
-        self.mean_ = sum(float(self._logarithm(block).sum()) for block in record.blocks()) / record.n_used
+        logarithms = (self._logarithm(BlockSignals(block, None)) for block in record.blocks())
+        self.mean_ = sum(float(part.sum()) for part in logarithms) / record.n_used
 
-    def _logarithm(self, block: Block) -> np.ndarray:
-        return np.log1p(np.maximum(block.seconds, 0.0) / self.onset_)
+    def _logarithm(self, x: Signals) -> Any:
+        return x.log1p(x.maximum(x.seconds, 0.0) / self.onset_)
 
     def names(self) -> list[str]:
         """``log ageing[86400 s]``."""
         return [f"log ageing[{time_text(self.onset_)}]"]
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """log(1 + t/t0) less its mean, shape (n,)."""
-        return self._logarithm(block) - self.mean_, state
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """log(1 + t/t0) less its mean."""
+        return [self._logarithm(x) - self.mean_]
 
 
 class SensitivityDrift(Effect):
@@ -161,9 +163,9 @@ class SensitivityDrift(Effect):
         """K d."""
         return ["K d"]
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Time times temperature [K d], shape (n,)."""
-        return (block.seconds - self.centre_) / DAY * (block.temperature - self.reference_temperature_), state
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """Time times temperature [K d]."""
+        return [(x.seconds - self.centre_) / DAY * (x.T - self.reference_temperature_)]
 
 
 class Step(Effect):
@@ -228,9 +230,9 @@ class Step(Effect):
         """``step[86400 s]`` or ``step[2024-03-05 00:00:00]``."""
         return [f"step[{self.moment_}]"]
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """0 before, 1 from the moment on, shape (n,)."""
-        return (block.seconds >= self.seconds_).astype(float), state
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """0 before, 1 from the moment on."""
+        return [x.where(x.seconds >= self.seconds_, 1.0, 0.0)]
 
     def label(self) -> str:
         """``step: 2024-03-05 00:00:00``."""

@@ -261,9 +261,7 @@ class DistributedRecord(Record):
 
     def _signal(self, effect: Effect) -> Signal | None:
         """What the state of an effect depends on; None for effects without lags."""
-        if isinstance(effect, LagProducts):
-            effect = effect.lags_
-        if isinstance(effect, ThermalLag):
+        if isinstance(effect, ThermalLag | LagProducts):
             start = effect.reference_temperature_ if effect.initial_state == "zero" else None
             return Signal(self.temperature_name, effect.time_constants_, effect.hold, start)
         if isinstance(effect, LaggedCovariate) and effect.power == 1:

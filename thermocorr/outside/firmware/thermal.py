@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations_with_replacement
 from math import comb
 from typing import Any
 
@@ -115,7 +116,7 @@ def initial_transient(part: Part) -> Finish | None:
 def lag_products(part: Part) -> Finish:
     """Eq. (21): ``sum_j d_j (sum_k c_jk d_k + b_j (T - T0))``, one multiply-add for each pair and each lag."""
     program, effect = part.program, part.effect
-    lags = effect.lags_
+    lags = effect
     group = ambient_lags(part, lags, part.state)
 
     def finish() -> None:
@@ -123,7 +124,7 @@ def lag_products(part: Part) -> Finish:
         weights = iter(part.coefficients)
         rows: list[list[str]] = [[] for _ in range(n)]
         unit = part.per("K^2")
-        for j, k in effect.pairs_:
+        for j, k in combinations_with_replacement(range(n), 2):
             name = program.constant(part.name(f"mu_{j + 1}_{k + 1}"), float(next(weights)), unit)
             rows[j].append(f"{name} * {columns[k]}")
         if effect.temperature_products:
