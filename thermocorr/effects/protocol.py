@@ -127,16 +127,7 @@ class Effect(BaseEstimator):
     def fill(self, block: Block, state: Any, columns: np.ndarray) -> Any:
         """Write the columns of a block into an array of shape (n, len(names())); returns the state for the next one."""
         if self.says_signals():
-            x = BlockSignals(block, state)
-            said = self.signals(x)
-            if len(said) != columns.shape[1]:
-                raise ValueError(
-                    f"{type(self).__name__}.signals returned {len(said)} columns for {columns.shape[1]} names. Return "
-                    "one for each name."
-                )
-            for i, column in enumerate(said):
-                columns[:, i] = column
-            return x.state()
+            return self._fill_said(block, state, columns)
         part, state = self.columns(block, state)
         part = np.asarray(part)
         if part.shape != columns.shape and not (part.ndim == 1 and columns.shape[1] == 1):
@@ -146,6 +137,18 @@ class Effect(BaseEstimator):
             )
         columns[:] = part.reshape(columns.shape)
         return state
+
+    def _fill_said(self, block: Block, state: Any, columns: np.ndarray) -> Any:
+        x = BlockSignals(block, state)
+        said = self.signals(x)
+        if len(said) != columns.shape[1]:
+            raise ValueError(
+                f"{type(self).__name__}.signals returned {len(said)} columns for {columns.shape[1]} names. Return one "
+                "for each name."
+            )
+        for i, column in enumerate(said):
+            columns[:, i] = column
+        return x.state()
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """Columns of one block, and the state for the next one: what `signals` says, unless an effect defines it.
@@ -164,7 +167,7 @@ class Effect(BaseEstimator):
         state : object
         """
         columns = np.empty((len(block), len(self.names())), order="F")
-        return columns, self.fill(block, state, columns)
+        return columns, self._fill_said(block, state, columns)
 
     def memory(self) -> float:
         """Longest time constant of the state [s]: how long an unknown start is felt. 0 without a state."""

@@ -14,14 +14,12 @@ from ...effects import StaticPolynomial
 from ...estimators.cancellation import Cancellation
 from ...files import Outputs
 from ...records import RecordWarning, seconds_of
-from . import ageing, moving, recorded, thermal  # noqa: F401  (they register their emitters)
 from .body import source
 from .clock import Clock, settling
 from .costs import FirmwareExport
-from .emitters import EMITTERS, Part, refuse
 from .header import header
-from .lagbank import LagBank
 from .language import DEFAULT_PREFIX, Dtype, prefix
+from .printer import Printer, refuse
 from .program import Program
 from .provenance import fitted_range, provenance
 from .reference import reference_bias
@@ -156,27 +154,19 @@ def _compose(
 ) -> tuple[Program, Clock]:
     """Let every effect write its part."""
     program = Program(target)
-    lags, clock = LagBank(program), Clock(program)
     if target.continues:
         kept = target.fitted_history.record
         last = target.last_row
         ended = program.constant("temperature_at_end", kept.columns[target.temperature_name][last], "of the fit")
         program.add("init", f"s->temperature = {ended};")
-    unit = model.reading_.unit if hasattr(model, "reading_") else ""
-    finishes = []
-    for i in removed:
-        part = Part(effects[i], weights[i], states[i], program, lags, clock, i + 1, unit)
-        finishes.append(EMITTERS[type(effects[i])](part))
-    lags.emit()
-    for finish in finishes:
-        if finish is not None:
-            finish()
+    printer = Printer(program, model.reading_.unit if hasattr(model, "reading_") else "")
+    printer.write(*([list_[i] for i in removed] for list_ in (effects, weights, states)))
     if target.continues:
         for number, column in enumerate(program.columns):
             ended = program.constant(f"column_at_end_{number}", kept.columns[column][last], "of the fit")
             program.add("init", f"s->column[{number}] = {ended};")
     settling(program, float(model.washout_))
-    return program, clock
+    return program, printer.clock
 
 
 def _place(path: str | Path) -> tuple[Path, str]:
