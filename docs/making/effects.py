@@ -20,16 +20,6 @@ ROWS, SEED, STRENGTH = 7_200, 1, 2.0
 TIME_CONSTANTS = ["270 s", "5100 s"]
 """Those of the simulated device: the model lacks nothing but the effect that the page is about."""
 
-PARAMETERS: dict[str, dict[str, Any]] = {
-    "hysteresis": {"width": 0.8},
-    "thermal_lag": {"time_constants": [1200.0]},
-    "covariate": {"column": "humidity"},
-    "lagged_covariate": {"column": "humidity", "time_constants": [21_600.0]},
-    "interaction": {"column": "supply"},
-    "delay": {"delay": 1200.0},
-}
-"""Planted parameters that show well, for kinds whose drawn ones do not."""
-
 _INDEX = """\
 # Effects, one by one
 
@@ -104,7 +94,8 @@ def title(kind: str) -> str:
 
 def planted(kind: str) -> tuple[pd.DataFrame, pd.DataFrame, Effect]:
     """Record and truth with the effect in it, and the effect with the planted parameters."""
-    effects = [(kind, STRENGTH, PARAMETERS[kind])] if kind in PARAMETERS else {kind: STRENGTH}
+    given = CATALOGUE[kind].info.example
+    effects = [(kind, STRENGTH, given)] if given else {kind: STRENGTH}
     record, truth = make_record(ROWS, effects=effects, seed=SEED, return_truth=True)
     parameters = dict(truth.attrs["effects"][kind]["parameters"])
     parameters = {name: value for name, value in parameters.items() if value != []}
@@ -115,8 +106,8 @@ def planted(kind: str) -> tuple[pd.DataFrame, pd.DataFrame, Effect]:
 
 def example(kind: str, effect: Effect) -> str:
     """Code that plants the effect, fits without it and with it."""
-    own = f'[("{kind}", {STRENGTH}, {json.dumps(PARAMETERS.get(kind))})]'
-    given = own if kind in PARAMETERS else f'{{"{kind}": {STRENGTH}}}'
+    parameters = effect.info.example
+    given = f'[("{kind}", {STRENGTH}, {json.dumps(parameters)})]' if parameters else f'{{"{kind}": {STRENGTH}}}'
     return f"""\
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record

@@ -31,10 +31,12 @@ class Covariate(Effect):
     """
 
     kind = "covariate"
+    learned = {"mean_": "number"}
     info = EffectInfo(
         physics="Another recorded quantity acts on the reading at once.",
         bench_check="Change that quantity alone, at constant temperature: the reading follows without delay.",
         formula="a recorded column stands for itself (or its power) less its mean",
+        example={"column": "humidity"},
     )
     _parameter_constraints = {"power": [Interval(Integral, 1, 9, closed="both")]}
 
@@ -92,6 +94,7 @@ class LaggedCovariate(Covariate):
     """
 
     kind = "lagged_covariate"
+    learned = {"mean_": "number", "time_constants_": "times"}
     info = EffectInfo(
         physics="Another recorded quantity acts on the reading late: moisture that is taken up, heat that a current "
         "dissipates, a second thermal environment.",
@@ -100,6 +103,7 @@ class LaggedCovariate(Covariate):
         formula="column lag[tau] = lagged column - column, where tau d(lagged)/dt = column - lagged",
         parameters={"time_constants": "s"},
         tuned=("time_constants",),
+        example={"column": "humidity", "time_constants": [21_600.0]},
     )
     _parameter_constraints = {**Covariate._parameter_constraints, "hold": HOLD}
 
@@ -152,10 +156,12 @@ class Interaction(Effect):
     """
 
     kind = "interaction"
+    learned = {"mean_": "number", "reference_temperature_": "number", "temperature_name_": "column"}
     info = EffectInfo(
         physics="The temperature coefficient depends on another recorded quantity, such as supply or load.",
         bench_check="Measure the temperature coefficient at two values of that quantity: it differs.",
         formula="temperature*column = (T less its mean) * (column less its mean)",
+        example={"column": "supply"},
     )
 
     def __init__(self, column: Any = None):

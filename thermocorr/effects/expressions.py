@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import operator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,6 +70,14 @@ class Decays(Word):
     """See `Signals.decays`; the clock is all it needs to remember, so it has no state."""
 
     of_segments: tuple[tuple[int, tuple[float, ...]], ...]
+
+
+OF_TIME = ("seconds", "elapsed", "step", "angle")
+"""Operators of inputs that only a clock tells."""
+_OPERATIONS: dict[str, Callable[..., Any]] = {
+    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "neg": operator.neg,
+    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
+}  # fmt: skip
 
 
 class Node:
@@ -146,9 +155,9 @@ class Node:
         raise TraceError("signals cannot decide by `if`, `and`, `max` or `min`: use x.where, x.maximum, x.minimum")
 
 
-def _function(operator: str) -> Any:
+def _function(name: str) -> Any:
     """The method of a `Trace` for an elementary function."""
-    return lambda trace, *arguments: trace.node(operator, *arguments)
+    return lambda trace, *arguments: trace.node(name, *arguments)
 
 
 class Trace(Signals):
@@ -232,6 +241,25 @@ class Traced:
                 needed |= {arg.number for arg in self.nodes[number].arguments if isinstance(arg, Node)}
         return (self.nodes[number] for number in sorted(needed))
 
+    def of_inputs(self, node: Any) -> bool:
+        """Whether a value follows from the temperature and recorded columns at its own sample."""
+        return not {one.operator for one in self.below(node)} & {"word", *OF_TIME}
+
+    def value(self, node: Any, x: Signals) -> Any:
+        """What a value of inputs is to `x`: an array, for a block of rows."""
+        values: dict[int, Any] = {}
+        for one in self.below(node):
+            given = [values[arg.number] if isinstance(arg, Node) else arg for arg in one.arguments]
+            if one.operator in _OPERATIONS:
+                values[one.number] = _OPERATIONS[one.operator](*given)
+            elif one.operator == "**":
+                values[one.number] = given[0] ** one.detail
+            elif one.operator == "column":
+                values[one.number] = x[one.detail]
+            else:
+                values[one.number] = x.T if one.operator == "T" else getattr(x, one.operator)(*given)
+        return values[node.number] if isinstance(node, Node) else node
+
 
 def traced(effect: Any) -> Traced:
     """The expression that a learned effect's `signals` says.
@@ -249,6 +277,20 @@ def traced(effect: Any) -> Traced:
     except (TypeError, AttributeError) as error:
         raise TraceError(str(error)) from None
     return Traced(columns, trace.nodes, trace.words)
+
+
+def follows_temperature(effect: Any) -> bool:
+    """Whether a step of the temperature alone sets an effect in motion, and lets it come to rest again.
+
+    It does for lags, hysteresis or a hinge; not for other columns, for time, or for the change since the sample before.
+    """
+    try:
+        expression = traced(effect)
+    except TraceError:
+        return False
+    read = {node.operator for column in expression.columns for node in expression.below(column)}
+    changes = any(isinstance(word, Previous) for word in expression.words)
+    return "T" in read and not changes and not read & {"column", *OF_TIME}
 
 
 def words_of(effect: Any) -> list[Word] | None:

@@ -42,6 +42,7 @@ class Hinge(Effect):
     """
 
     kind = "hinge"
+    learned = {"time_constants_": "times"}
     info = EffectInfo(
         physics="Freezing, condensation, a clamp that opens or a sensor that saturates changes the law at one "
         "temperature.",

@@ -37,6 +37,7 @@ class Hysteresis(Effect):
     """
 
     kind = "hysteresis"
+    learned = {}
     info = EffectInfo(
         physics="Friction, solder creep or packaging stress makes the reading depend on whether the temperature was "
         "reached from above or from below.",
@@ -45,6 +46,7 @@ class Hysteresis(Effect):
         formula="hysteresis[w] = p - T, where the play p stays put until T is w/2 away and is then dragged along",
         parameters={"width": "K"},
         tuned=("width",),
+        example={"width": 0.8},
     )
     _parameter_constraints = {"width": [Interval(Real, 0, None, closed="neither")]}
 

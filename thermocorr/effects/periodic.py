@@ -39,6 +39,7 @@ class Periodic(Effect):
 
     kind = "periodic"
     of_time_alone = True
+    learned = {"period_": "positive"}
     info = EffectInfo(
         physics="Sun, air conditioning, mains load or tides act with a fixed period and were not recorded.",
         bench_check="Log the suspected cause too (light, mains voltage, the fan's switch), or move the instrument "
@@ -48,7 +49,7 @@ class Periodic(Effect):
         tuned=("period",),
     )
     _parameter_constraints = {
-        "harmonics": [Interval(Integral, 1, None, closed="left")],
+        "harmonics": [Interval(Integral, 1, 10_000, closed="both")],
         "removed_by_correct": ["boolean"],
     }
 

@@ -28,6 +28,8 @@ class EffectInfo:
     """Unit of each parameter of the constructor that has one; "s" for time spans."""
     tuned: tuple[str, ...] = ()
     """Positive parameters (or lists of them) that a local search may scale."""
+    example: Mapping[str, Any] = field(default_factory=dict)
+    """Parameters that show well what it does, for its page."""
 
 
 class Effect(BaseEstimator):
@@ -58,6 +60,9 @@ class Effect(BaseEstimator):
     """Stable identifier of the physical cause."""
     info: ClassVar[EffectInfo | None] = None
     """What the catalogue says about it."""
+    learned: ClassVar[Mapping[str, str] | None] = None
+    """What `learn` fixes, in order: attribute -> "number", "positive", "text", "column" (a name or number), or "times"
+    (those of the parameter `time_constants`). A model file that holds anything else is refused; None: not checked."""
     of_time_alone: ClassVar[bool] = False
     """True for what needs nothing but the clock: a noise that wanders can look like it."""
     removed_by_correct: bool = True

@@ -31,6 +31,7 @@ class Rate(Effect):
     """
 
     kind = "rate"
+    learned = {"time_constant_": "positive or None"}
     info = EffectInfo(
         physics="Gradients inside the instrument, and the thermo-electric voltages they make, follow the rate of "
         "change of the temperature.",
@@ -87,6 +88,7 @@ class Delay(Effect):
     """
 
     kind = "delay"
+    learned = {"delay_": "positive"}
     info = EffectInfo(
         physics="Air, water or a heat front takes a fixed time from the thermometer to the device.",
         bench_check="Step the temperature at the thermometer: the reading stays where it is for the delay, and only "
@@ -94,6 +96,7 @@ class Delay(Effect):
         formula="delay[d] = T(t - d) - T(t)",
         parameters={"delay": "s"},
         tuned=("delay",),
+        example={"delay": 1200.0},
     )
 
     def __init__(self, delay: Any):

@@ -56,6 +56,7 @@ class StaticPolynomial(Effect):
     """
 
     kind = "static_polynomial"
+    learned = {"temperature_name_": "column", "reference_temperature_": "number"}
     info = EffectInfo(
         physics="The static law of the reading over temperature is curved.",
         bench_check="Hold the temperature at five or more levels until the reading has settled: the levels do not lie "
@@ -126,12 +127,14 @@ class ThermalLag(Effect):
     """
 
     kind = "thermal_lag"
+    learned = {"time_constants_": "times", "reference_temperature_": "number"}
     info = EffectInfo(
         physics="A part of the device follows the ambient temperature later (or earlier) than the model allows.",
         bench_check="Step the temperature and log the reading until it rests: fit the time constant of what is left.",
         formula="lag[tau] = lagged - T, where tau d(lagged)/dt = T - lagged",
         parameters={"time_constants": "s", "reference_temperature": "K"},
         tuned=("time_constants",),
+        example={"time_constants": [1200.0]},
     )
     _parameter_constraints = {
         "hold": HOLD,
@@ -163,8 +166,7 @@ class ThermalLag(Effect):
         """Convert time constants to seconds; fix T0, where a device with the initial state "zero" starts."""
         self._validate_params()
         self.time_constants_ = seconds_array(self.time_constants)
-        if self.initial_state == "zero":
-            self.reference_temperature_ = reference_of(self.reference_temperature, record)
+        self.reference_temperature_ = reference_of(self.reference_temperature, record)
 
     def names(self) -> list[str]:
         """``lag[900 s]``, ..."""

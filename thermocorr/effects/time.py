@@ -38,6 +38,7 @@ class Drift(Effect):
 
     kind = "drift"
     of_time_alone = True
+    learned = {"centre_": "number"}
     info = EffectInfo(
         physics="The instrument or the standard ages at a steady rate.",
         bench_check="Compare with a second standard of known history at the beginning and at the end, at the same "
@@ -93,6 +94,7 @@ class LogAgeing(Effect):
 
     kind = "log_ageing"
     of_time_alone = True
+    learned = {"onset_": "positive", "mean_": "number"}
     info = EffectInfo(
         physics="Stress relaxes and adhesives creep at ever slower rates after assembly, transport or switching on.",
         bench_check="Disturb the instrument again (transport, power cycle, a large temperature excursion): the same "
@@ -138,6 +140,7 @@ class SensitivityDrift(Effect):
     """
 
     kind = "sensitivity_drift"
+    learned = {"centre_": "number", "reference_temperature_": "number", "temperature_name_": "column"}
     info = EffectInfo(
         physics="The temperature coefficient itself changes with time, as glue, solder or a compensation ages.",
         bench_check="Measure the temperature coefficient by the same temperature cycle before and after: it differs.",
@@ -188,6 +191,7 @@ class Step(Effect):
 
     kind = "step"
     of_time_alone = True
+    learned = {"seconds_": "number", "moment_": "text"}
     info = EffectInfo(
         physics="A shock, a change of range or a replaced part moved the reading once and for all.",
         bench_check="Look in the laboratory's log book at that moment; repeat the suspected action and see the reading "

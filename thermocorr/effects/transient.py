@@ -34,6 +34,7 @@ class InitialTransient(Effect):
 
     kind = "initial_transient"
     of_time_alone = True
+    learned = {"decays_": "times of segments", "labels_": "texts of segments"}
     info = EffectInfo(
         physics="The device was not at rest when the record began: warm-up after switching on, or settling after it "
         "was moved.",

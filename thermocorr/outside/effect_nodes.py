@@ -18,7 +18,6 @@ from .codec import (
     MOST_STATE,
     ModelFileError,
     fields,
-    integer,
     name,
     number,
     pack,
@@ -29,85 +28,39 @@ from .codec import (
     vector,
 )
 
-Check = Callable[[Any, str], Any]
+
+def _times(value: Any, where: str, effect: Any) -> None:
+    if not np.array_equal(vector(value, where), seconds_array(effect.time_constants)):
+        raise unexpected(where, "time constants", "those of the effect's parameters")
 
 
-def _times_of(effect: Any) -> Check:
-    """Time constants in seconds: those of the effect's parameter."""
-
-    def check(value: Any, where: str) -> None:
-        if not np.array_equal(vector(value, where), seconds_array(effect.time_constants)):
-            raise unexpected(where, "time constants", "those of the effect's parameters")
-
-    return check
-
-
-def _decays_of(effect: Any) -> Check:
-    def check(value: Any, where: str) -> None:
-        times = seconds_array(effect.time_constants)
-        if not isinstance(value, dict) or any(type(key) is not int or key < 0 for key in value):
-            raise unexpected(where, "keys", "numbers of segments")
-        for key, taus in value.items():
-            if not len(vector(taus, f"{where}[{key}]")) or not np.isin(taus, times).all():
-                raise unexpected(f"{where}[{key}]", "time constants", "some of those of the effect's parameters")
-
-    return check
+def _times_of_segments(value: Any, where: str, effect: Any) -> None:
+    times = seconds_array(effect.time_constants)
+    if not isinstance(value, dict) or any(type(key) is not int or key < 0 for key in value):
+        raise unexpected(where, "keys", "numbers of segments")
+    for key, taus in value.items():
+        if not len(vector(taus, f"{where}[{key}]")) or not np.isin(taus, times).all():
+            raise unexpected(f"{where}[{key}]", "time constants", "some of those of the effect's parameters")
 
 
-def _labels_of(effect: Any) -> Check:
-    def check(value: Any, where: str) -> None:
-        if not isinstance(value, dict) or set(value) != set(effect.decays_):
-            raise unexpected(where, "labels", "one for each segment with decays")
-        for key, item in value.items():
-            text(item, f"{where}[{key}]")
-
-    return check
+def _texts_of_segments(value: Any, where: str, effect: Any) -> None:
+    if not isinstance(value, dict) or set(value) != set(effect.decays_):
+        raise unexpected(where, "labels", "one for each segment with decays")
+    for key, item in value.items():
+        text(item, f"{where}[{key}]")
 
 
-def _optional_positive(value: Any, where: str) -> None:
-    if value is not None:
-        positive(value, where)
-
-
-def _in_range(value: Any, where: str) -> None:
-    number(value, where, -1e300, 1e300)
-
-
-LEARNED: dict[str, Callable[[Any], dict[str, Any]]] = {
-    "static_polynomial": lambda e: {"temperature_name_": name, "reference_temperature_": _in_range},
-    "thermal_lag": lambda e: {
-        "time_constants_": _times_of,
-        **({"reference_temperature_": _in_range} if e.initial_state == "zero" else {}),
-    },
-    "initial_transient": lambda e: {
-        "decays_": _decays_of,
-        "labels_": _labels_of,
-    },
-    "lag_products": lambda e: {
-        "time_constants_": _times_of,
-        "reference_temperature_": _in_range,
-        "temperature_name_": name,
-    },
-    "rate": lambda e: {"time_constant_": _optional_positive},
-    "delay": lambda e: {"delay_": positive},
-    "covariate": lambda e: {"mean_": _in_range},
-    "lagged_covariate": lambda e: {"mean_": _in_range, "time_constants_": _times_of},
-    "interaction": lambda e: {"mean_": _in_range, "reference_temperature_": _in_range, "temperature_name_": name},
-    "drift": lambda e: {"centre_": _in_range},
-    "log_ageing": lambda e: {"onset_": positive, "mean_": _in_range},
-    "sensitivity_drift": lambda e: {
-        "centre_": _in_range,
-        "reference_temperature_": _in_range,
-        "temperature_name_": name,
-    },
-    "step": lambda e: {"seconds_": _in_range, "moment_": text},
-    "hysteresis": lambda e: {},
-    "hinge": lambda e: {"time_constants_": _times_of},
-    "periodic": lambda e: {"period_": positive},
+CHECKS: dict[str, Callable[[Any, str, Any], Any]] = {
+    "number": lambda value, where, effect: number(value, where, -1e300, 1e300),
+    "positive": lambda value, where, effect: positive(value, where),
+    "positive or None": lambda value, where, effect: value is None or positive(value, where),
+    "text": lambda value, where, effect: text(value, where),
+    "column": lambda value, where, effect: name(value, where),
+    "times": _times,
+    "times of segments": _times_of_segments,
+    "texts of segments": _texts_of_segments,
 }
-"""Kind -> learned attributes and their checks; a check that depends on the effect is made from it, in this order."""
-_FROM_EFFECT = {_times_of, _decays_of, _labels_of}
-MOST_HARMONICS = 10_000
+"""Words of `Effect.learned` -> how such a value is checked; a check may look at what stands before it."""
 
 
 class EffectCodec:
@@ -191,23 +144,22 @@ class EffectCodec:
         return effect
 
     def _teach(self, effect: Effect, node: Any, where: str, own: bool) -> None:
-        if own:
-            if not isinstance(node, dict) or any(not k.endswith("_") or k.startswith("_") for k in node):
+        wanted = vars(type(effect)).get("learned")  # a subclass may learn more than it inherits
+        if wanted is None:
+            if not own or not isinstance(node, dict) or any(not k.endswith("_") or k.startswith("_") for k in node):
                 raise unexpected(where, "something", "names that end with an underscore")
-            wanted: dict[str, Any] = dict.fromkeys(node)
-        else:
-            wanted = LEARNED[effect.kind](effect)
+            wanted = dict.fromkeys(node, "")
         node = fields(node, where, tuple(wanted))
         for key, check in wanted.items():
             place = f"{where}.{key}"
             value = unpack(node[key], place, self.unpack_nested)
-            if check is not None:
-                try:
-                    (check(effect) if check in _FROM_EFFECT else check)(value, place)
-                except ModelFileError:
-                    raise
-                except (ValueError, TypeError, OverflowError) as error:
-                    raise ModelFileError(f"{place}: {error}") from None
+            try:
+                if check:
+                    CHECKS[check](value, place, effect)
+            except ModelFileError:
+                raise
+            except (ValueError, TypeError, OverflowError) as error:
+                raise ModelFileError(f"{place}: {error}") from None
             setattr(effect, key, value)
 
     def _class_of(self, node: dict[str, Any], where: str) -> type[Effect]:
@@ -253,8 +205,6 @@ def _check_parameters(effect: Any, where: str) -> None:
             raise ModelFileError(f"{where}.time_constants: {error}") from None
     if hasattr(effect, "column"):
         name(effect.column, f"{where}.column")
-    if hasattr(effect, "harmonics"):
-        integer(effect.harmonics, f"{where}.harmonics", 1, MOST_HARMONICS)
     for limited in ("width", "knee", "reference_temperature"):
         value = getattr(effect, limited, None)
         if isinstance(value, int | float):
