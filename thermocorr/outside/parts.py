@@ -233,7 +233,7 @@ def sweep_part(
     for effect, known, state in zip(effects, states, swept.end_states[0], strict=True):
         if task.number and state is not None and known is None:
             raise RecordError(
-                f"The effect {effect.label()!r} remembers more than lags do, so a part of the log cannot be "
+                f"The effect {effect.label()!r} carries a state that is no plain lag's, so a part of the log cannot be "
                 "worked on before the parts that stand before it. Fit this model in one process."
             )
     return {i: chunk for i, chunk in enumerate(swept.chunks) if chunk.n_rows}, swept.end_states[0]
