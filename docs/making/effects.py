@@ -9,11 +9,13 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from thermocorr import DynamicBiasRegressor
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
 from thermocorr.datasets import make_record
+from thermocorr.datasets._planted import PLANTS
 from thermocorr.effects import CATALOGUE, Effect
 
 ROWS, SEED, STRENGTH = 7_200, 1, 2.0
@@ -95,6 +97,12 @@ def title(kind: str) -> str:
 def planted(kind: str) -> tuple[pd.DataFrame, pd.DataFrame, Effect]:
     """Record and truth with the effect in it, and the effect with the planted parameters."""
     given = CATALOGUE[kind].info.example
+    if kind not in PLANTS:
+        record, truth = make_record(ROWS, seed=SEED, return_truth=True)
+        effect = CATALOGUE[kind](**given)
+        truth[kind] = STRENGTH * record.attrs["noise"] * unit_column(effect, record.drop(columns="reading"))
+        record["reading"] += truth[kind]
+        return record, truth, effect
     effects = [(kind, STRENGTH, given)] if given else {kind: STRENGTH}
     record, truth = make_record(ROWS, effects=effects, seed=SEED, return_truth=True)
     parameters = dict(truth.attrs["effects"][kind]["parameters"])
@@ -107,6 +115,8 @@ def planted(kind: str) -> tuple[pd.DataFrame, pd.DataFrame, Effect]:
 def example(kind: str, effect: Effect) -> str:
     """Code that plants the effect, fits without it and with it."""
     parameters = effect.info.example
+    if kind not in PLANTS:
+        return _own_example(effect)
     given = f'[("{kind}", {STRENGTH}, {json.dumps(parameters)})]' if parameters else f'{{"{kind}": {STRENGTH}}}'
     return f"""\
 from thermocorr import DynamicBiasRegressor
@@ -117,6 +127,33 @@ record = make_record({ROWS}, effects={given}, seed={SEED})
 X, y = record.drop(columns="reading"), record["reading"]
 model = DynamicBiasRegressor("temperature", time_constants={json.dumps(TIME_CONSTANTS)}).fit(X, y)
 better = model.with_effect({shown(effect)}).fit(X, y)
+for name, fitted in (("without", model), ("with", better)):
+    print(f"residual {{name:7}} {{fitted.residual_std_:.2f}} ppm")
+print(f"noise            {{record.attrs['noise']:.2f}} ppm")"""
+
+
+def unit_column(effect: Effect, X: pd.DataFrame) -> np.ndarray:
+    """The effect's last column on a record, over its standard deviation."""
+    column = np.asarray(DiffusiveFeatures(temperature="temperature", effects=[effect]).fit_transform(X))[:, -1]
+    return column / column.std()
+
+
+def _own_example(effect: Effect) -> str:
+    """The same code for a kind that the simulation does not know: its own column is added to the readings."""
+    return f"""\
+import numpy as np
+
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
+from thermocorr.datasets import make_record
+from thermocorr.effects import {type(effect).__name__}
+
+record = make_record({ROWS}, seed={SEED})
+effect = {shown(effect)}
+X = record.drop(columns="reading")
+column = np.asarray(DiffusiveFeatures(temperature="temperature", effects=[effect]).fit_transform(X))[:, -1]
+y = record["reading"] + {STRENGTH} * record.attrs["noise"] * column / column.std()
+model = DynamicBiasRegressor("temperature", time_constants={json.dumps(TIME_CONSTANTS)}).fit(X, y)
+better = model.with_effect(effect).fit(X, y)
 for name, fitted in (("without", model), ("with", better)):
     print(f"residual {{name:7}} {{fitted.residual_std_:.2f}} ppm")
 print(f"noise            {{record.attrs['noise']:.2f}} ppm")"""

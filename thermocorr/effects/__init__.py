@@ -37,3 +37,7 @@ __all__ = [
     "ThermalLag",
     "TransformerEffect",
 ]
+
+for _effect in CATALOGUE.values():  # a kind is public once its file is here
+    globals()[_effect.__name__] = _effect
+    __all__ += [] if _effect.__name__ in __all__ else [_effect.__name__]

@@ -37,6 +37,7 @@ class Covariate(Effect):
         bench_check="Change that quantity alone, at constant temperature: the reading follows without delay.",
         formula="a recorded column stands for itself (or its power) less its mean",
         example={"column": "humidity"},
+        place=2.0,
     )
     _parameter_constraints = {"power": [Interval(Integral, 1, 9, closed="both")]}
 
@@ -104,6 +105,7 @@ class LaggedCovariate(Covariate):
         parameters={"time_constants": "s"},
         tuned=("time_constants",),
         example={"column": "humidity", "time_constants": [21_600.0]},
+        place=2.1,
     )
     _parameter_constraints = {**Covariate._parameter_constraints, "hold": HOLD}
 
@@ -162,6 +164,7 @@ class Interaction(Effect):
         bench_check="Measure the temperature coefficient at two values of that quantity: it differs.",
         formula="temperature*column = (T less its mean) * (column less its mean)",
         example={"column": "supply"},
+        place=2.2,
     )
 
     def __init__(self, column: Any = None):
@@ -196,10 +199,15 @@ class Interaction(Effect):
 
 
 def _powers(record: Record, column: Any) -> tuple[int, ...]:
-    """Powers of a column worth trying: (1, 2) where it swings by more than a tenth of its mean."""
+    """Powers of a column worth trying: its square where that is no copy of it."""
+    return (1, 2) if swings(record, column) else (1,)
+
+
+def swings(record: Record, column: Any) -> bool:
+    """Whether a column swings by more than a tenth of its mean, so that bent copies of it are no copies."""
     count, total, squares = 0, 0.0, 0.0
     for block in record.blocks():
         values = block[column]
         count, total, squares = count + len(values), total + values.sum(), squares + values @ values
     mean, square = total / count, squares / count
-    return (1, 2) if square - mean**2 > (_CURVED * mean) ** 2 else (1,)
+    return bool(square - mean**2 > (_CURVED * mean) ** 2)

@@ -51,6 +51,7 @@ class Hinge(Effect):
         formula="max(T-knee) = T - knee above the knee and 0 below; min(T-knee) the other way round; with lags as T",
         parameters={"knee": "K", "time_constants": "s"},
         tuned=("time_constants",),
+        place=4.1,
     )
     _parameter_constraints = {
         "knee": [Interval(Real, None, None, closed="neither")],

@@ -47,6 +47,7 @@ class Hysteresis(Effect):
         parameters={"width": "K"},
         tuned=("width",),
         example={"width": 0.8},
+        place=4.0,
     )
     _parameter_constraints = {"width": [Interval(Real, 0, None, closed="neither")]}
 

@@ -47,6 +47,7 @@ class Periodic(Effect):
         formula="sin[p], cos[p] = sin and cos of 2 pi t/p with t in absolute time",
         parameters={"period": "s"},
         tuned=("period",),
+        place=4.2,
     )
     _parameter_constraints = {
         "harmonics": [Interval(Integral, 1, 10_000, closed="both")],

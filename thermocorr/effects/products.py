@@ -35,6 +35,7 @@ class LagProducts(Effect):
         formula="lag[a]*lag[b] = product of two lag differences; temperature*lag[a] = (T - T0) times one",
         parameters={"time_constants": "s", "reference_temperature": "K"},
         tuned=("time_constants",),
+        place=1.3,
     )
     _parameter_constraints = {
         "hold": HOLD,

@@ -30,6 +30,8 @@ class EffectInfo:
     """Positive parameters (or lists of them) that a local search may scale."""
     example: Mapping[str, Any] = field(default_factory=dict)
     """Parameters that show well what it does, for its page."""
+    place: float = 9.0
+    """In the catalogue: thermal kinds from 1, recorded columns from 2, time from 3, history and place from 4."""
 
 
 class Effect(BaseEstimator):
@@ -52,8 +54,8 @@ class Effect(BaseEstimator):
     file and its C code. What `signals` may say is listed in `thermocorr.effects.Signals`; a formula that cannot be said
     so is written as `columns`, and has all of this but the C code.
 
-    Every kind of the catalogue can be planted in a simulated record under the same name and with the same parameters:
-    ``make_record(effects={"hysteresis": 2.0})``.
+    The kinds of `thermocorr.datasets.make_record` are planted in a simulated record under the same name and with the
+    same parameters, by formulas of its own: ``make_record(effects={"hysteresis": 2.0})``.
     """
 
     kind: ClassVar[str] = "own"

@@ -40,6 +40,7 @@ class Rate(Effect):
         formula="rate = (T - T of the sample before) / (time between them)",
         parameters={"time_constant": "s"},
         tuned=("time_constant",),
+        place=1.4,
     )
 
     def __init__(self, time_constant: Any = None):
@@ -97,6 +98,7 @@ class Delay(Effect):
         parameters={"delay": "s"},
         tuned=("delay",),
         example={"delay": 1200.0},
+        place=1.5,
     )
 
     def __init__(self, delay: Any):

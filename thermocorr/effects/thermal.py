@@ -63,6 +63,7 @@ class StaticPolynomial(Effect):
         "on the fitted curve.",
         formula="temperature^i = (T - T0)^i",
         parameters={"reference_temperature": "K"},
+        place=1.0,
     )
     _parameter_constraints = {
         "degree": [Interval(Integral, 0, 9, closed="both")],
@@ -135,6 +136,7 @@ class ThermalLag(Effect):
         parameters={"time_constants": "s", "reference_temperature": "K"},
         tuned=("time_constants",),
         example={"time_constants": [1200.0]},
+        place=1.1,
     )
     _parameter_constraints = {
         "hold": HOLD,

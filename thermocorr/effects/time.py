@@ -44,6 +44,7 @@ class Drift(Effect):
         bench_check="Compare with a second standard of known history at the beginning and at the end, at the same "
         "temperature: the difference has grown by the rate times the time between.",
         formula="drift = time since the fitted record began [d], less its mean",
+        place=3.0,
     )
     _parameter_constraints = {"removed_by_correct": ["boolean"]}
 
@@ -102,6 +103,7 @@ class LogAgeing(Effect):
         formula="log ageing[t0] = log(1 + t/t0) with t since the fitted record began, less its mean",
         parameters={"onset": "s"},
         tuned=("onset",),
+        place=3.1,
     )
     _parameter_constraints = {"removed_by_correct": ["boolean"]}
 
@@ -145,6 +147,7 @@ class SensitivityDrift(Effect):
         physics="The temperature coefficient itself changes with time, as glue, solder or a compensation ages.",
         bench_check="Measure the temperature coefficient by the same temperature cycle before and after: it differs.",
         formula="drift*temperature = (time [d] less its mean) * (T less its mean)",
+        place=3.2,
     )
 
     @classmethod
@@ -198,6 +201,7 @@ class Step(Effect):
         "jump at constant temperature.",
         formula="step[t] = 0 before t, 1 from t on",
         parameters={"time": "s"},
+        place=3.3,
     )
     _parameter_constraints = {
         "time": [Interval(Real, None, None, closed="neither"), str, pd.Timestamp, pd.Timedelta, np.datetime64],

@@ -43,6 +43,7 @@ class InitialTransient(Effect):
         formula="decay[tau] = exp(-t/tau) since the start of its segment, zero elsewhere",
         parameters={"time_constants": "s"},
         tuned=("time_constants",),
+        place=1.2,
     )
     _parameter_constraints = {"longest_share": [Interval(Real, 0, None, closed="left")]}
 
