@@ -75,7 +75,8 @@ class Twisted(Effect):
         damped = x.exp(-abs(h - 45.0) / 3) + x.sin(x.T / 7) * x.cos(h / 9) / (1 + (h / 40) ** 2)
         clock = x.log1p(x.maximum(x.minimum(x.seconds, 2e6), 0.0) / 3600)
         case = x.where(x.change_rate(x.T) > 0.001, x.maximum(h, 45 - x.T), 2 - x.T)
-        return [slow[1] - twice[1], late, x.change_rate(gap**2), damped, clock, case * x.where(h < 45, 1, 3), gap**2]
+        case = case * x.where(h < 45, 1, 3) + x.where(self.delay is None, (x.T >= 23) * h, x.where(h - 45, x.T, 1))
+        return [slow[1] - twice[1], late, x.change_rate(gap**2), damped, clock, case, gap**2]
 
 
 @needs_gcc

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from .signals import Signals
+from .signals import Numbers, Signals
 
 
 class TraceError(TypeError):
@@ -80,6 +80,11 @@ _OPERATIONS: dict[str, Callable[..., Any]] = {
 }  # fmt: skip
 
 
+def _both(name: str) -> tuple[Any, Any]:
+    """Methods of a `Node` for an operator: ``node + other``, ``other + node``."""
+    return lambda one, other: one.trace.node(name, one, other), lambda one, other: one.trace.node(name, other, one)
+
+
 class Node:
     """One operation of an expression. `operator` says which, `arguments` are nodes and numbers.
 
@@ -96,29 +101,14 @@ class Node:
         self.trace, self.number = trace, number
         self.operator, self.arguments, self.detail = operator, arguments, detail
 
-    def __add__(self, other: Any) -> Any:
-        return self.trace.node("+", self, other)
-
-    def __radd__(self, other: Any) -> Any:
-        return self.trace.node("+", other, self)
-
-    def __sub__(self, other: Any) -> Any:
-        return self.trace.node("-", self, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        return self.trace.node("-", other, self)
-
-    def __mul__(self, other: Any) -> Any:
-        return self.trace.node("*", self, other)
-
-    def __rmul__(self, other: Any) -> Any:
-        return self.trace.node("*", other, self)
-
-    def __truediv__(self, other: Any) -> Any:
-        return self.trace.node("/", self, other)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return self.trace.node("/", other, self)
+    __add__, __radd__ = _both("+")
+    __sub__, __rsub__ = _both("-")
+    __mul__, __rmul__ = _both("*")
+    __truediv__, __rtruediv__ = _both("/")
+    __lt__, __gt__ = _both("<")[0], _both(">")[0]
+    __le__, __ge__ = _both("<=")[0], _both(">=")[0]
+    __eq__, __ne__ = _both("==")[0], _both("!=")[0]
+    __hash__ = object.__hash__
 
     def __pow__(self, power: int) -> Any:
         if not float(power).is_integer() or not 0 <= power <= 99:
@@ -127,26 +117,6 @@ class Node:
 
     def __neg__(self) -> Any:
         return self.trace.node("neg", self)
-
-    def __lt__(self, other: Any) -> Any:
-        return self.trace.node("<", self, other)
-
-    def __le__(self, other: Any) -> Any:
-        return self.trace.node("<=", self, other)
-
-    def __gt__(self, other: Any) -> Any:
-        return self.trace.node(">", self, other)
-
-    def __ge__(self, other: Any) -> Any:
-        return self.trace.node(">=", self, other)
-
-    def __eq__(self, other: object) -> Any:
-        return self.trace.node("==", self, other)
-
-    def __ne__(self, other: object) -> Any:
-        return self.trace.node("!=", self, other)
-
-    __hash__ = object.__hash__
 
     def __abs__(self) -> Any:
         return self.trace.node("maximum", self, -self)
@@ -205,7 +175,7 @@ class Trace(Signals):
         return [self.node("item", word, detail=i) for i in range(count)]
 
     def lag(
-        self, value: Any, time_constants: Sequence[float], hold: str = "first_order", start: float | None = None
+        self, value: Any, time_constants: Numbers, hold: str = "first_order", start: float | None = None
     ) -> list[Any]:
         taus = tuple(map(float, time_constants))
         return self._items(self._word(Lag(self._checked(value), taus, hold, start)), len(taus))
@@ -219,7 +189,7 @@ class Trace(Signals):
     def delayed(self, value: Any, delay: float) -> Any:
         return self._word(Delayed(self._checked(value), float(delay)))
 
-    def decays(self, of_segments: Mapping[int, Sequence[float]]) -> list[Any]:
+    def decays(self, of_segments: Mapping[int, Numbers]) -> list[Any]:
         taken = tuple((key, tuple(map(float, taus))) for key, taus in of_segments.items())
         return self._items(self._word(Decays(None, taken)), sum(len(taus) for _, taus in taken))
 

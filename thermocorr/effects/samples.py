@@ -97,8 +97,9 @@ def stepper_of(effect: Effect, times: Times, zero: float, temperature_name: obje
 
 def _over(expression: Traced) -> Callable[[int | None], float]:
     """When columns that are nothing but start-up decays are zero."""
-    asked = {column.arguments[0] if _is_item(column) else None for column in expression.columns}
-    if len(asked) != 1 or None in asked or not isinstance(word := asked.pop().detail[1], Decays):
+    asked = {column.arguments[0] for column in expression.columns if _is_item(column)}
+    word = asked.pop().detail[1] if len(asked) == 1 and all(map(_is_item, expression.columns)) else None
+    if not isinstance(word, Decays):
         return lambda key: math.inf
     ends = {key: _FORGOTTEN * max(taus) for key, taus in word.of_segments if taus}
     return lambda key: -1.0 if key is None else ends.get(key, -1.0)
@@ -135,7 +136,7 @@ def _compiled(expression: Traced, words: Sequence[Any], zero_seconds: float) -> 
         elif op == "column":
             said = f"sample.values[{given(own_name, node.detail)}]"
         elif op == "angle":
-            rate, began = 2.0 * math.pi / node.detail, zero_seconds % node.detail
+            rate, began = 2.0 * math.pi / node.detail, float(zero_seconds % node.detail)
             said = f"{rate!r} * ({began!r} + sample.seconds)"
         elif op == "word":
             word = node.detail[1]
@@ -335,7 +336,7 @@ def _by_blocks(effect: Effect, times: Times, zero: float, temperature_name: obje
         steps = np.array([sample.step])
         block = Block(record, 0, 0, 1, sample.begins, steps, zero, sample.segment_zero, sample.key)
         part, now = effect.columns(block, now)
-        return np.asarray(part, float).ravel().tolist()  # type: ignore[no-any-return]
+        return np.asarray(part, float).ravel().tolist()
 
     def start(state: Any) -> None:
         nonlocal now

@@ -17,6 +17,8 @@ import numpy as np
 from ..equations import LagState, decays, lag_differences
 from ..records import Block
 
+Numbers = Sequence[float] | np.ndarray
+
 
 class DelayState(NamedTuple):
     """Samples that later rows still look back to: those of the last `delay` seconds, and one before them."""
@@ -75,7 +77,7 @@ class Signals:
         raise NotImplementedError
 
     def lag(
-        self, value: Any, time_constants: Sequence[float], hold: str = "first_order", start: float | None = None
+        self, value: Any, time_constants: Numbers, hold: str = "first_order", start: float | None = None
     ) -> list[Any]:
         """Lag differences of a value, eqs. (19) (25), one for each time constant [s].
 
@@ -95,7 +97,7 @@ class Signals:
         """The value `delay` seconds ago, a straight line between samples; the first value before a segment began."""
         raise NotImplementedError
 
-    def decays(self, of_segments: Mapping[int, Sequence[float]]) -> list[Any]:
+    def decays(self, of_segments: Mapping[int, Numbers]) -> list[Any]:
         """Start-up decays exp(-elapsed/tau), eq. (18): those of each fitted segment in turn, 0 in all others."""
         raise NotImplementedError
 
@@ -137,22 +139,22 @@ class BlockSignals(Signals):
         return joined(self._after)
 
     @property
-    def T(self) -> Any:  # type: ignore[override]
+    def T(self) -> Any:
         """Ambient temperature."""
         return self.block.temperature
 
     @property
-    def seconds(self) -> Any:  # type: ignore[override]
+    def seconds(self) -> Any:
         """Time since the fitted record began [s]."""
         return self.block.seconds
 
     @property
-    def elapsed(self) -> Any:  # type: ignore[override]
+    def elapsed(self) -> Any:
         """Time since the segment began [s]."""
         return self.block.elapsed
 
     @property
-    def step(self) -> Any:  # type: ignore[override]
+    def step(self) -> Any:
         """Time since the sample before [s]."""
         return self.block.steps
 
@@ -164,7 +166,7 @@ class BlockSignals(Signals):
         return 2.0 * math.pi / period * (began + self.block.seconds)
 
     def lag(
-        self, value: Any, time_constants: Sequence[float], hold: str = "first_order", start: float | None = None
+        self, value: Any, time_constants: Numbers, hold: str = "first_order", start: float | None = None
     ) -> list[Any]:
         before, steps, taus = next(self._before, None), self.block.steps, np.asarray(time_constants, float)
         if before is None and start is not None:
@@ -200,7 +202,7 @@ class BlockSignals(Signals):
         self._after.append(DelayState(known.elapsed[oldest:].copy(), known.temperature[oldest:].copy()))
         return np.interp(now - delay, *known)  # left of all samples: the first value
 
-    def decays(self, of_segments: Mapping[int, Sequence[float]]) -> list[Any]:
+    def decays(self, of_segments: Mapping[int, Numbers]) -> list[Any]:
         columns: list[Any] = []
         for key, taus in of_segments.items():
             here = key == self.block.segment_key

@@ -8,6 +8,7 @@ of several values takes that factor as one value.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import Any
 
 from ...effects import Effect
@@ -20,7 +21,6 @@ from .target import MICROSECONDS
 
 _TURN = 2**64
 _CALLS = ("exp", "log1p", "sin", "cos")
-_COMPARED = ("<", "<=", ">", ">=", "==", "!=")
 
 
 class Part:
@@ -42,26 +42,26 @@ class Part:
         self.last_stage = max(self.stages.values(), default=0)
         self.values: dict[int, Any] = {}
 
-    def _uses(self) -> dict[int, int]:
+    def _uses(self) -> Counter[int]:
         """How often each node is asked for."""
         asked = [arg for node in self.nodes for arg in node.arguments] + self.expression.columns
-        numbers = [value.number for value in asked if isinstance(value, Node)]
-        return {number: numbers.count(number) for number in set(numbers)} if len(numbers) < 4000 else {}
+        return Counter(value.number for value in asked if isinstance(value, Node))
 
     def columns(self) -> list[Polynomial]:
         """Polynomials of the effect's columns, once all its stages are written."""
         return [self.value(column) for column in self.expression.columns]
 
     def value(self, argument: Any) -> Any:
-        """Polynomial of an argument."""
-        return self.values[argument.number] if isinstance(argument, Node) else Polynomial({(): argument})
+        """Polynomial of an argument: a condition is 1 where it holds, else 0."""
+        value = self.values[argument.number] if isinstance(argument, Node) else Polynomial({(): argument})
+        return self.printer.atom("", "a condition", condition=value) if isinstance(value, str) else value
 
     def write(self, stage: int) -> None:
         """Write what belongs to a stage; the words that follow it last."""
         for node in self.nodes:
             if self.stages[node.number] == stage:
                 value = self._value(node, stage)
-                if isinstance(value, Polynomial) and self.uses.get(node.number, 2) > 1 and len(value.atoms) > 1:
+                if isinstance(value, Polynomial) and self.uses[node.number] > 1 and len(value.atoms) > 1:
                     value = self._as_one(value, stage)
                 self.values[node.number] = value
         for node in self.nodes:
@@ -89,6 +89,8 @@ class Part:
         if op == "item":
             return self.value(node.arguments[0])[node.detail]
         args = [self.value(argument) for argument in node.arguments]
+        if op == "where":
+            return self._choice(*args, stage)
         if op == "neg":
             return args[0] * -1.0
         if op in ("+", "-"):
@@ -109,9 +111,7 @@ class Part:
             return printer.local(self.name, f"{self.target.call(op)}({said.text})", stage, cost)
         if op in ("maximum", "minimum"):
             return self._extreme(args[0], args[1], ">" if op == "maximum" else "<", stage)
-        if op in _COMPARED:
-            return self._condition(op, args[0], args[1], stage)
-        return self._choice(args[0], args[1], args[2], stage)
+        return self._condition(op, args[0], args[1])
 
     def _input(self, node: Node) -> Polynomial:
         printer, program = self.printer, self.program
@@ -217,7 +217,7 @@ class Part:
         alone = p.alone()
         return "" if alone is None else self.printer.atoms[alone].unit
 
-    def _condition(self, op: str, a: Polynomial, b: Polynomial, stage: int) -> str:
+    def _condition(self, op: str, a: Polynomial, b: Polynomial) -> str:
         """A comparison in C; one of the time with a number counts whole samples or microseconds."""
         clock = self.printer.clock
         alone = None if b.atoms else a.alone()
@@ -227,8 +227,13 @@ class Part:
         left, right = self.printer.said((a - b).moving), self.target.number((b - a).constant)
         return f"{left.text} {op} {right}"
 
-    def _choice(self, condition: str, a: Polynomial, b: Polynomial, stage: int) -> Polynomial:
+    def _choice(self, truth: Polynomial, a: Polynomial, b: Polynomial, stage: int) -> Polynomial:
         """``condition ? a : b``; of two numbers it is ``b + (a - b) [condition]``."""
+        if not truth.atoms:
+            return a if truth.constant else b
+        alone = truth.alone()
+        condition = "" if alone is None or truth.constant else self.printer.atoms[alone].condition
+        condition = condition or self._condition("!=", truth, Polynomial({}))
         if not a.atoms and not b.atoms:
             return self.printer.atom("", "a condition", condition=condition) * (a.constant - b.constant) + b.constant
         one, other = self.printer.said(a), self.printer.said(b)

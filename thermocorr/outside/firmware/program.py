@@ -96,7 +96,8 @@ class Program:
     """Recorded columns in the order of their C array -> identifier."""
     highest_power: int = 2
     """Highest power of inputs, which bounds the inputs that cannot overflow."""
-    _references: dict[Any, float] = field(default_factory=dict)
+    references: dict[Any, float] = field(default_factory=dict)
+    """Usual values of the columns."""
     _taken: set[str] = field(default_factory=lambda: set(RESERVED))
     _columns_taken: set[str] = field(default_factory=lambda: {"s"})
 
@@ -199,9 +200,9 @@ class Program:
             return self.temperature()
         if name not in self.columns:
             self.columns[name] = identifier(name, self._columns_taken, "column")
-            self._references[name] = self.target.held(near)
+            self.references[name] = self.target.held(near)
         k, said = list(self.columns).index(name), column_text(name)
-        return Input(f"column[{k}]", f"centred_{k}", f"change_{k}", self._references[name], said, f"({said})")
+        return Input(f"column[{k}]", f"centred_{k}", f"change_{k}", self.references[name], said, f"({said})")
 
     def centred(self, given: Input) -> str:
         """Local variable: an input less its reference."""
