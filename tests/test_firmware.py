@@ -65,7 +65,7 @@ class Twisted(Effect):
         return ["humidity"]
 
     def names(self):
-        return ["slow", "late", "rate", "damped", "clock", "case", "gap"]
+        return ["slow", "late", "rate", "damped", "clock", "case", "gap", "one side", "other side"]
 
     def signals(self, x):
         h, gap = x["humidity"], x["humidity"] - 2 * x.T
@@ -76,7 +76,16 @@ class Twisted(Effect):
         clock = x.log1p(x.maximum(x.minimum(x.seconds, 2e6), 0.0) / 3600)
         case = x.where(x.change_rate(x.T) > 0.001, x.maximum(h, 45 - x.T), 2 - x.T)
         case = case * x.where(h < 45, 1, 3) + x.where(self.delay is None, (x.T >= 23) * h, x.where(h - 45, x.T, 1))
-        return [slow[1] - twice[1], late, x.change_rate(gap**2), damped, clock, case, gap**2]
+        return [
+            slow[1] - twice[1],
+            late,
+            x.change_rate(gap**2),
+            damped,
+            clock,
+            case,
+            gap**2,
+            *((x.T > 23.5) * v for v in (h, x.T)),
+        ]
 
 
 @needs_gcc

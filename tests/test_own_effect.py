@@ -54,7 +54,7 @@ def test_its_columns_are_what_it_says(model):
 def test_it_lives_by_code_of_its_own(model, tmp_path):
     fit, X = model
     stepper = stepper_of(Damp(), fit.features_.history_.record.times, 0.0, "temperature")
-    assert stepper.step.__code__.co_filename == "<string>"  # written from the formula, not blocks of one row
+    assert stepper.step.__code__.co_filename == "<signals>"  # written from the formula, not blocks of one row
     live = OnlineCorrector(fit)
     new = ambient(400, seed=5, begin=X.index[-1] + (X.index[1] - X.index[0]))
     got = []

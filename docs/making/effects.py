@@ -16,7 +16,7 @@ from sklearn.base import clone
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
 from thermocorr.datasets import make_record
 from thermocorr.datasets._planted import PLANTS
-from thermocorr.effects import CATALOGUE, Effect
+from thermocorr.effects import CATALOGUE, Covariate, Effect
 
 ROWS, SEED, STRENGTH = 7_200, 1, 2.0
 TIME_CONSTANTS = ["270 s", "5100 s"]
@@ -84,7 +84,7 @@ its end (bright).
 
 ```{eval-rst}
 .. autoclass:: thermocorr.effects.%(cls)s
-   :members: learn, names, units, columns, candidates
+   :members: learn, names, units, signals, candidates
 ```
 """
 
@@ -236,7 +236,7 @@ def _found(kind: str, model: DynamicBiasRegressor, record: pd.DataFrame) -> str:
 def _columns(effect: Effect, model: DynamicBiasRegressor) -> str:
     fitted = model.features_.effect_list()[-1]
     rows = [f"| `{name}` | {unit or '1'} |" for name, unit in zip(fitted.names(), fitted.units(), strict=True)]
-    if effect.inputs():
+    if isinstance(effect, Covariate):
         rows = [row.replace("| 1 |", f"| unit of `{effect.inputs()[0]}` |") for row in rows]
     return "\n".join(["| column of the example | unit |", "|---|---|", *rows])
 

@@ -157,7 +157,8 @@ def _compiled(expression: Traced, words: Sequence[Any], zero_seconds: float) -> 
             said = f"{args[0]} {op} {args[1]}"
         lines.append(f"    v{node.number} = {said}")
     columns = "".join(f"{text(column)}, " for column in expression.columns)
-    exec("\n".join(["def step(sample):", *_without_unused(lines, expression), f"    return ({columns})"]), names)
+    code = "\n".join(["def step(sample):", *_without_unused(lines, expression), f"    return ({columns})"])
+    exec(compile(code, "<signals>", "exec"), names)
     return names["step"]  # type: ignore[no-any-return]
 
 

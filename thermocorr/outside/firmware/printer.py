@@ -77,8 +77,7 @@ class Printer:
             atom = most_common(products)
             inside = {without(m, atom): c for m, c in left.items() if atom in m}
             said = self.said(Polynomial(inside), of_bias=[atom])
-            factor = self.atoms[atom].text
-            program.add("output", f"bias += {factor} * ({said.text});", cost=said.cost(1, 1))
+            program.add("output", f"bias += {self._text(atom)} * ({said.text});", cost=said.cost(1, 1))
             left = {monomial: c for monomial, c in left.items() if atom not in monomial}
         places = sorted(left, key=lambda monomial: self.atoms[monomial[0]].text)
         plain = [m[0] for m in places if not self.atoms[m[0]].condition]
