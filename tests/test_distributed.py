@@ -9,7 +9,7 @@ from sklearn.base import clone
 
 from thermocorr import DynamicBiasRegressor, ParquetLog, RecordError, TimeConstantSearch
 from thermocorr.datasets import make_record
-from thermocorr.effects import Covariate, Hysteresis, LaggedCovariate
+from thermocorr.effects import Covariate, Effect, Hinge, Hysteresis, LaggedCovariate, Rate
 
 distributed = pytest.importorskip("distributed", reason="needs Dask: pip install 'thermocorr[dask]'")
 pytest.importorskip("pyarrow", reason="needs pyarrow")
@@ -50,6 +50,19 @@ def parts_of(record, cuts):
     return [record.iloc[low:high] for low, high in zip([0, *cuts], [*cuts, len(record)], strict=True)]
 
 
+class Mixed(Effect):
+    """A user's own effect: two words that follow inputs."""
+
+    def inputs(self):
+        return ["humidity", "supply"]
+
+    def names(self):
+        return ["late power", "change"]
+
+    def signals(self, x):
+        return [x.lag(x["supply"] * x["humidity"], [4000.0])[0], x["supply"] - x.previous(x["supply"])]
+
+
 MODELS = {
     "six lags and decays": DynamicBiasRegressor("temperature", np.geomspace(60, 40_000, 6), longest_decay_share=1.0),
     "searched": DynamicBiasRegressor("temperature"),
@@ -57,6 +70,10 @@ MODELS = {
     "products, zero-order hold": DynamicBiasRegressor("temperature", [300.0, 5000.0], products=True, hold="zero_order"),
     "humidity, late": DynamicBiasRegressor(
         "temperature", [300.0, 5000.0], effects=[LaggedCovariate("humidity", [20_000.0]), Covariate("supply")]
+    ),
+    "squares, hinges, changes": DynamicBiasRegressor(
+        "temperature", [300.0, 5000.0],
+        effects=[LaggedCovariate("humidity", [20_000.0], power=2), Hinge(22.0, "below", ["1 h"]), Rate(), Mixed()],
     ),
 }  # fmt: skip
 

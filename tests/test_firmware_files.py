@@ -61,6 +61,9 @@ class Fan(Effect):
 class OwnLag(ThermalLag):
     """A subclass may compute anything."""
 
+    def columns(self, block, state):
+        return super().columns(block, state)
+
 
 @pytest.mark.parametrize("effect", [Fan(), OwnLag([500.0]), StandardScaler()], ids=["own", "subclass", "transformer"])
 def test_effects_without_c_are_refused_by_name(effect, tmp_path):
@@ -72,9 +75,9 @@ def test_effects_without_c_are_refused_by_name(effect, tmp_path):
 
 def test_delays_have_bounds(tmp_path):
     model, _ = fitted([Delay("25 min")])
-    with pytest.raises(ValueError, match=r"delay: 1500 s.*only at run time"):
+    with pytest.raises(ValueError, match=r"delay of 1500 s.*only at run time"):
         export_c(model, tmp_path, sampling_period="variable")
-    with pytest.raises(ValueError, match=r"delay: 1500 s.*15000 temperatures"):
+    with pytest.raises(ValueError, match=r"delay of 1500 s.*15000 values"):
         export_c(model, tmp_path, sampling_period=0.1)
     assert not list(tmp_path.iterdir())
 
@@ -161,7 +164,7 @@ def test_the_self_test_passes_and_can_fail(dtype, period, follows, tmp_path, wit
     done = subprocess.run([program], capture_output=True, text=True, check=False)
     assert done.returncode == 0 and "passed, 0 of 160" in done.stdout
     code = export.paths[1].read_text()
-    line = next(line for line in code.splitlines() if line.startswith(f"static const {dtype} covariate"))
+    line = next(line for line in code.splitlines() if line.startswith(f"static const {dtype} weight"))
     value = line.split(" = ")[1].split(";")[0]
     wrong = number(float(value.rstrip("f")) * 1.001, dtype)
     export.paths[1].write_text(code.replace(line, line.replace(value, wrong)))

@@ -9,26 +9,18 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from thermocorr import DynamicBiasRegressor
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
 from thermocorr.datasets import make_record
-from thermocorr.effects import CATALOGUE, Effect
+from thermocorr.datasets._planted import PLANTS
+from thermocorr.effects import CATALOGUE, Covariate, Effect
 
 ROWS, SEED, STRENGTH = 7_200, 1, 2.0
 TIME_CONSTANTS = ["270 s", "5100 s"]
 """Those of the simulated device: the model lacks nothing but the effect that the page is about."""
-
-PARAMETERS: dict[str, dict[str, Any]] = {
-    "hysteresis": {"width": 0.8},
-    "thermal_lag": {"time_constants": [1200.0]},
-    "covariate": {"column": "humidity"},
-    "lagged_covariate": {"column": "humidity", "time_constants": [21_600.0]},
-    "interaction": {"column": "supply"},
-    "delay": {"delay": 1200.0},
-}
-"""Planted parameters that show well, for kinds whose drawn ones do not."""
 
 _INDEX = """\
 # Effects, one by one
@@ -92,7 +84,7 @@ its end (bright).
 
 ```{eval-rst}
 .. autoclass:: thermocorr.effects.%(cls)s
-   :members: learn, names, units, columns, candidates
+   :members: learn, names, units, signals, candidates
 ```
 """
 
@@ -104,7 +96,14 @@ def title(kind: str) -> str:
 
 def planted(kind: str) -> tuple[pd.DataFrame, pd.DataFrame, Effect]:
     """Record and truth with the effect in it, and the effect with the planted parameters."""
-    effects = [(kind, STRENGTH, PARAMETERS[kind])] if kind in PARAMETERS else {kind: STRENGTH}
+    given = CATALOGUE[kind].info.example
+    if kind not in PLANTS:
+        record, truth = make_record(ROWS, seed=SEED, return_truth=True)
+        effect = CATALOGUE[kind](**given)
+        truth[kind] = STRENGTH * record.attrs["noise"] * unit_column(effect, record.drop(columns="reading"))
+        record["reading"] += truth[kind]
+        return record, truth, effect
+    effects = [(kind, STRENGTH, given)] if given else {kind: STRENGTH}
     record, truth = make_record(ROWS, effects=effects, seed=SEED, return_truth=True)
     parameters = dict(truth.attrs["effects"][kind]["parameters"])
     parameters = {name: value for name, value in parameters.items() if value != []}
@@ -115,8 +114,10 @@ def planted(kind: str) -> tuple[pd.DataFrame, pd.DataFrame, Effect]:
 
 def example(kind: str, effect: Effect) -> str:
     """Code that plants the effect, fits without it and with it."""
-    own = f'[("{kind}", {STRENGTH}, {json.dumps(PARAMETERS.get(kind))})]'
-    given = own if kind in PARAMETERS else f'{{"{kind}": {STRENGTH}}}'
+    parameters = effect.info.example
+    if kind not in PLANTS:
+        return _own_example(effect)
+    given = f'[("{kind}", {STRENGTH}, {json.dumps(parameters)})]' if parameters else f'{{"{kind}": {STRENGTH}}}'
     return f"""\
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
@@ -126,6 +127,33 @@ record = make_record({ROWS}, effects={given}, seed={SEED})
 X, y = record.drop(columns="reading"), record["reading"]
 model = DynamicBiasRegressor("temperature", time_constants={json.dumps(TIME_CONSTANTS)}).fit(X, y)
 better = model.with_effect({shown(effect)}).fit(X, y)
+for name, fitted in (("without", model), ("with", better)):
+    print(f"residual {{name:7}} {{fitted.residual_std_:.2f}} ppm")
+print(f"noise            {{record.attrs['noise']:.2f}} ppm")"""
+
+
+def unit_column(effect: Effect, X: pd.DataFrame) -> np.ndarray:
+    """The effect's last column on a record, over its standard deviation."""
+    column = np.asarray(DiffusiveFeatures(temperature="temperature", effects=[effect]).fit_transform(X))[:, -1]
+    return column / column.std()
+
+
+def _own_example(effect: Effect) -> str:
+    """The same code for a kind that the simulation does not know: its own column is added to the readings."""
+    return f"""\
+import numpy as np
+
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
+from thermocorr.datasets import make_record
+from thermocorr.effects import {type(effect).__name__}
+
+record = make_record({ROWS}, seed={SEED})
+effect = {shown(effect)}
+X = record.drop(columns="reading")
+column = np.asarray(DiffusiveFeatures(temperature="temperature", effects=[effect]).fit_transform(X))[:, -1]
+y = record["reading"] + {STRENGTH} * record.attrs["noise"] * column / column.std()
+model = DynamicBiasRegressor("temperature", time_constants={json.dumps(TIME_CONSTANTS)}).fit(X, y)
+better = model.with_effect(effect).fit(X, y)
 for name, fitted in (("without", model), ("with", better)):
     print(f"residual {{name:7}} {{fitted.residual_std_:.2f}} ppm")
 print(f"noise            {{record.attrs['noise']:.2f}} ppm")"""
@@ -208,7 +236,7 @@ def _found(kind: str, model: DynamicBiasRegressor, record: pd.DataFrame) -> str:
 def _columns(effect: Effect, model: DynamicBiasRegressor) -> str:
     fitted = model.features_.effect_list()[-1]
     rows = [f"| `{name}` | {unit or '1'} |" for name, unit in zip(fitted.names(), fitted.units(), strict=True)]
-    if effect.inputs():
+    if isinstance(effect, Covariate):
         rows = [row.replace("| 1 |", f"| unit of `{effect.inputs()[0]}` |") for row in rows]
     return "\n".join(["| column of the example | unit |", "|---|---|", *rows])
 

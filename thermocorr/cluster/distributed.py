@@ -16,15 +16,28 @@ from uuid import uuid4
 
 import numpy as np
 
-from ..effects import LaggedCovariate, LagProducts, ThermalLag
 from ..effects.protocol import Effect
+from ..effects.signals import joined
 from ..equations import LagState, TriangularFactor, lag_differences
 from ..estimators.fitting import Swept, decays_first
 from ..records import Layout, Log, ParquetLog, Record, RecordError, Segment, SegmentStart
 from ..records.errors import listing
 from ..records.record import Moments
 from ..records.times import Times
-from .parts import Look, Part, Signal, Task, ends_from_rest, look, moments_of, names_of, opened, rows_of, sweep_part
+from .parts import (
+    Look,
+    Part,
+    Row,
+    Signal,
+    Task,
+    ends_from_rest,
+    look,
+    moments_of,
+    names_of,
+    opened,
+    rows_of,
+    sweep_part,
+)
 
 
 class DistributedLog(Log):
@@ -246,41 +259,28 @@ class DistributedRecord(Record):
 
     def _start_states(self, effects: Sequence[Effect]) -> list[list[Any]]:
         """State of each effect before each part; None where it begins, or has none."""
-        signals = [self._signal(effect) for effect in effects]
-        lagged = [i for i, signal in enumerate(signals) if signal is not None]
-        if not lagged:
+        signals = [Signal.of(effect) for effect in effects]
+        every = [signal for of_effect in signals for signal in of_effect]
+        if not every:
             return [[None] * len(effects) for _ in self.looks]
-        rest = self.log.each(ends_from_rest, list(self.tasks), tuple(signals[i] for i in lagged))
+        before: list[LagState | None] = [None] * len(every)
         states: list[list[Any]] = [[None] * len(effects)]
+        rest = self.log.each(ends_from_rest, list(self.tasks), tuple(every))
         for part, step, ends in zip(self.looks[:-1], self._steps(), rest, strict=False):
-            following: list[Any] = [None] * len(effects)
-            length = self.times.between(part.last_stamp, part.first_stamp)
-            for i, end in zip(lagged, ends, strict=True):
-                signal = signals[i]
-                assert signal is not None
-                first = _after_first(signal, part.first[signal.column], states[-1][i], step)
+            row, length = Row(part.first, self.temperature_name), self.times.between(part.last_stamp, part.first_stamp)
+            for i, (signal, end) in enumerate(zip(every, ends, strict=True)):
+                first = _after_first(signal, float(signal.values(row)[0]), before[i], step)
                 left = np.exp(-length / signal.time_constants) * first  # a lag forgets its start
-                following[i] = LagState(end.lag_difference + left, end.temperature)
-            states.append(following)
+                before[i] = LagState(end.lag_difference + left, end.temperature)
+            known = (signal.state(lags) for signal, lags in zip(every, before, strict=True) if lags is not None)
+            states.append([joined([next(known) for _ in of_effect]) for of_effect in signals])
         return states
-
-    def _signal(self, effect: Effect) -> Signal | None:
-        """What the state of an effect depends on; None for effects without lags."""
-        if isinstance(effect, LagProducts):
-            effect = effect.lags_
-        if isinstance(effect, ThermalLag):
-            start = effect.reference_temperature_ if effect.initial_state == "zero" else None
-            hold: Any = effect.hold  # one of `Hold`, which the effect has checked
-            return Signal(self.temperature_name, effect.time_constants_, hold, start)
-        if isinstance(effect, LaggedCovariate) and effect.power == 1:
-            hold = effect.hold
-            return Signal(effect.column, effect.time_constants_, hold, None)
-        return None
 
 
 def _after_first(signal: Signal, value: float, state: LagState | None, step: float) -> np.ndarray:
     """Lag differences at the first sample of a part."""
     if state is None:
-        return np.full(len(signal.time_constants), 0.0 if signal.start is None else signal.start - value)
-    after = lag_differences(np.array([value]), np.array([step]), signal.time_constants, state, hold=signal.hold)[1]
+        start = signal.lag.start
+        return np.full(len(signal.time_constants), 0.0 if start is None else start - value)
+    after = lag_differences(np.array([value]), np.array([step]), signal.time_constants, state, hold=signal.lag.hold)[1]  # type: ignore[arg-type]
     return after.lag_difference

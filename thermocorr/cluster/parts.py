@@ -6,19 +6,20 @@ import ctypes
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from ..effects.expressions import Lag, Previous, TraceError, Word, traced
 from ..effects.protocol import Effect
+from ..effects.signals import BlockSignals
 from ..effects.stream import walk
 from ..equations import LagState, TriangularFactor, lags_at_end
-from ..equations.lags import Hold
 from ..estimators.fitting import block_rows, reading_offset, sweep
 from ..estimators.threads import one_blas_thread
-from ..records import BLOCK_ROWS, Layout, ParquetLog, Record, RecordError, Segment, SegmentStart, read_record
+from ..records import BLOCK_ROWS, Block, Layout, ParquetLog, Record, RecordError, Segment, SegmentStart, read_record
 from ..records.record import Moments
 
 Part = Any
@@ -36,15 +37,55 @@ KEPT_RECORDS = 64
 _validated: dict[tuple[str, int], Record] = {}
 
 
+class Row(dict[object, np.ndarray]):
+    """One row of a record, as effects see a block."""
+
+    def __init__(self, values: dict[object, float], temperature_name: object):
+        super().__init__({name: np.array([value]) for name, value in values.items()})
+        self.temperature = self[temperature_name]
+
+
 @dataclass(frozen=True)
 class Signal:
-    """What a lag follows: all that its state depends on."""
+    """A word of an effect's formula whose state depends on inputs alone: lags, or the value before."""
 
-    column: Any
-    time_constants: np.ndarray
-    hold: Hold
-    start: float | None
-    """Value that a body starts with; None for the signal's own first value."""
+    effect: Effect
+    number: int
+    """Which of the effect's words it is."""
+
+    @classmethod
+    def of(cls, effect: Effect) -> list[Signal]:
+        """Those of an effect; none where it has none, or where one of its words depends on more."""
+        try:
+            expression = traced(effect)
+        except TraceError:
+            return []
+        plain = all(isinstance(w, Lag | Previous) and expression.of_inputs(w.value) for w in expression.words)
+        return [cls(effect, number) for number in range(len(expression.words))] if plain else []
+
+    @cached_property
+    def word(self) -> Word:
+        """The word itself."""
+        return traced(self.effect).words[self.number]
+
+    @property
+    def lag(self) -> Lag:
+        """The word as lags; the value before is the last input of lags that are none."""
+        return self.word if isinstance(self.word, Lag) else Lag(self.word.value, (), "first_order", None)
+
+    @property
+    def time_constants(self) -> np.ndarray:
+        """Of the lags [s]."""
+        return np.array(self.lag.time_constants)
+
+    def values(self, block: Block | Row) -> np.ndarray:
+        """What the word follows, shape (n,)."""
+        value = traced(self.effect).value(self.word.value, BlockSignals(block, None))  # type: ignore[arg-type]
+        return np.asarray(value, float)
+
+    def state(self, lags: LagState) -> Any:
+        """State of the word."""
+        return lags if isinstance(self.word, Lag) else lags.temperature
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,14 +176,14 @@ def ends_from_rest(part: Part, task: Task, signals: Sequence[Signal]) -> list[La
     Only the rows are read that the slowest lag still feels at the end.
     """
     record = task.record(part)
-    slowest = max(float(np.max(signal.time_constants)) for signal in signals)
+    slowest = max(signal.lag.memory for signal in signals)
     first = _first_felt(record, FORGOTTEN * slowest)
     states = [LagState(np.zeros(len(signal.time_constants)), np.nan) for signal in signals]
     for block in replace(record, segments=(Segment(first, record.n_rows),)).blocks():
         for i, signal in enumerate(signals):
-            values = block[signal.column]
+            values = signal.values(block)
             state = LagState(states[i].lag_difference, float(values[0])) if block.start == first else states[i]
-            states[i] = lags_at_end(values, block.steps, signal.time_constants, state, hold=signal.hold)
+            states[i] = lags_at_end(values, block.steps, signal.time_constants, state, hold=signal.lag.hold)  # type: ignore[arg-type]
     return states
 
 

@@ -104,7 +104,7 @@ def _run(
     best = judged.model
     if folder is not None:
         written = [
-            write_corrected(outputs, folder, log, best.evaluate(X, y), index),
+            write_corrected(outputs, folder, log, _evaluated(best, X, y, say), index),
             *write_model(outputs, folder, best, (X, y)),
         ]
     if report is not None:
@@ -125,6 +125,16 @@ def _run(
         say(f"Written: {', '.join(str(path) for path in written)}")
     if report is not None:
         say(f"Report: {report}")
+
+
+def _evaluated(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series, say: Callable[[str], None]) -> pd.DataFrame:
+    """`evaluate`, its warnings among what is said."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", RecordWarning)
+        evaluated = model.evaluate(X, y)
+    for warning in caught:
+        say(f"Note: {warning.message}\n")
+    return evaluated
 
 
 class Judged(NamedTuple):

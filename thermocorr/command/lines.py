@@ -179,7 +179,8 @@ class TableLines(Lines):
     def _text(self, part: pd.DataFrame, written: dict[str, Any]) -> str:
         try:
             part = part.assign(**{name: _written(part[name]) for name in part.columns})
-            return part.to_csv(header=False, **written)
+            text: str = part.to_csv(header=False, **written)
+            return text
         except (ValueError, ArithmeticError, NotImplementedError) as error:  # dates that Python does not know
             reason = " ".join(str(error).split())
             raise RecordError(f"{self.path} cannot be read row by row: {reason}. Are its dates damaged?") from None

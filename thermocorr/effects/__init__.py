@@ -8,6 +8,7 @@ from .periodic import Periodic
 from .products import LagProducts
 from .protocol import Effect, EffectInfo
 from .rates import Delay, Rate
+from .signals import Signals
 from .thermal import StaticPolynomial, ThermalLag
 from .time import Drift, LogAgeing, SensitivityDrift, Step
 from .transient import InitialTransient
@@ -30,8 +31,13 @@ __all__ = [
     "Periodic",
     "Rate",
     "SensitivityDrift",
+    "Signals",
     "StaticPolynomial",
     "Step",
     "ThermalLag",
     "TransformerEffect",
 ]
+
+for _effect in CATALOGUE.values():  # a kind is public once its file is here
+    globals()[_effect.__name__] = _effect
+    __all__ += [] if _effect.__name__ in __all__ else [_effect.__name__]

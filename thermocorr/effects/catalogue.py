@@ -1,41 +1,28 @@
-"""The catalogue: every kind of effect that can be asked for by name, tried by a diagnosis, planted in a record.
+"""The catalogue: every kind of effect that can be asked for by name, tried by a diagnosis, kept in a model file.
 
-Each entry brings its physics and bench check (`Effect.info`), its search range (`Effect.candidates`) and, under the
-same name in ``make_record(effects={kind: strength})``, its planted truth.
+A class of a file in this folder is in it once it says what it is, in `info`: its physics and bench check, its formula,
+its place. Its search range is `Effect.candidates`.
 """
 
 from __future__ import annotations
 
-from .covariates import Covariate, Interaction, LaggedCovariate
-from .hinge import Hinge
-from .hysteresis import Hysteresis
-from .periodic import Periodic
-from .products import LagProducts
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+
 from .protocol import Effect
-from .rates import Delay, Rate
-from .thermal import StaticPolynomial, ThermalLag
-from .time import Drift, LogAgeing, SensitivityDrift, Step
-from .transient import InitialTransient
+
+
+def _kinds() -> Iterator[type[Effect]]:
+    """Classes that have a kind and an `info` of their own, file by file."""
+    for file in iter_modules([str(Path(__file__).parent)]):
+        module = import_module(f".{file.name}", __package__)
+        here = (thing for thing in vars(module).values() if getattr(thing, "__module__", "") == module.__name__)
+        yield from (thing for thing in here if isinstance(thing, type) and vars(thing).get("info") is not None)
+
 
 CATALOGUE: dict[str, type[Effect]] = {
-    effect.kind: effect
-    for effect in (
-        StaticPolynomial,
-        ThermalLag,
-        InitialTransient,
-        LagProducts,
-        Rate,
-        Delay,
-        Covariate,
-        LaggedCovariate,
-        Interaction,
-        Drift,
-        LogAgeing,
-        SensitivityDrift,
-        Step,
-        Hysteresis,
-        Hinge,
-        Periodic,
-    )
+    effect.kind: effect for effect in sorted(_kinds(), key=lambda effect: effect.info.place if effect.info else 9.0)
 }
 """Kind -> class: thermal kinds first, then recorded columns, then time, then what depends on history or place."""

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from numbers import Integral
 from typing import Any
 
-import numpy as np
 from sklearn.utils._param_validation import Interval
 
-from ..equations import LagState, lag_differences
-from ..records import Block, Record
+from ..records import Record
 from ..records.units import unit_of
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, suspects, time_text
+from .signals import Signals
 from .thermal import HOLD, column_text, seconds_array
 
 _CURVED = 0.1
@@ -32,10 +31,13 @@ class Covariate(Effect):
     """
 
     kind = "covariate"
+    learned = {"mean_": "number"}
     info = EffectInfo(
         physics="Another recorded quantity acts on the reading at once.",
         bench_check="Change that quantity alone, at constant temperature: the reading follows without delay.",
         formula="a recorded column stands for itself (or its power) less its mean",
+        example={"column": "humidity"},
+        place=2.0,
     )
     _parameter_constraints = {"power": [Interval(Integral, 1, 9, closed="both")]}
 
@@ -66,12 +68,12 @@ class Covariate(Effect):
         unit = unit_of(self.column, None)
         return [(f"{unit}^{self.power}" if self.power > 1 and unit else unit)] * len(self.names())
 
-    def _values(self, block: Block) -> np.ndarray:
-        return block[self.column] if self.power == 1 else block[self.column] ** self.power
+    def _value(self, x: Signals) -> Any:
+        return x[self.column] if self.power == 1 else x[self.column] ** self.power
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
+    def signals(self, x: Signals) -> Sequence[Any]:
         """The column less its mean."""
-        return self._values(block) - self.mean_, state
+        return [self._value(x) - self.mean_]
 
     def label(self) -> str:
         """``covariate: humidity``, ``lagged covariate: current^2``."""
@@ -93,6 +95,7 @@ class LaggedCovariate(Covariate):
     """
 
     kind = "lagged_covariate"
+    learned = {"mean_": "number", "time_constants_": "times"}
     info = EffectInfo(
         physics="Another recorded quantity acts on the reading late: moisture that is taken up, heat that a current "
         "dissipates, a second thermal environment.",
@@ -101,6 +104,8 @@ class LaggedCovariate(Covariate):
         formula="column lag[tau] = lagged column - column, where tau d(lagged)/dt = column - lagged",
         parameters={"time_constants": "s"},
         tuned=("time_constants",),
+        example={"column": "humidity", "time_constants": [21_600.0]},
+        place=2.1,
     )
     _parameter_constraints = {**Covariate._parameter_constraints, "hold": HOLD}
 
@@ -137,15 +142,10 @@ class LaggedCovariate(Covariate):
         name = super().names()[0]
         return [name, *(f"{name} lag[{time_text(tau)}]" for tau in self.time_constants_)]
 
-    def columns(self, block: Block, state: LagState | None) -> tuple[np.ndarray, LagState]:
+    def signals(self, x: Signals) -> Sequence[Any]:
         """The column and its lag differences."""
-        values = self._values(block)
-        lagged, state = lag_differences(values, block.steps, self.time_constants_, state, hold=self.hold)
-        return np.column_stack((values - self.mean_, lagged)), state
-
-    def memory(self) -> float:
-        """The longest time constant [s]."""
-        return float(self.time_constants_.max(initial=0.0))
+        value = self._value(x)
+        return [value - self.mean_, *x.lag(value, self.time_constants_, self.hold)]
 
 
 class Interaction(Effect):
@@ -158,10 +158,13 @@ class Interaction(Effect):
     """
 
     kind = "interaction"
+    learned = {"mean_": "number", "reference_temperature_": "number", "temperature_name_": "column"}
     info = EffectInfo(
         physics="The temperature coefficient depends on another recorded quantity, such as supply or load.",
         bench_check="Measure the temperature coefficient at two values of that quantity: it differs.",
         formula="temperature*column = (T less its mean) * (column less its mean)",
+        example={"column": "supply"},
+        place=2.2,
     )
 
     def __init__(self, column: Any = None):
@@ -190,16 +193,21 @@ class Interaction(Effect):
         """K times the column's unit where its name tells it."""
         return [f"K {unit_of(self.column, None)}".strip()]
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Product of temperature and column, both less their means, shape (n,)."""
-        return (block.temperature - self.reference_temperature_) * (block[self.column] - self.mean_), state
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """Product of temperature and column, both less their means."""
+        return [(x.T - self.reference_temperature_) * (x[self.column] - self.mean_)]
 
 
 def _powers(record: Record, column: Any) -> tuple[int, ...]:
-    """Powers of a column worth trying: (1, 2) where it swings by more than a tenth of its mean."""
+    """Powers of a column worth trying: its square where that is no copy of it."""
+    return (1, 2) if swings(record, column) else (1,)
+
+
+def swings(record: Record, column: Any) -> bool:
+    """Whether a column swings by more than a tenth of its mean, so that bent copies of it are no copies."""
     count, total, squares = 0, 0.0, 0.0
     for block in record.blocks():
         values = block[column]
         count, total, squares = count + len(values), total + values.sum(), squares + values @ values
     mean, square = total / count, squares / count
-    return (1, 2) if square - mean**2 > (_CURVED * mean) ** 2 else (1,)
+    return bool(square - mean**2 > (_CURVED * mean) ** 2)

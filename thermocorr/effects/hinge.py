@@ -10,10 +10,10 @@ import numpy as np
 from sklearn.base import clone
 from sklearn.utils._param_validation import Interval, StrOptions
 
-from ..equations import LagState, lag_differences
-from ..records import Block, Record
+from ..records import Record
 from .grids import temperature_quantiles, time_grid
 from .protocol import Effect, EffectInfo, time_text
+from .signals import Signals
 from .thermal import seconds_array
 
 
@@ -42,6 +42,7 @@ class Hinge(Effect):
     """
 
     kind = "hinge"
+    learned = {"time_constants_": "times"}
     info = EffectInfo(
         physics="Freezing, condensation, a clamp that opens or a sensor that saturates changes the law at one "
         "temperature.",
@@ -50,6 +51,7 @@ class Hinge(Effect):
         formula="max(T-knee) = T - knee above the knee and 0 below; min(T-knee) the other way round; with lags as T",
         parameters={"knee": "K", "time_constants": "s"},
         tuned=("time_constants",),
+        place=4.1,
     )
     _parameter_constraints = {
         "knee": [Interval(Real, None, None, closed="neither")],
@@ -95,18 +97,11 @@ class Hinge(Effect):
         """K."""
         return ["K"] * (1 + len(self.time_constants_))
 
-    def columns(self, block: Block, state: LagState | None) -> tuple[np.ndarray, Any]:
-        """The hinge and its lag differences [K], shape (n, 1 + number of time constants)."""
-        clip = np.maximum if self.side == "above" else np.minimum
-        hinge = clip(block.temperature - self.knee, 0.0)
-        if len(self.time_constants_) == 0:
-            return hinge, None
-        lagged, state = lag_differences(hinge, block.steps, self.time_constants_, state, hold=self.hold)
-        return np.column_stack((hinge, lagged)), state
-
-    def memory(self) -> float:
-        """The longest time constant [s]."""
-        return float(self.time_constants_.max(initial=0.0))
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """The hinge and its lag differences [K]."""
+        clip = x.maximum if self.side == "above" else x.minimum
+        hinge = clip(x.T - self.knee, 0.0)
+        return [hinge, *x.lag(hinge, self.time_constants_, self.hold)] if len(self.time_constants_) else [hinge]
 
     def label(self) -> str:
         """``hinge: above 0``, ``hinge: above 0, lag 3600 s``."""

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from sklearn.utils._param_validation import Interval
 
-from ..records import Block, Record
+from ..records import Record
 from .grids import temperature_quantiles
 from .protocol import Effect, EffectInfo
+from .signals import Signals
 
 _SHARES = np.geomspace(0.03, 0.9, 10)
 """Widths to try, as shares of the range that holds 96 % of the temperatures."""
@@ -36,6 +37,7 @@ class Hysteresis(Effect):
     """
 
     kind = "hysteresis"
+    learned = {}
     info = EffectInfo(
         physics="Friction, solder creep or packaging stress makes the reading depend on whether the temperature was "
         "reached from above or from below.",
@@ -44,6 +46,8 @@ class Hysteresis(Effect):
         formula="hysteresis[w] = p - T, where the play p stays put until T is w/2 away and is then dragged along",
         parameters={"width": "K"},
         tuned=("width",),
+        example={"width": 0.8},
+        place=4.0,
     )
     _parameter_constraints = {"width": [Interval(Real, 0, None, closed="neither")]}
 
@@ -68,18 +72,9 @@ class Hysteresis(Effect):
         """K."""
         return ["K"]
 
-    def columns(self, block: Block, state: float | None) -> tuple[np.ndarray, float]:
-        """Play less temperature [K], within +- w/2, shape (n,); the state is the play's position."""
-        T = block.temperature
-        position = float(T[0]) if state is None else state
-        play = []
-        for low, high in zip((T - self.width / 2).tolist(), (T + self.width / 2).tolist(), strict=True):
-            if position < low:
-                position = low
-            elif position > high:
-                position = high
-            play.append(position)
-        return np.array(play) - T, position
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """Play less temperature [K], within +- w/2."""
+        return [x.play(x.T, self.width) - x.T]
 
     def label(self) -> str:
         """``hysteresis: 0.5 K``."""

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from numbers import Integral
 from typing import Any
 
-import numpy as np
 from sklearn.utils._param_validation import Interval
 
-from ..records import Block, Record, seconds_of
+from ..records import Record, seconds_of
 from .grids import longest_segment
 from .protocol import Effect, EffectInfo, time_text
+from .signals import Signals
 
 _USUAL_PERIODS = {3_600.0: 3, 44_714.16: 1, 86_400.0: 2, 604_800.0: 4}
 """Periods [s] that instruments meet, with the harmonics to try: an hour, the lunar tide, a day, a week."""
@@ -39,6 +39,7 @@ class Periodic(Effect):
 
     kind = "periodic"
     of_time_alone = True
+    learned = {"period_": "positive"}
     info = EffectInfo(
         physics="Sun, air conditioning, mains load or tides act with a fixed period and were not recorded.",
         bench_check="Log the suspected cause too (light, mains voltage, the fan's switch), or move the instrument "
@@ -46,9 +47,10 @@ class Periodic(Effect):
         formula="sin[p], cos[p] = sin and cos of 2 pi t/p with t in absolute time",
         parameters={"period": "s"},
         tuned=("period",),
+        place=4.2,
     )
     _parameter_constraints = {
-        "harmonics": [Interval(Integral, 1, None, closed="left")],
+        "harmonics": [Interval(Integral, 1, 10_000, closed="both")],
         "removed_by_correct": ["boolean"],
     }
 
@@ -73,16 +75,18 @@ class Periodic(Effect):
 
     def names(self) -> list[str]:
         """``sin[86400 s]``, ``cos[86400 s]``, ``sin[43200 s]``, ..."""
-        return [f"{wave}[{time_text(self.period_ / h)}]" for h in self._orders() for wave in ("sin", "cos")]
+        periods = [time_text(self.period_ / h) for h in range(1, self.harmonics + 1)]
+        return [f"{wave}[{period}]" for period in periods for wave in ("sin", "cos")]
 
-    def _orders(self) -> range:
-        return range(1, self.harmonics + 1)
-
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Harmonics, shape (n, 2 harmonics)."""
-        began = block.record.times.between(block.zero, 0) % self.period_
-        angle = 2.0 * np.pi / self.period_ * (began + block.seconds)
-        return np.column_stack([wave(h * angle) for h in self._orders() for wave in (np.sin, np.cos)]), state
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """Harmonics; the higher ones by the addition theorem."""
+        angle = x.angle(self.period_)
+        sine, cosine = x.sin(angle), x.cos(angle)
+        waves = [sine, cosine]
+        for _ in range(1, self.harmonics):
+            s, c = waves[-2:]
+            waves += [s * cosine + c * sine, c * cosine - s * sine]
+        return waves
 
     def label(self) -> str:
         """``periodic: 86400 s``."""

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
 
-from ..equations import LagState
-from ..records import Block, Record
+from ..records import Record
 from .grids import time_grid
-from .protocol import Effect, EffectInfo
-from .thermal import HOLD, INITIAL_STATE, REFERENCE, ThermalLag, column_text
+from .protocol import Effect, EffectInfo, time_text
+from .signals import Signals
+from .thermal import HOLD, INITIAL_STATE, REFERENCE, column_text, reference_of, seconds_array
 
 
 class LagProducts(Effect):
@@ -25,6 +26,7 @@ class LagProducts(Effect):
     """
 
     kind = "lag_products"
+    learned = {"time_constants_": "times", "reference_temperature_": "number", "temperature_name_": "column"}
     info = EffectInfo(
         physics="Heat flow inside the device bends the reading, or the device follows faster where it is warm: the "
         "dynamic law is not linear.",
@@ -33,6 +35,7 @@ class LagProducts(Effect):
         formula="lag[a]*lag[b] = product of two lag differences; temperature*lag[a] = (T - T0) times one",
         parameters={"time_constants": "s", "reference_temperature": "K"},
         tuned=("time_constants",),
+        place=1.3,
     )
     _parameter_constraints = {
         "hold": HOLD,
@@ -63,24 +66,16 @@ class LagProducts(Effect):
         return single + [cls([a, b], temperature_products=True) for a, b in zip(times[:-3], times[3:], strict=True)]
 
     def learn(self, record: Record) -> None:
-        """Convert time constants to seconds; fix T0 where T takes part."""
+        """Convert time constants to seconds; fix T0."""
         self._validate_params()
-        self.lags_ = ThermalLag(
-            self.time_constants, self.hold, self.initial_state, reference_temperature=self.reference_temperature
-        )
-        self.lags_.learn(record)
-        n = len(self.lags_.time_constants_)
-        self.pairs_ = [(j, k) for j in range(n) for k in range(j, n)]
-        if self.temperature_products:
-            given = self.reference_temperature
-            mean = record.moments(record.temperature_name).mean
-            self.reference_temperature_ = mean if given == "mean" else float(given)
-            self.temperature_name_ = record.temperature_name
+        self.time_constants_ = seconds_array(self.time_constants)
+        self.reference_temperature_ = reference_of(self.reference_temperature, record)
+        self.temperature_name_ = record.temperature_name
 
     def names(self) -> list[str]:
         """``lag[60 s]*lag[900 s]``, ..., ``temperature*lag[60 s]``, ..."""
-        lag = self.lags_.names()
-        names = [f"{lag[j]}*{lag[k]}" for j, k in self.pairs_]
+        lag = [f"lag[{time_text(tau)}]" for tau in self.time_constants_]
+        names = [f"{one}*{other}" for one, other in combinations_with_replacement(lag, 2)]
         if self.temperature_products:
             names += [f"{column_text(self.temperature_name_)}*{name}" for name in lag]
         return names
@@ -89,20 +84,15 @@ class LagProducts(Effect):
         """K^2."""
         return ["K^2"] * len(self.names())
 
-    def columns(self, block: Block, state: LagState | None) -> tuple[np.ndarray, LagState]:
+    def signals(self, x: Signals) -> Sequence[Any]:
         """Products of lag differences, and of T - T0 with them [K^2]."""
-        Psi, state = self.lags_.columns(block, state)
-        result = np.empty((len(block), len(self.names())), order="F")
-        for column, (j, k) in enumerate(self.pairs_):
-            np.multiply(Psi[:, j], Psi[:, k], out=result[:, column])  # eq. (21)
+        start = self.reference_temperature_ if self.initial_state == "zero" else None
+        Psi = x.lag(x.T, self.time_constants_, self.hold, start)
+        products = [one * other for one, other in combinations_with_replacement(Psi, 2)]  # eq. (21)
         if self.temperature_products:
-            deviation = block.temperature - self.reference_temperature_
-            result[:, len(self.pairs_) :] = deviation[:, None] * Psi  # eq. (21)
-        return result, state
-
-    def memory(self) -> float:
-        """The longest time constant [s]."""
-        return self.lags_.memory()
+            deviation = x.T - self.reference_temperature_
+            products += [deviation * d for d in Psi]  # eq. (21)
+        return products
 
 
 class CoarseProducts(LagProducts):

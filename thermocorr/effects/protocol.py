@@ -10,6 +10,8 @@ import numpy as np
 from sklearn.base import BaseEstimator, clone
 
 from ..records import Block, Record, seconds_of
+from .expressions import words_of
+from .signals import BlockSignals, Signals
 
 
 @dataclass(frozen=True)
@@ -26,12 +28,16 @@ class EffectInfo:
     """Unit of each parameter of the constructor that has one; "s" for time spans."""
     tuned: tuple[str, ...] = ()
     """Positive parameters (or lists of them) that a local search may scale."""
+    example: Mapping[str, Any] = field(default_factory=dict)
+    """Parameters that show well what it does, for its page."""
+    place: float = 9.0
+    """In the catalogue: thermal kinds from 1, recorded columns from 2, time from 3, history and place from 4."""
 
 
 class Effect(BaseEstimator):
     """A cause that moves the reading: base class of the catalogue and of a user's own effects.
 
-    An own effect needs a constructor that stores its parameters, `names`, and `columns`::
+    An own effect needs a constructor that stores its parameters, `names`, and its formula, `signals`::
 
         class FanNoise(Effect):
             kind = "fan_noise"
@@ -41,19 +47,24 @@ class Effect(BaseEstimator):
                 return [self.column]
             def names(self):
                 return [f"{self.column}^2"]
-            def columns(self, block, state):
-                return block[self.column] ** 2, state
+            def signals(self, x):
+                return [x[self.column] ** 2]
 
-    It then takes part in a model through ``DynamicBiasRegressor(effects=[FanNoise()])``.
+    It then takes part in a model through ``DynamicBiasRegressor(effects=[FanNoise()])``, in its live correction, its
+    file and its C code. What `signals` may say is listed in `thermocorr.effects.Signals`; a formula that cannot be said
+    so is written as `columns`, and has all of this but the C code.
 
-    Every kind of the catalogue can be planted in a simulated record under the same name and with the same parameters:
-    ``make_record(effects={"hysteresis": 2.0})``.
+    The kinds of `thermocorr.datasets.make_record` are planted in a simulated record under the same name and with the
+    same parameters, by formulas of its own: ``make_record(effects={"hysteresis": 2.0})``.
     """
 
     kind: ClassVar[str] = "own"
     """Stable identifier of the physical cause."""
     info: ClassVar[EffectInfo | None] = None
     """What the catalogue says about it."""
+    learned: ClassVar[Mapping[str, str] | None] = None
+    """What `learn` fixes, in order: attribute -> "number", "positive", "text", "column" (a name or number), or "times"
+    (those of the parameter `time_constants`). A model file that holds anything else is refused; None: not checked."""
     of_time_alone: ClassVar[bool] = False
     """True for what needs nothing but the clock: a noise that wanders can look like it."""
     removed_by_correct: bool = True
@@ -112,8 +123,42 @@ class Effect(BaseEstimator):
         """Unit of each column; "" where it has none or where nobody knows."""
         return [""] * len(self.names())
 
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """The formula: one expression over `x` for each of the `names`."""
+        raise NotImplementedError
+
+    def says_signals(self) -> bool:
+        """Whether `signals` is the formula, and not `columns` of the effect's own."""
+        return type(self).columns is Effect.columns
+
+    def fill(self, block: Block, state: Any, columns: np.ndarray) -> Any:
+        """Write the columns of a block into an array of shape (n, len(names())); returns the state for the next one."""
+        if self.says_signals():
+            return self._fill_said(block, state, columns)
+        part, state = self.columns(block, state)
+        part = np.asarray(part)
+        if part.shape != columns.shape and not (part.ndim == 1 and columns.shape[1] == 1):
+            raise ValueError(
+                f"{type(self).__name__}.columns returned an array of shape {part.shape} for {len(block)} rows and "
+                f"{columns.shape[1]} names. Return one row per sample and one column per name."
+            )
+        columns[:] = part.reshape(columns.shape)
+        return state
+
+    def _fill_said(self, block: Block, state: Any, columns: np.ndarray) -> Any:
+        x = BlockSignals(block, state)
+        said = self.signals(x)
+        if len(said) != columns.shape[1]:
+            raise ValueError(
+                f"{type(self).__name__}.signals returned {len(said)} columns for {columns.shape[1]} names. Return one "
+                "for each name."
+            )
+        for i, column in enumerate(said):
+            columns[:, i] = column
+        return x.state()
+
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Columns of one block, and the state for the next one.
+        """Columns of one block, and the state for the next one: what `signals` says, unless an effect defines it.
 
         Parameters
         ----------
@@ -128,11 +173,12 @@ class Effect(BaseEstimator):
         columns : array of shape (n,) or (n, len(names()))
         state : object
         """
-        raise NotImplementedError
+        columns = np.empty((len(block), len(self.names())), order="F")
+        return columns, self._fill_said(block, state, columns)
 
     def memory(self) -> float:
         """Longest time constant of the state [s]: how long an unknown start is felt. 0 without a state."""
-        return 0.0
+        return max((word.memory for word in words_of(self) or ()), default=0.0)
 
     def label(self) -> str:
         """Name of the contribution in tables and plots."""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-
-from ..equations import lag_differences
-from ..records import Block, Record, seconds_of
+from ..records import Record, seconds_of
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, time_text
+from .signals import Signals
 
 
 class Rate(Effect):
@@ -33,6 +31,7 @@ class Rate(Effect):
     """
 
     kind = "rate"
+    learned = {"time_constant_": "positive or None"}
     info = EffectInfo(
         physics="Gradients inside the instrument, and the thermo-electric voltages they make, follow the rate of "
         "change of the temperature.",
@@ -41,6 +40,7 @@ class Rate(Effect):
         formula="rate = (T - T of the sample before) / (time between them)",
         parameters={"time_constant": "s"},
         tuned=("time_constant",),
+        place=1.4,
     )
 
     def __init__(self, time_constant: Any = None):
@@ -64,26 +64,12 @@ class Rate(Effect):
         """K/s."""
         return ["K/s"]
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Rate [K/s], shape (n,); the state is the last temperature, or that of the lag."""
-        T, steps = block.temperature, block.steps
-        if self.time_constant_ is not None:
-            tau = self.time_constant_
-            lag, state = lag_differences(T, steps, np.array([tau]), state)
-            return lag[:, 0] / -tau, state  # eq. (17): d(lagged)/dt
-        before = T[0] if state is None else state
-        return np.diff(T, prepend=before) / steps, float(T[-1])
-
-    def memory(self) -> float:
-        """The time constant [s]."""
-        return self.time_constant_ or 0.0
-
-
-class DelayState(NamedTuple):
-    """Samples that later rows still look back to: those of the last `delay` seconds, and one before them."""
-
-    elapsed: np.ndarray
-    temperature: np.ndarray
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """Rate [K/s]."""
+        tau = self.time_constant_
+        if tau is None:
+            return [x.change_rate(x.T)]
+        return [x.lag(x.T, [tau])[0] / -tau]  # eq. (17): d(lagged)/dt
 
 
 class Delay(Effect):
@@ -103,6 +89,7 @@ class Delay(Effect):
     """
 
     kind = "delay"
+    learned = {"delay_": "positive"}
     info = EffectInfo(
         physics="Air, water or a heat front takes a fixed time from the thermometer to the device.",
         bench_check="Step the temperature at the thermometer: the reading stays where it is for the delay, and only "
@@ -110,6 +97,8 @@ class Delay(Effect):
         formula="delay[d] = T(t - d) - T(t)",
         parameters={"delay": "s"},
         tuned=("delay",),
+        example={"delay": 1200.0},
+        place=1.5,
     )
 
     def __init__(self, delay: Any):
@@ -132,19 +121,9 @@ class Delay(Effect):
         """K."""
         return ["K"]
 
-    def columns(self, block: Block, state: DelayState | None) -> tuple[np.ndarray, DelayState]:
-        """Delayed temperature less the present one [K], shape (n,)."""
-        T, now = block.temperature, block.elapsed
-        known = DelayState(now, T)
-        if state is not None:
-            known = DelayState(np.concatenate((state.elapsed, now)), np.concatenate((state.temperature, T)))
-        delayed = np.interp(now - self.delay_, *known)  # left of all samples: the first temperature
-        oldest = max(np.searchsorted(known.elapsed, now[-1] - self.delay_, side="right") - 1, 0)
-        return delayed - T, DelayState(known.elapsed[oldest:].copy(), known.temperature[oldest:].copy())
-
-    def memory(self) -> float:
-        """The delay [s]."""
-        return self.delay_
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """Delayed temperature less the present one [K]."""
+        return [x.delayed(x.T, self.delay_) - x.T]
 
     def label(self) -> str:
         """``delay: 600 s``."""

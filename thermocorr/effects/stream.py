@@ -62,14 +62,7 @@ def walk(
         columns = np.empty((len(block), width + extra), order="F")
         at = 0
         for i, (effect, n_columns) in enumerate(zip(effects, widths, strict=True)):
-            part, current[i] = effect.columns(block, current[i])
-            part = np.asarray(part)
-            if part.shape != (len(block), n_columns) and not (part.ndim == 1 and n_columns == 1):
-                raise ValueError(
-                    f"{type(effect).__name__}.columns returned an array of shape {part.shape} for {len(block)} rows "
-                    f"and {n_columns} names. Return one row per sample and one column per name."
-                )
-            columns[:, at : at + n_columns] = part.reshape(len(block), n_columns)
+            current[i] = effect.fill(block, current[i], columns[:, at : at + n_columns])
             at += n_columns
         yield Walked(block, columns, current)
 

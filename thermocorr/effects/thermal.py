@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate
 from numbers import Integral, Real
+from operator import mul
 from typing import Any
 
 import numpy as np
 from sklearn.utils._param_validation import Interval, StrOptions
 
-from ..equations import LagState, lag_differences, paper_form
-from ..records import Block, Record, seconds_of
+from ..records import Record, seconds_of
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, time_text
+from .signals import Signals
 
 REFERENCE = [Interval(Real, None, None, closed="neither"), StrOptions({"mean"})]
 """What a reference temperature may be."""
@@ -35,6 +37,11 @@ def seconds_array(time_constants: Any) -> np.ndarray:
     return values
 
 
+def reference_of(given: float | str, record: Record) -> float:
+    """T0 [K or degC]: a number, or the record's mean."""
+    return record.moments(record.temperature_name).mean if given == "mean" else float(given)
+
+
 class StaticPolynomial(Effect):
     """Static law of the temperature, eq. (3): ``(T - T0)^i`` for i = lowest_power..degree.
 
@@ -49,12 +56,14 @@ class StaticPolynomial(Effect):
     """
 
     kind = "static_polynomial"
+    learned = {"temperature_name_": "column", "reference_temperature_": "number"}
     info = EffectInfo(
         physics="The static law of the reading over temperature is curved.",
         bench_check="Hold the temperature at five or more levels until the reading has settled: the levels do not lie "
         "on the fitted curve.",
         formula="temperature^i = (T - T0)^i",
         parameters={"reference_temperature": "K"},
+        place=1.0,
     )
     _parameter_constraints = {
         "degree": [Interval(Integral, 0, 9, closed="both")],
@@ -76,10 +85,7 @@ class StaticPolynomial(Effect):
         """Fix T0 [K or degC]."""
         self._validate_params()
         self.temperature_name_ = record.temperature_name
-        if self.reference_temperature == "mean":
-            self.reference_temperature_ = record.moments(record.temperature_name).mean
-        else:
-            self.reference_temperature_ = float(self.reference_temperature)
+        self.reference_temperature_ = reference_of(self.reference_temperature, record)
 
     def _powers(self) -> range:
         return range(self.lowest_power, self.degree + 1)
@@ -93,16 +99,11 @@ class StaticPolynomial(Effect):
         """K, K^2, ..."""
         return ["K" if i == 1 else f"K^{i}" for i in self._powers()]
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
+    def signals(self, x: Signals) -> Sequence[Any]:
         """Powers of T - T0 [K^i]."""
-        powers = np.empty((len(block), len(self._powers())), order="F")
-        power = deviation = block.temperature - self.reference_temperature_ if self.degree else None
-        for i in range(1, self.degree + 1):
-            if i > 1:
-                power = power * deviation
-            if i >= self.lowest_power:
-                powers[:, i - self.lowest_power] = power  # eq. (3)
-        return powers, state
+        deviation = x.T - self.reference_temperature_
+        powers = list(accumulate([deviation] * self.degree, mul))  # eq. (3)
+        return powers[self.lowest_power - 1 :]
 
 
 def column_text(name: object) -> str:
@@ -127,12 +128,15 @@ class ThermalLag(Effect):
     """
 
     kind = "thermal_lag"
+    learned = {"time_constants_": "times", "reference_temperature_": "number"}
     info = EffectInfo(
         physics="A part of the device follows the ambient temperature later (or earlier) than the model allows.",
         bench_check="Step the temperature and log the reading until it rests: fit the time constant of what is left.",
         formula="lag[tau] = lagged - T, where tau d(lagged)/dt = T - lagged",
         parameters={"time_constants": "s", "reference_temperature": "K"},
         tuned=("time_constants",),
+        example={"time_constants": [1200.0]},
+        place=1.1,
     )
     _parameter_constraints = {
         "hold": HOLD,
@@ -164,11 +168,7 @@ class ThermalLag(Effect):
         """Convert time constants to seconds; fix T0, where a device with the initial state "zero" starts."""
         self._validate_params()
         self.time_constants_ = seconds_array(self.time_constants)
-        if self.initial_state == "zero":
-            given = self.reference_temperature
-            self.reference_temperature_ = (
-                record.moments(record.temperature_name).mean if given == "mean" else float(given)
-            )
+        self.reference_temperature_ = reference_of(self.reference_temperature, record)
 
     def names(self) -> list[str]:
         """``lag[900 s]``, ..."""
@@ -178,15 +178,10 @@ class ThermalLag(Effect):
         """K; K s for the paper's form."""
         return ["K" if self.form == "unit_gain" else "K s"] * len(self.time_constants_)
 
-    def columns(self, block: Block, state: LagState | None) -> tuple[np.ndarray, LagState]:
+    def signals(self, x: Signals) -> Sequence[Any]:
         """Lag differences [K]."""
-        T, steps = block.temperature, block.steps
-        if state is None and self.initial_state == "zero":
-            steps = np.concatenate((np.zeros(1), steps[1:]))  # the first sample is the start itself
-            state = LagState(np.full(len(self.time_constants_), self.reference_temperature_ - T[0]), float(T[0]))
-        Psi, state = lag_differences(T, steps, self.time_constants_, state, hold=self.hold)  # eq. (19)
-        return (Psi if self.form == "unit_gain" else paper_form(Psi, T, self.time_constants_)), state
-
-    def memory(self) -> float:
-        """The longest time constant [s]."""
-        return float(self.time_constants_.max(initial=0.0))
+        start = self.reference_temperature_ if self.initial_state == "zero" else None
+        Psi = x.lag(x.T, self.time_constants_, self.hold, start)  # eq. (19)
+        if self.form == "paper":
+            return [(d + x.T) * tau - x.T for d, tau in zip(Psi, self.time_constants_, strict=True)]
+        return Psi

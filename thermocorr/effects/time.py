@@ -15,9 +15,10 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.utils._param_validation import Interval
 
-from ..records import Block, Record, seconds_of
+from ..records import Record, seconds_of
 from .grids import longest_segment, mean_seconds, time_grid, time_quantiles
 from .protocol import Effect, EffectInfo, time_text
+from .signals import BlockSignals, Signals
 from .thermal import column_text
 
 DAY = 86_400.0
@@ -37,11 +38,13 @@ class Drift(Effect):
 
     kind = "drift"
     of_time_alone = True
+    learned = {"centre_": "number"}
     info = EffectInfo(
         physics="The instrument or the standard ages at a steady rate.",
         bench_check="Compare with a second standard of known history at the beginning and at the end, at the same "
         "temperature: the difference has grown by the rate times the time between.",
         formula="drift = time since the fitted record began [d], less its mean",
+        place=3.0,
     )
     _parameter_constraints = {"removed_by_correct": ["boolean"]}
 
@@ -66,9 +69,9 @@ class Drift(Effect):
         """Days: d."""
         return ["d"]
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Time since the centre of the fitted record [d], shape (n,)."""
-        return (block.seconds - self.centre_) / DAY, state
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """Time since the centre of the fitted record [d]."""
+        return [(x.seconds - self.centre_) / DAY]
 
 
 class LogAgeing(Effect):
@@ -92,6 +95,7 @@ class LogAgeing(Effect):
 
     kind = "log_ageing"
     of_time_alone = True
+    learned = {"onset_": "positive", "mean_": "number"}
     info = EffectInfo(
         physics="Stress relaxes and adhesives creep at ever slower rates after assembly, transport or switching on.",
         bench_check="Disturb the instrument again (transport, power cycle, a large temperature excursion): the same "
@@ -99,6 +103,7 @@ class LogAgeing(Effect):
         formula="log ageing[t0] = log(1 + t/t0) with t since the fitted record began, less its mean",
         parameters={"onset": "s"},
         tuned=("onset",),
+        place=3.1,
     )
     _parameter_constraints = {"removed_by_correct": ["boolean"]}
 
@@ -115,18 +120,19 @@ class LogAgeing(Effect):
         """Convert the onset to seconds; fix the mean."""
         self._validate_params()
         self.onset_ = seconds_of(self.onset, "onset")
-        self.mean_ = sum(float(self._logarithm(block).sum()) for block in record.blocks()) / record.n_used
+        logarithms = (self._logarithm(BlockSignals(block, None)) for block in record.blocks())
+        self.mean_ = sum(float(part.sum()) for part in logarithms) / record.n_used
 
-    def _logarithm(self, block: Block) -> np.ndarray:
-        return np.log1p(np.maximum(block.seconds, 0.0) / self.onset_)
+    def _logarithm(self, x: Signals) -> Any:
+        return x.log1p(x.maximum(x.seconds, 0.0) / self.onset_)
 
     def names(self) -> list[str]:
         """``log ageing[86400 s]``."""
         return [f"log ageing[{time_text(self.onset_)}]"]
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """log(1 + t/t0) less its mean, shape (n,)."""
-        return self._logarithm(block) - self.mean_, state
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """log(1 + t/t0) less its mean."""
+        return [self._logarithm(x) - self.mean_]
 
 
 class SensitivityDrift(Effect):
@@ -136,10 +142,12 @@ class SensitivityDrift(Effect):
     """
 
     kind = "sensitivity_drift"
+    learned = {"centre_": "number", "reference_temperature_": "number", "temperature_name_": "column"}
     info = EffectInfo(
         physics="The temperature coefficient itself changes with time, as glue, solder or a compensation ages.",
         bench_check="Measure the temperature coefficient by the same temperature cycle before and after: it differs.",
         formula="drift*temperature = (time [d] less its mean) * (T less its mean)",
+        place=3.2,
     )
 
     @classmethod
@@ -161,9 +169,9 @@ class SensitivityDrift(Effect):
         """K d."""
         return ["K d"]
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Time times temperature [K d], shape (n,)."""
-        return (block.seconds - self.centre_) / DAY * (block.temperature - self.reference_temperature_), state
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """Time times temperature [K d]."""
+        return [(x.seconds - self.centre_) / DAY * (x.T - self.reference_temperature_)]
 
 
 class Step(Effect):
@@ -186,12 +194,14 @@ class Step(Effect):
 
     kind = "step"
     of_time_alone = True
+    learned = {"seconds_": "number", "moment_": "text"}
     info = EffectInfo(
         physics="A shock, a change of range or a replaced part moved the reading once and for all.",
         bench_check="Look in the laboratory's log book at that moment; repeat the suspected action and see the reading "
         "jump at constant temperature.",
         formula="step[t] = 0 before t, 1 from t on",
         parameters={"time": "s"},
+        place=3.3,
     )
     _parameter_constraints = {
         "time": [Interval(Real, None, None, closed="neither"), str, pd.Timestamp, pd.Timedelta, np.datetime64],
@@ -228,9 +238,9 @@ class Step(Effect):
         """``step[86400 s]`` or ``step[2024-03-05 00:00:00]``."""
         return [f"step[{self.moment_}]"]
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """0 before, 1 from the moment on, shape (n,)."""
-        return (block.seconds >= self.seconds_).astype(float), state
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """0 before, 1 from the moment on."""
+        return [x.where(x.seconds >= self.seconds_, 1.0, 0.0)]
 
     def label(self) -> str:
         """``step: 2024-03-05 00:00:00``."""

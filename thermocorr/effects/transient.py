@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate
 from numbers import Real
 from typing import Any
 
 import numpy as np
 from sklearn.utils._param_validation import Interval
 
-from ..equations import decays
-from ..records import BLOCK_ROWS, Block, Record, Segment
+from ..records import BLOCK_ROWS, Record, Segment
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, time_text
+from .signals import Signals
 from .thermal import seconds_array
 
 
@@ -33,6 +34,7 @@ class InitialTransient(Effect):
 
     kind = "initial_transient"
     of_time_alone = True
+    learned = {"decays_": "times of segments", "labels_": "texts of segments"}
     info = EffectInfo(
         physics="The device was not at rest when the record began: warm-up after switching on, or settling after it "
         "was moved.",
@@ -41,6 +43,7 @@ class InitialTransient(Effect):
         formula="decay[tau] = exp(-t/tau) since the start of its segment, zero elsewhere",
         parameters={"time_constants": "s"},
         tuned=("time_constants",),
+        place=1.2,
     )
     _parameter_constraints = {"longest_share": [Interval(Real, 0, None, closed="left")]}
 
@@ -58,9 +61,7 @@ class InitialTransient(Effect):
         self._validate_params()
         time_constants = seconds_array(self.time_constants)
         self.decays_: dict[int, np.ndarray] = {}
-        self.first_column_: dict[int, int] = {}
         self.labels_: dict[int, str] = {}
-        at = 0
         runs = [segment.run for segment in record.segments]
         for key, segment in enumerate(record.segments):
             limit = self.longest_share * record.duration(segment)
@@ -68,11 +69,15 @@ class InitialTransient(Effect):
             chosen = chosen[chosen > _first_reading(record, segment)]  # what is over before can't be known
             if len(chosen) == 0 or segment.stop - segment.start <= 2 * len(chosen):
                 continue
-            self.decays_[key], self.first_column_[key] = chosen, at
-            at += len(chosen)
+            self.decays_[key] = chosen
             named = segment.run is not None and runs.count(segment.run) == 1
             self.labels_[key] = str(segment.run) if named else f"segment {key}"
-        self.n_columns_ = at
+
+    @property
+    def first_column_(self) -> dict[int, int]:
+        """Where the columns of a segment begin."""
+        counts = [len(taus) for taus in self.decays_.values()]
+        return dict(zip(self.decays_, accumulate(counts, initial=0), strict=False))
 
     def names(self) -> list[str]:
         """``decay[900 s]``, or ``decay[900 s, run9]`` where there are several segments."""
@@ -83,14 +88,9 @@ class InitialTransient(Effect):
             for tau in taus
         ]
 
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Decays of the block's segment, zeros elsewhere [1]."""
-        result = np.zeros((len(block), self.n_columns_), order="F")
-        taus = self.decays_.get(-1 if block.segment_key is None else block.segment_key)
-        if taus is not None:
-            at = self.first_column_[block.segment_key]
-            result[:, at : at + len(taus)] = decays(block.elapsed, taus)  # eq. (18)
-        return result, state
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """Decays of the segment, zeros elsewhere [1]."""
+        return x.decays(self.decays_)  # eq. (18)
 
 
 def _first_reading(record: Record, segment: Segment) -> float:

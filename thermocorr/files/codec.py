@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..effects.rates import DelayState
+from ..effects.signals import DelayState
 from ..equations import LagState
 from ..records.grammar import LARGEST
 

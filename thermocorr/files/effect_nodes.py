@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from ..effects import CATALOGUE, Effect, ThermalLag
-from ..effects.rates import DelayState
+from ..effects import CATALOGUE, Effect
+from ..effects.expressions import Delayed, Lag, Word, words_of
+from ..effects.signals import DelayState
 from ..effects.thermal import seconds_array
 from ..equations import LagState
 from .codec import (
     MOST_STATE,
     ModelFileError,
     fields,
-    integer,
     name,
     number,
     pack,
@@ -28,126 +28,39 @@ from .codec import (
     vector,
 )
 
-Check = Callable[[Any, str], Any]
+
+def _times(value: Any, where: str, effect: Any) -> None:
+    if not np.array_equal(vector(value, where), seconds_array(effect.time_constants)):
+        raise unexpected(where, "time constants", "those of the effect's parameters")
 
 
-def _times_of(effect: Any) -> Check:
-    """Time constants in seconds: those of the effect's parameter."""
-
-    def check(value: Any, where: str) -> None:
-        if not np.array_equal(vector(value, where), seconds_array(effect.time_constants)):
-            raise unexpected(where, "time constants", "those of the effect's parameters")
-
-    return check
-
-
-def _lags_of(effect: Any) -> Check:
-    def check(value: Any, where: str) -> None:
-        same = type(value) is ThermalLag and hasattr(value, "time_constants_")
-        same = same and all(
-            np.array_equal(getattr(value, key), getattr(effect, key)) for key in ("time_constants", "hold")
-        )
-        if not same or value.initial_state != effect.initial_state or value.form != "unit_gain":
-            raise unexpected(where, "an effect", "a thermal lag of the same parameters")
-
-    return check
+def _times_of_segments(value: Any, where: str, effect: Any) -> None:
+    times = seconds_array(effect.time_constants)
+    if not isinstance(value, dict) or any(type(key) is not int or key < 0 for key in value):
+        raise unexpected(where, "keys", "numbers of segments")
+    for key, taus in value.items():
+        if not len(vector(taus, f"{where}[{key}]")) or not np.isin(taus, times).all():
+            raise unexpected(f"{where}[{key}]", "time constants", "some of those of the effect's parameters")
 
 
-def _pairs_of(effect: Any) -> Check:
-    def check(value: Any, where: str) -> None:
-        n = len(effect.lags_.time_constants_)
-        right = isinstance(value, list) and len(value) == n * (n + 1) // 2
-        if not right or repr(value) != repr([(j, k) for j in range(n) for k in range(j, n)]):
-            raise unexpected(where, "a list", f"the pairs of {n} lags")
-
-    return check
+def _texts_of_segments(value: Any, where: str, effect: Any) -> None:
+    if not isinstance(value, dict) or set(value) != set(effect.decays_):
+        raise unexpected(where, "labels", "one for each segment with decays")
+    for key, item in value.items():
+        text(item, f"{where}[{key}]")
 
 
-def _decays_of(effect: Any) -> Check:
-    def check(value: Any, where: str) -> None:
-        times = seconds_array(effect.time_constants)
-        if not isinstance(value, dict) or any(type(key) is not int or key < 0 for key in value):
-            raise unexpected(where, "keys", "numbers of segments")
-        for key, taus in value.items():
-            if not len(vector(taus, f"{where}[{key}]")) or not np.isin(taus, times).all():
-                raise unexpected(f"{where}[{key}]", "time constants", "some of those of the effect's parameters")
-
-    return check
-
-
-def _first_columns_of(effect: Any) -> Check:
-    def check(value: Any, where: str) -> None:
-        at, expected = 0, {}
-        for key, taus in effect.decays_.items():
-            expected[key] = at
-            at += len(taus)
-        if repr(value) != repr(expected):  # 1.0 and True are no column numbers
-            raise unexpected(where, "column numbers", f"{expected}")
-
-    return check
-
-
-def _labels_of(effect: Any) -> Check:
-    def check(value: Any, where: str) -> None:
-        if not isinstance(value, dict) or set(value) != set(effect.decays_):
-            raise unexpected(where, "labels", "one for each segment with decays")
-        for key, item in value.items():
-            text(item, f"{where}[{key}]")
-
-    return check
-
-
-def _count_of(effect: Any) -> Check:
-    total = sum(len(taus) for taus in effect.decays_.values())
-    return lambda value, where: integer(value, where, total, total)
-
-
-def _optional_positive(value: Any, where: str) -> None:
-    if value is not None:
-        positive(value, where)
-
-
-def _in_range(value: Any, where: str) -> None:
-    number(value, where, -1e300, 1e300)
-
-
-LEARNED: dict[str, Callable[[Any], dict[str, Any]]] = {
-    "static_polynomial": lambda e: {"temperature_name_": name, "reference_temperature_": _in_range},
-    "thermal_lag": lambda e: {
-        "time_constants_": _times_of,
-        **({"reference_temperature_": _in_range} if e.initial_state == "zero" else {}),
-    },
-    "initial_transient": lambda e: {
-        "decays_": _decays_of,
-        "first_column_": _first_columns_of,
-        "labels_": _labels_of,
-        "n_columns_": _count_of,
-    },
-    "lag_products": lambda e: {
-        "lags_": _lags_of,
-        "pairs_": _pairs_of,
-        **({"reference_temperature_": _in_range, "temperature_name_": name} if e.temperature_products else {}),
-    },
-    "rate": lambda e: {"time_constant_": _optional_positive},
-    "delay": lambda e: {"delay_": positive},
-    "covariate": lambda e: {"mean_": _in_range},
-    "lagged_covariate": lambda e: {"mean_": _in_range, "time_constants_": _times_of},
-    "interaction": lambda e: {"mean_": _in_range, "reference_temperature_": _in_range, "temperature_name_": name},
-    "drift": lambda e: {"centre_": _in_range},
-    "log_ageing": lambda e: {"onset_": positive, "mean_": _in_range},
-    "sensitivity_drift": lambda e: {
-        "centre_": _in_range,
-        "reference_temperature_": _in_range,
-        "temperature_name_": name,
-    },
-    "step": lambda e: {"seconds_": _in_range, "moment_": text},
-    "hysteresis": lambda e: {},
-    "hinge": lambda e: {"time_constants_": _times_of},
-    "periodic": lambda e: {"period_": positive},
+CHECKS: dict[str, Callable[[Any, str, Any], Any]] = {
+    "number": lambda value, where, effect: number(value, where, -1e300, 1e300),
+    "positive": lambda value, where, effect: positive(value, where),
+    "positive or None": lambda value, where, effect: value is None or positive(value, where),
+    "text": lambda value, where, effect: text(value, where),
+    "column": lambda value, where, effect: name(value, where),
+    "times": _times,
+    "times of segments": _times_of_segments,
+    "texts of segments": _texts_of_segments,
 }
-"""Kind -> learned attributes and their checks; a check that depends on the effect is made from it, in this order."""
-_FROM_EFFECT = {_times_of, _lags_of, _pairs_of, _decays_of, _first_columns_of, _labels_of, _count_of}
-MOST_HARMONICS = 10_000
+"""Words of `Effect.learned` -> how such a value is checked; a check may look at what stands before it."""
 
 
 class EffectCodec:
@@ -231,23 +144,22 @@ class EffectCodec:
         return effect
 
     def _teach(self, effect: Effect, node: Any, where: str, own: bool) -> None:
-        if own:
-            if not isinstance(node, dict) or any(not k.endswith("_") or k.startswith("_") for k in node):
+        wanted = vars(type(effect)).get("learned")  # a subclass may learn more than it inherits
+        if wanted is None:
+            if not own or not isinstance(node, dict) or any(not k.endswith("_") or k.startswith("_") for k in node):
                 raise unexpected(where, "something", "names that end with an underscore")
-            wanted: dict[str, Any] = dict.fromkeys(node)
-        else:
-            wanted = LEARNED[effect.kind](effect)
+            wanted = dict.fromkeys(node, "")
         node = fields(node, where, tuple(wanted))
         for key, check in wanted.items():
             place = f"{where}.{key}"
             value = unpack(node[key], place, self.unpack_nested)
-            if check is not None:
-                try:
-                    (check(effect) if check in _FROM_EFFECT else check)(value, place)
-                except ModelFileError:
-                    raise
-                except (ValueError, TypeError, OverflowError) as error:
-                    raise ModelFileError(f"{place}: {error}") from None
+            try:
+                if check:
+                    CHECKS[check](value, place, effect)
+            except ModelFileError:
+                raise
+            except (ValueError, TypeError, OverflowError) as error:
+                raise ModelFileError(f"{place}: {error}") from None
             setattr(effect, key, value)
 
     def _class_of(self, node: dict[str, Any], where: str) -> type[Effect]:
@@ -293,8 +205,6 @@ def _check_parameters(effect: Any, where: str) -> None:
             raise ModelFileError(f"{where}.time_constants: {error}") from None
     if hasattr(effect, "column"):
         name(effect.column, f"{where}.column")
-    if hasattr(effect, "harmonics"):
-        integer(effect.harmonics, f"{where}.harmonics", 1, MOST_HARMONICS)
     for limited in ("width", "knee", "reference_temperature"):
         value = getattr(effect, limited, None)
         if isinstance(value, int | float):
@@ -302,28 +212,33 @@ def _check_parameters(effect: Any, where: str) -> None:
 
 
 def check_state(effect: Any, state: Any, where: str) -> None:
-    """Refuse a state that the effect's `columns` cannot go on from; that of a user's own effect is not looked at."""
-    kind = effect.kind if CATALOGUE.get(effect.kind) is type(effect) else None
-    lags = {
-        "thermal_lag": lambda: len(effect.time_constants_),
-        "lag_products": lambda: len(effect.lags_.time_constants_),
-        "lagged_covariate": lambda: len(effect.time_constants_),
-        "hinge": lambda: len(effect.time_constants_) or None,
-        "rate": lambda: None if effect.time_constant_ is None else 1,
-    }
-    count = lags[kind]() if kind in lags else None
-    if count is not None:
+    """Refuse a state that the effect cannot go on from: its formula's words say what belongs there.
+
+    That of an effect with columns of its own is not looked at.
+    """
+    words = words_of(effect)
+    if words is None:
+        return
+    states = [state]
+    if len(words) != 1:
+        if state is not None if not words else type(state) is not tuple or len(state) != len(words):
+            raise unexpected(where, repr(state)[:60], f"the states of {len(words)} words" if words else "null")
+        states = list(state or ())
+    for word, one in zip(words, states, strict=True):
+        _check_word(word, one, where)
+
+
+def _check_word(word: Word, state: Any, where: str) -> None:
+    if isinstance(word, Lag):
         if type(state) is not LagState:
-            raise unexpected(where, repr(state)[:60], f"the state of {count} lags")
-        vector(state.lag_difference, f"{where}.lag_difference", count, MOST_STATE)
+            raise unexpected(where, repr(state)[:60], f"the state of {len(word.time_constants)} lags")
+        vector(state.lag_difference, f"{where}.lag_difference", len(word.time_constants), MOST_STATE)
         number(state.temperature, f"{where}.temperature", -MOST_STATE, MOST_STATE)
-    elif kind == "delay":
+    elif isinstance(word, Delayed):
         if type(state) is not DelayState or not len(vector(state.elapsed, where, most=MOST_STATE)):
             raise unexpected(where, repr(state)[:60], "the samples that a delay looks back to")
         vector(state.temperature, f"{where}.temperature", len(state.elapsed), MOST_STATE)
         if (np.diff(state.elapsed) <= 0).any():
             raise unexpected(f"{where}.elapsed", "times", "increasing times")
-    elif kind in ("hysteresis", "rate"):
+    else:
         number(state, where, -MOST_STATE, MOST_STATE)
-    elif kind is not None and state is not None:
-        raise unexpected(where, repr(state)[:60], "null")

@@ -7,7 +7,7 @@ import re
 
 from .finished import Firmware
 from .language import comment
-from .program import Constant
+from .program import Constant, Line, StageSection
 from .target import MICROSECONDS
 
 LONGEST_STEP_US = 10**14
@@ -81,14 +81,13 @@ def _init(firmware: Firmware) -> list[str]:
 
 def _update(firmware: Firmware) -> list[str]:
     t, p = firmware.target, firmware.program
-    begin, advance = p.texts("begin"), p.texts("advance")
     low, high = (t.number(value) for value in firmware.limits)
+    stages = [text for stage in p.stages for text in _stage(stage)]
     body = [f"{t.name}_result result;", f"{t.dtype} bias = {firmware.bias_constant};"]
     body += ["", *_inputs(firmware), ""]
-    if begin or advance:
+    if any(re.search(r"\bfirst\b", text) for text in stages):
         body.append("const int first = s->started == 0;")
-    body += [*_first(firmware), "", *(line.text for line in p.locals)]
-    body += _either(begin, advance)
+    body += [*_first(firmware), "", *stages]
     body += ["", *p.texts("output"), ""]
     body += [f"if (temperature < {low} || temperature > {high}) {{"]
     body += [f"    result.flags |= {t.macro('OUTSIDE_RANGE')};", "}"]
@@ -99,14 +98,15 @@ def _update(firmware: Firmware) -> list[str]:
     return [firmware.update_signature(), "{", *(f"    {line}" if line else "" for line in body), "}"]
 
 
-def _either(begin: list[str], advance: list[str]) -> list[str]:
-    """The first sample has nothing to advance from."""
-    begin, advance = [[f"    {line}" for line in lines] for lines in (begin, advance)]
+def _stage(stage: dict[StageSection, list[Line]]) -> list[str]:
+    """Local variables, then what remembers: the first sample has nothing to advance from."""
+    texts = [line.text for line in stage.get("locals", [])]
+    begin, advance = ([f"    {line.text}" for line in stage.get(section, [])] for section in ("begin", "advance"))
     if begin and advance:
-        return ["if (first) {", *begin, "} else {", *advance, "}"]
+        return [*texts, "if (first) {", *begin, "} else {", *advance, "}"]
     if begin or advance:
-        return ["if (first) {" if begin else "if (!first) {", *begin, *advance, "}"]
-    return []
+        return [*texts, "if (first) {" if begin else "if (!first) {", *begin, *advance, "}"]
+    return texts
 
 
 def _tick(firmware: Firmware) -> list[str]:
@@ -138,13 +138,13 @@ def _inputs(firmware: Firmware) -> list[str]:
             lines.append(
                 f"{firmware.clock.counter} += {firmware.clock.counter} < INT64_MAX / 2 ? (int64_t)step_us : 0;"
             )
-    lines += [f"if (!is_within(temperature, {_limit(firmware, p.temperature_power, hottest)})) {{"]
+    lines += [f"if (!is_within(temperature, {_limit(firmware, p.highest_power, hottest)})) {{"]
     lines += [f"    result.flags |= {t.macro('NO_TEMPERATURE')};", "    temperature = s->temperature;", "}"]
     if p.columns:
         n = len(p.columns)
         lines += [f"{t.dtype} column[{n}];", f"for (int j = 0; j < {n}; ++j) {{", "    column[j] = columns[j];"]
         bad_step = "" if t.fixed else f" || (result.flags & {t.macro('BAD_STEP')}) != 0"
-        lines += [f"    if (!is_within(column[j], {_limit(firmware, p.column_power, _LARGEST_INPUT)}){bad_step}) {{"]
+        lines += [f"    if (!is_within(column[j], {_limit(firmware, p.highest_power, _LARGEST_INPUT)}){bad_step}) {{"]
         if t.fixed:
             lines += [f"        result.flags |= {t.macro('NO_COLUMN')};"]
         else:

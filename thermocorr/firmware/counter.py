@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from .language import Operations
 from .program import Program
 from .target import MICROSECONDS
 
@@ -47,6 +48,7 @@ class Clock:
 
     def seconds(self) -> str:
         """Local variable: time since the first fitted row [s]."""
+        cost = Operations(1) if self.target.fixed else Operations(divisions=1)
         target, now = self.target, f"({self.target.dtype}){self.count()}"
         origin = target.origin
         if target.fixed:
@@ -56,7 +58,7 @@ class Clock:
             expression = f"{now} / {target.number(MICROSECONDS)}"
         if origin:
             expression += f" + {self.program.shared('origin', origin, 's, first sample since the first fitted row')}"
-        return self.program.local("seconds", expression)
+        return self.program.local("seconds", expression, cost)
 
     def reached(self, moment: float) -> str:
         """C condition: the time since the first fitted row is at least `moment` [s]."""
@@ -75,12 +77,12 @@ def settling(program: Program, washout: float) -> None:
     if target.period is None:
         count = math.ceil(washout * MICROSECONDS - _ALMOST[False])
         left = program.member("settling", "microseconds until the start is forgotten", ctype="uint64_t")
-        program.add("begin", f"{left} = UINT64_C({count});", counted=False)
-        program.add("advance", f"{left} -= step_us < {left} ? step_us : {left};", counted=False)
-        program.add("store", f"if ({left} > 0) {{", counted=False)
+        program.add_to_stage(0, "begin", f"{left} = UINT64_C({count});")
+        program.add_to_stage(0, "advance", f"{left} -= step_us < {left} ? step_us : {left};")
+        program.add("store", f"if ({left} > 0) {{")
     else:
         count = min(math.ceil(washout / target.period - _ALMOST[True]), 2**32 - 1)
         left = program.member("settling", "samples until the start is forgotten", ctype="uint32_t")
-        program.add("begin", f"{left} = UINT32_C({count});", counted=False)
-        program.add("store", f"if ({left} > 0) {{", f"    --{left};", counted=False)
-    program.add("store", f"    result.flags |= {target.macro('WASHOUT')};", "}", counted=False)
+        program.add_to_stage(0, "begin", f"{left} = UINT32_C({count});")
+        program.add("store", f"if ({left} > 0) {{", f"    --{left};")
+    program.add("store", f"    result.flags |= {target.macro('WASHOUT')};", "}")

@@ -14,15 +14,13 @@ from ..effects import StaticPolynomial
 from ..estimators.cancellation import Cancellation
 from ..files import Outputs
 from ..records import RecordWarning, seconds_of
-from . import ageing, moving, recorded, thermal_parts  # noqa: F401  (they register their emitters)
 from .body import source
 from .costs import FirmwareExport
 from .counter import Clock, settling
-from .emitters import EMITTERS, Part, refuse
 from .finished import Firmware
 from .header import header
-from .lagbank import LagBank
 from .language import DEFAULT_PREFIX, Dtype, prefix
+from .printer import Printer, refuse
 from .program import Program
 from .provenance import fitted_range, provenance
 from .reference import reference_bias
@@ -112,7 +110,7 @@ def export_c(
     program, clock = _compose(model, target, effects, removed, weights, states)
     firmware = Firmware(program, clock, fitted_range(model))
     step = target.period or (history.usual_step if history is not None else 1.0)
-    given = test_inputs(firmware, _recorded(program, history, effects), step)
+    given = test_inputs(firmware, _recorded(program, history), step)
     seconds = _seconds(target, given.steps)
     parts = [(effects[i], weights[i], states[i]) for i in removed]
     bias, size = reference_bias(target, parts, given.temperature, given.columns, seconds, given.steps)
@@ -156,27 +154,19 @@ def _compose(
 ) -> tuple[Program, Clock]:
     """Let every effect write its part."""
     program = Program(target)
-    lags, clock = LagBank(program), Clock(program)
     if target.continues:
         kept = target.fitted_history.record
         last = target.last_row
         ended = program.constant("temperature_at_end", kept.columns[target.temperature_name][last], "of the fit")
         program.add("init", f"s->temperature = {ended};")
-    unit = model.reading_.unit if hasattr(model, "reading_") else ""
-    finishes = []
-    for i in removed:
-        part = Part(effects[i], weights[i], states[i], program, lags, clock, i + 1, unit)
-        finishes.append(EMITTERS[type(effects[i])](part))
-    lags.emit()
-    for finish in finishes:
-        if finish is not None:
-            finish()
+    printer = Printer(program, model.reading_.unit if hasattr(model, "reading_") else "")
+    printer.write([effects[i] for i in removed], [weights[i] for i in removed], [states[i] for i in removed])
     if target.continues:
         for number, column in enumerate(program.columns):
             ended = program.constant(f"column_at_end_{number}", kept.columns[column][last], "of the fit")
             program.add("init", f"s->column[{number}] = {ended};")
     settling(program, float(model.washout_))
-    return program, clock
+    return program, printer.clock
 
 
 def _place(path: str | Path) -> tuple[Path, str]:
@@ -202,13 +192,10 @@ def _seconds(target: Target, steps: np.ndarray) -> np.ndarray:
     return target.origin + (target.first_count + np.cumsum(np.round(steps * 1e6))) / 1e6
 
 
-def _recorded(program: Program, history: Any, effects: list[Any]) -> dict[Any, np.ndarray]:
-    """Values of the recorded columns for the self-test: fitted rows, or the mean where these are not known."""
-    means = {
-        effect.inputs()[0]: float(effect.mean_) for effect in effects if hasattr(effect, "mean_") and effect.inputs()
-    }
+def _recorded(program: Program, history: Any) -> dict[Any, np.ndarray]:
+    """Values of the recorded columns for the self-test: fitted rows, or a usual value where these are not known."""
     if history is None:
-        return {name: np.array([means[name]]) for name in program.columns}
+        return {name: np.array([program.references[name]]) for name in program.columns}
     return {name: np.asarray(history.record.columns[name], float) for name in program.columns}
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .language import Operations, count_operations
+from .language import Operations
 from .program import Program
 
 _LOSS = """\
@@ -24,6 +24,8 @@ static {T} lag_{first}({T} step, {T} tau, {T} *{first})
     return gain;
 }}
 """
+_COST = Operations(multiply_adds=6, adds=1, divisions=2, calls=1)
+"""The larger number of each kind of the two ways."""
 
 
 def lag_factors(program: Program, first: str) -> str:
@@ -45,19 +47,5 @@ def lag_factors(program: Program, first: str) -> str:
             large_form=f"-{target.call('expm1')}(-ratio)" if loss else f"{target.call('exp')}(-ratio)",
             large_gain="*loss / ratio" if loss else f"({n(1.0)} - *decay) / ratio",
         ).replace("*loss / ratio", "(*loss) / ratio")
-        common = [line for line in text.splitlines() if "ratio = step" in line]
-        inside = text.splitlines()
-        small = inside[inside.index(next(i for i in inside if "tanh" in i)) + 1 : _index(inside, "} else {")]
-        large = inside[_index(inside, "} else {") + 1 : _index(inside, "return gain")]
-        program.helpers[name] = (text, _cost(common) + _cost(small).most(_cost(large)))
+        program.helpers[name] = (text, _COST)
     return name
-
-
-def _index(lines: list[str], mark: str) -> int:
-    return next(i for i, line in enumerate(lines) if mark in line)
-
-
-def _cost(lines: list[str]) -> Operations:
-    return sum(
-        (count_operations(line.replace("*loss", "loss").replace("*decay", "decay")) for line in lines), Operations()
-    )

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from .counter import Clock
-from .language import Operations, count_operations
-from .program import BYTES, Line, Member, Program, Section
+from .language import Operations
+from .program import BYTES, Line, Member, Program
 from .target import MICROSECONDS
 
 FLAGS = (
@@ -29,10 +29,10 @@ class Firmware:
         """Lowest and highest fitted temperature."""
         self.bias_constant = program.constant("bias_at_reference", program.bias_constant, "sum of all constant terms")
         T = self.target.dtype
-        program.add("close", "result.corrected = reading - bias;")
-        if any(re.search(r"\bstep\b", text) for text in program.all_texts()):
-            expression = f"({T})step_us / {self.target.number(MICROSECONDS)}"
-            program.locals.insert(0, Line(f"const {T} step = {expression};", count_operations(expression)))
+        program.add("close", "result.corrected = reading - bias;", cost=Operations(adds=1))
+        if any(re.search(r"\bstep\b", line.text) for line in program.all_lines()):
+            text = f"const {T} step = ({T})step_us / {self.target.number(MICROSECONDS)};"
+            program.stages[0].setdefault("locals", []).insert(0, Line(text, Operations(divisions=1)))
 
     def members(self) -> list[Member]:
         """Members of the state, those of eight bytes first, so that nothing is lost between them."""
@@ -57,12 +57,9 @@ class Firmware:
 
     @property
     def operations(self) -> Operations:
-        """Of one update, counted in its statements; the larger number of each kind where there are two branches."""
-        lines = [*self.program.locals]
-        sections: tuple[Section, ...] = ("advance", "output", "close")
-        for section in sections:
-            lines += self.program.lines.get(section, [])
-        return sum((line.operations for line in lines), Operations())
+        """Of one update, the larger number of each kind where there are two branches."""
+        begin = [line for stage in self.program.stages for line in stage.get("begin", [])]
+        return sum((line.operations for line in self.program.all_lines() if line not in begin), Operations())
 
     def flags(self) -> list[tuple[str, int, str]]:
         """Flags that this program can raise: name, bit, meaning."""

@@ -17,6 +17,7 @@ import numpy as np
 from ..equations import LagState
 from ..equations.lags import Hold, decay_and_gain
 from .factors import lag_factors
+from .language import Operations
 from .program import Program
 from .target import Target
 
@@ -30,7 +31,7 @@ class Source:
 
     key: str
     change: str
-    """C expression: change of the input since the sample before; "" for a decay, which follows nothing."""
+    """Local variable: change of the input since the sample before; "" for a decay, which follows nothing."""
     unit: str
 
 
@@ -42,6 +43,7 @@ class Group:
     hold: str
     start: str
     """"rest", or the C expression with which each lag difference starts."""
+    stage: int
     ends: dict[float, float] = field(default_factory=dict)
     """Time constant [s] -> lag difference at the end of the fit."""
     array: str = ""
@@ -67,24 +69,25 @@ class LagBank:
         start: str = "rest",
         end: LagState | None = None,
         counted_from: float = 0.0,
+        stage: int = 0,
     ) -> Group:
         """Ask for lags; `end` is their state at the end of the fit, for a program that continues it.
 
         The C type rounds the last input, which the code counts from `counted_from`. The lagged value must not move by
         that, so the lag differences take it up.
         """
-        group = self.groups.setdefault((source.key, hold, start), Group(source, hold, start))
+        group = self.groups.setdefault((source.key, hold, start), Group(source, hold, start, stage))
         last = 0.0 if end is None else end.temperature - counted_from
         rounded_off = last - self.program.target.held(last)
         for j, tau in enumerate(time_constants):
             group.ends[float(tau)] = 0.0 if end is None else float(end.lag_difference[j]) + rounded_off
         return group
 
-    def emit(self) -> None:
-        """Write members and recursions."""
+    def emit(self, stage: int) -> None:
+        """Write members and recursions of a stage."""
         for number, group in enumerate(self.groups.values()):
             taus = np.array(sorted(group.ends))
-            if len(taus):
+            if group.stage == stage and len(taus):
                 self._emit(group, taus, "" if number == 0 else f"_{number + 1}")
 
     def _emit(self, group: Group, taus: np.ndarray, suffix: str) -> None:
@@ -96,13 +99,10 @@ class LagBank:
             ended = program.constant(f"{name}_at_end{suffix}", [group.ends[t] for t in taus], group.source.unit)
             program.add("init", f"{group.array}[j] = {ended}[j];", times=n)
         if target.begins and group.start != "rest":
-            program.add("begin", f"{group.array}[j] = {group.start};", times=n)
+            program.add_to_stage(group.stage, "begin", f"{group.array}[j] = {group.start};", times=n)
         elif target.longest_step is not None:  # what `init` does before the first sample
-            program.add("begin", f"{group.array}[j] = {target.number(0.0)};", times=n)
+            program.add_to_stage(group.stage, "begin", f"{group.array}[j] = {target.number(0.0)};", times=n)
         change = group.source.change
-        if change and change != "change":
-            program.add("advance", f"const {target.dtype} moved{suffix} = {change};")
-            change = f"moved{suffix}"
         fast = n_plain(group, taus, target)
         self._recursion(group, taus, change, suffix, 0, fast)
         self._recursion(group, taus, change, suffix, fast, n)
@@ -118,10 +118,15 @@ class LagBank:
         lag = f"{group.array}[j + {low}]" if low else f"{group.array}[j]"
         lines, factor, gain = self._factors(group, taus[low:high], first, part)
         driven = f" + {gain}{change}" if change else ""
+        products, sums = 1 + bool(gain), 1 + bool(change)
+        cost = Operations.of(products, sums)
+        for helper, (_, inside) in program.helpers.items():
+            cost = cost + inside if any(f"{helper}(" in line for line in lines) else cost
         if compensated:
             rest = program.member(f"rest{part}", f"what rounding took from {group.array[3:]}", n) + "[j]"
             if target.longest_step is not None:
-                program.add("begin", f"{rest} = {target.number(0.0)};", times=n)
+                program.add_to_stage(group.stage, "begin", f"{rest} = {target.number(0.0)};", times=n)
+            cost = cost + Operations(adds=3)
             lines += [
                 f"const {target.dtype} increment = {rest} + {factor} * {lag}{driven}; /* eq. (25) */",
                 f"const {target.dtype} next = {lag} - increment;",
@@ -131,10 +136,11 @@ class LagBank:
         elif first == "loss":
             lines.append(f"{lag} -= {factor} * {lag}{driven}; /* eq. (25) */")
         else:
+            cost = cost if gain or not change else Operations(1)
             lines.append(f"{lag} = {factor} * {lag}{driven.replace(' + ', ' - ')}; /* eq. (25) */")
         if n == 1 and len(lines) > 1:
             lines = ["{", *(f"    {line}" for line in lines), "}"]
-        program.add("advance", *lines, times=n)
+        program.add_to_stage(group.stage, "advance", *lines, times=n, cost=cost)
 
     def _factors(self, group: Group, taus: np.ndarray, first: str, part: str) -> tuple[list[str], str, str]:
         """Lines that come before a recursion; its factor (the loss 1 - a or the decay a); its gain with " * "."""

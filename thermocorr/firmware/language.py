@@ -32,8 +32,6 @@ _WITH_INIT = frozenset(
 )
 """Prefixes that C11 and POSIX use for an ``..._init`` of their own."""
 DEFAULT_PREFIX = "thermal_bias"
-MATH = ("sin", "cos", "exp", "expm1", "log1p")
-"""Functions of libm that generated code may call; with an f behind them in single precision."""
 
 
 def number(value: float, dtype: Dtype) -> str:
@@ -109,31 +107,12 @@ class Operations:
     def __mul__(self, times: int) -> Operations:
         return Operations(*(times * getattr(self, f.name) for f in fields(self)))
 
-    def most(self, other: Operations) -> Operations:
-        """An upper bound of two branches: the larger number of each kind."""
-        return Operations(*(max(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)))
-
     @property
     def total(self) -> int:
         """All of them."""
         return self.multiply_adds + self.adds + self.divisions + self.calls
 
-
-_LEFT_OUT = re.compile(r"/\*.*?\*/|\[[^\]]*\]|\((?:u?int\d+_t|float|double)\)")
-_DIGITS_OF_NAMES = re.compile(r"(?<=[A-Za-z_])\d+")
-_NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?[fFuUlL]*")
-
-
-def count_operations(statement: str) -> Operations:
-    """Operations in one C statement, by its text; what stands in subscripts is integer arithmetic and not counted.
-
-    >>> count_operations("const float next = s->lag[j + 1] - (rest + loss[j] * s->lag[j]);")
-    Operations(multiply_adds=1, adds=1, divisions=0, calls=0)
-    """
-    calls = sum(len(re.findall(rf"\b{name}f?\(", statement)) for name in MATH)
-    text = _LEFT_OUT.sub("", statement.replace("->", "."))
-    text = _NUMBER.sub("n", _DIGITS_OF_NAMES.sub("", text))
-    text = re.sub(r"\s+|\breturn\b", "", text)
-    products, divisions = text.count("*"), text.count("/")
-    sums = len(re.findall(r"(?<=[\w.)])[+-]", text))
-    return Operations(products, max(0, sums - products), divisions, calls)
+    @classmethod
+    def of(cls, products: int = 0, sums: int = 0, divisions: int = 0, calls: int = 0) -> Operations:
+        """Those of one statement: each product takes an addition with it, as long as there are any."""
+        return cls(products, max(0, sums - products), divisions, calls)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
@@ -11,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects.thermal import column_text
-from .language import Operations, count_operations, identifier
+from .language import Operations, identifier
 from .target import Target
 
 Numbers = Sequence[float] | NDArray[np.float64]
-Section = Literal["init", "begin", "advance", "output", "store", "close"]
+Section = Literal["init", "output", "store", "close"]
+StageSection = Literal["locals", "begin", "advance"]
+NOTHING = Operations()
 RESERVED = frozenset(
     """
     s temperature reading columns column bias corrected change deviation result flags first step step_us started seconds
@@ -58,38 +61,43 @@ class Line(NamedTuple):
 
 @dataclass(frozen=True)
 class Input:
-    """A recorded column as the code sees it: C expressions, and the value from which `centred` counts."""
+    """An input as the code sees it: C expressions, and the value from which `centred` counts."""
 
     value: str
     centred: str
-    previous: str
+    """Local variable: the input less its reference."""
+    change: str
+    """C expression: change since the sample before."""
     reference: float
     said: str
     """Name, for comments."""
+    unit: str
 
 
 @dataclass
 class Program:
-    """Collects what the effects of a model need. Sections of `update` run in the order of `Section`.
+    """Collects what the effects of a model need: `update` runs the stages, then the sections in the order of `Section`.
 
-    ``begin`` runs for the first usable sample, ``advance`` for every other; ``output`` adds to `bias`.
+    In a stage ``locals`` are computed, then ``begin`` runs for the first usable sample, ``advance`` for every other.
+    ``output`` adds to `bias`.
     """
 
     target: Target
     constants: list[Constant] = field(default_factory=list)
     members: list[Member] = field(default_factory=list)
     lines: dict[Section, list[Line]] = field(default_factory=dict)
-    locals: list[Line] = field(default_factory=list)
+    stages: list[dict[StageSection, list[Line]]] = field(default_factory=list)
+    """What is computed one after the other: words that follow other words come in a later stage than these."""
     helpers: dict[str, tuple[str, Operations]] = field(default_factory=dict)
     """Static functions: name -> (text, operations of its dearest way)."""
     bias_constant: float = 0.0
     flags_washout: bool = False
     columns: dict[Any, str] = field(default_factory=dict)
     """Recorded columns in the order of their C array -> identifier."""
-    temperature_power: int = 2
-    column_power: int = 2
-    """Highest powers of inputs, which bound the inputs that cannot overflow."""
-    _references: dict[Any, float] = field(default_factory=dict)
+    highest_power: int = 2
+    """Highest power of inputs, which bounds the inputs that cannot overflow."""
+    references: dict[Any, float] = field(default_factory=dict)
+    """Usual values of the columns."""
     _taken: set[str] = field(default_factory=lambda: set(RESERVED))
     _columns_taken: set[str] = field(default_factory=lambda: {"s"})
 
@@ -114,36 +122,54 @@ class Program:
         self.members.append(Member(ctype or self.target.dtype, name, length, comment))
         return f"s->{name}"
 
-    def local(self, name: str, expression: str) -> str:
+    def name(self, text: str) -> str:
+        """A name of the code's own that nothing else has."""
+        return identifier(text, self._taken)
+
+    def local(self, name: str, expression: str, cost: Operations = NOTHING, stage: int = 0, ctype: str = "") -> str:
         """A value that several lines use: computed once, whoever asks first."""
-        text = f"const {self.target.dtype} {name} = {expression};"
-        if not any(line.text == text for line in self.locals):
-            self.locals.append(Line(text, count_operations(text)))
+        text = f"const {ctype or self.target.dtype} {name} = {expression};"
+        lines = self._stage(stage, "locals")
+        if not any(line.text == text for line in lines):
+            lines.append(Line(text, cost))
         return name
 
-    def add(self, section: Section, *statements: str, times: int = 1, counted: bool = True) -> None:
-        """Add lines, as a loop over j where `times` says so. Integer lines pass ``counted=False``."""
-        lines = self.lines.setdefault(section, [])
-        if times == 1:
-            statements = tuple(re.sub(r"\[j(?: \+ )?(\d*)\]", _place, statement) for statement in statements)
-        else:
-            lines.append(Line(f"for (int j = 0; j < {times}; ++j) {{", Operations()))
-        indent = "" if times == 1 else "    "
-        for statement in statements:
-            cost = count_operations(statement) if counted else Operations()
-            for name, (_, inside) in self.helpers.items():
-                cost = cost + inside if f"{name}(" in statement else cost
-            lines.append(Line(indent + statement, cost * times))
-        if times != 1:
-            lines.append(Line("}", Operations()))
+    def _stage(self, stage: int, section: StageSection) -> list[Line]:
+        while len(self.stages) <= stage:
+            self.stages.append({})
+        return self.stages[stage].setdefault(section, [])
+
+    def add(self, section: Section, *statements: str, times: int = 1, cost: Operations = NOTHING) -> None:
+        """Add lines, as a loop over j where `times` says so; `cost` is that of one turn."""
+        self.lines.setdefault(section, []).extend(_lines(statements, times, cost))
+
+    def add_to_stage(
+        self, stage: int, section: StageSection, *statements: str, times: int = 1, cost: Operations = NOTHING
+    ) -> None:
+        """The same for a section of a stage."""
+        self._stage(stage, section).extend(_lines(statements, times, cost))
 
     def texts(self, section: Section) -> list[str]:
         """Lines of a section."""
         return [line.text for line in self.lines.get(section, [])]
 
-    def all_texts(self) -> list[str]:
+    def all_lines(self) -> list[Line]:
         """Every line of `update`."""
-        return [line.text for lines in (self.locals, *self.lines.values()) for line in lines]
+        staged = (lines for stage in self.stages for lines in stage.values())
+        return [line for lines in (*staged, *self.lines.values()) for line in lines]
+
+    def prune(self) -> None:
+        """Leave out local variables and constants that no line reads."""
+        while True:
+            lines = self.all_lines()
+            words = Counter(word for line in lines for word in set(re.findall(r"\w+", line.text)))
+            local = [line for stage in self.stages for line in stage.get("locals", [])]
+            unused = [line for line in local if words[line.text.split(" = ")[0].split()[-1]] < 2]
+            if not unused:
+                break
+            for stage in self.stages:
+                stage["locals"] = [line for line in stage.get("locals", []) if line not in unused]
+        self.constants = [constant for constant in self.constants if words[constant.name]]
 
     def weigh(self, name: str, weights: Numbers, columns: Sequence[str], unit: str) -> None:
         """Add ``weight * column`` to the bias for each; columns that follow one another in an array share a loop."""
@@ -156,40 +182,46 @@ class Program:
             if array and run > 1:
                 table = self.constant(name, list(weights[at : at + run]), unit)
                 where = "j" if not index else f"j + {index}"
-                self.add("output", f"bias += {table}[j] * {array}[{where}];", times=run)
+                self.add("output", f"bias += {table}[j] * {array}[{where}];", times=run, cost=Operations(1))
             else:
                 constant = self.constant(name, float(weights[at]), unit)
-                self.add("output", f"bias += {constant} * {columns[at]};")
+                self.add("output", f"bias += {constant} * {columns[at]};", cost=Operations(1))
             at += run
 
     # What effects read: the temperature and recorded columns, counted from a value nearby so that no digit is lost.
 
     def temperature(self) -> Input:
-        """The temperature."""
-        return Input("temperature", "deviation", "s->temperature", self.target.reference_temperature, "temperature")
+        """The temperature less `Target.reference_temperature` [K]."""
+        return Input("temperature", "deviation", "change", self.target.reference_temperature, "T", "K")
 
-    def deviation(self) -> str:
-        """Temperature less `Target.reference_temperature` [K]."""
-        near = self.shared("near_t0", self.target.reference_temperature, "unit of the temperature, near T0")
-        return self.local("deviation", f"temperature - {near}")
-
-    def column(self, name: Any, near: float = 0.0) -> Input:
-        """A recorded column; `near` is a usual value of it."""
+    def column(self, name: Any, near: float) -> Input:
+        """A recorded column; `near` is a usual value of it, taken from whoever asks first."""
         if name == self.target.temperature_name:
             return self.temperature()
         if name not in self.columns:
             self.columns[name] = identifier(name, self._columns_taken, "column")
-            self._references[name] = self.target.held(near)
-        number = list(self.columns).index(name)
-        index, said = f"[{number}]", column_text(name)
-        return Input(f"column{index}", f"centred_{number}", f"s->column{index}", self._references[name], said)
+            self.references[name] = self.target.held(near)
+        k, said = list(self.columns).index(name), column_text(name)
+        return Input(f"column[{k}]", f"centred_{k}", f"change_{k}", self.references[name], said, f"({said})")
 
     def centred(self, given: Input) -> str:
-        """The local variable that holds an input less its reference."""
-        if given.value == "temperature":
-            return self.deviation()
-        near = self.shared(f"near_{given.centred}", given.reference, f"a usual value of {given.said}")
-        return self.local(given.centred, f"{given.value} - {near}")
+        """Local variable: an input less its reference."""
+        name = given.centred.replace("deviation", "t0").replace("centred_", "")
+        near = self.shared(f"near_{name}", given.reference, f"a usual value of {given.said}")
+        return self.local(given.centred, f"{given.value} - {near}", Operations.of(sums=1))
+
+    def change(self, given: Input) -> str:
+        """Local variable: change of an input since the sample before."""
+        return self.local(given.change, f"{given.value} - s->{given.value}", Operations.of(sums=1))
+
+
+def _lines(statements: Sequence[str], times: int, cost: Operations) -> list[Line]:
+    indent = "" if times == 1 else "    "
+    if times == 1:
+        statements = [re.sub(r"\[j(?: \+ )?(\d*)\]", _place, statement) for statement in statements]
+    lines = [Line(indent + statement, NOTHING) for statement in statements]
+    lines[0] = Line(lines[0].text, cost * times)
+    return lines if times == 1 else [Line(f"for (int j = 0; j < {times}; ++j) {{", NOTHING), *lines, Line("}", NOTHING)]
 
 
 def _place(index: re.Match[str]) -> str:

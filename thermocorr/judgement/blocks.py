@@ -6,7 +6,7 @@ coefficients and fewer, quieter rows.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -113,13 +113,16 @@ def _unevenness(jumps: np.ndarray) -> np.ndarray:
     return level / usual if high > UNEVEN * low else np.ones(len(jumps))
 
 
-def filled(record: Record, most_missing: float = 0.05) -> Record:
-    """The record with short holes in suspect columns filled by straight lines; columns with more missing left out."""
+def filled(record: Record, used: Collection[Any], most_missing: float = 0.05) -> Record:
+    """The record with short holes in suspect columns filled by straight lines; columns with more missing left out.
+
+    Columns that are `used`, the temperature among them, stay as they are: where one is missing, a segment has ended.
+    """
     columns = {}
     for name, values in record.columns.items():
         numbers = np.asarray(values, float)
         missing = np.isnan(numbers)
-        if not missing.any():
+        if name in used or not missing.any():
             columns[name] = values
         elif missing.mean() <= most_missing:
             rows = np.arange(len(numbers))

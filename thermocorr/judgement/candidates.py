@@ -13,6 +13,7 @@ from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Log, Record, RecordError, read_record
+from ..records.grammar import LARGEST
 from ..records.read import from_polars, is_frame, numeric_reading
 from .blocks import filled
 
@@ -34,20 +35,22 @@ def suspect_record(
     read = read_record(X, layout, y=numeric_reading(y, X), needed=list(dict.fromkeys(own)), quiet=True)
     suspects = {name: (X[name] if is_frame(X) else np.asarray(X)[:, name]) for name in columns if name not in own}
     values = {name: np.asarray(column, float) for name, column in suspects.items()}
-    known = {name: column for name, column in values.items() if np.isfinite(column).mean() > 0.95}
+    sound = {name: np.abs(column) <= LARGEST for name, column in values.items()}
+    known = {name: column for name, column in values.items() if sound[name].mean() > 0.95}
     return filled(
         Record(
             times=read.times,
             temperature_name=read.temperature_name,
             columns={
                 **read.columns,
-                **{name: np.where(np.isfinite(column), column, np.nan) for name, column in known.items()},
+                **{name: np.where(sound[name], column, np.nan) for name, column in known.items()},
             },
             segments=read.segments,
             order=read.order,
             reading=read.reading,
             notes=read.notes,
-        )
+        ),
+        used=read.columns,
     )
 
 

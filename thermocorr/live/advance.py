@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..effects.steppers import Sample, stepper_of
+from ..effects.samples import Sample, stepper_of
 from ..effects.stream import Walked, needed_columns, states_before, walk
 from ..estimators import DynamicBiasRegressor
 from ..records import Record, Segment, SegmentStart
@@ -138,7 +138,7 @@ class Stream:
             for advance in self._steps:
                 row += advance(sample)
             bias = sum(map(mul, row, self._weights))
-        except OverflowError:
+        except (ArithmeticError, ValueError):
             bias = math.nan
         mask = 0 if known else NO_READING
         if sample.key is None and elapsed < self._washout:

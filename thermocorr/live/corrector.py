@@ -139,6 +139,8 @@ class OnlineCorrector:
 
     def has_seen(self, stamp: Any, run: Any) -> bool:
         """Whether a sample of this time would be refused: it does not lie after the last one of its run."""
+        if self._doubt is not None and self._stream.returns_behind(self._doubt, stamp, run):
+            return False  # it tells that the last one's time was false
         return self._stream.step_to(stamp, run) <= 0.0
 
     # ------------------------------------------------------------------------------------------------- one by one

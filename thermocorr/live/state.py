@@ -9,7 +9,19 @@ from typing import Any
 
 from ..effects import Effect
 from ..estimators import DynamicBiasRegressor
-from ..files.codec import ModelFileError, fields, integer, items, label, number, pack, positive, unexpected, unpack
+from ..files.codec import (
+    MOST_STATE,
+    ModelFileError,
+    fields,
+    integer,
+    items,
+    label,
+    number,
+    pack,
+    positive,
+    unexpected,
+    unpack,
+)
 from ..files.effect_nodes import EffectCodec, check_state
 from ..records.grammar import LARGEST
 
@@ -147,7 +159,9 @@ def _unpacked(node: Any, where: str, model: DynamicBiasRegressor, settings: Sett
         key=None if node["key"] is None else integer(node["key"], f"{where}.key", 0, segments - 1),
         segment_zero=stamp("segment_zero") if is_open else 0,
         states=tuple(states),
-        averaged=tuple(number(value, f"{where}.averaged[{i}]", -LARGEST, LARGEST) for i, value in enumerate(averaged)),
+        averaged=tuple(
+            number(value, f"{where}.averaged[{i}]", -MOST_STATE, MOST_STATE) for i, value in enumerate(averaged)
+        ),
         tracked=_tracked(node["tracked"], f"{where}.tracked", settings),
     )
 
@@ -157,7 +171,7 @@ def _tracked(node: Any, where: str, settings: Settings) -> tuple[float, float | 
         return None
     value, last = items(node, where, 2)
     moved = None if last is None else number(last, f"{where}[1]", -LARGEST, LARGEST)
-    return number(value, f"{where}[0]", -LARGEST, LARGEST), moved
+    return number(value, f"{where}[0]", -MOST_STATE, MOST_STATE), moved
 
 
 def _truth(node: dict[str, Any], where: str, key: str) -> bool:

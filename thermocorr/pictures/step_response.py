@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..effects.expressions import follows_temperature
 from ..effects.protocol import Effect
 from ..estimators.time_constants.resolution import CONFIDENCE_95
 from ..records import Layout, read_record
 from .axes import BLUE, GREY, axes_grid, label_values, legend_above, log_time_axis, plain
 from .walk import regressor_of
 
-FOLLOWING = ("static_polynomial", "thermal_lag", "lag_products", "delay", "hinge", "hysteresis")
-"""Kinds of effects that a step of temperature sets in motion and that come to rest after it."""
 POINTS = 200
 INSTANT = 1e-6
 """Length of the step, as a share of the first time drawn."""
@@ -56,8 +55,8 @@ class StepResponseDisplay:
         ----------
         model : DynamicBiasRegressor
             Fitted; or a search with a ``best_estimator_``. Of its effects those count that follow the temperature:
-            static law, lags and their products, delay, hinge, hysteresis. The effects of other columns, of time alone
-            and of the rate of change are left out.
+            static law, lags and their products, delay, hinge, hysteresis, a smoothed rate. The effects of other
+            columns, of time alone and of the plain rate of change are left out.
         step : float, default 1.0
             Height, in the unit of the temperature (K for degC).
         """
@@ -113,7 +112,7 @@ class StepResponseDisplay:
 
 def _times(fitted: Any) -> np.ndarray:
     """Times to look at [s]: from well before the first time constant to well after the last."""
-    memories = np.array([e.memory() for e in fitted.features_.effect_list() if e.kind in FOLLOWING])
+    memories = np.array([e.memory() for e in fitted.features_.effect_list() if follows_temperature(e)])
     taus = np.concatenate((fitted.time_constants_, memories[memories > 0]))
     if not len(taus):
         step = fitted.features_.history_.usual_step
@@ -136,7 +135,7 @@ def _columns(fitted: Any, effects: list[Effect], times: np.ndarray, step: float)
     at = 0
     for effect in effects:
         width = len(effect.names())
-        if effect.kind in FOLLOWING and not effect.inputs():
+        if follows_temperature(effect):
             block = next(record.blocks(len(seconds)))
             columns = np.asarray(effect.columns(block, None)[0]).reshape(len(seconds), width)
             result[:, at : at + width] = columns[2:] - columns[0]

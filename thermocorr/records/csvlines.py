@@ -16,6 +16,7 @@ from .errors import RecordError, listing
 
 Places = NDArray[np.intp]
 Chosen = NDArray[np.bool_]
+_CONTROLS = {"\0": "zero byte", "\r": "carriage return", "\v": "vertical tab", "\f": "form feed"}
 BOM = b"\xef\xbb\xbf"
 CUT = "it has no line end: it may have been cut while it was written. If it is whole, end it with a line end"
 
@@ -33,8 +34,9 @@ def fields_of(line: bytes) -> list[str]:
         text = line.decode("utf-8")
     except UnicodeDecodeError as error:
         raise RecordError(f"byte {error.start + 1} of the line is not text in UTF-8") from None
-    if "\0" in text or "\r" in text:
-        raise RecordError(f"it holds a {'zero byte' if chr(0) in text else 'carriage return'}")
+    for mark, name in _CONTROLS.items():
+        if mark in text:
+            raise RecordError(f"it holds a {name}")
     if '"' not in text:
         return text.split(",")
     try:
@@ -131,7 +133,7 @@ def _suspects(content: bytes, starts: Places, ends: Places, n_columns: int) -> C
     low, high = int(starts[0]), int(ends[-1])
     commas = _places(content, b",", low, high)
     suspects = np.asarray(np.diff(np.searchsorted(commas, np.append(starts, high))) != n_columns - 1)
-    for mark in (b'"', b"\0"):
+    for mark in (b'"', b"\0", b"\v", b"\f"):
         if content.find(mark, low, high) >= 0:
             suspects |= _holding(_places(content, mark, low, high), starts, len(ends))
     returns = _places(content, b"\r", low, high)  # one stands before each line feed, or before none

@@ -184,6 +184,8 @@ class ParquetColumn:
     def _values(self, column: Any, first_row: int) -> NDArray[Any]:
         """A stretch of the column, from row `first_row` on."""
         if self.kind in ("number", "switch"):
+            if self.type_name.startswith("decimal"):  # Arrow's cast is not to the nearest number
+                return np.array([np.nan if value is None else float(value) for value in column.to_pylist()])
             return np.asarray(column.cast("float64", safe=False).to_numpy(), np.float64)
         if self.kind in ("date", "span"):
             return np.asarray(column.to_numpy())
@@ -202,7 +204,7 @@ class TimeColumn(ParquetColumn):
 
     def _values(self, column: Any, first_row: int) -> NDArray[Any]:
         values = super()._values(column, first_row)
-        missing = np.isnan(values) if values.dtype.kind == "f" else np.isnat(values)
+        missing = ~np.isfinite(values) if values.dtype.kind == "f" else np.isnat(values)
         if missing.any():
             row = first_row + int(missing.argmax())
             raise RecordError(f"The column {self.name!r} has no time in row {row}. Every row needs its time.")

@@ -7,14 +7,15 @@ import pytest
 from effect_records import EXAMPLES, NAMES, learned, log, whole
 
 from thermocorr.effects import CATALOGUE, Effect, ThermalLag
-from thermocorr.effects.steppers import STEPPERS, Lags, Sample, decay_and_gain_of_step, stepper_of
+from thermocorr.effects.expressions import Decays, Lag, Word
+from thermocorr.effects.samples import STEPPED, Sample, SteppedLag, decay_and_gain_of_step, stepper_of
 from thermocorr.effects.stream import own_starts
 from thermocorr.equations import lag_differences
 from thermocorr.equations.lags import decay_and_gain
 
 
 class Squared(Effect):
-    """An effect without a stepper, which asks for all that a block offers."""
+    """An effect with columns of its own, which asks for all that a block offers."""
 
     kind = "squared"
 
@@ -30,11 +31,44 @@ class Squared(Effect):
         return np.column_stack((block["humidity"] ** 2, clock, lag)), state
 
 
-ALL = [*EXAMPLES, ThermalLag([90.0, 4000.0], "zero_order", "zero"), ThermalLag([90.0], form="paper"), Squared()]
+class Everything(Effect):
+    """A user's own effect in the words of `Signals`: all of them, and words upon words."""
+
+    kind = "everything"
+
+    def inputs(self):
+        return ["humidity"]
+
+    def names(self):
+        return ["late play", "rate", "late lag", "damped", "clock", "case", "size"]
+
+    def signals(self, x):
+        h = x["humidity"]
+        late = x.delayed(h, 130.0) - h
+        slow = x.lag(x.play(x.T, 0.3), [100.0, 900.0], "zero_order", 23.0)
+        rate = x.change_rate(h * x.T)
+        damped = x.exp(-abs(h - 45.0) / 3) + x.sin(x.T / 7) * x.cos(h) / (1 + h**2)
+        clock = x.minimum(x.seconds, x.elapsed + 600.0) / 3600 + x.log1p(x.elapsed)
+        case = x.where(x.previous(x.T) != x.T, x.maximum(h, 45), 2 - x.T)
+        return [slow[1] - slow[0], rate, x.lag(late, [50.0])[0], damped, clock, case, 3 * x.step]
 
 
-def test_every_kind_has_a_stepper():
-    assert set(STEPPERS) == set(CATALOGUE)
+ALL = [
+    *EXAMPLES,
+    ThermalLag([90.0, 4000.0], "zero_order", "zero"),
+    ThermalLag([90.0], form="paper"),
+    Squared(),
+    Everything(),
+]
+IDS = [*NAMES, "zero", "paper", "own", "everything"]
+
+
+def test_every_word_has_a_stepper():
+    assert set(STEPPED) == set(Word.__subclasses__()) - {Decays}  # the clock is all that decays remember
+
+
+def test_every_kind_says_its_signals():
+    assert all(effect.columns is Effect.columns for effect in CATALOGUE.values())
 
 
 def stepped(effect, record, cuts=()):
@@ -62,7 +96,7 @@ def stepped(effect, record, cuts=()):
     return np.array(rows)
 
 
-@pytest.mark.parametrize("effect", ALL, ids=[*NAMES, "zero", "paper", "own"])
+@pytest.mark.parametrize("effect", ALL, ids=IDS)
 @pytest.mark.parametrize("irregular", [0.0, 0.5])
 def test_steppers_agree_with_columns(effect, irregular):
     effect, record = learned(effect, log(300, seed=1, irregular=irregular, holes=[120]), max_gap="1 h")
@@ -73,7 +107,7 @@ def test_steppers_agree_with_columns(effect, irregular):
         np.testing.assert_array_less(np.abs(stepped(effect, record, cuts) - expected) / scale, 2e-14)
 
 
-@pytest.mark.parametrize("effect", ALL, ids=[*NAMES, "zero", "paper", "own"])
+@pytest.mark.parametrize("effect", ALL, ids=IDS)
 def test_states_of_steppers_and_of_columns_are_interchangeable(effect):
     effect, record = learned(effect, log(200, seed=2, irregular=0.3))
     (block,) = record.blocks(10**9, starts=own_starts(record))
@@ -82,14 +116,15 @@ def test_states_of_steppers_and_of_columns_are_interchangeable(effect):
     stepper.start(state)
     again = stepper.state()
     assert type(again) is type(state)
-    flat = [
-        np.asarray(part, float) for part in (state if isinstance(state, tuple) else () if state is None else (state,))
-    ]
-    back = [
-        np.asarray(part, float) for part in (again if isinstance(again, tuple) else () if again is None else (again,))
-    ]
-    for one, other in zip(flat, back, strict=True):
+    for one, other in zip(flat(state), flat(again), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def flat(state):
+    """Numbers and arrays of a state."""
+    if isinstance(state, tuple):
+        return [part for inner in state for part in flat(inner)]
+    return [] if state is None else [np.asarray(state, float)]
 
 
 def test_decay_and_gain_of_a_single_step_are_those_of_floor_0():
@@ -102,7 +137,7 @@ def test_decay_and_gain_of_a_single_step_are_those_of_floor_0():
 
 
 def test_a_jittering_clock_does_not_fill_the_memory():
-    lags = Lags(np.array([60.0, 900.0]), "first_order")
+    lags = SteppedLag(Lag(None, (60.0, 900.0), "first_order", None))
     for step in np.random.default_rng(0).uniform(1, 2, 1000).tolist():
         lags.step(20.0, step)
     assert len(lags.known) <= 64

@@ -1,0 +1,210 @@
+"""What an effect may say about a sample: inputs, elementary functions, and words that remember; run here on blocks.
+
+An effect's formula stands in one place, `Effect.signals(x)`, as an expression over `x`: ``x.T``, ``x["humidity"]``,
+``x.seconds``, ``x.exp(...)``, and the words with a memory, ``x.lag(...)``, ``x.previous(...)``, ``x.play(...)``,
+``x.delayed(...)``. Whoever runs it decides what `x` is: arrays of a block of rows (here), symbols from which live
+samples and C are written (`expressions`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..equations import LagState, decays, lag_differences
+from ..records import Block
+
+Numbers = Sequence[float] | np.ndarray
+
+
+class DelayState(NamedTuple):
+    """Samples that later rows still look back to: those of the last `delay` seconds, and one before them."""
+
+    elapsed: np.ndarray
+    temperature: np.ndarray
+    """Of whatever is delayed."""
+
+
+class Signals:
+    """The vocabulary of `Effect.signals`, beside +, -, *, /, whole powers, `abs`, and comparisons within `where`."""
+
+    T: Any
+    """Ambient temperature."""
+    seconds: Any
+    """Time since the fitted record began [s]."""
+    elapsed: Any
+    """Time since the segment began [s]."""
+    step: Any
+    """Time since the sample before [s]; 1 where a segment begins."""
+
+    def __getitem__(self, column: object) -> Any:
+        """A recorded column; name it in `Effect.inputs` too."""
+        raise NotImplementedError
+
+    def exp(self, value: Any) -> Any:
+        """e^value."""
+        raise NotImplementedError
+
+    def log1p(self, value: Any) -> Any:
+        """log(1 + value), natural."""
+        raise NotImplementedError
+
+    def sin(self, value: Any) -> Any:
+        """Of an angle [rad]."""
+        raise NotImplementedError
+
+    def cos(self, value: Any) -> Any:
+        """Of an angle [rad]."""
+        raise NotImplementedError
+
+    def maximum(self, one: Any, other: Any) -> Any:
+        """The larger of two."""
+        raise NotImplementedError
+
+    def minimum(self, one: Any, other: Any) -> Any:
+        """The smaller of two."""
+        raise NotImplementedError
+
+    def where(self, condition: Any, one: Any, other: Any) -> Any:
+        """`one` where the condition holds (``x.T > 20``), else `other`."""
+        raise NotImplementedError
+
+    def angle(self, period: float) -> Any:
+        """Angle [rad] through which absolute time has gone in a `period` [s]: 2 pi t/period, whole turns left out."""
+        raise NotImplementedError
+
+    def lag(
+        self, value: Any, time_constants: Numbers, hold: str = "first_order", start: float | None = None
+    ) -> list[Any]:
+        """Lag differences of a value, eqs. (19) (25), one for each time constant [s].
+
+        Bodies begin at rest with the first value of a segment, or with `start`.
+        """
+        raise NotImplementedError
+
+    def previous(self, value: Any) -> Any:
+        """The value at the sample before; where a segment begins, the value itself."""
+        raise NotImplementedError
+
+    def play(self, value: Any, width: float) -> Any:
+        """A follower with play: dragged along once the value is width/2 away from it; begins at the first value."""
+        raise NotImplementedError
+
+    def delayed(self, value: Any, delay: float) -> Any:
+        """The value `delay` seconds ago, a straight line between samples; the first value before a segment began."""
+        raise NotImplementedError
+
+    def decays(self, of_segments: Mapping[int, Numbers]) -> list[Any]:
+        """Start-up decays exp(-elapsed/tau), eq. (18): those of each fitted segment in turn, 0 in all others."""
+        raise NotImplementedError
+
+    def change_rate(self, value: Any) -> Any:
+        """Change since the sample before over the time between them [1/s]; 0 where a segment begins."""
+        return (value - self.previous(value)) / self.step
+
+
+def joined(states: Sequence[Any]) -> Any:
+    """State of an effect: None where it has no word, that of its one word, or those of its words as a tuple."""
+    return None if not states else states[0] if len(states) == 1 else tuple(states)
+
+
+def parted(state: Any) -> list[Any]:
+    """States of an effect's words, in the order in which it asks for them; empty where a segment begins."""
+    return [] if state is None else list(state) if type(state) is tuple else [state]
+
+
+class BlockSignals(Signals):
+    """A block of rows: values are arrays of shape (n,).
+
+    Parameters
+    ----------
+    block : Block
+    state : object
+        What `state` gave after the block before; None where a segment begins.
+    """
+
+    exp, log1p, sin, cos = np.exp, np.log1p, np.sin, np.cos
+    maximum, minimum, where = np.maximum, np.minimum, staticmethod(np.where)
+
+    def __init__(self, block: Block, state: Any):
+        self.block = block
+        self._before = iter(parted(state))
+        self._after: list[Any] = []
+
+    def state(self) -> Any:
+        """The state after the block, once the effect has been asked for its signals."""
+        return joined(self._after)
+
+    @property
+    def T(self) -> Any:
+        """Ambient temperature."""
+        return self.block.temperature
+
+    @property
+    def seconds(self) -> Any:
+        """Time since the fitted record began [s]."""
+        return self.block.seconds
+
+    @property
+    def elapsed(self) -> Any:
+        """Time since the segment began [s]."""
+        return self.block.elapsed
+
+    @property
+    def step(self) -> Any:
+        """Time since the sample before [s]."""
+        return self.block.steps
+
+    def __getitem__(self, column: object) -> Any:
+        return self.block[column]
+
+    def angle(self, period: float) -> Any:
+        began = self.block.record.times.between(self.block.zero, 0) % period
+        return 2.0 * math.pi / period * (began + self.block.seconds)
+
+    def lag(
+        self, value: Any, time_constants: Numbers, hold: str = "first_order", start: float | None = None
+    ) -> list[Any]:
+        before, steps, taus = next(self._before, None), self.block.steps, np.asarray(time_constants, float)
+        if before is None and start is not None:
+            steps = np.concatenate((np.zeros(1), steps[1:]))  # the first sample is the start itself
+            before = LagState(np.full(len(taus), start - value[0]), float(value[0]))
+        differences, after = lag_differences(value, steps, taus, before, hold=hold)  # type: ignore[arg-type]
+        self._after.append(after)
+        return list(differences.T)
+
+    def previous(self, value: Any) -> Any:
+        first = next(self._before, value[0])
+        self._after.append(float(value[-1]))
+        return np.concatenate(((first,), value[:-1]))
+
+    def play(self, value: Any, width: float) -> Any:
+        position = float(next(self._before, value[0]))
+        followed = []
+        for low, high in zip((value - width / 2).tolist(), (value + width / 2).tolist(), strict=True):
+            if position < low:
+                position = low
+            elif position > high:
+                position = high
+            followed.append(position)
+        self._after.append(position)
+        return np.array(followed)
+
+    def delayed(self, value: Any, delay: float) -> Any:
+        before, now = next(self._before, None), self.block.elapsed
+        known = DelayState(now, value)
+        if before is not None:
+            known = DelayState(np.concatenate((before.elapsed, now)), np.concatenate((before.temperature, value)))
+        oldest = max(np.searchsorted(known.elapsed, now[-1] - delay, side="right") - 1, 0)
+        self._after.append(DelayState(known.elapsed[oldest:].copy(), known.temperature[oldest:].copy()))
+        return np.interp(now - delay, *known)  # left of all samples: the first value
+
+    def decays(self, of_segments: Mapping[int, Numbers]) -> list[Any]:
+        columns: list[Any] = []
+        for key, taus in of_segments.items():
+            here = key == self.block.segment_key
+            columns += list(decays(self.block.elapsed, np.asarray(taus)).T) if here else [0.0] * len(taus)  # eq. (18)
+        return columns

@@ -1,0 +1,241 @@
+"""One effect in C: its expression, node by node, as polynomials, local variables and words that remember.
+
+A sum or product of values is a polynomial, and costs nothing until it is needed. Two things are not multiplied out. A
+difference of two values stays a difference, whose digits single precision would lose otherwise. A product with a factor
+of several values takes that factor as one value.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import Any
+
+from ..effects import Effect
+from ..effects.expressions import Decays, Node, Previous, Traced, traced
+from ..effects.signals import parted
+from .language import Operations
+from .polynomial import Polynomial
+from .program import NOTHING
+from .target import MICROSECONDS
+
+_TURN = 2**64
+_CALLS = ("exp", "log1p", "sin", "cos")
+
+
+class Part:
+    """One effect of a program: its expression, node by node."""
+
+    def __init__(self, printer: Any, effect: Effect, state: Any):
+        self.printer, self.program, self.target = printer, printer.program, printer.target
+        self.expression: Traced = traced(effect)
+        self.name = effect.kind
+        self.states = parted(state) or [None] * len(self.expression.words)
+        needed = {node.number for column in self.expression.columns for node in self.expression.below(column)}
+        self.nodes = [node for node in self.expression.nodes if node.number in needed]
+        self.uses = self._uses()
+        self.stages: dict[int, int] = {}
+        for node in self.nodes:
+            before = [self.stages[arg.number] for arg in node.arguments if isinstance(arg, Node)]
+            remembers = node.operator == "word" and not isinstance(node.detail[1], Previous)
+            self.stages[node.number] = max(before, default=0) + remembers
+        self.last_stage = max(self.stages.values(), default=0)
+        self.values: dict[int, Any] = {}
+
+    def _uses(self) -> Counter[int]:
+        """How often each node is asked for."""
+        asked = [arg for node in self.nodes for arg in node.arguments] + self.expression.columns
+        return Counter(value.number for value in asked if isinstance(value, Node))
+
+    def columns(self) -> list[Polynomial]:
+        """Polynomials of the effect's columns, once all its stages are written."""
+        return [self.value(column) for column in self.expression.columns]
+
+    def value(self, argument: Any) -> Any:
+        """Polynomial of an argument: a condition is 1 where it holds, else 0."""
+        value = self.values[argument.number] if isinstance(argument, Node) else Polynomial({(): argument})
+        return self.printer.atom("", "a condition", condition=value) if isinstance(value, str) else value
+
+    def write(self, stage: int) -> None:
+        """Write what belongs to a stage; the words that follow it last."""
+        for node in self.nodes:
+            if self.stages[node.number] == stage:
+                value = self._value(node, stage)
+                if isinstance(value, Polynomial) and self.uses[node.number] > 1 and len(value.atoms) > 1:
+                    value = self._as_one(value, stage)
+                self.values[node.number] = value
+        for node in self.nodes:
+            if node.operator == "word" and self.stages[node.number] == stage + 1:
+                self._follow(node, stage)
+
+    def _follow(self, node: Node, stage: int) -> None:
+        """Let a word follow a value of this stage; what it then says belongs to the next."""
+        number, word = node.detail
+        words, state = self.printer.words, self.states[number - 1] if self.states and number else None
+        p = None if isinstance(word, Decays) else self.value(node.arguments[0] if node.arguments else word.value)
+        self.values[-1 - node.number] = words.follow(word, p, state, self.name, stage)
+
+    def _value(self, node: Node, stage: int) -> Any:
+        op, printer = node.operator, self.printer
+        if op in ("T", "column", "seconds", "elapsed", "step", "angle"):
+            return self._input(node)
+        if op == "word":
+            number, word = node.detail
+            if isinstance(word, Previous):
+                state = self.states[number - 1]
+                return printer.words.previous(self.value(node.arguments[0]), state, self.name, stage)
+            said = self.values[-1 - node.number]
+            return said(stage)
+        if op == "item":
+            return self.value(node.arguments[0])[node.detail]
+        args = [self.value(argument) for argument in node.arguments]
+        if op == "where":
+            return self._choice(*args, stage)
+        if op == "neg":
+            return args[0] * -1.0
+        if op in ("+", "-"):
+            return self._sum(args[0], args[1] if op == "+" else args[1] * -1.0, stage)
+        if op == "*":
+            return self._product(args, stage)
+        if op == "**":
+            base = args[0] if len(args[0].atoms) < 2 else self._as_one(args[0], stage)
+            power = Polynomial({(): 1.0})
+            for _ in range(node.detail):
+                power = power * base
+            return power
+        if op == "/":
+            return self._quotient(args[0], args[1], stage)
+        if op in _CALLS:
+            said = printer.said(args[0])
+            cost = said.cost() + Operations(calls=1)
+            return printer.local(self.name, f"{self.target.call(op)}({said.text})", stage, cost)
+        if op in ("maximum", "minimum"):
+            return self._extreme(args[0], args[1], ">" if op == "maximum" else "<", stage)
+        return self._condition(op, args[0], args[1])
+
+    def _input(self, node: Node) -> Polynomial:
+        printer, program = self.printer, self.program
+        if node.operator in ("T", "column"):
+            given = program.temperature() if node.operator == "T" else program.column(node.detail, self._near(node))
+            p = printer.atom(program.centred(given), given.said, given.unit)
+            printer.inputs[p.alone()] = given  # type: ignore[index]
+            return p + given.reference
+        if node.operator == "seconds":
+            return printer.atom(printer.clock.seconds(), "time", "s")
+        if node.operator == "angle":
+            return self._angle(node.detail)
+        if self.target.period is not None:
+            return Polynomial({(): self.target.period})
+        return printer.atom("step", "step", "s")
+
+    def _near(self, node: Node) -> float:
+        """A usual value of a column: what the formula subtracts from it, or else its mean over the fitted rows."""
+        for other in self.nodes:
+            if other.operator == "-" and other.arguments[0] is node and not isinstance(other.arguments[1], Node):
+                return float(other.arguments[1])
+        history = self.target.history
+        return 0.0 if history is None else history.record.moments(node.detail).mean
+
+    def _angle(self, period: float) -> Polynomial:
+        """In single precision the phase is a whole number, computed from the counter anew at every sample.
+
+        It is a share of a turn in 64 bits where the sampling period is fixed (the product wraps at a turn by itself),
+        the remainder of the time in microseconds where it is not: neither runs away. In double precision the angle is
+        computed as in Python, whose own rounding grows with the time.
+        """
+        program, target, clock = self.program, self.target, self.printer.clock
+        began = target.absolute_zero() % period
+        if not target.single:
+            turn = program.shared("omega", 2.0 * math.pi / period, "rad/s")
+            zero = program.shared("began", began, "s, phase of the first fitted row")
+            return self.printer.local("angle", f"{turn} * ({zero} + {clock.seconds()})", 0, Operations(1))
+        if target.period is not None:
+            stride = round(target.period / period * _TURN) % _TURN
+            start = round((began + target.origin) / period * _TURN) % _TURN
+            count = f"(uint64_t)(int64_t){clock.count()}"
+            phase = f"(uint32_t)(({count} * UINT64_C({stride}) + UINT64_C({start})) >> 32)"
+            unit = program.shared("turn", 2.0 * math.pi / 2**32, "rad, turn/2^32")
+        else:
+            whole = round(period * MICROSECONDS)
+            start = round((began + target.origin) * MICROSECONDS) % whole
+            length, ahead = f"INT64_C({whole})", f"INT64_C({whole + start})"  # never negative, before the fit too
+            phase = f"({clock.count()} % {length} + {ahead}) % {length}"
+            unit = program.shared("radians", 2.0 * math.pi / whole, "rad/us")
+        ctype = "uint32_t" if target.fixed else "int64_t"
+        count = program.local(program.name("phase"), phase, ctype=ctype)
+        return self.printer.local("angle", f"({target.dtype}){count} * {unit}", 0, Operations(1))
+
+    # ------------------------------------------------------------------------------------------------------ operations
+
+    def _sum(self, a: Polynomial, b: Polynomial, stage: int) -> Polynomial:
+        total = a + b
+        signs = {c > 0 for c in total.moving.terms.values()}
+        if len(total.atoms) > 1 and len(signs) > 1 and a.atoms and b.atoms:
+            return self._as_one(total, stage)  # a difference keeps its digits
+        return total
+
+    def _product(self, factors: list[Polynomial], stage: int) -> Polynomial:
+        if all(factor.atoms for factor in factors):
+            factors = [p if len(p.atoms) < 2 else self._as_one(p, stage) for p in factors]
+        return factors[0] * factors[1]
+
+    def _quotient(self, a: Polynomial, b: Polynomial, stage: int) -> Polynomial:
+        if not b.atoms:
+            return a * (1.0 / b.constant)
+        above, below = self.printer.said(a), self.printer.said(b)
+        text = f"({above.text}) / ({below.text})"
+        if below.text == "step":
+            zero = self.target.number(0.0)
+            text = f"step > {zero} ? {text} : {zero}"
+        cost = Operations.of(above.products + below.products, above.sums + below.sums, divisions=1)
+        return self.printer.local(self.name, text, stage, cost)
+
+    def _extreme(self, a: Polynomial, b: Polynomial, sign: str, stage: int) -> Polynomial:
+        """``max(a, b) = a0 + max(a - a0, b - a0)``, the constants apart."""
+        if not a.atoms:
+            a, b = b, a
+        one, printer = self._as_one(a, stage), self.printer
+        if not b.atoms:
+            value, apart = printer.said(one.moving), b.constant - one.constant
+            zero = self.target.number(0.0)
+            if apart:
+                edge = self.program.shared(f"{self.name}_edge", apart, "less what is usual")
+                text, cost = f"{value.text} {sign} {edge} ? {value.text} - {edge} : {zero}", Operations(adds=1)
+            else:
+                text, cost = f"{value.text} {sign} {zero} ? {value.text} : {zero}", NOTHING
+            return printer.local(self.name, text, stage, cost, self._unit(one)) + b.constant
+        other = self._as_one(b - one.constant, stage)
+        left, right = printer.said(one.moving), printer.said(other)
+        text, cost = f"{left.text} {sign} {right.text} ? {left.text} : {right.text}", right.cost()
+        return printer.local(self.name, text, stage, cost) + one.constant
+
+    def _as_one(self, p: Polynomial, stage: int) -> Polynomial:
+        """A polynomial as one value and a constant."""
+        return self.printer.as_one(p, self.name, stage)
+
+    def _unit(self, p: Polynomial) -> str:
+        alone = p.alone()
+        return "" if alone is None else self.printer.atoms[alone].unit
+
+    def _condition(self, op: str, a: Polynomial, b: Polynomial) -> str:
+        """A comparison in C; one of the time with a number counts whole samples or microseconds."""
+        clock = self.printer.clock
+        alone = None if b.atoms else a.alone()
+        if alone is not None and self.printer.atoms[alone].text == "seconds" and op in (">=", "<"):
+            reached = clock.reached(b.constant - a.constant)
+            return reached if op == ">=" else f"!({reached})"
+        left, right = self.printer.said((a - b).moving), self.target.number((b - a).constant)
+        return f"{left.text} {op} {right}"
+
+    def _choice(self, truth: Polynomial, a: Polynomial, b: Polynomial, stage: int) -> Polynomial:
+        """``condition ? a : b``; of two numbers it is ``b + (a - b) [condition]``."""
+        if not truth.atoms:
+            return a if truth.constant else b
+        alone = truth.alone()
+        condition = "" if alone is None or truth.constant else self.printer.atoms[alone].condition
+        condition = condition or self._condition("!=", truth, Polynomial({}))
+        if not a.atoms and not b.atoms:
+            return self.printer.atom("", "a condition", condition=condition) * (a.constant - b.constant) + b.constant
+        one, other = self.printer.said(a), self.printer.said(b)
+        cost = Operations.of(one.products + other.products, one.sums + other.sums)
+        return self.printer.local(self.name, f"{condition} ? {one.text} : {other.text}", stage, cost)

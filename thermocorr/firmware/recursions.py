@@ -1,0 +1,195 @@
+"""C of the words that remember: lag, previous, play, delayed, decays. Each says a value and how far it is off from it.
+
+What a word says is what it follows and a difference: T(t - d) is T and ``late``, the play is T and its ``lead``. So the
+columns T(t - d) - T and p - T are one small number each, and no digit is lost on the way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..effects.expressions import Decays, Delayed, Lag, Play, Word
+from ..equations import LagState, decays
+from .lagbank import Source
+from .language import Operations
+from .polynomial import Polynomial
+
+LONGEST_DELAY = 4096
+"""Samples that a delay may reach back to: 16 kB in single precision."""
+_FORGOTTEN = 1e-9
+"""Decays below it at the end of the fit are nothing in single precision."""
+
+Later = Callable[[int], Any]
+"""What a word says in the next stage: a polynomial, or a list of them."""
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What a word follows, as the code holds it."""
+
+    value: str
+    change: str
+    """Local variable: change since the sample before, 0 where a segment begins."""
+    counted_from: float
+    """What the value lacks of the one that the effect means."""
+    said: str
+    unit: str
+
+
+class Words:
+    """Writes words into a program; `printer` knows its values."""
+
+    def __init__(self, printer: Any):
+        self.printer, self.program, self.target = printer, printer.program, printer.program.target
+        self._followed: dict[str, Followed] = {}
+
+    def follow(self, word: Word, p: Polynomial, state: Any, name: str, stage: int) -> Later:
+        """Let a word follow a value; `state` is what it ended the fit with, for a program that continues it."""
+        if isinstance(word, Lag):
+            return self._lag(word, p, state, name, stage)
+        if isinstance(word, Play):
+            return self._play(word, p, state, stage)
+        if isinstance(word, Delayed):
+            return self._delayed(word, p, state, name, stage)
+        assert isinstance(word, Decays)
+        return self._decays(word)
+
+    def previous(self, p: Polynomial, state: Any, name: str, stage: int) -> Polynomial:
+        """The value less its change."""
+        given = self._following(p, state, name, stage)
+        return p - self.printer.atom(given.change, f"change of {given.said}", given.unit)
+
+    def _following(self, p: Polynomial, ended: float | None, name: str, stage: int) -> Followed:
+        """How to follow a value: an input is remembered already, for any other the code keeps the one before."""
+        program, printer = self.program, self.printer
+        if (given := printer.input_of(p)) is not None:
+            return Followed(given.value, program.change(given), 0.0, given.said, given.unit)
+        p = printer.as_one(p, name, stage)
+        value = printer.said(p.moving).text
+        if value not in self._followed:
+            alone = p.alone()
+            unit = "" if alone is None else printer.atoms[alone].unit
+            before = program.member(f"{name}_before", f"{value} at the sample before")
+            if ended is not None:
+                at_end = program.constant(f"{name}_at_end", ended - p.constant, "of the fit")
+                program.add("init", f"{before} = {at_end};")
+            program.add("store", f"{before} = {value};")
+            moved = program.name(f"{name}_moved")
+            text = f"first ? {self.target.number(0.0)} : {value} - {before}"
+            program.local(moved, text, Operations(adds=1), stage)
+            said = f"{name} ({value})"
+            self._followed[value] = Followed(value, moved, p.constant, said, unit)
+        return self._followed[value]
+
+    def _lag(self, word: Lag, p: Polynomial, state: LagState | None, name: str, stage: int) -> Later:
+        """Eqs. (19) (25)."""
+        given = self._following(p, None if state is None else state.temperature, name, stage)
+        start = "rest"
+        if word.start is not None and self.target.begins:
+            shift = word.start - p.constant
+            begins = self.program.shared("starts_from", shift, "where bodies start, less what is usual")
+            start = f"{begins} - {self.printer.said(self.printer.as_one(p, name, stage).moving).text}"
+        source, taus = Source(given.said, given.change, given.unit or "1"), word.time_constants
+        group = self.printer.lags.request(source, taus, word.hold, start, state, given.counted_from, stage)
+        said = [f"lag of {given.said}, {tau:.6g} s" for tau in taus]
+
+        def later(_: int) -> list[Polynomial]:
+            texts = group.columns(taus)
+            return [self.printer.atom(text, one, given.unit) for text, one in zip(texts, said, strict=True)]
+
+        return later
+
+    def _play(self, word: Play, p: Polynomial, state: float | None, stage: int) -> Later:
+        """The play operator; its position is counted as the value is."""
+        program, printer = self.program, self.printer
+        value = printer.said(printer.as_one(p, "play", stage).moving).text
+        play = program.member("play", f"position of the play of width {word.width:.6g}, as {value}")
+        half = program.shared("half_width", word.width / 2, "of the play")
+        if state is not None:
+            ended = program.constant("play_at_end", state - p.constant, "of the fit")
+            program.add("init", f"{play} = {ended};")
+        if self.target.begins:
+            program.add_to_stage(stage, "begin", f"{play} = {value};")
+        program.add_to_stage(
+            stage,
+            "advance",
+            f"if ({play} < {value} - {half}) {{",
+            f"    {play} = {value} - {half};",
+            f"}} else if ({play} > {value} + {half}) {{",
+            f"    {play} = {value} + {half};",
+            "}",
+            cost=Operations(adds=4),
+        )
+        return lambda after: p + printer.local("lead", f"{play} - {value}", after, Operations(adds=1), "K")
+
+    def _delayed(self, word: Delayed, p: Polynomial, state: Any, name: str, stage: int) -> Later:
+        """A ring of the last values; a straight line between two of them."""
+        program, target, printer = self.program, self.target, self.printer
+        if target.period is None:
+            raise ValueError(
+                f"A delay of {word.delay:.6g} s ({name}) cannot be exported for steps that are known only at run time: "
+                "how many samples it must remember has no bound. Give a sampling_period, or leave the effect out and "
+                "fit again."
+            )
+        whole = math.floor(word.delay / target.period + 1e-9)
+        between = max(word.delay / target.period - whole, 0.0)
+        between = between if between > 1e-9 else 0.0
+        length = whole + (between > 0)
+        if length > LONGEST_DELAY:
+            raise ValueError(
+                f"A delay of {word.delay:.6g} s ({name}) would need {length} values at a sampling period of "
+                f"{target.period:.6g} s; {LONGEST_DELAY} is the limit of an export. Export for a longer sampling "
+                "period, or leave the effect out and fit again."
+            )
+        given = printer.input_of(p)
+        value = given.value if given else printer.said(printer.as_one(p, name, stage).moving).text
+        counted_from = 0.0 if given else p.constant
+        ring = program.member("ring", f"{value}, the last {length} samples", length)
+        oldest = program.member("oldest", f"where in {ring[3:]} the oldest stands", ctype="uint32_t")
+        if state is not None:
+            ago = target.period * np.arange(length - 1, -1, -1.0)  # from the oldest to the last fitted row
+            past = np.interp(state.elapsed[-1] - ago, state.elapsed, state.temperature) - counted_from
+            program.add("init", f"{ring}[j] = {program.constant('ring_at_end', past, 'of the fit')}[j];", times=length)
+        if target.begins:
+            program.add_to_stage(stage, "begin", f"{ring}[j] = {value};", times=length)
+        earlier, step_on = f"{ring}[{oldest}]", f"{oldest} + 1 < {length} ? {oldest} + 1 : 0"
+        program.add("store", f"{earlier} = {value};", *([f"{oldest} = {step_on};"] if length > 1 else []))
+
+        def later(after: int) -> Polynomial:
+            text, cost = f"{earlier} - {value}", Operations(adds=1)
+            if between:
+                share = program.constant("share", between, "of a sample that the delay is longer")
+                following = value if whole == 0 else f"{ring}[{step_on}]"
+                following = program.local(program.name("following"), following, stage=after)
+                text = f"({following} - {value}) + {share} * ({earlier} - {following})"
+                cost = Operations.of(products=1, sums=3)
+            return p + printer.local("late", text, after, cost, given.unit if given else "")  # type: ignore[no-any-return]
+
+        return later
+
+    def _decays(self, word: Decays) -> Later:
+        """Eq. (18): decays belong to fitted segments, so that only a program that continues the last one has them."""
+        target, nothing = self.target, Polynomial({})
+        if not target.continues:
+            return lambda _: [nothing for _, taus in word.of_segments for _ in taus]
+        last = len(target.fitted_history.record.segments) - 1
+        taus = np.array(dict(word.of_segments).get(last, ()))
+        left = decays(np.array([target.segment_elapsed]), taus)[0]
+        felt = left > (_FORGOTTEN if target.single else 0.0)
+        source = Source("decay of the start", "", "1")
+        group = self.printer.lags.request(source, taus[felt], end=LagState(left[felt], 0.0))
+
+        def later(_: int) -> list[Polynomial]:
+            columns = []
+            for key, of_segment in word.of_segments:
+                for j, tau in enumerate(of_segment):
+                    known = key == last and felt[j]
+                    columns.append(self.printer.atom(group.columns([tau])[0], "a decay") if known else nothing)
+            return columns
+
+        return later
