@@ -75,7 +75,7 @@ class Signal:
 
     @property
     def time_constants(self) -> np.ndarray:
-        """Of the lags [s]."""
+        """Time constants of the lags [s]."""
         return np.array(self.lag.time_constants)
 
     def values(self, block: Block | Row) -> np.ndarray:

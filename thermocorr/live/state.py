@@ -171,7 +171,11 @@ def _tracked(node: Any, where: str, settings: Settings) -> tuple[float, float | 
         return None
     value, last = items(node, where, 2)
     moved = None if last is None else number(last, f"{where}[1]", -LARGEST, LARGEST)
-    return number(value, f"{where}[0]", -MOST_STATE, MOST_STATE), moved
+    return _moderate(value, f"{where}[0]"), moved
+
+
+def _moderate(value: Any, where: str) -> float:
+    return number(value, where, -MOST_STATE, MOST_STATE)
 
 
 def _truth(node: dict[str, Any], where: str, key: str) -> bool:
