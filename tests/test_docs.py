@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import re
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -75,6 +77,17 @@ def test_every_public_name_is_in_the_reference(making):
 def resolved(name):
     module, _, last = name.rpartition(".")
     return getattr(importlib.import_module(module), last)
+
+
+def test_what_lies_beside_the_package_imports_what_there_is():
+    """Nothing but a build of the pages runs docs/making, and nothing but a long run the benchmarks."""
+    for path in [*(DOCS / "making").glob("*.py"), *(DOCS.parent / "benchmarks").glob("*.py")]:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "thermocorr":
+                room = importlib.import_module(node.module)
+                for alias in node.names:
+                    there = hasattr(room, alias.name) or find_spec(f"{node.module}.{alias.name}")
+                    assert there, f"{path}:{node.lineno}: {node.module} has no {alias.name}"
 
 
 def test_the_example_of_an_effect_page_runs_and_the_effect_removes_what_was_planted(making):

@@ -33,9 +33,9 @@ PICTURES: dict[str, dict[str, Callable[[dict[str, Any]], Any]]] = {
 
 
 def _displays() -> Any:
-    from thermocorr.judgement import displays
+    from thermocorr import pictures
 
-    return displays
+    return pictures
 
 
 def draw_all(folder: Path) -> None:
