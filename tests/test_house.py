@@ -173,7 +173,6 @@ def test_the_reader_of_private_names_sees_them():
     assert sorted(found) == ["model._errors", "model.features_._layout", "self.x._d"]
 
 
-REWRITTEN = {"effects", "firmware"}  # being rewritten: to be held to the rules below when that is done
 LEANING = ("The same", "Its ", "Of ", "See ", "That ", "Both")
 """Beginnings that lean on the line before, which help() does not show."""
 
@@ -185,7 +184,7 @@ def docstrings(tree):
             yield node.lineno, node.value.value.strip()
 
 
-@pytest.mark.parametrize("path", [path for path in FILES if room(module_of(path)) not in REWRITTEN], ids=module_of)
+@pytest.mark.parametrize("path", FILES, ids=module_of)
 def test_a_docstring_stands_alone(path):
     for line, text in docstrings(parsed(path)):
         assert not text.startswith(LEANING), f"{path}:{line} begins with what stands elsewhere: {text.splitlines()[0]}"

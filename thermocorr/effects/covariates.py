@@ -208,6 +208,6 @@ def swings(record: Record, column: Any) -> bool:
     count, total, squares = 0, 0.0, 0.0
     for block in record.blocks():
         values = block[column]
-        count, total, squares = count + len(values), total + values.sum(), squares + values @ values
+        count, total, squares = count + len(values), total + float(values.sum()), squares + float(values @ values)
     mean, square = total / count, squares / count
     return bool(square - mean**2 > (_CURVED * mean) ** 2)

@@ -29,7 +29,7 @@ class Word:
 
 @dataclass(frozen=True)
 class Lag(Word):
-    """See `Signals.lag`."""
+    """Lags of a value, as `Signals.lag` has them."""
 
     time_constants: tuple[float, ...]
     hold: str
@@ -43,19 +43,19 @@ class Lag(Word):
 
 @dataclass(frozen=True)
 class Previous(Word):
-    """See `Signals.previous`."""
+    """The value before, as `Signals.previous` has it."""
 
 
 @dataclass(frozen=True)
 class Play(Word):
-    """See `Signals.play`."""
+    """Play, as `Signals.play` has it."""
 
     width: float
 
 
 @dataclass(frozen=True)
 class Delayed(Word):
-    """See `Signals.delayed`."""
+    """A delayed value, as `Signals.delayed` has it."""
 
     delay: float
 
@@ -67,7 +67,7 @@ class Delayed(Word):
 
 @dataclass(frozen=True)
 class Decays(Word):
-    """See `Signals.decays`; the clock is all it needs to remember, so it has no state."""
+    """Start-up decays, as `Signals.decays` has them; the clock is all they remember, so they have no state."""
 
     of_segments: tuple[tuple[int, tuple[float, ...]], ...]
 

@@ -30,14 +30,14 @@ def longest_segment(record: Record) -> float:
 def temperature_quantiles(record: Record, shares: Any) -> np.ndarray:
     """Temperatures below which the given shares of the rows lie; long records are thinned."""
     stride = max(1, record.n_used // _SAMPLE)
-    return np.quantile(np.concatenate([block.temperature[::stride] for block in record.blocks()]), shares)
+    return np.asarray(np.quantile(np.concatenate([block.temperature[::stride] for block in record.blocks()]), shares))
 
 
 def time_quantiles(record: Record, shares: Any) -> np.ndarray:
     """Times since the record began before which the given shares of the rows lie [s]; rows themselves, not between."""
     stride = max(1, record.n_used // _SAMPLE)
     seconds = np.concatenate([block.seconds[::stride] for block in record.blocks()])
-    return np.quantile(seconds, shares, method="nearest")
+    return np.asarray(np.quantile(seconds, shares, method="nearest"))
 
 
 def mean_seconds(record: Record) -> float:

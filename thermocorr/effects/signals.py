@@ -25,7 +25,7 @@ class DelayState(NamedTuple):
 
     elapsed: np.ndarray
     temperature: np.ndarray
-    """Of whatever is delayed."""
+    """Values of what is delayed."""
 
 
 class Signals:
@@ -53,11 +53,11 @@ class Signals:
         raise NotImplementedError
 
     def sin(self, value: Any) -> Any:
-        """Of an angle [rad]."""
+        """Sine of an angle [rad]."""
         raise NotImplementedError
 
     def cos(self, value: Any) -> Any:
-        """Of an angle [rad]."""
+        """Cosine of an angle [rad]."""
         raise NotImplementedError
 
     def maximum(self, one: Any, other: Any) -> Any:
@@ -126,8 +126,9 @@ class BlockSignals(Signals):
         What `state` gave after the block before; None where a segment begins.
     """
 
-    exp, log1p, sin, cos = np.exp, np.log1p, np.sin, np.cos
-    maximum, minimum, where = np.maximum, np.minimum, staticmethod(np.where)
+    exp, log1p, sin, cos = np.exp, np.log1p, np.sin, np.cos  # type: ignore[assignment]  # ufuncs can be called
+    maximum, minimum = np.maximum, np.minimum  # type: ignore[assignment]
+    where = staticmethod(np.where)  # type: ignore[assignment]
 
     def __init__(self, block: Block, state: Any):
         self.block = block

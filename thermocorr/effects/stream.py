@@ -79,7 +79,9 @@ def resume(
     record, starts, replay = history.locate(record)
     states: dict[int, list[Any]] = {}
     for number, row in replay.items():
-        states[number] = states_before(effects, history, starts[number].key, row)
+        key = starts[number].key
+        assert key is not None  # it hangs on a fitted segment
+        states[number] = states_before(effects, history, key, row)
     return record, starts, states
 
 

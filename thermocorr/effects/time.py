@@ -257,7 +257,7 @@ def _since_start(time: Any, record: Record) -> float:
         pass
     kind = record.times.kind
     try:
-        date = pd.Timestamp(time)
+        date: Any = pd.Timestamp(time)
     except (ValueError, TypeError):
         date = pd.NaT
     if not kind.startswith("datetime") or date is pd.NaT:

@@ -120,8 +120,8 @@ class EffectsParameters(_BaseComposition):
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Parameters, with those of (name, effect) pairs as ``name__parameter``."""
         if not (deep and self._named()):
-            return super(_BaseComposition, self).get_params(deep=deep)
-        return self._get_params("effects", deep=deep)
+            return dict(super(_BaseComposition, self).get_params(deep=deep))
+        return dict(self._get_params("effects", deep=deep))
 
     def set_params(self, **params: Any) -> EffectsParameters:
         """Set parameters, those of (name, effect) pairs as ``name__parameter``."""

@@ -66,7 +66,7 @@ def export_c(
         steps above tau/10; a step longer than the model's `max_gap` starts anew, as in Python.
     name : str, optional
         Prefix of all names in C, and name of the files; by default "thermal_bias", or the stem of `path`. One that C
-        or its library has taken ("int", "math") comes behind "thermal_bias_".
+        or its library has taken ("int", "math") comes behind ``thermal_bias_``.
     continue_from_fit : bool, default False
         Start with the states at the end of the fitted record: the first sample follows its last row by one period.
     force : bool, default False

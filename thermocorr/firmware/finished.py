@@ -57,7 +57,7 @@ class Firmware:
 
     @property
     def operations(self) -> Operations:
-        """Of one update, the larger number of each kind where there are two branches."""
+        """Operations of one update, the larger number of each kind where there are two branches."""
         begin = [line for stage in self.program.stages for line in stage.get("begin", [])]
         return sum((line.operations for line in self.program.all_lines() if line not in begin), Operations())
 
@@ -71,12 +71,12 @@ class Firmware:
         return [(name, 1 << i, text) for i, (name, text) in enumerate(FLAGS) if name not in absent]
 
     def init_signature(self) -> str:
-        """Of the function that starts a device."""
+        """Signature of the function that starts a device."""
         start = f", {self.clock.counter_type} start" if self.clock.used and not self.target.continues else ""
         return f"void {self.target.name}_init({self.target.name}_state *s{start})"
 
     def update_signature(self) -> str:
-        """Of the function that takes a sample."""
+        """Signature of the function that takes a sample."""
         name, T = self.target.name, self.target.dtype
         step = "" if self.target.fixed else "uint64_t step_us, "
         columns = f", const {T} *columns" if self.program.columns else ""

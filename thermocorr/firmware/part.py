@@ -90,7 +90,7 @@ class Part:
             return self.value(node.arguments[0])[node.detail]
         args = [self.value(argument) for argument in node.arguments]
         if op == "where":
-            return self._choice(*args, stage)
+            return self._choice(args[0], args[1], args[2], stage)
         if op == "neg":
             return args[0] * -1.0
         if op in ("+", "-"):
@@ -118,7 +118,7 @@ class Part:
         if node.operator in ("T", "column"):
             given = program.temperature() if node.operator == "T" else program.column(node.detail, self._near(node))
             p = printer.atom(program.centred(given), given.said, given.unit)
-            printer.inputs[p.alone()] = given  # type: ignore[index]
+            printer.inputs[p.alone()] = given
             return p + given.reference
         if node.operator == "seconds":
             return printer.atom(printer.clock.seconds(), "time", "s")

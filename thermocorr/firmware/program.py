@@ -146,7 +146,7 @@ class Program:
     def add_to_stage(
         self, stage: int, section: StageSection, *statements: str, times: int = 1, cost: Operations = NOTHING
     ) -> None:
-        """The same for a section of a stage."""
+        """Lines of a section of a stage."""
         self._stage(stage, section).extend(_lines(statements, times, cost))
 
     def texts(self, section: Section) -> list[str]:

@@ -12,7 +12,7 @@ from .finished import Firmware
 
 SAMPLES = 160
 TOLERANCE = {"float": 1e-5, "double": 1e-12}
-"""Of the range of the bias in the self-test."""
+"""Largest error, as a share of the range of the bias in the self-test."""
 _MISSING = (40, 41, 97)
 """Samples without a temperature."""
 
