@@ -168,7 +168,7 @@ class Words:
                 following = program.local(program.name("following"), following, stage=after)
                 text = f"({following} - {value}) + {share} * ({earlier} - {following})"
                 cost = Operations.of(products=1, sums=3)
-            return p + printer.local("late", text, after, cost, given.unit if given else "")  # type: ignore[no-any-return]
+            return p + printer.local("late", text, after, cost, given.unit if given else "")
 
         return later
 

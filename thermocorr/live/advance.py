@@ -93,6 +93,7 @@ class Stream:
         """Go on where `state` was taken."""
         self.last, self._run, self._seen = state.last, state.run, list(state.seen)
         self._open, self._until = state.open, -math.inf
+        self._since_fit = math.inf if state.key is None else 0.0
         if state.open:
             self._take_up(state.key, state.segment_zero, state.states)
 
@@ -104,9 +105,13 @@ class Stream:
         """Whether a sample tells that the last one's time was false: it is earlier, and follows on those before."""
         if run != self._run or not stamp < self.last:
             return False
-        if before.last is None or before.run != run:  # the first of its run, unless the fitted record speaks for it
-            return not (self._open and self._sample.key is not None)
+        if before.last is None or before.run != run:  # the first of its run, unless it follows closely on the fit
+            return not self._since_fit <= self.gap
         return bool(stamp > before.last)
+
+    def refused_by(self, before: StreamState, stamp: Any, run: Any) -> bool:
+        """Whether a sample does not even lie after `before`, and so tells nothing about what came since."""
+        return before.last is not None and run == before.run == self._run and bool(stamp <= before.last)
 
     # ------------------------------------------------------------------------------------------------- one by one
 
@@ -180,6 +185,7 @@ class Stream:
         if first:
             self._seen.append(run)
         tied = self.history.tie(stamp, run, values, first) if self.continues else None
+        self._since_fit = math.inf if tied is None else tied[0].step or 0.0
         nothing: list[Any] = [None] * len(self.effects)
         if tied is None:
             return None, nothing

@@ -15,7 +15,7 @@ from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
 from ..records import RecordError, read_record
 from ..records.read import from_polars, is_frame, numeric_column, times_of
-from .advance import Advanced, Stream
+from .advance import BACKWARD, Advanced, Stream
 from .smoothing import MovingAverage, Tracker
 from .state import Settings, StreamState, from_json, to_json
 
@@ -190,7 +190,8 @@ class OnlineCorrector:
                 self.place(stream.history.row_of(values))
             stamp = stream.clock.stamp(None)
         if self._doubt is not None or stream.step_to(stamp, run) > stream.gap:
-            self._consider(stamp, run)
+            if not self._consider(stamp, run):
+                return self._accompanied(math.nan, Advanced(math.nan, BACKWARD, False), stamp)
         known = U - U == 0.0
         done = stream.advance(stamp, run, values, known)
         corrected = U - done.bias if known else math.nan
@@ -204,12 +205,21 @@ class OnlineCorrector:
         reference = math.nan if self.track is None else self.track.one(seconds, corrected, done.counts)
         return Corrected(corrected, done.bias, done.flags, smoothed, reference)
 
-    def _consider(self, stamp: Any, run: Any) -> None:
-        """Before a sample: forget the last one if its time was false; doubt this one if it jumps."""
+    def _consider(self, stamp: Any, run: Any) -> bool:
+        """Before a sample: forget the last one if its time was false; doubt this one if it jumps.
+
+        False for one that is refused whether the last one's time is right or not; the doubt stays.
+        """
         stream = self._stream
-        if self._doubt is not None and stream.returns_behind(self._doubt, stamp, run):
-            self._put(self._doubt)
-        self._doubt = self._state() if stream.step_to(stamp, run) > stream.gap else None
+        if self._doubt is not None:
+            if stream.refused_by(self._doubt, stamp, run):
+                return False
+            if stream.returns_behind(self._doubt, stamp, run):
+                self._put(self._doubt)
+        step = stream.step_to(stamp, run)
+        if step > 0.0:  # one that repeats the last time does not confirm it
+            self._doubt = self._state() if step > stream.gap else None
+        return True
 
     # -------------------------------------------------------------------------------------------------- in blocks
 
@@ -273,11 +283,17 @@ class OnlineCorrector:
                 if stop - at < short:
                     self._singly(rows, stamps, run, values, reading, out)
                 else:
-                    if jumps:
-                        self._consider(first, run)
-                    self._together(rows, stamps, run, values, reading, out)
+                    if jumps and not self._consider(first, run):
+                        self._refuse(at, out)
+                    else:
+                        self._together(rows, stamps, run, values, reading, out)
                 at = stop
         return out
+
+    def _refuse(self, row: int, out: Columns) -> None:
+        out.flags[row] = BACKWARD[0]
+        if self.track is not None:
+            out.reference[row] = self.track.value
 
     def _together(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, out: Columns) -> None:
         some = {name: column[rows] for name, column in values.items()}

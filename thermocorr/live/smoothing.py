@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..records import BLOCK_ROWS, seconds_of
+from ..records import seconds_of
 
 
 class MovingAverage:
@@ -38,16 +38,29 @@ class MovingAverage:
         """The mean after each of many values, shape (n,)."""
         result = np.full(len(values), np.nan)
         known = np.flatnonzero(np.isfinite(values))
-        for start in range(0, len(known), BLOCK_ROWS):  # short sums keep their digits
-            rows = known[start : start + BLOCK_ROWS]
-            line = np.concatenate((np.array(self.values), values[rows]))
-            offset = line[0]
-            total = np.concatenate(([0.0], np.cumsum(line - offset)))
-            stop = np.arange(len(self.values), len(line)) + 1
-            low = np.maximum(stop - self.count, 0)
-            result[rows] = (total[stop] - total[low]) / (stop - low) + offset
-            self.values.extend(values[rows][-self.count :].tolist())
+        if len(known):
+            line = np.concatenate((np.array(self.values), values[known]))
+            offset = float(np.median(line))  # small numbers keep their digits
+            sums = _window_sums(line - offset, self.count)[len(self.values) :]
+            counts = np.minimum(np.arange(len(self.values), len(line)) + 1, self.count)
+            result[known] = sums / counts + offset
+            self.values.extend(values[known][-self.count :].tolist())
         return result
+
+
+def _window_sums(values: np.ndarray, count: int) -> np.ndarray:
+    """Sums over the last `count` values, of fewer at the beginning, shape (n,).
+
+    A window is the end of one stretch of `count` values and the beginning of the next (van Herk 1992, Pattern
+    Recognition Letters 13, 517): nothing is subtracted, so an absurd value is gone when it has left the window.
+    """
+    n, count = len(values), min(count, len(values))
+    stretches = np.zeros((-(-n // count) + 1, count))
+    stretches.ravel()[count : count + n] = values  # a stretch of zeros before the first
+    beginnings = np.cumsum(stretches, axis=1).ravel()[count : count + n]
+    ends = np.cumsum(stretches[:, ::-1], axis=1)[:, ::-1].ravel()
+    after = np.arange(1, n + 1)  # where the window begins
+    return np.where((after + count) % count == 0, beginnings, beginnings + ends[after])
 
 
 class Tracker:

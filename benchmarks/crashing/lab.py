@@ -1,0 +1,91 @@
+"""What the disturbed commands work on: a model, logs, results of earlier runs, and those of undisturbed ones."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+import tempfile
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from thermocorr import Diagnosis, DynamicBiasRegressor, RecordWarning, Refinement, diagnose, refine, save_model
+from thermocorr.datasets import make_record
+
+FITTED, ROWS, LONG = 500, 250, 1000
+"""Rows that the model is fitted to; of a log that is fed piece by piece; of one that is there from the start."""
+
+
+@dataclass
+class Lab:
+    """What all moments share."""
+
+    place: Path
+    """Folder to work in."""
+    model: DynamicBiasRegressor
+    fitted: tuple[Any, Any]
+    """What it was fitted to."""
+    model_file: bytes
+    record: bytes
+    """A log to analyse."""
+    log: bytes
+    """A short log to correct."""
+    long: bytes
+    """A long log to correct."""
+    diagnosis: Diagnosis
+    refinement: Refinement
+    known: dict[Any, Any]
+    """What undisturbed runs gave, by kind of run."""
+
+
+def make_lab(place: Path) -> Lab:
+    """Fit the model and write the logs."""
+    record = _record()
+    fitted = record[:FITTED].drop(columns="note")
+    X, y = fitted.drop(columns="reading"), fitted["reading"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RecordWarning)
+        model = DynamicBiasRegressor(time="time", time_constants=[600.0, 7200.0], max_gap="1h").fit(X, y)
+        found, refined = diagnose(model, X, y), refine(model, X, y, max_steps=1)
+    save_model(model, place / "model.json")
+    gc.freeze()  # children share what is there
+    texts = [part.to_csv(index=False).encode() for part in (fitted, record[FITTED : FITTED + ROWS], record[FITTED:])]
+    return Lab(place, model, (X, y), (place / "model.json").read_bytes(), *texts, found, refined, {})
+
+
+def _record() -> pd.DataFrame:
+    """With a gap, damaged dates, empty cells and a column of text, behind what the model is fitted to."""
+    record = make_record(FITTED + LONG, seed=5).reset_index()
+    record.loc[FITTED + 100 :, "time"] += pd.Timedelta("2h")
+    record["time"] = record["time"].dt.strftime("%Y-%m-%dT%H:%M:%S")
+    damaged = range(FITTED + 15, FITTED + LONG, 20)
+    record.loc[damaged, "time"] = record.loc[damaged, "time"].str.replace("2024", "2124")
+    record["note"] = ["as usual", 'the "door", open'] * (len(record) // 2)
+    for column, row in (("reading", 40), ("temperature", 160), ("reading", 500), ("temperature", 750)):
+        record.loc[FITTED + row, column] = float("nan")
+    return record
+
+
+@contextlib.contextmanager
+def folder_in(place: Path) -> Iterator[Path]:
+    """An empty folder, for a while."""
+    with tempfile.TemporaryDirectory(dir=place) as name:
+        yield Path(name)
+
+
+def lines_in(path: Path) -> int:
+    """Whole lines of a file; none where there is no file."""
+    with contextlib.suppress(FileNotFoundError):
+        return path.read_bytes().count(b"\n")
+    return 0
+
+
+def look(path: Path) -> tuple[Any, ...]:
+    """What a command must not change in a file that it reads."""
+    seen = os.stat(path)
+    return path.read_bytes(), seen.st_mtime_ns, seen.st_mode, seen.st_ino

@@ -1,0 +1,1 @@
+"""Telling inputs, see `test_fuzz_corpus.py`."""

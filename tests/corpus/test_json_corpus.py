@@ -1,0 +1,207 @@
+"""Damaged and forged model files and saved states: refused in a short sentence, at once, in little memory."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from corpus.clean_log import CLEAN, HEADER, OPEN, Shown, frame_of, save_fitted, text_of
+from thermocorr import DynamicBiasRegressor, ModelFileError, OnlineCorrector, load_model, save_model
+from thermocorr.files.codec import parse
+from thermocorr.files.model_file import signed
+
+
+@pytest.fixture(scope="module")
+def model_path(tmp_path_factory):
+    return save_fitted(tmp_path_factory.mktemp("model") / "m.json")
+
+
+@pytest.fixture
+def correct(model_path, tmp_path, capsys):
+    """Function that gives a log to `correct`."""
+    return lambda content, *options, model=model_path: Shown(tmp_path, content, options, model, capsys)
+
+
+def test_twenty_thousand_keys_with_one_of_them_twice_take_no_second():
+    content = b"{" + b",".join(b'"k%d": 1' % k for k in (*range(20_000), 19_999)) + b"}"
+    begin = time.perf_counter()
+    with pytest.raises(ModelFileError, match="stands twice"):
+        parse(content)
+    assert time.perf_counter() - begin < 1.0
+
+
+BAD_JSON = {
+    "lists in lists": b"[" * 100_000,
+    "lists in lists, closed": b"[" * 3000 + b"]" * 3000,
+    "objects in objects": b'{"a":' * 3000 + b"1" + b"}" * 3000,
+    "NaN": b'{"format": NaN}',
+    "infinity": b'{"format": -Infinity}',
+    "a float that is too large": b'{"format": 1e999}',
+    "an integer of many digits": b'{"format": ' + b"1" * 5000 + b"}",
+    "a key twice": b'{"format": 1, "format": 2}',
+    "a list": b"[]",
+    "nothing": b"",
+    "a zero byte": b"\x00",
+    "UTF-16": '{"format": 1}'.encode("utf-16"),
+    "a pickle": b"\x80\x04cposix\nsystem",
+    "a half of a character": b'{"format": "\\ud800"}',
+    "a later version": b'{"format": "thermocorr model", "version": 99}',
+}
+
+
+@pytest.mark.parametrize("name", BAD_JSON)
+def test_json_that_is_no_file_of_ours_is_refused(name, correct, tmp_path, model_path):
+    """As a model, and as a state, which stays as it was."""
+    (tmp_path / "x.json").write_bytes(BAD_JSON[name])
+    for options in ({"model": tmp_path / "x.json"}, {}):
+        more = [] if options else ["--state", tmp_path / "x.json"]
+        shown = correct(text_of(CLEAN), *more, **options)
+        assert shown.status == 2 and shown.rows == [] and shown.err.count("\n") == 1 and len(shown.err) < 700
+        assert (tmp_path / "x.json").read_bytes() == BAD_JSON[name]
+
+
+IN_A_CHILD = """
+import resource, sys
+from thermocorr.command.cli import main
+model, bad, log = sys.argv[1:]
+peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+before = peak()
+print(main(["correct", "--model", bad, log]), main(["correct", "--model", model, log, "--state", bad]))
+print((peak() - before) // 1024)
+"""
+
+
+def test_thirty_megabytes_of_lists_are_refused_in_little_memory(model_path, tmp_path):
+    """As a model and as a state, in a process of its own, whose peak is looked at."""
+    pytest.importorskip("resource", reason="no account of memory here")
+    (tmp_path / "x.json").write_bytes(b"[" + b"[]," * 10_000_000 + b"[]]")
+    (tmp_path / "log.csv").write_bytes(text_of(CLEAN))
+    command = [sys.executable, "-c", IN_A_CHILD, model_path, tmp_path / "x.json", tmp_path / "log.csv"]
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, timeout=120, check=True)
+    *statuses, megabytes = map(int, done.stdout.split())
+    assert statuses == [2, 2] and done.stderr.count("lists and objects") == done.stderr.count("\n") == 2
+    assert megabytes < 500
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+def test_a_named_pipe_is_no_model_and_no_state(correct, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    signal.alarm(20)  # ends the tests where it hangs
+    for options in ({"model": tmp_path / "pipe"}, {}):
+        shown = correct(text_of(CLEAN), *([] if options else ["--state", tmp_path / "pipe"]), **options)
+        assert shown.status == 2 and "no regular file" in shown.err
+    signal.alarm(0)
+
+
+@pytest.mark.parametrize("label", [pd.Timestamp("2024-03-04"), datetime.date(2024, 3, 4), pd.Timedelta("1 h"), 7, True])
+def test_any_label_of_a_run_lives_in_a_model_file_and_in_a_state(label, tmp_path):
+    frame = frame_of(CLEAN).assign(run=pd.Series([label] * 30 + ["other"] * 30, dtype=object))
+    model = DynamicBiasRegressor("temperature", [600.0], time="time", run="run")
+    X, y = frame[["time", "temperature", "run"]], frame["reading"]
+    model = load_model(save_model(model.fit(X[:50], y[:50]), tmp_path / "m.json"))
+    whole = OnlineCorrector(model).update_many(X, y)["corrected"]
+    for cut in (10, 30, 45):
+        live = OnlineCorrector(model)
+        first = live.update_many(X[:cut], y[:cut])["corrected"]
+        again = OnlineCorrector.from_state(model, json.loads(json.dumps(live.state())))
+        both = pd.concat([first, again.update_many(X[cut:], y[cut:])["corrected"]])
+        np.testing.assert_allclose(both, whole, rtol=1e-12)
+
+
+STATES = {
+    "a lag that is no number": ("state.states", [None] * 4),
+    "a lag beyond all powers": ("state.states.0", 1e300),
+    "a time that is text": ("state.last", "2024"),
+    "a time beyond an integer": ("state.last", 2**64),
+    "a time that is true": ("state.last", True),
+    "a list for a flag": ("state.open", []),
+    "a segment that is not there": ("state.key", 10**9),
+    "a row before the first": ("next_row", -1),
+    "an average over no samples": ("average", 0),
+    "more values than the average has": ("state.averaged", [1.0] * 10_000),
+    "another model's": ("model", "0" * 64),
+    "a later format": ("format", "thermocorr stream 99"),
+    "one field more": ("state.more", 1),
+}
+
+
+@pytest.mark.parametrize("name", STATES)
+def test_a_forged_state_is_refused(name, model_path):
+    model = load_model(model_path)
+    live = OnlineCorrector(model, average=3)
+    frame = frame_of(CLEAN)
+    live.update_many(frame[HEADER[:3]][:50], frame["reading"][:50])
+    state = json.loads(json.dumps(live.state()))
+    path, value = STATES[name]
+    *above, last = path.split(".")
+    node = state
+    for key in above:
+        node = node[key]
+    node[int(last) if isinstance(node, list) else last] = value
+    with pytest.raises(ModelFileError, match="cannot go on"):
+        OnlineCorrector.from_state(model, state)
+
+
+@OPEN
+def test_a_state_that_was_saved_is_a_state_that_goes_on(correct, tmp_path):
+    """The largest temperature that is one makes large averages."""
+    rows = [list(row) for row in CLEAN]
+    rows[48][1] = "9e39"
+    options = ("--state", tmp_path / "state.json", "--average", 3, "--track", "2h")
+    assert correct(text_of(rows[:50]), *options).status == 0
+    assert correct(text_of(rows[50:]), *options).status == 0
+
+
+FORGED = {
+    "an infinite coefficient": (("coefficients", 0), {"$float": "inf"}),
+    "a coefficient of text": (("coefficients", 0), "1"),
+    "a true coefficient": (("coefficients", 0), True),
+    "a coefficient less": (("coefficients",), [1.0]),
+    "an array of ten to the eighteen": (
+        ("history", "columns", 0, "values"),
+        {"$array": [1.0], "shape": [10**9, 10**9]},
+    ),
+    "an array of objects": (("history", "columns", 0, "values"), {"$array": ["a"], "dtype": "object"}),
+    "harmonics without end": (("effects", 0, "parameters", "degree"), 10**9),
+    "an import": (("effects", 0, "import"), "os.system"),
+    "a class of another kind": (("effects", 0, "kind"), "pickle"),
+    "steps back in time": (("history", "ticks", 3), -1),
+    "a time beyond three centuries": (("history", "first_tick"), 2**62),
+    "a negative period": (("history", "period"), -1.0),
+    "names twice": (("feature_names_in",), ["time", "time", "humidity"]),
+    "a long text": (("reading", "name"), "x" * 100_000),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_a_forged_model_with_a_digest_that_fits_is_refused_in_a_short_sentence(name, model_path, tmp_path):
+    node = json.loads(model_path.read_text())
+    path, value = FORGED[name]
+    place = node["model"]
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    rest = {key: part for key, part in node.items() if key not in ("format", "version", "digest")}
+    (tmp_path / "f.json").write_bytes(signed(rest))
+    with pytest.raises(ModelFileError) as caught:
+        load_model(tmp_path / "f.json")
+    assert len(str(caught.value)) < 700
+
+
+def test_a_forged_model_is_not_quoted_at_length(model_path, tmp_path):
+    node = json.loads(model_path.read_text())
+    node["model"]["effects"][0]["parameters"]["degree"] = [0.0] * 5000
+    rest = {key: part for key, part in node.items() if key not in ("format", "version", "digest")}
+    (tmp_path / "f.json").write_bytes(signed(rest))
+    with pytest.raises(ModelFileError) as caught:
+        load_model(tmp_path / "f.json")
+    assert len(str(caught.value)) < 700
