@@ -102,7 +102,6 @@ def test_a_missing_number_is_one_for_both_commands(cell, correct, read):
     assert [(segment.start, segment.stop) for segment in record.segments] == [(0, 7), (8, 30)]
 
 
-@OPEN
 def test_a_log_with_a_tenth_of_its_temperatures_missing_is_analysed(tmp_path, capsys):
     rows = [[row[0], "" if k % 10 == 3 else row[1], *row[2:]] for k, row in enumerate(CLEAN)]
     (tmp_path / "log.csv").write_bytes(text_of(rows))
@@ -310,7 +309,6 @@ def test_two_damaged_years_do_not_end_a_stream(correct, model_path):
     np.testing.assert_allclose(got, expected, rtol=1e-12)
 
 
-@OPEN
 def test_a_damaged_year_at_the_end_of_a_file_does_not_swallow_the_next(correct, tmp_path):
     state = ("--state", tmp_path / "state.json")
     last = ["2094-03-04T00:30:00", *CLEAN[30][1:]]
@@ -319,7 +317,6 @@ def test_a_damaged_year_at_the_end_of_a_file_does_not_swallow_the_next(correct, 
     assert len(shown.rows) == ROWS - 31
 
 
-@OPEN
 def test_spans_in_a_column_of_seconds_are_seconds(correct, tmp_path):
     """A model whose times are spans, and a log that counts seconds."""
     frame = frame_of(CLEAN).assign(time=pd.to_timedelta(60.0 * np.arange(ROWS), unit="s"))

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from corpus.clean_log import CLEAN, HEADER, OPEN, Shown, frame_of, save_fitted, text_of
+from corpus.clean_log import CLEAN, HEADER, Shown, frame_of, save_fitted, text_of
 from thermocorr import DynamicBiasRegressor, ModelFileError, OnlineCorrector, load_model, save_model
 from thermocorr.files.codec import parse
 from thermocorr.files.model_file import signed
@@ -151,7 +151,6 @@ def test_a_forged_state_is_refused(name, model_path):
         OnlineCorrector.from_state(model, state)
 
 
-@OPEN
 def test_a_state_that_was_saved_is_a_state_that_goes_on(correct, tmp_path):
     """The largest temperature that is one makes large averages."""
     rows = [list(row) for row in CLEAN]

@@ -29,12 +29,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns the exit status: 0; 1 for a log with damaged rows, which got no result; 2 for what could not be done, with
     one sentence on standard error; 130 or 143 where a signal ended it.
     """
+    try:
+        return _executed(_options(sys.argv[1:] if arguments is None else list(arguments)))
+    except KeyboardInterrupt:  # before the command had begun
+        return _ended("stopped", 130)
+
+
+def _options(given: list[str]) -> argparse.Namespace:
+    """Read the arguments; the named command's module is loaded, the others are not."""
     parser = argparse.ArgumentParser(
         prog="thermocorr", description="Learn and remove the dynamic thermal bias of precise instruments."
     )
     parser.add_argument("--version", action="version", version=f"thermocorr {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    given = sys.argv[1:] if arguments is None else list(arguments)
     for name, purpose in COMMANDS.items():
         command = commands.add_parser(name, help=purpose)
         if name in given[:1]:  # the others need not be loaded
@@ -44,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             command.set_defaults(execute=module.run)
     options = parser.parse_args(given)
     options.as_written = shlex.join(["thermocorr", *given])
-    return _executed(options)
+    return options
 
 
 def _executed(options: argparse.Namespace) -> int:

@@ -15,9 +15,9 @@ from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
 from ..records import RecordError, read_record
 from ..records.read import from_polars, is_frame, numeric_column, times_of
-from .advance import BACKWARD, Advanced, Stream
+from .advance import BACKWARD, NO_TEMPERATURE, Advanced, Stream
 from .smoothing import MovingAverage, Tracker
-from .state import Settings, StreamState, from_json, to_json
+from .state import Place, Settings, StreamState, from_json, to_json
 
 _SHORT = 16
 """Fewer rows are faster one by one than in a block."""
@@ -124,14 +124,29 @@ class OnlineCorrector:
             raise ValueError("The 'first_row' parameter is for records without times: these rows have their own.")
         self._stream.clock.next_row, self._placed = int(row), True
 
-    def place_block(self, X: Any) -> None:
-        """Take these rows for the next ones of a record without times, and find them in it as `correct` does."""
+    def place_block(self, X: Any) -> bool:
+        """Take these rows for the next ones of a record without times, and find them in it as `correct` does.
+
+        False where none of them has all that the model needs: they tell nothing, and take up their rows.
+        """
+        clock, history = self._stream.clock, self._stream.history
         try:
             record = read_record(X, self.model.features_.layout(), needed=self.columns, quiet=True)
-        except RecordError:  # no row to find them by
-            self.place(self._stream.history.n_fitted)
-        else:
-            self.place(self._stream.history.first_row(record))
+        except RecordError:
+            return False
+        row = history.first_row(record)
+        self.place(clock.next_row if row == history.n_fitted else row)
+        return True
+
+    def _found(self, values: dict[Any, float]) -> bool:
+        """Place the first sample that has all it needs; one that has not takes a row, wherever that is."""
+        clock, history = self._stream.clock, self._stream.history
+        if not all(math.isfinite(value) for value in values.values()):
+            clock.next_row += 1
+            return False
+        row = history.row_of(values)
+        self.place(clock.next_row if row == history.n_fitted else row)
+        return True
 
     def stamp(self, time: Any) -> Any:
         """A sample's time as a number on the clock of the fitted record; RecordError for a time of another kind."""
@@ -186,12 +201,12 @@ class OnlineCorrector:
         """`update` on what it makes of its arguments: a `stamp`, the temperature and columns, the reading."""
         stream = self._stream
         if stamp is None:
-            if not self._placed:
-                self.place(stream.history.row_of(values))
+            if not self._placed and not self._found(values):
+                return self._accompanied(math.nan, Advanced(math.nan, NO_TEMPERATURE, False), stream.clock.next_row)
             stamp = stream.clock.stamp(None)
-        if self._doubt is not None or stream.step_to(stamp, run) > stream.gap:
-            if not self._consider(stamp, run):
-                return self._accompanied(math.nan, Advanced(math.nan, BACKWARD, False), stamp)
+        jumps = self._doubt is not None or stream.step_to(stamp, run) > stream.gap
+        if jumps and not self._consider(stamp, run):
+            return self._accompanied(math.nan, Advanced(math.nan, BACKWARD, False), stamp)
         known = U - U == 0.0
         done = stream.advance(stamp, run, values, known)
         corrected = U - done.bias if known else math.nan
@@ -247,11 +262,11 @@ class OnlineCorrector:
         if not n:
             return self._frame(Columns(self, 0), X)
         times = times_of(X, self.model.features_.layout())
-        if not self._placed:
-            self.place_block(X)
         labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run])
         short = n + 1 if n < _SHORT else 1
-        return self._frame(self.update_stamps(stream.clock.stamps(times), values, reading, labels, short), X)
+        untimed = stream.clock.kind == times.kind == "rows"
+        stamps = None if untimed else stream.clock.stamps(times)
+        return self._frame(self.update_stamps(stamps, values, reading, labels, short), X)
 
     def update_stamps(
         self,
@@ -268,9 +283,14 @@ class OnlineCorrector:
         """
         out = Columns(self, len(reading))
         if stamps is None:
-            if not self._placed:
-                frame = pd.DataFrame(values)
-                self.place_block(frame if runs is None else frame.assign(**{str(self.model.run): runs}))
+            frame = pd.DataFrame(values)
+            if not self._placed and not self.place_block(
+                frame if runs is None else frame.assign(**{self.model.run: runs})
+            ):
+                out.flags[:] = NO_TEMPERATURE[0]
+                out.reference[:] = math.nan if self.track is None else self.track.value
+                self._stream.clock.next_rows(len(reading))
+                return out
             stamps = self._stream.clock.next_rows(len(reading))
         for low, high, run in _stretches(runs, len(stamps)):
             at = low
@@ -327,8 +347,8 @@ class OnlineCorrector:
         """All that is needed to go on later, in another process: a dict for `json.dumps`."""
         average = None if self.average is None else self.average.count
         settings = Settings(self.continues, average, None if self.track is None else self.track.time_constant)
-        next_row = self._stream.clock.next_row if self._placed else None
-        return to_json(self.model, settings, next_row, self._state(), self._doubt)
+        place = Place(self._stream.clock.next_row, self._placed)
+        return to_json(self.model, settings, place, self._state(), self._doubt)
 
     @classmethod
     def from_state(cls, model: DynamicBiasRegressor, state: dict[str, Any]) -> OnlineCorrector:
@@ -339,12 +359,12 @@ class OnlineCorrector:
         ModelFileError
             A ValueError: the state is damaged, or belongs to another model.
         """
-        settings, next_row, now, doubt = from_json(model, state)
+        settings, place, now, doubt = from_json(model, state)
         corrector = cls(model, average=settings.average, track=settings.track, continues=settings.continues)
-        corrector.go_on(now, doubt, next_row)
+        corrector.go_on(now, doubt, place)
         return corrector
 
-    def go_on(self, now: StreamState, doubt: StreamState | None = None, next_row: int | None = None) -> None:
+    def go_on(self, now: StreamState, doubt: StreamState | None = None, place: Place | None = None) -> None:
         """Go on where a stream stood.
 
         Parameters
@@ -353,11 +373,11 @@ class OnlineCorrector:
             What it remembered of its samples.
         doubt : StreamState, optional
             What it remembered before a sample whose time is in doubt.
-        next_row : int, optional
-            Row of the record that the next sample is, for a record without times.
+        place : Place, optional
+            Where the next sample stands in a record without times.
         """
-        if next_row is not None:
-            self._stream.clock.next_row, self._placed = next_row, True
+        if place is not None:
+            self._stream.clock.next_row, self._placed = place
         self._put(now)
         self._doubt = doubt
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..effects import Effect
 from ..estimators import DynamicBiasRegressor
@@ -61,6 +61,14 @@ class Settings:
     track: float | None
 
 
+class Place(NamedTuple):
+    """Where a stream stands in a record without times."""
+
+    next_row: int
+    sure: bool
+    """False until a sample has told; until then rows are counted from the first after the fitted ones."""
+
+
 def model_mark(model: DynamicBiasRegressor) -> str:
     """What tells models apart: a digest of columns, coefficients and where the fitted record stands in time."""
     history = model.features_.history_
@@ -69,7 +77,7 @@ def model_mark(model: DynamicBiasRegressor) -> str:
 
 
 def to_json(
-    model: DynamicBiasRegressor, settings: Settings, next_row: int | None, state: StreamState, doubt: StreamState | None
+    model: DynamicBiasRegressor, settings: Settings, place: Place, state: StreamState, doubt: StreamState | None
 ) -> dict[str, Any]:
     """All of a stream as plain values for `json.dumps`."""
     effects = model.features_.effect_list()
@@ -79,18 +87,19 @@ def to_json(
         "continues": settings.continues,
         "average": settings.average,
         "track": settings.track,
-        "next_row": next_row,
+        "next_row": place.next_row,
+        "placed": place.sure,
         "state": _packed(state, effects),
         "doubt": None if doubt is None else _packed(doubt, effects),
     }
 
 
-_FIELDS = ("format", "model", "continues", "average", "track", "next_row", "state", "doubt")
+_FIELDS = ("format", "model", "continues", "average", "track", "next_row", "placed", "state", "doubt")
 _STATE_FIELDS = tuple(StreamState.__dataclass_fields__)
 
 
-def from_json(model: DynamicBiasRegressor, node: Any) -> tuple[Settings, int | None, StreamState, StreamState | None]:
-    """Settings, number of the next row, state and the state to return to; every value is checked."""
+def from_json(model: DynamicBiasRegressor, node: Any) -> tuple[Settings, Place, StreamState, StreamState | None]:
+    """Settings, place of the next row, state and the state to return to; every value is checked."""
     try:
         node = fields(node, "$", _FIELDS)
         if node["format"] != FORMAT:
@@ -102,8 +111,8 @@ def from_json(model: DynamicBiasRegressor, node: Any) -> tuple[Settings, int | N
         settings = Settings(_truth(node, "$", "continues"), average, track)
         doubt = None if node["doubt"] is None else _unpacked(node["doubt"], "$.doubt", model, settings)
         state = _unpacked(node["state"], "$.state", model, settings)
-        next_row = None if node["next_row"] is None else integer(node["next_row"], "$.next_row", 0)
-        return settings, next_row, state, doubt
+        place = Place(integer(node["next_row"], "$.next_row", 0), _truth(node, "$", "placed"))
+        return settings, place, state, doubt
     except ModelFileError as error:
         raise ModelFileError(
             f"The stream cannot go on from this state: {error}. Start afresh with OnlineCorrector(model)."
