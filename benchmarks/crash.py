@@ -43,7 +43,9 @@ from crashing.episodes import (
     Growing,
     NewProcesses,
     PipeAgain,
+    PipeAgainDamaged,
     PipeRest,
+    PipeRestDamaged,
     Whole,
     WithState,
     known,
@@ -52,7 +54,9 @@ from crashing.full import FULL, disk_full
 from crashing.judging import APART, FAULTS, disturbed
 from crashing.lab import Lab, make_lab
 
-KINDS = (Whole, WithState, PipeRest, PipeAgain, Growing, Analyze, Export, NewProcesses)
+KINDS = (
+    Whole, WithState, PipeRest, PipeRestDamaged, PipeAgain, PipeAgainDamaged, Growing, Analyze, Export, NewProcesses
+)  # fmt: skip
 SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGKILL)
 AGAIN = 0.25
 """How often a process that goes on is ended too."""
@@ -72,7 +76,7 @@ def moments(
     n = len(at_calls) if calls_only else n
     chosen = [Disturbance(number, None, call, rng.choice(["before", "half", "after"])) for call in at_calls]
     chosen += [Disturbance(number, _time(rng, usual.seconds, k)) for k in range(n - len(chosen))]
-    again = kind in (WithState, PipeAgain, Growing)
+    again = kind.appends and not issubclass(kind, PipeRest | NewProcesses)
     return [
         [one, Disturbance(number, _time(rng, usual.seconds, rng.randrange(3)))]
         if again and rng.random() < AGAIN

@@ -109,9 +109,9 @@ def test_equations_need_numpy_and_scipy_alone(path):
 
 
 @pytest.mark.parametrize("path", FILES, ids=module_of)
-def test_no_file_is_longer_than_500_lines(path):
+def test_no_file_is_longer_than_400_lines(path):
     length = len(path.read_text(encoding="utf-8").splitlines())
-    assert length <= 500, f"{path} has {length} lines"
+    assert length <= 400, f"{path} has {length} lines"
 
 
 @pytest.mark.parametrize("path", FILES, ids=module_of)

@@ -17,7 +17,7 @@ from thermocorr.records import RecordWarning
 from thermocorr.records.csvlines import check_lines, fields_of, header_of
 from thermocorr.records.files import existing_file, read_table, require_column
 from thermocorr.records.grammar import LARGEST, MISSING, label, number
-from thermocorr.records.read import as_numbers
+from thermocorr.records.numbers import as_numbers
 from thermocorr.records.text import printable
 from thermocorr.records.types import kind_of, kind_of_arrow, require_role
 

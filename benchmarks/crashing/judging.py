@@ -12,7 +12,7 @@ import numpy as np
 
 from .calls import Disturbance
 from .children import Ended
-from .episodes import Analyze, Episode, Fed, PipeRest, WithState, known
+from .episodes import Analyze, Episode, Fed, Growing, PipeRest, WithState, known
 from .lab import Lab, folder_in
 
 FAULTS = ("lost", "twice", "wrong", "inputs", "half", "drafts", "status", "tracebacks")
@@ -30,7 +30,8 @@ TOLERANCE = 1e-12
 """Of a column's range, as an undisturbed run has it."""
 STOPPED = re.compile(r"thermocorr: stopped( after row (\d+), \S.*| before the first line; nothing was written)?\n")
 ALLOWED = re.compile(
-    r"thermocorr: (\d+ lines were corrected before, by the saved state|\d+ of \d+ lines got no result: \d+ no .*)\n"
+    r"thermocorr: (\d+ lines were corrected before, by the saved state"
+    r"|\d+ of \d+ lines got no result: \d+ (no|backward) .*)\n"
 )
 
 
@@ -85,10 +86,12 @@ def _after_signal(episode: Episode, ended: Ended, disturbance: Disturbance) -> C
     number = disturbance.signal
     assert number is not None
     in_time = ended.status == (-9 if number == signal.SIGKILL else 128 + number)
-    faults["late"] += ended.status == 0
+    faults["late"] += ended.status == episode.fine
     faults["tracebacks"] += traces(ended)
     faults["inputs"] += not episode.intact()
-    faults["status"] += ended.hangs or not (in_time or ended.status in (0, -number) or _told_to_end(episode, ended))
+    faults["status"] += ended.hangs or not (
+        in_time or ended.status in (episode.fine, -number) or _told_to_end(episode, ended)
+    )
     if in_time and number != signal.SIGKILL:
         faults["status"] += not _said_well(episode, ended)
     if number != signal.SIGKILL:
@@ -130,9 +133,9 @@ def of_set(episode: Episode, killed: bool) -> Counter[str]:
 def at_end(episode: Episode, ended: Ended) -> Counter[str]:
     """What is wrong when the command has been run again, to its end."""
     faults: Counter[str] = Counter()
-    fine = {143} if episode.name.startswith("growing") else {0}
-    faults["status"] += ended.status not in fine or ended.hangs
-    if 143 not in fine:
+    fine = 143 if isinstance(episode, Growing) else episode.fine
+    faults["status"] += ended.status != fine or ended.hangs
+    if not isinstance(episode, Growing):
         faults["status"] += bool(ALLOWED.sub("", quiet(episode, ended.err)))
     faults["tracebacks"] += traces(ended)
     faults["inputs"] += not episode.intact()

@@ -35,8 +35,10 @@ class Lab:
     """A log to analyse."""
     log: bytes
     """A short log to correct."""
+    damaged: bytes
+    """The same with dates in the future and in the past."""
     long: bytes
-    """A long log to correct."""
+    """A long log to correct, with dates in the future."""
     diagnosis: Diagnosis
     refinement: Refinement
     known: dict[Any, Any]
@@ -54,21 +56,29 @@ def make_lab(place: Path) -> Lab:
         found, refined = diagnose(model, X, y), refine(model, X, y, max_steps=1)
     save_model(model, place / "model.json")
     gc.freeze()  # children share what is there
-    texts = [part.to_csv(index=False).encode() for part in (fitted, record[FITTED : FITTED + ROWS], record[FITTED:])]
+    log = record[FITTED:]
+    late = _dated(log, "2124", 15)
+    parts = (fitted, log[:ROWS], _dated(late, "1924", 5)[:ROWS], late)
+    texts = [part.to_csv(index=False).encode() for part in parts]
     return Lab(place, model, (X, y), (place / "model.json").read_bytes(), *texts, found, refined, {})
 
 
 def _record() -> pd.DataFrame:
-    """With a gap, damaged dates, empty cells and a column of text, behind what the model is fitted to."""
+    """With a gap, empty cells and a column of text, behind what the model is fitted to."""
     record = make_record(FITTED + LONG, seed=5).reset_index()
     record.loc[FITTED + 100 :, "time"] += pd.Timedelta("2h")
     record["time"] = record["time"].dt.strftime("%Y-%m-%dT%H:%M:%S")
-    damaged = range(FITTED + 15, FITTED + LONG, 20)
-    record.loc[damaged, "time"] = record.loc[damaged, "time"].str.replace("2024", "2124")
     record["note"] = ["as usual", 'the "door", open'] * (len(record) // 2)
     for column, row in (("reading", 40), ("temperature", 160), ("reading", 500), ("temperature", 750)):
         record.loc[FITTED + row, column] = float("nan")
     return record
+
+
+def _dated(log: pd.DataFrame, year: str, first: int) -> pd.DataFrame:
+    """With every twentieth date damaged."""
+    times = log["time"].copy()
+    times[first::20] = year + times[first::20].str[4:]
+    return log.assign(time=times)
 
 
 @contextlib.contextmanager

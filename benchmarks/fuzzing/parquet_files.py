@@ -18,7 +18,7 @@ from pyarrow import parquet
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, ParquetLog, save_model
 from thermocorr.effects import Covariate
 from thermocorr.records.files import read_table
-from thermocorr.records.read import numeric_column
+from thermocorr.records.numbers import numeric_column
 
 from . import oracle
 from .outcomes import REFUSED, REFUSED_GOOD, RIGHT, WRONG, Found, Room, refused, run

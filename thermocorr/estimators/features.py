@@ -17,7 +17,7 @@ from ..effects.protocol import Effect
 from ..effects.stream import Walked, needed_columns, own_starts, resume, walk
 from ..effects.wrap import EffectsParameters, as_effects
 from ..records import History, Layout, Log, Record, RecordError, read_record, seconds_of
-from ..records.read import from_polars
+from ..records.numbers import from_polars
 from ..records.record import SegmentStart
 
 LAYOUT_CONSTRAINTS: dict[str, Any] = {

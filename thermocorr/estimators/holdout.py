@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ..records.read import numeric_reading
+from ..records.numbers import numeric_reading
 
 MIN_BLOCK = 8
 """Rows below which a block of time says nothing."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 from numbers import Integral, Real
 from typing import Any
 
@@ -14,23 +13,21 @@ import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.validation import check_is_fitted
 
 from ..effects.products import CoarseProducts
 from ..effects.protocol import Effect
-from ..effects.stream import Walked
-from ..effects.thermal import column_text
 from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import solve_ridge
 from ..records import Block, Record, RecordWarning, seconds_of
-from ..records.read import numeric_reading
+from ..records.numbers import numeric_reading
 from .cancellation import cancelling
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
-from .fitting import equal_edges, require_rows, standard_errors, sweep_effects
+from .fitted import FittedModel
+from .fitting import equal_edges, require_rows, sweep_effects
 from .flat import flat_columns
-from .reading import Reading, check_corrected, check_plausible, check_range
+from .reading import Reading, check_corrected, check_plausible
 from .ridge import MergedRidge
-from .tables import coefficient_table, distinct, equation_text
+from .tables import distinct
 from .threads import one_blas_thread
 from .time_constants.resolution import spectrum_table, unresolved
 from .time_constants.search import SearchSettings, TimeConstantChoice, search
@@ -40,7 +37,7 @@ WASHOUT_TIME_CONSTANTS = 3.0
 """An unknown start is felt for this many of the longest time constant: 5 % of it is left then."""
 
 
-class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
+class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseEstimator):
     """Learns how temperature moves a reading, late, and removes it: the model of eqs. (21)-(24).
 
     Parameters
@@ -261,105 +258,12 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
                 index = pd.RangeIndex(rows.start, rows.stop) if isinstance(rows, slice) else pd.Index(rows)
             yield pd.DataFrame(values, index=index)
 
-    def coef_table(self) -> pd.DataFrame:
-        """Coefficient, unit and standard error of every column.
-
-        Standard errors stay true for residuals that are correlated in time (delete-a-block jackknife), as long as
-        they forget within a twentieth of the record.
-        """
-        errors = self.standard_errors()
-        return coefficient_table(self.features_.effect_list(), self._all_coefficients(), errors, self.reading_)
-
-    def combined_errors(self, combinations: np.ndarray) -> np.ndarray:
-        """Standard errors of linear combinations of the coefficients, correlations included; as in `coef_table`.
-
-        Parameters
-        ----------
-        combinations : array of shape (k, n_columns)
-            One combination of `coef_` per row.
-
-        Returns
-        -------
-        array of shape (k,)
-
-        Raises
-        ------
-        ValueError
-            For a model read from a file, which holds the errors of single coefficients only.
-        """
-        check_is_fitted(self, "pipeline_")
-        if not hasattr(self, "_swept"):
-            raise ValueError(
-                "A model read from a file knows the errors of single coefficients only, not their correlations. "
-                "Fit it again to have bands of its response."
-            )
-        rows = np.column_stack((np.zeros(len(combinations)), combinations))
-        with one_blas_thread():
-            return standard_errors(self._swept, self._solution, self.alpha_, rows)
-
-    def standard_errors(self) -> np.ndarray:
-        """Standard errors of U0 and of every coefficient, shape (1 + n_columns,); see `coef_table`."""
-        check_is_fitted(self, "pipeline_")
-        if not hasattr(self, "standard_errors_"):
-            with one_blas_thread():
-                self.standard_errors_ = standard_errors(self._swept, self._solution, self.alpha_)
-        return self.standard_errors_
-
-    def equation(self) -> str:
-        """The fitted formula as text."""
-        check_is_fitted(self, "pipeline_")
-        temperature = column_text(self.features_.history_.record.temperature_name)
-        return equation_text(
-            self.features_.effect_list(),
-            self._all_coefficients(),
-            self.reading_,
-            temperature,
-            self.reference_temperature_,
-        )
-
     def with_effect(self, effect: Effect) -> DynamicBiasRegressor:
         """An unfitted copy of this model with one more effect."""
         model: DynamicBiasRegressor = clone(self)
         given = model.effects if isinstance(model.effects, list | tuple) else [model.effects]
         model.set_params(effects=[*given, effect])
         return model
-
-    @property
-    def features_(self) -> DiffusiveFeatures:
-        """The fitted features of `pipeline_`."""
-        check_is_fitted(self, "pipeline_")
-        features: DiffusiveFeatures = self.pipeline_[0]
-        return features
-
-    @property
-    def coef_(self) -> np.ndarray:
-        """Coefficients of `pipeline_`, shape (n_columns,)."""
-        return np.asarray(self.pipeline_[1].coef_)
-
-    @property
-    def intercept_(self) -> float:
-        """U0: reading at the reference temperature, device at rest."""
-        return float(self.pipeline_[1].intercept_)
-
-    @property
-    def residual_std_(self) -> float:
-        """Standard deviation of the residuals of the fitted record, in the unit of y."""
-        return float(self.pipeline_[1].residual_std_)
-
-    @property
-    def temperature_range_(self) -> tuple[float, float]:
-        """Lowest and highest temperature of the fitted rows."""
-        return self.reading_.temperature_range
-
-    @property
-    def time_constants_(self) -> np.ndarray:
-        """Time constants of the lags [s]."""
-        return self.features_.time_constants_
-
-    @property
-    def reference_temperature_(self) -> float:
-        """T0."""
-        return self.features_.reference_temperature_
 
     def _unresolved(self, record: Record) -> list[str]:
         """Sentences on given time constants that the record cannot determine."""
@@ -422,20 +326,6 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
         assert parts is not None  # a record has at least one block
         return parts
 
-    def contribution_blocks(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
-        """Contribution of each effect, shape (n, n_effects), block by block."""
-        record, starts, states = self.features_.resume(X)
-        check_range(self.reading_, record)
-        return self.weighed(self.features_.walk_resumed(record, starts, states))
-
-    def weighed(self, steps: Iterator[Walked]) -> Iterator[tuple[Block, np.ndarray]]:
-        """Each block of a walk, and the contributions of all effects in its rows, shape (n, n_effects)."""
-        effects, coef = self.features_.effect_list(), self.coef_
-        edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
-        for step in steps:
-            parts = [_weighted(step.columns[:, low:high], coef[low:high]) for low, high in pairwise(edges)]
-            yield step.block, np.column_stack(parts)
-
     def evaluated_blocks(self, X: Any, y: Any) -> Iterator[tuple[Block, dict[str, np.ndarray]]]:
         """The columns of `evaluate` as arrays, each with the block (times, segment, temperature) that it belongs to."""
         reading = numeric_reading(y, X)
@@ -453,34 +343,11 @@ class DynamicBiasRegressor(RegressorMixin, EffectsParameters, BaseEstimator):
                 },
             )
 
-    def _all_coefficients(self) -> np.ndarray:
-        return np.concatenate(([self.intercept_], self.coef_))
-
-    def block_flags(self, block: Block, reading: np.ndarray | None) -> np.ndarray:
-        """Flags of a block's rows, see `flags`."""
-        T = block.temperature
-        low, high = self.reading_.temperature_range
-        flags = np.where((low > T) | (high < T), "outside fitted range", "").astype(object)
-        if block.segment_key is None:
-            flags[block.elapsed < self.washout_] = "washout"
-        if reading is not None:
-            flags[np.isnan(reading)] = "no reading"
-        return flags
-
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True  # NaN in the temperature ends a segment
         tags.regressor_tags.poor_score = True  # of many columns it uses one, unless effects name others
         return tags
-
-
-def _weighted(columns: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """``columns @ weights`` by elements: a matrix product rounds a row differently in another block."""
-    total = np.zeros(len(columns))
-    for column, weight in zip(columns.T, weights, strict=True):
-        if column[0] or column[-1] or column.any():  # decays that are over are zero
-            total += column * weight
-    return total
 
 
 def like(X: Any, values: np.ndarray, name: str) -> Any:

@@ -14,7 +14,7 @@ from sklearn.base import clone
 
 from ..equations import moving_average, reduction_db
 from ..records import Record, read_record
-from ..records.read import numeric_reading
+from ..records.numbers import numeric_reading
 from ..records.text import printable
 from .holdout import held_out_residuals, time_blocks
 from .regressor import DynamicBiasRegressor

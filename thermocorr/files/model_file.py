@@ -22,7 +22,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..estimators import DynamicBiasRegressor
 from ..records import History, read_record
-from ..records.read import numeric_reading
+from ..records.numbers import numeric_reading
 from . import write_file
 from .codec import LARGEST_FILE, ModelFileError, fields, integer, parse, read_bytes, render, text
 from .effect_nodes import EffectCodec

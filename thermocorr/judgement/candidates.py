@@ -14,7 +14,7 @@ from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Log, Record, RecordError, read_record
 from ..records.grammar import LARGEST
-from ..records.read import from_polars, is_frame, numeric_reading
+from ..records.numbers import from_polars, is_frame, numeric_reading
 from .blocks import filled
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,8 +13,10 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
 from ..records import RecordError, read_record
-from ..records.read import from_polars, is_frame, numeric_column, times_of
+from ..records.numbers import from_polars, is_frame
+from ..records.read import times_of
 from .advance import BACKWARD, NO_TEMPERATURE, Advanced, Stream
+from .given import Columns, column_of, one_number, readings, stretches
 from .smoothing import MovingAverage, Tracker
 from .state import Place, Settings, StreamState, from_json, to_json
 
@@ -186,12 +187,12 @@ class OnlineCorrector:
             For columns that are missing, or no numbers.
         """
         stream = self._stream
-        values = {stream.temperature: _number(temperature)}
+        values = {stream.temperature: one_number(temperature)}
         for column, name in zip(self.columns, self._given, strict=True):
             if name not in columns:
                 raise TypeError(f"update() needs the column {name!r}, which the model uses.")
-            values[column] = _number(columns[name])
-        U = _number(reading)
+            values[column] = one_number(columns[name])
+        U = one_number(reading)
         run = columns.get(self.model.run) if self.model.run is not None else None
         if run is not None and type(run) is not str and pd.isna(run):
             raise RecordError(f"The sample has no label of its run in {self.model.run!r}. Label every sample.")
@@ -256,11 +257,11 @@ class OnlineCorrector:
         X = from_polars(X)
         X = X if is_frame(X) else np.asarray(X)
         n, stream, run = len(X), self._stream, self.model.run
-        reading = np.full(n, np.nan) if y is None else _readings(y, n)
-        values = {stream.temperature: _column(X, stream.temperature, "temperature")}
-        values |= {name: _column(X, name, "column") for name in self.columns}
+        reading = np.full(n, np.nan) if y is None else readings(y, n)
+        values = {stream.temperature: column_of(X, stream.temperature, "temperature")}
+        values |= {name: column_of(X, name, "column") for name in self.columns}
         if not n:
-            return self._frame(Columns(self, 0), X)
+            return self._frame(Columns(0), X)
         times = times_of(X, self.model.features_.layout())
         labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run])
         short = n + 1 if n < _SHORT else 1
@@ -281,7 +282,7 @@ class OnlineCorrector:
         Stamps are None for a record without times. Stretches of less than `short` rows go one by one, which is faster,
         and equal to the last digit but one.
         """
-        out = Columns(self, len(reading))
+        out = Columns(len(reading))
         if stamps is None:
             frame = pd.DataFrame(values)
             if not self._placed and not self.place_block(
@@ -292,7 +293,7 @@ class OnlineCorrector:
                 self._stream.clock.next_rows(len(reading))
                 return out
             stamps = self._stream.clock.next_rows(len(reading))
-        for low, high, run in _stretches(runs, len(stamps)):
+        for low, high, run in stretches(runs, len(stamps)):
             at = low
             while at < high:
                 ahead = stamps[at : min(at + _PIECE, high)]
@@ -393,51 +394,3 @@ class OnlineCorrector:
             self.average.values.extend(state.averaged)
         if self.track is not None and state.tracked is not None:
             self.track.value, self.track.last = state.tracked
-
-
-class Columns:
-    """Columns of the result, as they are filled."""
-
-    def __init__(self, corrector: OnlineCorrector, n: int):
-        self.corrected, self.bias, self.smoothed, self.reference = (np.full(n, np.nan) for _ in range(4))
-        self.flags = np.full(n, "", dtype=object)
-
-
-def _number(value: Any) -> float:
-    """A float; NaN for None."""
-    return math.nan if value is None else float(value)
-
-
-def _floats(values: Any) -> np.ndarray:
-    """A column as floats of its own, NaN for what is missing or infinite; TypeError or ValueError for text."""
-    array = np.array(values, float)
-    array[np.isinf(array)] = np.nan
-    return array
-
-
-def _readings(y: Any, n: int) -> np.ndarray:
-    values = _floats(from_polars(y)[:])
-    values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
-    if values.shape != (n,):
-        raise RecordError(
-            f"X has {n} rows and y has the shape {values.shape}. Each row needs one reading (NaN where none)."
-        )
-    return values
-
-
-def _column(X: Any, name: Any, role: Any) -> np.ndarray:
-    try:
-        return _floats(X[name][:] if is_frame(X) else X[:, name])
-    except (KeyError, IndexError, TypeError, ValueError):
-        return _floats(numeric_column(X, name, role))  # the same, or a sentence about what is wrong
-
-
-def _stretches(labels: pd.Series[Any] | None, n: int) -> list[tuple[int, int, Any]]:
-    """Stretches of rows of the same run: first row, row after the last, label."""
-    if labels is None:
-        return [(0, n, None)]
-    if labels.isna().any():
-        raise RecordError(f"Row {int(labels.isna().argmax())} has no label of its run. Label every row.")
-    codes = pd.factorize(labels)[0]
-    edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), n]
-    return [(low, high, labels.iloc[low]) for low, high in pairwise(edges)]

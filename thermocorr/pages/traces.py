@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..pictures.timeline import TimeLine
-from ..records.read import is_frame, numeric_reading
+from ..records.numbers import is_frame, numeric_reading
 
 MOST_POINTS = 85_000
 """Points of one line. A record of so many rows is shown whole; of a longer one, the extremes of groups of rows."""

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..records import Record
-from ..records.read import is_frame
+from ..records.numbers import is_frame
 
 SECONDS_OF = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "days": 86_400.0, "years": 365.25 * 86_400.0}
 LARGEST = {"ms": 1.0, "s": 150.0, "min": 9000.0, "h": 4 * 86_400.0, "days": 3 * 365.25 * 86_400.0, "years": np.inf}

@@ -13,7 +13,7 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.tables import distinct
 from ..estimators.time_constant_search import TimeConstantSearch
 from ..records import Block, Record
-from ..records.read import numeric_reading
+from ..records.numbers import numeric_reading
 from .timeline import TimeLine, zone_of
 
 

@@ -12,14 +12,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from sklearn.utils import column_or_1d
 
 from .errors import RecordError, RecordWarning, listing, times_word
-from .grammar import LARGEST, is_missing
 from .log import Log
+from .numbers import from_polars, is_frame, numeric_column, numeric_reading
 from .record import Record, Segment
 from .times import Times, seconds_of, times_from
-from .types import Role, kind_of, require_role
 
 LABELS = (str, bool, int, float, Decimal, np.number, np.bool_, date, timedelta, np.datetime64, np.timedelta64)
 """What may label a run: dates and spans of pandas are dates and spans of Python too."""
@@ -108,30 +106,6 @@ def times_of(X: Any, layout: Layout) -> Times:
     return _times(X, layout, is_frame(X), len(X), [])
 
 
-def from_polars(X: Any) -> Any:
-    """A polars DataFrame as a pandas one (times as in pandas, missing values as NaN); anything else as it is."""
-    if not type(X).__module__.startswith("polars.") or type(X).__name__ not in ("DataFrame", "LazyFrame"):
-        return X
-    if type(X).__name__ == "LazyFrame":
-        raise RecordError("The data are a polars LazyFrame, whose rows are not there yet. Pass X.collect().")
-    columns: dict[str, Any] = {}
-    for name in X.columns:
-        series = X[name]
-        if str(series.dtype).startswith(("String", "Utf8", "Categorical", "Enum")):
-            columns[name] = pd.Series(series.to_list(), dtype=object)
-            continue
-        columns[name] = pd.Series(series.to_numpy())
-        zone = getattr(series.dtype, "time_zone", None)
-        if zone is not None:  # to_numpy gives the time in UTC, without saying so
-            columns[name] = columns[name].dt.tz_localize("UTC").dt.tz_convert(zone)
-    return pd.DataFrame(columns)
-
-
-def is_frame(X: Any) -> bool:
-    """Whether the data have named columns."""
-    return isinstance(X, pd.DataFrame | Log)
-
-
 def temperature_column(X: Any, layout: Layout, quiet: bool = False) -> object:
     """Name (frames) or number (arrays) of the temperature column."""
     wanted = layout.temperature
@@ -159,121 +133,6 @@ def temperature_column(X: Any, layout: Layout, quiet: bool = False) -> object:
             )
         return candidates[0]
     return wanted
-
-
-def numeric_column(X: Any, column: object, role: Role = "column") -> NDArray[Any]:
-    """A column as numbers: a view where the data allow it. NaN marks missing values; infinities are refused."""
-    if is_frame(X):
-        if column not in X.columns:
-            raise RecordError(
-                f"There is no {role} {column!r} in the data. Its columns are {listing(X.columns)}. "
-                f"Name one of them{' with temperature=...' if role == 'temperature' else ''}."
-            )
-        values: Any = X[column]
-        if values.ndim != 1:
-            raise RecordError(f"The name {column!r} stands over {values.shape[1]} columns. Give columns unique names.")
-    else:
-        values = X[:, column]
-    return as_numbers(values, f"{role.capitalize()} {column!r}", role)
-
-
-def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
-    """Readings as numbers, row by row beside X."""
-    y = from_polars(y)
-    if isinstance(y, pd.DataFrame):
-        if y.shape[1] != 1:
-            raise RecordError(
-                f"y has {y.shape[1]} columns ({listing(y.columns)}). Pass one, such as y[{y.columns[0]!r}]."
-            )
-        y = y.iloc[:, 0]
-    if isinstance(y, pd.Series) and isinstance(X, pd.DataFrame):
-        stamped = isinstance(X.index, pd.DatetimeIndex | pd.TimedeltaIndex)
-        if stamped and type(y.index) is type(X.index) and len(y) == len(X) and not y.index.equals(X.index):
-            row = int(np.argmax(np.asarray(y.index != X.index)))
-            raise RecordError(
-                f"X and y have different times: in row {row}, X has {X.index[row]} and y has {y.index[row]}. "
-                "Align them first, for example with y.reindex(X.index)."
-            )
-    values = as_numbers(
-        y if isinstance(y, pd.Series) or isinstance(X, Log) else np.asarray(y), "The reading y", "reading"
-    )
-    if values.ndim == 2 and values.shape[1] == 1:
-        values = column_or_1d(values, warn=True)
-    if values.ndim != 1:
-        raise RecordError(f"y must be one column of readings. Got an array of shape {values.shape} instead.")
-    if len(values) != len(X):
-        raise RecordError(f"X has {len(X)} rows and y has {len(values)}. Each row needs one reading (NaN where none).")
-    return values
-
-
-def as_numbers(values: Any, what: str, role: Role = "column") -> NDArray[Any]:
-    """Numbers with NaN for missing ones; text, complex numbers, dates and infinities are refused by row."""
-    kind = kind_of(values)
-    require_role(kind, role, what, str(getattr(values, "type_name", values.dtype)))
-    if kind == "text" or values.dtype == object:
-        if isinstance(getattr(values, "log", None), Log):
-            raise RecordError(
-                f"{what} holds {values.type_name}, not numbers. Convert it when the file is written, or read the file "
-                "with pandas to see which rows are no numbers."
-            )
-        values = _parse_numbers(values, what)
-    if isinstance(values, pd.Series):
-        values = (
-            values.to_numpy() if isinstance(values.dtype, np.dtype) else values.to_numpy(dtype=float, na_value=np.nan)
-        )
-    for start in range(0, len(values), _CHUNK):
-        _refuse_absurd(values[start : start + _CHUNK], start, what)
-    checked: np.ndarray = values  # a column of a log stays what it is, and is read when it is sliced
-    return checked
-
-
-def _refuse_absurd(chunk: Any, first_row: int, what: str) -> None:
-    """Refuse infinities, and numbers that no instrument shows: their squares would not be numbers."""
-    if chunk.dtype.kind != "f" or not len(chunk):
-        return
-    high, low = float(np.fmax.reduce(chunk, axis=None)), float(np.fmin.reduce(chunk, axis=None))
-    if not max(high, -low) > LARGEST:
-        return
-    absurd = (chunk > LARGEST) | (chunk < -LARGEST) if chunk.dtype.itemsize > 4 else np.isinf(chunk)
-    place = int(np.flatnonzero(absurd.reshape(len(chunk), -1).any(axis=1))[0])
-    row, value = first_row + place, chunk[absurd][0]
-    if np.isinf(value):
-        raise RecordError(
-            f"{what} contains infinity in row {row}. Replace it by NaN if there is no value, or by the right one."
-        )
-    raise RecordError(
-        f"{what} is {value:.6g} in row {row}: no measurement is that large. Replace it by NaN if there is no value, "
-        "or by the right one."
-    )
-
-
-def _parse_numbers(values: Any, what: str) -> NDArray[Any]:
-    series = pd.Series(values)
-    for row, value in enumerate(series):  # pandas would coerce dicts, lists and bytes without a word
-        if isinstance(value, dict | list | tuple | set | bytes | bytearray | np.ndarray):
-            raise TypeError(f"{what}: argument must be a string or a number, row {row} holds {value!r:.60}.")
-    series = series.where(~series.map(lambda value: isinstance(value, str) and is_missing(value)), None)
-    try:
-        numbers = pd.to_numeric(series, errors="coerce")
-    except OverflowError:  # a whole number of more than 300 digits
-        numbers = series.map(_float_or_infinity)
-    bad = (numbers.isna() & series.notna()).to_numpy()
-    if bad.any():
-        row = int(bad.argmax())
-        raise RecordError(
-            f"{what} is not a number in row {row}: {series.iloc[row]!r} ({times_word(int(bad.sum()), 'such row')} in "
-            "all). Remove units and text from the data, or convert it with pandas.to_numeric(..., errors='coerce')."
-        )
-    return numbers.to_numpy(dtype=float, na_value=np.nan)
-
-
-def _float_or_infinity(value: Any) -> float:
-    try:
-        return float(value)
-    except OverflowError:
-        return np.inf
-    except (TypeError, ValueError):
-        return np.nan
 
 
 def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Times:

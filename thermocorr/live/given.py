@@ -1,0 +1,63 @@
+"""What a live corrector is given, as numbers; and the columns of what it says."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..records import RecordError
+from ..records.numbers import from_polars, is_frame, numeric_column
+
+
+class Columns:
+    """Columns of the result, as they are filled."""
+
+    def __init__(self, n: int):
+        self.corrected, self.bias, self.smoothed, self.reference = (np.full(n, np.nan) for _ in range(4))
+        self.flags = np.full(n, "", dtype=object)
+
+
+def one_number(value: Any) -> float:
+    """A float; NaN for None."""
+    return math.nan if value is None else float(value)
+
+
+def _floats(values: Any) -> np.ndarray:
+    """A column as floats of its own, NaN for what is missing or infinite; TypeError or ValueError for text."""
+    array = np.array(values, float)
+    array[np.isinf(array)] = np.nan
+    return array
+
+
+def readings(y: Any, n: int) -> np.ndarray:
+    """Readings as floats, NaN where there is none, shape (n,)."""
+    values = _floats(from_polars(y)[:])
+    values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+    if values.shape != (n,):
+        raise RecordError(
+            f"X has {n} rows and y has the shape {values.shape}. Each row needs one reading (NaN where none)."
+        )
+    return values
+
+
+def column_of(X: Any, name: Any, role: Any) -> np.ndarray:
+    """A column as floats, NaN for what is missing; RecordError, in a sentence, for one that is none."""
+    try:
+        return _floats(X[name][:] if is_frame(X) else X[:, name])
+    except (KeyError, IndexError, TypeError, ValueError):
+        return _floats(numeric_column(X, name, role))  # the same, or a sentence about what is wrong
+
+
+def stretches(labels: pd.Series[Any] | None, n: int) -> list[tuple[int, int, Any]]:
+    """Stretches of rows of the same run: first row, row after the last, label."""
+    if labels is None:
+        return [(0, n, None)]
+    if labels.isna().any():
+        raise RecordError(f"Row {int(labels.isna().argmax())} has no label of its run. Label every row.")
+    codes = pd.factorize(labels)[0]
+    edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), n]
+    return [(low, high, labels.iloc[low]) for low, high in pairwise(edges)]
