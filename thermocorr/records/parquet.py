@@ -186,6 +186,8 @@ class ParquetColumn:
         if self.kind in ("number", "switch"):
             if self.type_name.startswith("decimal"):  # Arrow's cast is not to the nearest number
                 return np.array([np.nan if value is None else float(value) for value in column.to_pylist()])
+            if self.type_name == "halffloat":  # older versions of Arrow have no cast
+                return np.asarray(column.to_numpy(), np.float64)
             return np.asarray(column.cast("float64", safe=False).to_numpy(), np.float64)
         if self.kind in ("date", "span"):
             return np.asarray(column.to_numpy())
