@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from corpus.clean_log import CLEAN, FITTED, HEADER, OPEN, ROWS, Shown, check, frame_of, save_fitted, text_of
+from corpus.clean_log import CLEAN, FITTED, HEADER, ROWS, Shown, check, frame_of, save_fitted, text_of
 
 from thermocorr import DynamicBiasRegressor, RecordError, RecordWarning, load_model, save_model
 from thermocorr.command.cli import main
@@ -66,13 +66,12 @@ def test_a_cell_that_is_no_number_is_refused_by_both_commands(cell, column, corr
         read(text_of(rows))
 
 
-@OPEN
 @pytest.mark.parametrize("cell", ["\x0b21", "\x0c21"])
 def test_only_blanks_and_tabs_are_blanks(cell, correct, read):
     rows = [list(row) for row in CLEAN[:30]]
     rows[12][1] = cell
     assert correct(text_of(rows)).named == [14]
-    with pytest.raises(RecordError, match="row 12"):
+    with pytest.raises(RecordError, match="line 14"):
         read(text_of(rows))
 
 
