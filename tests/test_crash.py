@@ -18,7 +18,7 @@ from thermocorr.datasets import make_record
 
 ROOT = Path(__file__).parents[1]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(thermocorr.__file__).parents[1]), "OMP_NUM_THREADS": "1"}
-COMMAND = [sys.executable, "-c", "import sys; from thermocorr.command.cli import main; sys.exit(main())"]
+COMMAND = [sys.executable, "-m", "thermocorr"]
 ANALYZE = ["--reading", "reading", "--time-constants", "10min,2h", "--blocks", "2", "--quiet"]
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="signals and locks are those of Unix")

@@ -15,11 +15,12 @@ import warnings
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, NoReturn
 
+import thermocorr.command.analyze  # children find it loaded, as what follows
 import thermocorr.command.correct as correcting
+import thermocorr.command.export_c  # noqa: F401
 import thermocorr.command.lines as reading
 import thermocorr.files.drafts as drafts
 
@@ -206,11 +207,9 @@ class NewProcess(Process):
     """A new process of the command `thermocorr`."""
 
     def __init__(self, arguments: list[str], folder: Path, package: Path):
-        module, _, function = entry_point().partition(":")
-        command = f"import sys; from {module} import {function}; sys.exit({function}())"
         environment = {**os.environ, "PYTHONPATH": str(package)}
         self._process = subprocess.Popen(
-            [sys.executable, "-c", command, *arguments],
+            [sys.executable, "-m", "thermocorr", *arguments],
             cwd=folder,
             env=environment,
             stdin=subprocess.DEVNULL,
@@ -228,9 +227,3 @@ class NewProcess(Process):
     def poll(self) -> int | None:
         """Its status, once it has ended."""
         return self._process.poll()
-
-
-def entry_point() -> str:
-    """Where the command begins, as it is installed."""
-    found = [*entry_points(group="console_scripts", name="thermocorr")]
-    return found[0].value if found else "thermocorr.command.cli:main"

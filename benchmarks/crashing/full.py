@@ -64,15 +64,23 @@ class SavedModel(Saved):
 class SavedDiagnosis(Saved):
     name = "Diagnosis.save_html"
 
+    def prepare(self) -> None:
+        super().prepare()
+        self.shown = self.lab.diagnosis
+
     def save(self) -> None:
-        self.lab.diagnosis.save_html("saved")
+        self.shown.save_html("saved")
 
 
 class SavedRefinement(Saved):
     name = "Refinement.save_html"
 
+    def prepare(self) -> None:
+        super().prepare()
+        self.shown = self.lab.refinement
+
     def save(self) -> None:
-        self.lab.refinement.save_html("saved")
+        self.shown.save_html("saved")
 
 
 class SavedReport(Saved):

@@ -9,6 +9,7 @@ import tempfile
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +40,18 @@ class Lab:
     """The same with dates in the future and in the past."""
     long: bytes
     """A long log to correct, with dates in the future."""
-    diagnosis: Diagnosis
-    refinement: Refinement
     known: dict[Any, Any]
     """What undisturbed runs gave, by kind of run."""
+
+    @cached_property
+    def diagnosis(self) -> Diagnosis:
+        """What is missing in the model."""
+        return diagnose(self.model, *self.fitted)
+
+    @cached_property
+    def refinement(self) -> Refinement:
+        """The model with something added."""
+        return refine(self.model, *self.fitted, max_steps=1)
 
 
 def make_lab(place: Path) -> Lab:
@@ -53,14 +62,13 @@ def make_lab(place: Path) -> Lab:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordWarning)
         model = DynamicBiasRegressor(time="time", time_constants=[600.0, 7200.0], max_gap="1h").fit(X, y)
-        found, refined = diagnose(model, X, y), refine(model, X, y, max_steps=1)
     save_model(model, place / "model.json")
     gc.freeze()  # children share what is there
     log = record[FITTED:]
     late = _dated(log, "2124", 15)
     parts = (fitted, log[:ROWS], _dated(late, "1924", 5)[:ROWS], late)
     texts = [part.to_csv(index=False).encode() for part in parts]
-    return Lab(place, model, (X, y), (place / "model.json").read_bytes(), *texts, found, refined, {})
+    return Lab(place, model, (X, y), (place / "model.json").read_bytes(), *texts, {})
 
 
 def _record() -> pd.DataFrame:

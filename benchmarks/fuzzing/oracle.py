@@ -67,7 +67,7 @@ def fields(line: bytes) -> list[str] | None:
         text = line.decode("utf-8")
     except UnicodeDecodeError:
         return None
-    if "\0" in text or "\r" in text:
+    if any(mark in text for mark in "\0\r\v\f"):
         return None
     try:
         rows = list(csv.reader([text], strict=True))
