@@ -197,6 +197,8 @@ def _become(streams: tuple[int, int, int], folder: Path, calls: Calls, work: Cal
         if not done:
             signal.signal(signal.SIGINT, signal.SIG_DFL)
             os.kill(os.getpid(), signal.SIGINT)
+    except SystemExit as ended:
+        status = int(ended.code or 0)
     except BaseException:
         traceback.print_exc()
     finally:

@@ -86,11 +86,11 @@ def _after_signal(episode: Episode, ended: Ended, disturbance: Disturbance) -> C
     number = disturbance.signal
     assert number is not None
     in_time = ended.status == (-9 if number == signal.SIGKILL else 128 + number)
-    faults["late"] += ended.status == episode.fine
+    faults["late"] += ended.status in (0, episode.fine)
     faults["tracebacks"] += traces(ended)
     faults["inputs"] += not episode.intact()
     faults["status"] += ended.hangs or not (
-        in_time or ended.status in (episode.fine, -number) or _told_to_end(episode, ended)
+        in_time or ended.status in (0, episode.fine, -number) or _told_to_end(episode, ended)
     )
     if in_time and number != signal.SIGKILL:
         faults["status"] += not _said_well(episode, ended)

@@ -197,8 +197,7 @@ class Appended(Results):
         at_place = saved is not None and self.resume(saved)
         if saved is None or not os.path.exists(options.out) or (saved.out is None and options.force):
             others = [options.state] if options.state else []
-            self.file = AppendedFile.new(options.out, [*self.inputs, *others], options.force)
-            self.write(header)
+            self.file = AppendedFile.new(options.out, [*self.inputs, *others], options.force, header)
             return
         if saved.out is None:
             raise OutputError(

@@ -69,11 +69,15 @@ class AppendedFile:
         self._length = os.fstat(descriptor).st_size if self._regular else 0
 
     @classmethod
-    def new(cls, path: Name, inputs: Iterable[Name] = (), force: bool = False) -> AppendedFile:
-        """An empty file in its place, under the rules of `Outputs`."""
+    def new(cls, path: Name, inputs: Iterable[Name] = (), force: bool = False, first: bytes = b"") -> AppendedFile:
+        """A file with its first row in its place, under the rules of `Outputs`."""
+        device = os.path.exists(path) and not os.path.isfile(path)
         with Outputs(inputs, force) as outputs:
-            outputs.write(path, b"")
-        return cls._opened(path)
+            outputs.write(path, b"" if device else first)
+        file = cls._opened(path)
+        if device:
+            file.write(first)
+        return file
 
     @classmethod
     def resumed(cls, path: Name, at: Position) -> AppendedFile:
