@@ -29,7 +29,7 @@ class DelayState(NamedTuple):
 
 
 class Signals:
-    """The vocabulary of `Effect.signals`, beside +, -, *, /, whole powers, `abs`, and comparisons within `where`."""
+    """The vocabulary of `Effect.signals`, beside sums, products, quotients, whole powers, `abs` and comparisons in `where`."""
 
     T: Any
     """Ambient temperature."""
