@@ -29,7 +29,7 @@ class DelayState(NamedTuple):
 
 
 class Signals:
-    """The vocabulary of `Effect.signals`, beside sums, products, quotients, whole powers, `abs` and comparisons in `where`."""
+    """The vocabulary of `Effect.signals`, beside arithmetic, whole powers, `abs` and comparisons within `where`."""
 
     T: Any
     """Ambient temperature."""
