@@ -15,7 +15,6 @@ from thermocorr.effects import Covariate, Effect, Hysteresis
 from thermocorr.effects.protocol import EffectInfo
 from thermocorr.effects.wrap import TransformerEffect
 from thermocorr.judgement.blocks import averaged
-from thermocorr.judgement.noise import noise_model
 from thermocorr.records import read_record
 from thermocorr.records.read import Layout
 
@@ -57,11 +56,14 @@ def test_nothing_is_named_where_nothing_is_missing(seed):
 
 @pytest.mark.parametrize("seed", [52, 53])
 def test_an_unknown_cause_is_owned_up_to(seed):
+    """Whatever switches is several steps or nobody's fault, and what is left is said to wander."""
     found = diagnose(*hidden({"random_telegraph": 2.0}, seed))
-    assert found.verdict == "unexplained"
-    assert found.best is None
-    assert found.colour > 1.2
-    assert "no known effect explains" in str(found)
+    assert found.best is None or found.best.kind == "several_steps"
+    assert found.left.structured and found.colour > 1.2
+    assert "What is left wanders" in str(found)
+    walk = diagnose(*hidden({"random_walk": 2.0}, seed))
+    assert walk.verdict == "unexplained" and walk.best is None
+    assert "no known effect explains" in str(walk)
 
 
 def test_a_lag_that_the_model_lacks_is_named():
@@ -242,20 +244,6 @@ def test_averages_are_plain_means_that_skip_missing_readings():
     assert data.counts.tolist() == [3, 4]
     np.testing.assert_allclose(data.reading, [(0 + 4 + 6) / 3, (16 + 18 + 20 + 22) / 4])
     np.testing.assert_allclose(data.columns[0][:, 0], [(0 + 2 + 3) / 3, 9.5])
-
-
-def test_noise_model_finds_the_coefficient_of_autoregressive_noise():
-    """Three standard errors of a coefficient from 20 000 samples: sqrt((1 - 0.36)/20000)."""
-    rng = np.random.default_rng(0)
-    shocks, noise = rng.normal(size=20_000), np.zeros(20_000)
-    for k in range(1, len(noise)):
-        noise[k] = 0.6 * noise[k - 1] + shocks[k]
-    model = noise_model(noise, np.zeros(len(noise)))
-    assert model.phi[0] == pytest.approx(0.6, abs=3 * np.sqrt(0.64 / 20_000) + 0.01)
-    assert model.colour == pytest.approx(1 / (1 - 0.36), rel=0.05)
-    white = model.whitened(noise[:, None], np.zeros(len(noise)))[:, 0]
-    assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.02
-    assert noise_model(shocks, np.zeros(len(shocks))).colour == 1.0
 
 
 class Fan(Covariate):

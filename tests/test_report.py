@@ -111,12 +111,12 @@ def test_short_forms_need_no_script_and_names_are_no_markup(hostile, gappy):
 
 @pytest.mark.parametrize("verdict", ["nothing missing", "missing", "ambiguous", "unexplained"])
 def test_every_verdict_has_its_page(gappy, verdict):
-    best = gappy[3].best if verdict in ("missing", "ambiguous") else None
-    html = replace(gappy[3], verdict=verdict, best=best).to_html()
+    named = gappy[3].n_causes if verdict in ("missing", "ambiguous") else 0
+    html = replace(gappy[3], verdict=verdict, n_causes=named).to_html()
     assert f'data-verdict="{verdict}"' in html
-    assert ("with_effect" in html) == (best is not None)
+    assert ("with_effect" in html) == (named > 0)
     assert ("It fails most" in html) == (verdict != "nothing missing")
-    assert replace(gappy[3], verdict=verdict, best=best)._repr_html_()
+    assert replace(gappy[3], verdict=verdict, n_causes=named)._repr_html_()
 
 
 def test_a_record_of_many_segments_does_not_swell_the_page(gappy):
@@ -167,7 +167,7 @@ def test_tables_hold_the_numbers_of_the_frames(browser, gappy, gappy_page):
     opened(browser, gappy_page)
     where = diagnosis.where[["share", "lift", "rms"]].to_numpy()
     np.testing.assert_array_equal(numbers(browser, ".places"), where)
-    ranking = diagnosis.ranking[["share", "gain_db", "p_value"]].to_numpy()
+    ranking = diagnosis.ranking[["share", "gain_db", "later_db", "p_value"]].to_numpy()
     np.testing.assert_array_equal(numbers(browser, ".suspects"), ranking)
     coefficients = gappy[2].coef_table()[["coefficient", "standard_error"]].to_numpy()
     np.testing.assert_array_equal(numbers(browser, ".coefficients"), coefficients)

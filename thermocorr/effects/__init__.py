@@ -8,6 +8,7 @@ from .periodic import Periodic
 from .products import LagProducts
 from .protocol import Effect, EffectInfo
 from .rates import Delay, Rate
+from .several_steps import SeveralSteps
 from .signals import Signals
 from .thermal import StaticPolynomial, ThermalLag
 from .time import Drift, LogAgeing, SensitivityDrift, Step
@@ -31,6 +32,7 @@ __all__ = [
     "Periodic",
     "Rate",
     "SensitivityDrift",
+    "SeveralSteps",
     "Signals",
     "StaticPolynomial",
     "Step",

@@ -50,11 +50,20 @@ def _texts_of_segments(value: Any, where: str, effect: Any) -> None:
         text(item, f"{where}[{key}]")
 
 
+def _each(value: Any, where: str, check: Callable[[Any, str], Any]) -> None:
+    if not isinstance(value, list):
+        raise unexpected(where, "values", "a list")
+    for i, item in enumerate(value):
+        check(item, f"{where}[{i}]")
+
+
 CHECKS: dict[str, Callable[[Any, str, Any], Any]] = {
     "number": lambda value, where, effect: number(value, where, -1e300, 1e300),
     "positive": lambda value, where, effect: positive(value, where),
     "positive or None": lambda value, where, effect: value is None or positive(value, where),
+    "numbers": lambda value, where, effect: _each(value, where, lambda item, at: number(item, at, -1e300, 1e300)),
     "text": lambda value, where, effect: text(value, where),
+    "texts": lambda value, where, effect: _each(value, where, text),
     "column": lambda value, where, effect: name(value, where),
     "times": _times,
     "times of segments": _times_of_segments,

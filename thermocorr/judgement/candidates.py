@@ -16,6 +16,7 @@ from ..records import Log, Record, RecordError, read_record
 from ..records.grammar import LARGEST
 from ..records.numbers import from_polars, is_frame, numeric_reading
 from .blocks import filled
+from .levels import TIME_LIKE
 
 
 def suspect_record(
@@ -36,7 +37,7 @@ def suspect_record(
     suspects = {name: (X[name] if is_frame(X) else np.asarray(X)[:, name]) for name in columns if name not in own}
     values = {name: np.asarray(column, float) for name, column in suspects.items()}
     sound = {name: np.abs(column) <= LARGEST for name, column in values.items()}
-    known = {name: column for name, column in values.items() if sound[name].mean() > 0.95}
+    known = {n: column for n, column in values.items() if sound[n].mean() > 0.95 and not _clock(column, sound[n], read)}
     return filled(
         Record(
             times=read.times,
@@ -52,6 +53,15 @@ def suspect_record(
         ),
         used=read.columns,
     )
+
+
+def _clock(column: np.ndarray, sound: np.ndarray, read: Record) -> bool:
+    """Whether a column tells nothing but the time."""
+    rows = np.arange(len(column)) if read.order is None else np.argsort(read.order)
+    if len(rows) != len(column):
+        return False
+    together = np.corrcoef(rows[sound], column[sound])
+    return bool(abs(together[0, 1]) > TIME_LIKE)
 
 
 def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:

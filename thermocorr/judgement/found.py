@@ -11,13 +11,15 @@ import pandas as pd
 
 from ..effects.protocol import Effect
 from ..pages import DiagnosisPage, PageData
-from ..pictures.words import each_row, effect_text, suspect_sentence, worst_sentence
+from ..pictures.words import each_row, effect_text, left_sentences, suspect_sentence, worst_sentence
 from ..records.text import printable
-from .trial import LEVEL
+from .left import Left
+from .levels import LEVEL
 
 WIDTH = 110
 """Characters in a line of a printed diagnosis."""
-RANKING = ["label", "kind", "column", "parameters", "gain_db", "p_value", "share", "confusable_with", "sentence"]
+RANKING = ["label", "kind", "column", "parameters", "standing", "gain_db", "later_db", "p_value", "share",
+           "confusable_with", "sentence"]  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,14 +28,24 @@ class FoundSuspect:
 
     effect: Effect
     """The effect, ready for ``model.with_effect``."""
+    standing: str
+    """ "proven": the likelihood of the record leaves no doubt; "helps": it lowers the error on data that it was not
+    learned from, and its cause is not proven; "": tried, and not named."""
     share: float
     """Share of the structured variance that it explains."""
     gain_db: float
-    """Gain on blocks of time that it was not learned from."""
+    """Fall of the squared error on blocks of time that it was not learned from [dB]."""
+    later_db: float
+    """Fall of the squared error on later stretches, learned from earlier ones [dB]."""
     p_value: float
     """Error probability, corrected for the number of candidates tried."""
     confusable_with: tuple[Effect, ...] = ()
     """Effects that this record cannot tell it apart from."""
+
+    @property
+    def label(self) -> str:
+        """Kind and column."""
+        return effect_text(self.effect)
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -51,13 +63,12 @@ class Diagnosis(DiagnosisPage):
     allan: pd.DataFrame
     """Allan deviation of the residual against white noise, see `thermocorr.judgement.where.against_white`."""
     suspects: tuple[FoundSuspect, ...]
-    """Best first."""
-    best: Effect | None
-    """The first suspect, ready for ``model.with_effect``; None where the verdict names nobody."""
+    """The causes, by what they are worth on later data and by how sure they are; then other suspects, best first."""
+    n_causes: int
+    left: Left
+    """What no cause explains: whether it wanders, for how long it remembers, spikes, and what could have been seen."""
     residual_rms: float
     """Rms residual of the model on these data, in the unit of y."""
-    colour: float
-    """Variance over innovation variance of what all suspects together leave: 1 for white noise."""
     unit: str
     level: float = LEVEL
     """Error probability of the whole family of suspects, below which one is named."""
@@ -65,9 +76,24 @@ class Diagnosis(DiagnosisPage):
     """Gathers series, formula and coefficients of the model on the record; None in a pickled copy."""
 
     @property
+    def causes(self) -> tuple[FoundSuspect, ...]:
+        """What is missing: each proven, or helpful on data that it was not learned from."""
+        return self.suspects[: self.n_causes]
+
+    @property
+    def best(self) -> Effect | None:
+        """The first cause, ready for ``model.with_effect``; None where the verdict names nobody."""
+        return self.suspects[0].effect if self.n_causes else None
+
+    @property
+    def colour(self) -> float:
+        """Variance over innovation variance of what all causes together leave: 1 for white noise."""
+        return self.left.colour
+
+    @property
     def ranking(self) -> pd.DataFrame:
-        """`suspects` as a table: label, kind, column, parameters, gain_db (held out), p_value (of the whole family),
-        share (of the structured variance), confusable_with (labels), sentence.
+        """`suspects` as a table: label, kind, column, parameters, standing, gain_db (blocks held out), later_db,
+        p_value (of the whole family), share (of the structured variance), confusable_with (labels), sentence.
         """
         rows = [
             {
@@ -75,7 +101,9 @@ class Diagnosis(DiagnosisPage):
                 "kind": suspect.effect.kind,
                 "column": next(iter(suspect.effect.inputs()), None),
                 "parameters": suspect.effect.get_params(deep=False),
+                "standing": suspect.standing,
                 "gain_db": suspect.gain_db,
+                "later_db": suspect.later_db,
                 "p_value": suspect.p_value,
                 "share": suspect.share,
                 "confusable_with": tuple(effect_text(effect) for effect in suspect.confusable_with),
@@ -106,7 +134,10 @@ class Diagnosis(DiagnosisPage):
             lines.append(worst_sentence(next(each_row(self.where))))
         if self.verdict == "unexplained":
             lines.append("There is structure in the residual that no known effect explains by itself.")
-        lines += [f"Suspect {k}, {suspect_sentence(suspect)}" for k, suspect in enumerate(self.suspects[:3], 1)]
+        said = self.causes or self.suspects[:3]
+        word = "Cause" if self.causes else "Suspect"
+        lines += [f"{word} {k}, {suspect_sentence(suspect)}" for k, suspect in enumerate(said, 1)]
+        lines += left_sentences(self.left, self.unit, self.verdict)
         if self.best is not None and self.best.info is not None:
             lines.append(f"To confirm the first on the bench: {self.best.info.bench_check}")
             lines.append("To add it: better = model.with_effect(diagnosis.best).fit(X, y), or refine(model, X, y).")

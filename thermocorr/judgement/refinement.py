@@ -11,6 +11,7 @@ import pandas as pd
 from sklearn.base import clone
 
 from ..effects import Covariate, LaggedCovariate
+from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..pages import RefinementPage
@@ -18,9 +19,12 @@ from ..records.text import printable
 from .adding import held_out_rms, with_missing
 from .diagnosis import diagnose
 from .found import Diagnosis
+from .levels import GAIN
 
 HELPS = 0.9995
 """An effect is kept if it lowers the held-out error at least to this share of what it was before."""
+UNNAMED = 2
+"""Suspects that are tried though the diagnosis names them not, where structure is left."""
 SUPERFLUOUS = 1.001
 """An effect leaves again if the held-out error without it is at most this share of the error with it."""
 TUNING = (0.1, 0.03)
@@ -111,19 +115,21 @@ def refine(
     start = best_rms
     try:
         for number in range(1, max_steps + 1):
-            found = diagnoses[-1]
-            if found.best is None:
-                break
-            say(f"step {number}: adding {found.best.label()}")
-            extended = with_missing(current, found.best)
-            extended.fit(X, y)
-            rms = held_out_rms(extended, X, y)
-            if rms > best_rms * HELPS:
-                say(f"{found.best.label()} does not help on held-out blocks: {rms:.4g} after {best_rms:.4g}")
+            added: Effect | None = None
+            for effect in worth_trying(diagnoses[-1]):
+                say(f"step {number}: adding {effect.label()}")
+                extended = with_missing(current, effect)
+                extended.fit(X, y)
+                rms = held_out_rms(extended, X, y)
+                if rms <= best_rms * HELPS:
+                    added = effect
+                    break
+                say(f"{effect.label()} does not help on held-out blocks: {rms:.4g} after {best_rms:.4g}")
+            if added is None:
                 break
             current, best_rms, gone = _without_superfluous(extended, X, y, rms)
             diagnoses.append(diagnose(current, X, y, **wanted))
-            rows.append(_step(number, found.best.label(), current, best_rms, start, diagnoses[-1], X, y))
+            rows.append(_step(number, added.label(), current, best_rms, start, diagnoses[-1], X, y))
             for label in gone:
                 rows.append(_step(number, f"without {label}", current, best_rms, start, diagnoses[-1], X, y))
         simpler, simpler_rms = _simpler(current, X, y, best_rms)
@@ -141,6 +147,14 @@ def refine(
     except KeyboardInterrupt:
         say("stopped")
     return Refinement(pd.DataFrame(rows), current, tuple(diagnoses))
+
+
+def worth_trying(found: Diagnosis) -> list[Effect]:
+    """The causes, then suspects that lowered the error on later data, though nothing proves them."""
+    others = [s for s in found.suspects[found.n_causes :] if min(s.gain_db, s.later_db) >= GAIN]
+    others.sort(key=lambda s: -min(s.gain_db, s.later_db))
+    tried = [*found.causes, *(others[:UNNAMED] if found.verdict != "nothing missing" else [])]
+    return [suspect.effect for suspect in tried]
 
 
 def _step(

@@ -62,7 +62,7 @@ def where_it_fails(
     aspects.append({"aspect": "temperature"})
     for effect in effects:
         effect.learn(record)
-    data = averaged(replace(record, reading=residual), [*effects, _Temperature()], weight=np.ones(1))
+    data = averaged(replace(record, reading=residual), [*effects, _Temperature()])
     values = [columns[:, 0] for columns in data.columns]
     values[0] = values[0] * 3600.0
     for i, effect in enumerate(effects):
@@ -91,7 +91,7 @@ def against_white(record: Record, residual: np.ndarray, floor: float) -> pd.Data
     Columns averaging_time [s], deviation, low, high (95 %), white (the line of the noise floor) and excess (deviation
     over white); from averages over short stretches of time, so the shortest averaging time is one of these.
     """
-    data = averaged(replace(record, reading=residual), [], weight=np.ones(1))
+    data = averaged(replace(record, reading=residual), [])
     pieces = [data.reading[data.segment == segment] for segment in np.unique(data.segment)]
     steps = np.diff(data.seconds)[np.diff(data.segment) == 0]
     if len(data.reading) < 3 or not len(steps):

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..pictures.protocols import DiagnosisLike
 from ..pictures.timeline import time_text
-from ..pictures.words import aspect_text, each_row, effect_text, interval_text, place_text
+from ..pictures.words import aspect_text, each_row, effect_text, interval_text, left_sentences, place_text
 from .data import PageData
 from .figures import placed
 from .html import (
@@ -97,7 +97,6 @@ def anything(found: DiagnosisLike, *figures: Any) -> Section:
         (label, number(value, found.unit), bar(value / largest if largest else 0.0))
         for label, value in (("residual of the model", found.residual_rms), ("noise floor", found.noise_floor))
     ]
-    whiteness = "looks like white noise" if found.colour <= 1.05 else "still has structure"
     return section(
         "anything",
         "1 Is anything missing?",
@@ -110,11 +109,9 @@ def anything(found: DiagnosisLike, *figures: Any) -> Section:
             number(found.noise_floor, found.unit),
             " for one sample. ",
             percent(found.explainable),
-            f" of the residual's variance could still be explained. What all suspects together leave {whiteness} "
-            "(variance over innovation variance ",
-            number(found.colour, digits=3),
-            "; 1 is white).",
+            " of the residual's variance could still be explained.",
         ),
+        tag("p", " ".join(left_sentences(found.left, found.unit, found.verdict))),
         table(("", "rms", ""), rows, "lrl"),
         *figures,
     )
@@ -203,9 +200,8 @@ def suspects(found: DiagnosisLike, data: PageData | None, *figures: Any) -> Sect
         return section("what", "3 What is missing?", tag("p", "No suspect could be tried on this record."), *figures)
     lead = {
         "nothing missing": "Nothing that was tried: no suspect is worth adding.",
-        "unexplained": "No suspect explains it by itself. The first of those tried:",
-        "ambiguous": "These explain it equally well on this record:",
-    }.get(found.verdict, "The suspects, best first. The gain is on blocks of time that the fit did not see.")
+        "unexplained": "No suspect explains it. The first of those tried:",
+    }.get(found.verdict, "The causes, what helps most on later data first; then what else was tried.")
     rows = [
         (
             join(
@@ -216,18 +212,29 @@ def suspects(found: DiagnosisLike, data: PageData | None, *figures: Any) -> Sect
             ),
             percent(row.share),
             bar(row.share),
+            row.standing or DASH,
             decibels(row.gain_db),
+            decibels(row.later_db),
             probability(row.p_value),
             ", ".join(effect_text(effect) for effect in row.confusable_with) or DASH,
         )
         for row in found.suspects
     ]
-    head = ("suspect", "explains of the structure", "", "held-out gain", "error probability", "not told apart from")
+    head = (
+        "suspect",
+        "explains of the structure",
+        "",
+        "standing",
+        "gain, blocks",
+        "gain, later",
+        "error probability",
+        "not told apart from",
+    )
     physics = [
         tag("li", tag("strong", effect.kind.replace("_", " ")), ": ", effect.info.physics)
         for effect in by_kind([suspect.effect for suspect in found.suspects[:3]])
     ]
-    listed = table(head, rows, "lrlrrl", "suspects")
+    listed = table(head, rows, "lrllrrrl", "suspects")
     if found.verdict == "nothing missing":
         listed = tag("details", tag("summary", f"The first {len(rows)} of those tried"), listed)
         physics = []
@@ -239,8 +246,9 @@ def suspects(found: DiagnosisLike, data: PageData | None, *figures: Any) -> Sect
         listed,
         tag(
             "p",
-            "Error probabilities are those of the whole family of suspects, on residuals made white; a suspect is "
-            f"named below {found.level:g}.",
+            "Error probabilities are those of the whole family of suspects, from likelihoods in which the noise may "
+            f"wander; below {found.level:g} a cause is proven. A cause helps if the squared error falls by a decibel "
+            "and more on later stretches learned from earlier ones and on held-out blocks, more than noise would do.",
             class_="fine",
         ),
         *figures,

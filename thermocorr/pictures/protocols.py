@@ -32,6 +32,9 @@ class DiagnosisLike(Protocol):
     def suspects(self) -> tuple[Any, ...]: ...  # noqa: D102
 
     @property
+    def left(self) -> Any: ...  # noqa: D102
+
+    @property
     def best(self) -> Any: ...  # noqa: D102
 
     @property

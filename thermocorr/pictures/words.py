@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from ..records.text import printable
@@ -13,6 +14,8 @@ from .timeline import time_text
 MINUS = "\u2212"
 YEARLY = 200 * 86_400.0
 """Span of a record above which dates are written with their year [s]."""
+MANY_SPIKES = 10
+"""Spikes that are listed at most."""
 _HEADS = {"rate": "rate [K/h]", "hour": "hour of day (UTC)", "frequency": "frequency"}
 
 
@@ -68,6 +71,13 @@ def probability_text(p: float) -> str:
     return f"{p:.2g}" if p > 1e-12 else "below 1e-12"
 
 
+STANDINGS = {
+    "proven": "proven",
+    "helps": "helps on data not learned from; its cause is not proven",
+    "": "not named",
+}
+
+
 def suspect_sentence(suspect: Any) -> str:
     """What is held against a suspect, in one sentence and its physics in another."""
     tie = ""
@@ -75,9 +85,52 @@ def suspect_sentence(suspect: Any) -> str:
         tie = f"; cannot be told apart from {', '.join(effect_text(effect) for effect in suspect.confusable_with)}"
     physics = suspect.effect.info.physics if suspect.effect.info is not None else ""
     return (
-        f"{suspect.effect.label()}: explains {suspect.share:.0%} of the structured variance, held-out gain "
-        f"{suspect.gain_db:.2f} dB, error probability {probability_text(suspect.p_value)}{tie}. {physics}"
+        f"{suspect.effect.label()}: {STANDINGS[suspect.standing]}; explains {suspect.share:.0%} of the structured "
+        f"variance, gain {suspect.gain_db:.2f} dB on held-out blocks and {suspect.later_db:.2f} dB on later data, "
+        f"error probability {probability_text(suspect.p_value)}{tie}. {physics}"
     ).strip()
+
+
+_TO_LOG = (
+    (600.0, "draughts, the supply voltage, the load"),
+    (2 * 3600.0, "the air conditioning's switch, a fan, the mains load"),
+    (12 * 3600.0, "a second thermometer (room, wall, meter), humidity, sunlight"),
+    (36 * 3600.0, "what has a day: sunlight, the mains load, people in the room, humidity"),
+    (5 * 86_400.0, "weather: pressure and humidity; a second thermometer deep in the instrument"),
+    (
+        np.inf,
+        "humidity (moisture is taken up for weeks), what people do in a week, a second standard that ages otherwise",
+    ),
+)
+
+
+def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
+    """What no cause explains, what to log to learn more, and what this record could have shown."""
+    unit = f" {unit}" if unit else ""
+    said = []
+    if left.structured:
+        said.append(
+            f"What is left wanders by {left.wandering:.3g}{unit} and remembers for about "
+            f"{time_text(left.correlation_time)}."
+        )
+        if verdict in ("unexplained", "ambiguous"):
+            to_log = next(text for limit, text in _TO_LOG if left.correlation_time <= limit)
+            said.append(f"To learn its cause, log what changes as slowly: {to_log}.")
+    else:
+        said.append("What is left looks like white noise.")
+    if left.spikes:
+        said.append(
+            f"{'At least ' if len(left.spikes) == MANY_SPIKES else ''}{len(left.spikes)} readings jump far out of the "
+            f"noise, the farthest {time_text(left.spikes[0])} after the record began."
+        )
+    seen = [
+        f"{'a drift' if name == 'smallest_drift' else 'a step'} of {value:.2g}{unit}"
+        for name in ("smallest_drift", "smallest_step")
+        if np.isfinite(value := getattr(left, name))
+    ]
+    if seen:
+        said.append(f"This record could have shown {' or '.join(seen)}; smaller ones are beyond it.")
+    return said
 
 
 def worst_sentence(row: Any) -> str:

@@ -1,0 +1,253 @@
+"""Causes, one after the other: every explanation is compared with every other, the best is taken in, and so on.
+
+Two questions are asked of each. Is it there: how much does the likelihood of the record gain, its noise estimated
+anew? And what is it worth: how far does the error fall on data that it was not learned from? What helps on later data
+comes first; among what helps nearly as much, the likelihood decides.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from ..effects import Periodic
+from ..effects.grids import longest_segment
+from .anywhere import best_period, step_gains
+from .levels import DIFFERENT, DRAWS, FINER, GAIN, LEVEL, LOOKS, MOST, NEAR, SHARES, SPEAKS, TIE, TUNED
+from .likelihood import Comparison
+from .pool import Explanation, Key, Pool
+from .worth import HeldOut, Worth
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tried:
+    """An explanation with what speaks for it."""
+
+    explanation: Explanation
+    number: int
+    """Among the explanations of the comparison."""
+    gain: float
+    """In log likelihood."""
+    score: float
+    """Gain, less what its columns and the choice of its parameters would gain by chance."""
+    p_value: float
+    """Error probability, the whole family having been tried."""
+    worth: Worth
+
+    @property
+    def proven(self) -> bool:
+        """Whether the likelihood proves it."""
+        return self.p_value <= LEVEL and self.score > 0
+
+    @property
+    def key(self) -> Key:
+        """Kind and column."""
+        return self.explanation.key
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """An explanation that was taken in, and those that cannot be told apart from it."""
+
+    tried: Tried
+    alike: tuple[Tried, ...]
+    others: tuple[Tried, ...]
+    """What else was tried in its place, best first."""
+    share: float
+    """Share of the structured variance that it explains."""
+
+
+class Search:
+    """Finds causes one after the other."""
+
+    def __init__(self, pool: Pool):
+        self.pool, self.record = pool, pool.record
+        self.tried = list(pool.explanations)
+        self.judged = Comparison(pool.reading, pool.base, pool.data.segment)
+        self.judged.add([explanation.columns for explanation in self.tried])
+        white = float(np.exp(np.average(np.log(self.judged.S(self.judged.base.theta)), weights=self.judged.share)))
+        self.structured = max(self.judged.unexplained() - white, 0.01 * white)
+        """Mean square beside the base, beyond the noise that nothing foresees."""
+        self.held = HeldOut(pool.coarse(pool.reading)[:, None], pool.coarse(pool.base))
+        self.coarse = [pool.coarse(explanation.columns) for explanation in self.tried]
+        keys = [explanation.key for explanation in self.tried]
+        self.sizes = {key: keys.count(key) for key in dict.fromkeys(keys)}
+        tests = LOOKS * sum(min(size, DIFFERENT) for size in self.sizes.values())
+        anywhere = {key: self.judged.n for key in (("step", None), ("periodic", None)) if key in self.sizes}
+        self.sizes |= anywhere  # every row, every period
+        self.tests = {key: max(tests, float(size)) for key, size in self.sizes.items()}
+        """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
+
+        self._drawn: tuple[HeldOut, HeldOut] | None = None
+        """For which base records were drawn, and the drawn ones."""
+
+    def causes(self) -> tuple[list[Cause], list[Tried]]:
+        """The causes, and what was tried last without being one."""
+        found: list[Cause] = []
+        while True:
+            tried = self.look()
+            best, rivals = chosen(tried, self.by_chance)
+            if best is None or len(found) == MOST:
+                return self._needed(found), tried
+            best = (self._tuned([best], FINER) or [best])[0]
+            alike = [other for other in rivals if other.key != best.key]
+            others = tuple(t for t in tried if t.key != best.key)
+            found.append(Cause(tried=best, alike=tuple(alike), others=others, share=self.share(best)))
+            self.judged.adopt(best.number)
+            self.held = self.held.with_columns(self.coarse[best.number])
+
+    def _needed(self, found: list[Cause]) -> list[Cause]:
+        """The causes that are not made superfluous by later ones (a backward check)."""
+        if len(found) < 2:
+            return found
+        gains = [self.judged.gain_of(k) for k in range(len(found))]
+        return [
+            cause
+            for k, cause in enumerate(found)
+            if not cause.tried.proven or self._p_value(gains[k], cause.tried.number) <= LEVEL
+        ]
+
+    def _p_value(self, gain: float, i: int) -> float:
+        """Error probability of an explanation, the whole family having been tried (Wilks 1938; Bonferroni)."""
+        tests, width = self.tests.get(self.tried[i].key, 1.0), self.tried[i].columns.shape[1]
+        return float(min(1.0, tests * stats.chi2.sf(2 * max(gain, 0.0), width)))
+
+    def look(self) -> list[Tried]:
+        """The best of each kind and column beside the present base, best first."""
+        self._anywhere()
+        white = self.judged.only_white()
+        alive = [i for i in range(len(self.tried)) if self.judged.width(i)]
+        screened = [self.judged.screen(self.judged.base.theta), self.judged.screen(white, profiled=True)]
+        worths = dict(zip(alive, self.held.worth([self.coarse[i] for i in alive]), strict=True))
+        ranks = [{i: gains[i] - self.price(i) for i in alive} for gains in screened]
+        ranks.append({i: worths[i].both for i in alive if worths[i].both >= GAIN})
+        first = dict.fromkeys(i for rank in ranks for i in self._best_of_each(rank))
+        found = self._weighed(list(first), worths)
+        found += self._tuned(found)
+        return sorted(found, key=lambda tried: -tried.score)
+
+    def share(self, tried: Tried) -> float:
+        """Share of the structured variance, at the start, that an explanation takes away from the present base."""
+        judged = self.judged
+        taken = judged.unexplained() - judged.unexplained(tried.number)
+        return float(np.clip(taken / max(self.structured, 1e-300), 0.0, 1.0))
+
+    def price(self, i: int) -> float:
+        """What an explanation's columns and the choice among its kind would gain by chance (Schwarz 1978)."""
+        return 0.5 * self.judged.width(i) * math.log(self.judged.n) + math.log(self.sizes.get(self.tried[i].key, 1))
+
+    def by_chance(self, tried: Tried) -> bool:
+        """Whether the base's own noise would give a column so much help in one of many drawn records."""
+        if self._drawn is None or self._drawn[0] is not self.held:
+            judged = self.judged
+            root = np.sqrt(judged.bands.each_row(judged.S(judged.base.theta)))[:, None]
+            draws = judged.unit * judged.bands.back(root * np.random.default_rng(0).standard_normal((judged.n, DRAWS)))
+            self._drawn = self.held, HeldOut(self.pool.coarse(draws), self.held.base)
+        later, blocks = self._drawn[1].falls([self.coarse[tried.number]])
+        return bool(np.max(np.minimum(later, blocks)) >= tried.worth.both)
+
+    def _anywhere(self) -> None:
+        """Add the best step of all rows and the best wave of all periods, under wandering and under white noise."""
+        judged = self.judged
+        found = []
+        for theta in (judged.base.theta, judged.only_white()):
+            gains = step_gains(judged, theta, self.pool.weight)
+            if gains.max() > 0:
+                found.append(self.pool.step_at(int(gains.argmax())))
+            rows = best_period(judged, theta, longest_segment(self.record) / self.pool.spacing / 3)
+            if rows is not None:
+                found += self.pool.of([Periodic(float(f"{rows * self.pool.spacing:.6g}"), 1)])
+        self._add([explanation for explanation in found if self.sizes.get(explanation.key)])
+
+    def _add(self, explanations: Sequence[Explanation]) -> list[int]:
+        self.judged.add([explanation.columns for explanation in explanations])
+        self.tried += explanations
+        self.coarse += [self.pool.coarse(explanation.columns) for explanation in explanations]
+        return list(range(len(self.tried) - len(explanations), len(self.tried)))
+
+    def _best_of_each(self, rank: dict[int, float]) -> list[int]:
+        best: dict[Key, int] = {}
+        for i in sorted(rank, key=lambda i: -rank[i]):
+            best.setdefault(self.tried[i].key, i)
+        return list(best.values())
+
+    def _weighed(self, which: Sequence[int], worths: dict[int, Worth]) -> list[Tried]:
+        fits = self.judged.refit(which)
+        gains = [fit.level - self.judged.base.level for fit in fits]
+        return [
+            Tried(
+                explanation=self.tried[i],
+                number=i,
+                gain=gain,
+                score=gain - self.price(i),
+                p_value=self._p_value(gain, i),
+                worth=worths[i],
+            )
+            for i, gain in zip(which, gains, strict=True)
+        ]
+
+    def _tuned(self, found: Sequence[Tried], shares: Sequence[float] = SHARES) -> list[Tried]:
+        """The best few kinds with their parameters moved to where they explain most."""
+        best: dict[Key, Tried] = {}
+        for tried in sorted(found, key=lambda tried: -tried.score):
+            if tried.score > SPEAKS and not tried.explanation.in_model:
+                best.setdefault(tried.key, tried)
+        moved = [self._moved(tried, shares) for tried in list(best.values())[:TUNED]]
+        which = [i for i in moved if i is not None]
+        worths = self.held.worth([self.coarse[i] for i in which])
+        return self._weighed(which, dict(zip(which, worths, strict=True))) if which else []
+
+    def _moved(self, tried: Tried, shares: Sequence[float]) -> int | None:
+        judged, best, found = self.judged, tried.number, None
+        theta = judged.refit([best])[0].theta
+        most = judged.screen(theta, [best])[0]
+        for share in shares:
+            near = self.tried[best].effect.nearby(self.record, share)
+            if not near:
+                break
+            which = self._add(self.pool.of(near))
+            gains = judged.screen(theta, which)
+            if gains.max() > most:
+                most, best = gains.max(), which[int(gains.argmax())]
+                found = best
+            self._forget([i for i in which if i != best])
+        return found
+
+    def _forget(self, which: Sequence[int]) -> None:
+        for i in which:
+            self.judged.explanations[i] = None
+
+
+def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[Tried | None, list[Tried]]:
+    """The cause to take in, if there is one, and its rivals: what cannot be told apart from it.
+
+    What is proven comes before what only helps; of what is proven, what helps on later data comes first. Among what
+    helps nearly as much the likelihood decides.
+    """
+    proven = [t for t in tried if t.proven]
+    helpful = [t for t in proven if t.worth.both >= GAIN]
+    if not proven:
+        helpful = [t for t in tried if t.worth.both >= GAIN and _spoken_for(t) and not by_chance(t)]
+    if not proven and not helpful:
+        return None, []
+    least = NEAR * max((t.worth.both for t in helpful), default=-np.inf)
+    near = [t for t in helpful if t.worth.both >= least] or proven
+    best = max(near, key=lambda t: t.score)
+    recorded = [t for t in near if t.key[1] is not None and t.worth.both >= best.worth.both]
+    if best.key[1] is None and helpful:  # a recorded column before a kind that says nearly the same
+        best = max((t for t in recorded if t.score >= best.score - TIE), key=lambda t: t.score, default=best)
+    alike: dict[Key, Tried] = {}
+    for t in tried:
+        close = t.score >= best.score - TIE and t.score > 0
+        if close or (best in helpful and _spoken_for(t) and t.worth.both >= NEAR * best.worth.both):
+            alike.setdefault(t.key, t)
+    return best, list(alike.values())
+
+
+def _spoken_for(t: Tried) -> bool:
+    """Whether the likelihood does not speak against it; effects of time alone need it to speak for them."""
+    return t.score >= SPEAKS and not t.explanation.effect.of_time_alone

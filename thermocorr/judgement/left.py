@@ -1,0 +1,69 @@
+"""What is left beside every cause: whether it is white, how it wanders, and what this record could have shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..equations.noise import RATIO
+from .levels import PROVABLE, SPIKE, STRUCTURE, WANDERS
+from .likelihood import Comparison
+from .pool import Pool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Left:
+    """What no cause explains."""
+
+    structured: bool
+    """Whether it wanders clearly, beyond white noise."""
+    floor: float
+    """Standard deviation of one sample that nothing foresees, in the unit of y."""
+    wandering: float
+    """Standard deviation of the part that wanders, in the unit of y."""
+    correlation_time: float
+    """For how long that part remembers [s]; 0 where nothing wanders."""
+    colour: float
+    """Variance over innovation variance: 1 for white noise."""
+    spikes: tuple[float, ...]
+    """Times since the record began at which readings jump far out of the noise [s], at most ten."""
+    smallest_drift: float
+    """Drift over the record that it could have shown, in the unit of y; infinite where it could have shown none."""
+    smallest_step: float
+    """Step in the middle of the record that it could have shown, in the unit of y."""
+
+
+def what_is_left(pool: Pool, judged: Comparison) -> Left:
+    """Describe the noise beside the last base."""
+    theta, counts = judged.base.theta, float(np.median(pool.data.counts))
+    S = judged.S(theta)
+    innovation = float(np.exp(np.average(np.log(S), weights=judged.bands.sizes)))
+    total = float(np.average(S, weights=judged.bands.sizes))  # over this record: slow parts have not had their time
+    wandering = float(np.sqrt(max(total - theta[0], 0.0))) * judged.unit
+    floor = float(np.sqrt(innovation * counts)) * judged.unit
+    times = pool.spacing * RATIO ** np.arange(len(theta) - 1)
+    proven = judged.base.level - judged.white > STRUCTURE
+    structured = bool(proven and wandering > WANDERS * floor)
+    seconds = pool.data.seconds
+    middle = (np.arange(judged.n) >= judged.n // 2) * pool.weight
+    drift = (seconds - seconds.mean()) / max(float(np.ptp(seconds)), 1e-300) * pool.weight
+    return Left(
+        structured=structured,
+        floor=floor,
+        wandering=wandering if structured else 0.0,
+        correlation_time=float(np.exp(np.average(np.log(times), weights=theta[1:]))) if structured else 0.0,
+        colour=total / innovation,
+        spikes=_spikes(pool, judged, S),
+        smallest_drift=judged.smallest(drift, PROVABLE),
+        smallest_step=judged.smallest(middle, PROVABLE),
+    )
+
+
+def _spikes(pool: Pool, judged: Comparison, S: np.ndarray) -> tuple[float, ...]:
+    """Rows that stand out of the noise made white."""
+    rows = judged.left(judged.base.theta) / np.sqrt(judged.bands.each_row(S))
+    white = np.abs(judged.bands.back(rows[:, None])[:, 0])
+    usual = 1.4826 * float(np.median(white)) or 1.0
+    found = np.flatnonzero(white > SPIKE * usual)
+    return tuple(pool.data.seconds[found[np.argsort(-white[found])][:10]].tolist())

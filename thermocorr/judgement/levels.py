@@ -1,0 +1,108 @@
+"""Every threshold of the judgement: what it means, where it comes from, and what halving or doubling it changes.
+
+The campaigns named here print the figures: `benchmarks/hidden_effects.py` (simulated devices, blind seeds),
+`benchmarks/null_records.py` (nothing hidden, thirteen kinds of noise) and `benchmarks/planted_on_real.py` (known
+effects on measured backgrounds).
+"""
+
+from __future__ import annotations
+
+# What is looked at
+
+FINE = 25_000
+"""Stretches that a record is averaged over at most. A delay of two samples is lost in averages of ten: with 2 500, a
+third of the weak delays and rates of the simulated records is missed; twice as many cost twice the time for nothing."""
+COARSE = 2_500
+"""Stretches on which data not learned from are foretold: what the user gains lies in slow structure, which the noise of
+single samples would hide. Twice or half as many move the figures by some hundredths of a dB."""
+FEWEST = 100
+"""Readings below which a record is too short to judge: there are about twenty columns in the base."""
+LAGS = 14
+"""Lags of the thermal part that suspects are judged beside, evenly in the logarithm. A poorer one makes others look
+guilty (7 lags: rates and delays are named on a third of the clean records); 28 cost time and explain nothing more."""
+FASTEST = 0.25
+"""The fastest of them, in sampling steps: a device faster than the sampling shows as a lag of less than a step."""
+SLOWEST = 0.1
+"""The slowest of them, as a share of the longest segment. Slower lags take drift, ageing and slow columns upon
+themselves; they stand among the suspects instead. At 0.2 half of the planted drifts are absorbed, at 0.05 slow devices
+are called hinges."""
+TIME_LIKE = 0.999_999
+"""Correlation with time above which a recorded column is a clock, no suspect."""
+
+NEARBY = 100
+"""Rows over which the size of the noise is measured where it changes with time: known to 7 %."""
+UNEVEN = 2.0
+"""Largest over smallest size of the noise (95 % and 5 %), above which rows are weighted by it."""
+MOST_UNEVEN = 10.0
+"""Most that a weight departs from 1 to either side."""
+
+# Likelihood
+
+ALIVE = 1e-4
+"""Length of a column outside the base, over its whole length, below which it is nothing new."""
+QUIET = 0.03
+"""Wandering noise that a second start of the estimate has, over the first: a slow cause is invisible where the noise
+has taken it upon itself, so each explanation may also begin with hardly any. Anything from 0.003 to 0.1 serves."""
+TURNS = 3
+"""Times that coefficients and noise are estimated in turn. A fourth turn moves the likelihood by less than 0.05."""
+
+# Later data
+
+PIECES = 20
+"""Pieces of equal numbers of rows that the record is cut into."""
+RIDGE = 1e-6
+"""Penalty in the forecasts, for columns of unit variance. At 1e-3 the lags of the base are bent so far on simulated
+devices that a true drift makes forecasts worse; on measured records any from 1e-6 to 1e-3 gives the same order."""
+GAIN = 1.0
+"""Fall of the squared error [dB], on later stretches and on held-out blocks alike, that counts as help: a tenth of the
+error is what a user notices. At 0.5 more is called help on measured records, and more of that by foreign columns."""
+NEAR = 0.75
+"""Share of the greatest help [dB] from which another explanation is nearly as good, and the likelihood decides."""
+DRAWS = 400
+"""Records drawn from the base's own noise (always the same ones): none may give the same column as much help."""
+SPEAKS = -6.0
+"""Score below which the likelihood speaks against an explanation, however much it helps on later data."""
+
+# Decisions
+
+LEVEL = 0.001
+"""Error probability of the whole family below which a cause is proven. At 0.01 one clean record in sixty is accused."""
+LOOKS = 3.0
+"""Factor on the number of tests: parameters are tuned beyond their list, and the noise is an estimate. Measured on
+records without a cause (`benchmarks/null_records.py`)."""
+DIFFERENT = 12
+"""Most tests that the candidates of one kind and column count for: neighbours on a grid say nearly the same."""
+TIE = 4.0
+"""Difference of scores (log likelihood) below which two explanations cannot be told apart: odds of 55 to 1."""
+MOST = 8
+"""Causes that are looked for, one after the other; a random telegraph would give one at each switch."""
+SIZEABLE = 0.14
+"""Rms of what a missing lag, delay or rate explains, over the noise of one sample: lags need not be better."""
+STRUCTURE = 12.0
+"""Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: eight parts
+are estimated, so that 12 has an error probability of about 0.002."""
+WANDERS = 0.1
+"""Standard deviation of the wandering noise over that of one sample, below which it is not worth a word."""
+SEVERAL = 3
+"""Steps from which they are one cause, several steps."""
+SIMPLER = 1.5
+"""Score that one parameter is worth among explanations that cannot be told apart: the simpler one is named first."""
+
+# Tuning
+
+SHARES = (0.5, 0.25, 0.1, 0.03)
+"""How far parameters are moved, coarse to fine, in a search around the best of each kind."""
+FINER = (0.01, 0.003)
+"""Finer moves for the one that is taken in: what its parameters leave would look like a further cause."""
+TUNED = 4
+"""Kinds whose parameters are tuned in each turn; the fifth was never the cause in 300 records."""
+
+# What is left
+
+SPIKE = 8.0
+"""Distance from the noise, in robust standard deviations, of a reading that is no noise: 1e-15 in Gaussian noise."""
+PROVABLE = 12.0
+"""Log likelihood that a drift or step gains on the average where it is proven half of the time: the level, for a family
+of a hundred tests."""
+RANKED = 10
+"""Suspects that are listed."""

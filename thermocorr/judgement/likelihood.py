@@ -1,0 +1,284 @@
+"""Explanations compared by the likelihood of the record, the noise estimated anew for each of them.
+
+Everything is a sum over bands of frequency of cross products, weighted by the power of the noise there. So the rows of
+the record are touched once for each explanation and once for each cause that is taken in, whatever noise is assumed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+
+import numpy as np
+
+from ..equations.noise import Bands, fitted_parts, whittle
+from .levels import ALIVE, QUIET, TURNS
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """The record under one explanation."""
+
+    level: float
+    """Log likelihood."""
+    theta: np.ndarray
+    """Variances of the parts of the noise, in units of the reading's variance beside the first base."""
+    coef: np.ndarray
+    """Coefficients of the base and of the explanation."""
+    power: np.ndarray
+    """Sum of squares left in each band."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Columns:
+    """Columns of one explanation, transformed, base of the start taken out, with their cross products in each band."""
+
+    rows: np.ndarray
+    """Shape (n, k)."""
+    own: np.ndarray
+    """With one another, shape (bands, k, k)."""
+    base: np.ndarray
+    """With the base, shape (bands, p, k)."""
+    reading: np.ndarray
+    """With the reading, shape (bands, k)."""
+
+
+class Comparison:
+    """A base of columns, and explanations to be taken in beside it.
+
+    Parameters
+    ----------
+    reading : array of shape (n,)
+    base : array of shape (n, p)
+    segment : array of shape (n,)
+        Rows of different segments are independent.
+    """
+
+    def __init__(self, reading: np.ndarray, base: np.ndarray, segment: np.ndarray):
+        self.bands = Bands(segment)
+        Q = orthonormal(self.bands.forward(base))
+        z = self.bands.forward(reading[:, None])[:, 0]
+        z -= Q @ (Q.T @ z)
+        self.unit = float(np.sqrt(np.mean(z**2))) or 1.0
+        self.z = z / self.unit
+        self.Q = Q
+        leverage = np.einsum("ij,ij->i", Q, Q)
+        self.share = np.maximum(self.bands.sizes - self.bands.sums(leverage), 1e-3)
+        self.zz = self.bands.sums(self.z**2)
+        self.Qz = self.bands.sums(Q * self.z[:, None])
+        self.QQ = self._products(Q, Q)
+        self.explanations: list[Columns | None] = []
+        self.causes: list[slice] = []
+        """Columns of the base that each adopted explanation has."""
+        self.base = self.first_fit()
+        self.white = self._white()
+
+    @property
+    def n(self) -> int:
+        """Rows."""
+        return len(self.z)
+
+    def _products(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Cross products in each band, shape (bands, columns of one, columns of the other)."""
+        edges = [*self.bands.starts.tolist(), self.n]
+        return np.stack([one[a:b].T @ other[a:b] for a, b in pairwise(edges)])
+
+    def add(self, columns: Sequence[np.ndarray]) -> None:
+        """More explanations, each of shape (n, k), in the order of the record."""
+        if not columns:
+            return
+        together = self.bands.forward(np.column_stack(columns))
+        full = np.linalg.norm(together, axis=0)
+        together -= self.Q @ (self.Q.T @ together)
+        left = np.linalg.norm(together, axis=0)
+        alive = left > ALIVE * np.maximum(full, 1e-300)
+        together /= np.where(alive, left, 1.0)
+        base = self._products(self.Q, together)
+        reading = self.bands.sums(together * self.z[:, None])
+        edges = list(accumulate((block.shape[1] for block in columns), initial=0))
+        for low, high in pairwise(edges):
+            kept = low + np.flatnonzero(alive[low:high])
+            rows = together[:, kept]
+            own = self.bands.sums(rows**2)[:, :, None] if len(kept) == 1 else self._products(rows, rows)
+            found = Columns(rows=rows, own=own, base=base[:, :, kept], reading=reading[:, kept])
+            self.explanations.append(found if len(kept) else None)
+
+    def width(self, i: int) -> int:
+        """Columns of an explanation that the base does not hold already."""
+        found = self.explanations[i]
+        return 0 if found is None else found.rows.shape[1]
+
+    def adopt(self, i: int) -> None:
+        """Take an explanation into the base."""
+        found = self.explanations[i]
+        assert found is not None
+        self.causes.append(slice(self.Q.shape[1], self.Q.shape[1] + found.rows.shape[1]))
+        self.QQ = np.block([[self.QQ, found.base], [found.base.transpose(0, 2, 1), found.own]])
+        self.Qz = np.concatenate((self.Qz, found.reading), axis=1)
+        others = [other for other in self.explanations if other is not None]
+        cross = self._products(found.rows, np.column_stack([other.rows for other in others]))
+        edges = list(accumulate((other.rows.shape[1] for other in others), initial=0))
+        parts = {id(o): cross[:, :, a:b] for o, a, b in zip(others, edges[:-1], edges[1:], strict=True)}
+        self.explanations = [
+            o
+            and Columns(rows=o.rows, own=o.own, base=np.concatenate((o.base, parts[id(o)]), axis=1), reading=o.reading)
+            for o in self.explanations
+        ]
+        self.Q = np.column_stack((self.Q, found.rows))
+        fit = self.refit([i])[0]
+        self.base = Fit(level=fit.level, theta=fit.theta, coef=self._solved(None, fit.theta)[0], power=fit.power)
+        self.white = self._white()
+
+    def S(self, theta: np.ndarray) -> np.ndarray:
+        """Power of the noise in each band."""
+        return np.asarray(self.bands.parts @ theta)
+
+    def left(self, theta: np.ndarray) -> np.ndarray:
+        """What the base leaves of the reading under a given noise, rows of the transform."""
+        return np.asarray(self.z - self.Q @ self._solved(None, theta)[0])
+
+    def taken(self, theta: np.ndarray, moments: np.ndarray) -> np.ndarray:
+        """Weighted sum of squares of columns that lies in the base, from their moments with it, shape (columns, p)."""
+        return np.asarray(np.sum(np.linalg.solve(self._half(theta), moments.T) ** 2, axis=0))
+
+    def _half(self, theta: np.ndarray) -> np.ndarray:
+        """Cholesky factor of the base's weighted products."""
+        A = np.tensordot(1 / self.S(theta), self.QQ, 1)
+        return np.linalg.cholesky(A + 1e-12 * np.trace(A) / len(A) * np.eye(len(A)))
+
+    def first_fit(self, *more: np.ndarray) -> Fit:
+        """The base alone."""
+        parts = self.bands.parts.shape[1]
+        starts = [np.full(parts, 1 / parts), np.concatenate(([1.0], np.full(parts - 1, QUIET))), *more]
+        return self._fits([None] * len(starts), starts, turns=TURNS + 1, at_once=True)[0]
+
+    def _white(self) -> float:
+        """Log likelihood of the base under white noise."""
+        power = self._solved(None, self.only_white())[1]
+        level = power.sum() / self.share.sum()
+        return float(whittle(self.share, power[:, None], np.full((len(power), 1), level))[0])
+
+    def refit(self, which: Sequence[int], turns: int = TURNS) -> list[Fit]:
+        """The base with each of some explanations, each with a noise of its own."""
+        quiet = np.maximum(QUIET * self.base.theta, 1e-3 * QUIET * self.base.theta[0])
+        quiet[0] = self.base.theta[0]
+        tried = [i for i in which for _ in (0, 1)]
+        fits = self._fits(tried, [start for _ in which for start in (self.base.theta, quiet)], turns)
+        return [max(pair, key=lambda fit: fit.level) for pair in zip(fits[::2], fits[1::2], strict=True)]
+
+    def gain_of(self, which: int) -> float:
+        """Log likelihood that one of the adopted explanations gains beside all others, each with a noise of its own."""
+        others = np.setdiff1d(np.arange(self.Q.shape[1]), np.arange(self.Q.shape[1])[self.causes[which]])
+        without = copy(self)
+        without.Q, without.Qz, without.QQ = self.Q[:, others], self.Qz[:, others], self.QQ[:, others][:, :, others]
+        return self.base.level - without.first_fit(self.base.theta).level
+
+    def _fits(
+        self, which: Sequence[int | None], starts: Sequence[np.ndarray], turns: int, at_once: bool = False
+    ) -> list[Fit]:
+        theta = np.column_stack(starts)
+        power = np.empty((len(self.zz), theta.shape[1]))
+        coefs: list[np.ndarray] = [np.zeros(0)] * theta.shape[1]
+        for _ in range(turns):
+            for j, i in enumerate(which):
+                coefs[j], power[:, j] = self._solved(i, theta[:, j])
+            theta = fitted_parts(self.bands.parts, self.share, power, theta)
+        levels = whittle(self.share, power, self.bands.parts @ theta)
+        fits = [
+            Fit(level=float(levels[j]), theta=theta[:, j], coef=coefs[j], power=power[:, j]) for j in range(len(coefs))
+        ]
+        return [max(fits, key=lambda fit: fit.level)] if at_once else fits
+
+    def _solved(self, i: int | None, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coefficients under a given noise, and the sum of squares that they leave in each band."""
+        W = 1 / self.S(theta)
+        p = self.Qz.shape[1]
+        A, b = np.tensordot(W, self.QQ, 1), W @ self.Qz
+        found = None if i is None else self.explanations[i]
+        if found is not None:
+            B = np.tensordot(W, found.base, 1)
+            A = np.block([[A, B], [B.T, np.tensordot(W, found.own, 1)]])
+            b = np.concatenate((b, W @ found.reading))
+        coef = solved(A, b)
+        base = coef[:p]
+        power = self.zz - 2 * self.Qz @ base + np.einsum("gij,i,j->g", self.QQ, base, base, optimize=True)
+        if found is not None:
+            more = coef[p:]
+            power += (
+                2 * np.einsum("gij,i,j->g", found.base, base, more, optimize=True)
+                - 2 * found.reading @ more
+                + np.einsum("gij,i,j->g", found.own, more, more, optimize=True)
+            )
+        return coef, np.maximum(power, 1e-12 * self.zz)
+
+    def smallest(self, column: np.ndarray, gain: float) -> float:
+        """Coefficient of a column, shape (n,), at which it gains a log likelihood on the average, beside this base.
+
+        Infinite for a column that lies in the base.
+        """
+        row = self.bands.forward(column[:, None])
+        full = float(np.linalg.norm(row))
+        row -= self.Q @ (self.Q.T @ row)
+        if not np.linalg.norm(row) > ALIVE * full:
+            return np.inf
+        W = 1 / self.bands.each_row(self.S(self.base.theta))
+        cross = self.Q.T @ (row[:, 0] * W)
+        own = float(np.sum(row[:, 0] ** 2 * W))
+        information = own - float(self.taken(self.base.theta, cross[None])[0])
+        return self.unit * float(np.sqrt(2 * gain / information)) if information > 1e-9 * own else np.inf
+
+    def unexplained(self, i: int | None = None) -> float:
+        """Mean square that the base, with an explanation, leaves in plain least squares, in units of the start's."""
+        return float(self._solved(i, self.only_white())[1].sum()) / self.n
+
+    def only_white(self) -> np.ndarray:
+        """White noise of unit variance, as variances of the parts."""
+        theta = np.zeros(self.bands.parts.shape[1])
+        theta[0] = 1.0
+        return theta
+
+    def screen(self, theta: np.ndarray, which: Sequence[int] | None = None, profiled: bool = False) -> np.ndarray:
+        """Log likelihood that explanations gain under a given noise, its size `profiled` or as it is."""
+        chosen = self.explanations if which is None else [self.explanations[i] for i in which]
+        founds = [found for found in chosen if found is not None]
+        gains = np.zeros(len(chosen))
+        if not founds:
+            return gains
+        W, half = 1 / self.S(theta), self._half(theta)
+        b = np.linalg.solve(half, W @ self.Qz)
+        base = np.linalg.solve(half, np.tensordot(W, np.concatenate([f.base for f in founds], axis=2), 1))
+        reading = W @ np.concatenate([f.reading for f in founds], axis=1) - base.T @ b
+        at = 0
+        for i, found in enumerate(chosen):
+            if found is None:
+                continue
+            k = found.rows.shape[1]
+            columns, moment = base[:, at : at + k], reading[at : at + k]
+            at += k
+            full = np.tensordot(W, found.own, 1)
+            own = full - columns.T @ columns
+            if np.all(np.diag(own) > ALIVE**2 * np.diag(full)):
+                gains[i] = 0.5 * float(moment @ solved(own, moment))
+        if profiled:
+            total = float(W @ self.zz - b @ b)
+            gains = -0.5 * self.n * np.log1p(-np.minimum(2 * gains / total, 1 - 1e-12))
+        return gains
+
+
+def solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Least squares from normal equations of columns of very different size; directions that are not there stay out."""
+    scale = 1 / np.sqrt(np.maximum(np.diag(A), 1e-300))
+    values, vectors = np.linalg.eigh(A * scale[:, None] * scale)
+    kept = values > 1e-11 * values[-1]
+    V = vectors[:, kept]
+    return np.asarray(scale * (V @ ((V.T @ (scale * b)) / values[kept])))
+
+
+def orthonormal(columns: np.ndarray, tolerance: float = 1e-7) -> np.ndarray:
+    """Orthonormal basis of columns of very different size; directions below the tolerance are dropped."""
+    norms = np.linalg.norm(columns, axis=0)
+    unit = columns[:, norms > 0] / norms[norms > 0]
+    left, singular, _ = np.linalg.svd(unit, full_matrices=False)
+    return np.asarray(left[:, singular > tolerance * singular[:1].max(initial=0.0)])

@@ -1,0 +1,126 @@
+"""Everything that may explain a record, in one pool: columns of each explanation, fine and coarse."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+
+from ..effects import StaticPolynomial, Step, ThermalLag
+from ..effects.grids import longest_segment
+from ..effects.protocol import Effect
+from ..effects.wrap import as_effects
+from ..estimators.regressor import DynamicBiasRegressor
+from ..records import Record, RecordError
+from .blocks import Averages, averaged, evenness
+from .levels import COARSE, FASTEST, FEWEST, FINE, LAGS, SLOWEST
+
+Key = tuple[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """An effect with its columns, averaged over short stretches of time."""
+
+    effect: Effect
+    columns: np.ndarray = field(repr=False)
+    """Shape (n, k)."""
+    in_model: bool = False
+    """Whether the model has it already: slow lags that the base of the judgement does without."""
+
+    @property
+    def key(self) -> Key:
+        """Kind and column; what the model has already is a kind of its own."""
+        return ("in the model", None) if self.in_model else key_of(self.effect)
+
+
+class Pool:
+    """A record, the base that explanations are judged beside, and the explanations."""
+
+    def __init__(self, model: DynamicBiasRegressor, record: Record, candidates: Sequence[Effect]):
+        self.record = record
+        base, slow = thermal_base(model, record)
+        top = SLOWEST * longest_segment(record)
+        candidates = [e for e in candidates if not (e.kind == "thermal_lag" and max(e.time_constants) <= top)]
+        for effect in (*base, *slow, *candidates):
+            effect.learn(record)
+        self.data: Averages = averaged(record, [*base, *slow, *candidates], FINE)
+        if len(self.data.reading) < FEWEST:
+            raise RecordError(
+                f"The record is too short to judge: {len(self.data.reading)} readings, and {FEWEST} are "
+                "needed. Record longer."
+            )
+        columns = self.data.columns
+        self.base = np.column_stack([np.ones(len(self.data.reading)), *columns[: len(base)]])
+        """Columns of the base, shape (n, p); the constant first."""
+        left = self.data.reading - self.base @ np.linalg.lstsq(self.base, self.data.reading, rcond=1e-10)[0]
+        self.weight = evenness(left, self.data.segment)
+        """Less than 1 where the noise is larger than usual; readings and columns are multiplied by it, shape (n,)."""
+        self.base = self.base * self.weight[:, None]
+        self.reading = self.data.reading * self.weight
+        columns = [part * self.weight[:, None] for part in columns[len(base) :]]
+        self.explanations = [Explanation(e, c, True) for e, c in zip(slow, columns, strict=False)]
+        self.explanations += [Explanation(e, c) for e, c in zip(candidates, columns[len(slow) :], strict=True)]
+
+    def beside(self, base: np.ndarray, explanations: Sequence[Explanation]) -> Pool:
+        """A pool of this record with another base and other explanations."""
+        other = copy(self)
+        other.base, other.explanations = base, list(explanations)
+        return other
+
+    def of(self, effects: Sequence[Effect]) -> list[Explanation]:
+        """Explanations by further effects, which learn the record first."""
+        for effect in effects:
+            effect.learn(self.record)
+        columns = averaged(self.record, effects, FINE).columns
+        return [Explanation(e, c * self.weight[:, None]) for e, c in zip(effects, columns, strict=True)]
+
+    def step_at(self, row: int) -> Explanation:
+        """A step between an averaged row and the one before it."""
+        effect = Step(float(np.mean(self.data.seconds[row - 1 : row + 1])))
+        effect.learn(self.record)
+        column = (np.arange(len(self.reading)) >= row) * self.weight
+        return Explanation(effect, np.asarray(column, float)[:, None])
+
+    @cached_property
+    def spacing(self) -> float:
+        """Usual time from one averaged row to the next [s]."""
+        steps = np.diff(self.data.seconds)[np.diff(self.data.segment) == 0]
+        return float(np.median(steps)) if len(steps) else 1.0
+
+    def coarse(self, columns: np.ndarray) -> np.ndarray:
+        """Averages of some neighbouring rows, as data not learned from are judged on."""
+        size = max(1, len(columns) // COARSE)
+        rows = len(columns) // size
+        return np.asarray(columns[: rows * size].reshape(rows, size, *columns.shape[1:]).mean(axis=1))
+
+
+def thermal_base(model: DynamicBiasRegressor, record: Record) -> tuple[list[Effect], list[Effect]]:
+    """The base: static law, fast and middle lags, the model's further effects. And the model's slow lags."""
+    top = max(SLOWEST * longest_segment(record), 8 * record.usual_step())
+    own = np.asarray(model.time_constants_, float)
+    grid = np.geomspace(FASTEST * record.usual_step(), top, LAGS)
+    further = [clone(effect) for _, effect in as_effects(model.effects)]
+    if model.products:
+        further += [clone(effect) for effect in model.features_.effect_list() if effect.kind == "lag_products"]
+    static = StaticPolynomial(model.degree, model.reference_temperature)
+    taus = np.unique(np.concatenate((grid, own[own <= top])))
+    taus = taus[np.concatenate(([True], np.diff(np.log(taus)) > 0.02))]
+    slow = [ThermalLag([tau]) for tau in own[own > top]]
+    return [static, ThermalLag(taus.tolist()), *further], slow
+
+
+def own_thermal(model: DynamicBiasRegressor) -> list[Effect]:
+    """The model's own static law, lags and start-up, and its further effects."""
+    return [clone(effect) for effect in model.features_.effect_list()]
+
+
+def key_of(effect: Effect) -> Key:
+    """Kind and column of an effect."""
+    inputs = effect.inputs()
+    return effect.kind, inputs[0] if inputs else None
