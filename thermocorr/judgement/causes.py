@@ -17,7 +17,25 @@ from scipy import stats
 from ..effects import Periodic
 from ..effects.grids import longest_segment
 from .anywhere import best_period, step_gains
-from .levels import DIFFERENT, DRAWS, FINER, GAIN, LEVEL, LOOKS, MOST, NEAR, SHARES, SPEAKS, TIE, TUNED
+from .levels import (
+    BY_CHANCE,
+    DIFFERENT,
+    DRAWS,
+    FINER,
+    GAIN,
+    LEAST,
+    LEVEL,
+    LOOKS,
+    MOST,
+    NEAR,
+    SHARES,
+    SIZEABLE,
+    SPEAKS,
+    THERMAL,
+    TIE,
+    TUNED,
+    USUAL,
+)
 from .likelihood import Comparison
 from .pool import Explanation, Key, Pool
 from .worth import HeldOut, Worth
@@ -82,8 +100,8 @@ class Search:
         self.tests = {key: max(tests, float(size)) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
 
-        self._drawn: tuple[HeldOut, HeldOut] | None = None
-        """For which base records were drawn, and the drawn ones."""
+        self._chance: tuple[HeldOut, dict[Key, float], float] | None = None
+        """For a base: usual help of noise to each kind and column [dB], and the multiple of it that is rare in all."""
 
     def causes(self) -> tuple[list[Cause], list[Tried]]:
         """The causes, and what was tried last without being one."""
@@ -112,9 +130,15 @@ class Search:
         ]
 
     def _p_value(self, gain: float, i: int) -> float:
-        """Error probability of an explanation, the whole family having been tried (Wilks 1938; Bonferroni)."""
-        tests, width = self.tests.get(self.tried[i].key, 1.0), self.tried[i].columns.shape[1]
-        return float(min(1.0, tests * stats.chi2.sf(2 * max(gain, 0.0), width)))
+        """Error probability of an explanation, the whole family having been tried (Wilks 1938; Bonferroni).
+
+        What a better thermal part could do without is held against the hypothesis that it is too small for a word.
+        """
+        explanation = self.tried[i]
+        tests, width = self.tests.get(explanation.key, 1.0), explanation.columns.shape[1]
+        samples = self.judged.n * float(np.median(self.pool.data.counts))
+        small = samples * SIZEABLE**2 if explanation.effect.kind in THERMAL else 0.0
+        return float(min(1.0, tests * stats.ncx2.sf(2 * max(gain, 0.0), width, small)))
 
     def look(self) -> list[Tried]:
         """The best of each kind and column beside the present base, best first."""
@@ -141,14 +165,31 @@ class Search:
         return 0.5 * self.judged.width(i) * math.log(self.judged.n) + math.log(self.sizes.get(self.tried[i].key, 1))
 
     def by_chance(self, tried: Tried) -> bool:
-        """Whether the base's own noise would give a column so much help in one of many drawn records."""
-        if self._drawn is None or self._drawn[0] is not self.held:
-            judged = self.judged
-            root = np.sqrt(judged.bands.each_row(judged.S(judged.base.theta)))[:, None]
-            draws = judged.unit * judged.bands.back(root * np.random.default_rng(0).standard_normal((judged.n, DRAWS)))
-            self._drawn = self.held, HeldOut(self.pool.coarse(draws), self.held.base)
-        later, blocks = self._drawn[1].falls([self.coarse[tried.number]])
-        return bool(np.max(np.minimum(later, blocks)) >= tried.worth.both)
+        """Whether noise like the base's gives some explanation or other so much help in more than a few records.
+
+        Help is measured for each kind and column by what the noise usually gives it (Westfall & Young 1993).
+        """
+        if self._chance is None or self._chance[0] is not self.held:
+            helps = self._helped_by_noise()
+            usual = {key: max(float(np.quantile(values, USUAL)), LEAST) for key, values in helps.items()}
+            most = np.max([values / usual[key] for key, values in helps.items()], axis=0)
+            self._chance = self.held, usual, float(np.quantile(most, 1 - BY_CHANCE))
+        _, usual, limit = self._chance
+        return tried.worth.both / usual[tried.key] <= limit
+
+    def _helped_by_noise(self) -> dict[Key, np.ndarray]:
+        """Help of the best of each kind and column, but for time alone, on records drawn from the noise [dB]."""
+        judged = self.judged
+        root = np.sqrt(judged.bands.each_row(judged.S(judged.base.theta)))[:, None]
+        draws = judged.unit * judged.bands.back(root * np.random.default_rng(0).standard_normal((judged.n, DRAWS)))
+        drawn = HeldOut(self.pool.coarse(draws), self.held.base)
+        which = [i for i in range(len(self.tried)) if judged.width(i) and not self.tried[i].effect.of_time_alone]
+        helps = np.minimum(*drawn.falls([self.coarse[i] for i in which]))
+        best: dict[Key, np.ndarray] = {}
+        for i, values in zip(which, helps, strict=True):
+            key = self.tried[i].key
+            best[key] = np.maximum(best[key], values) if key in best else values
+        return best
 
     def _anywhere(self) -> None:
         """Add the best step of all rows and the best wave of all periods, under wandering and under white noise."""
@@ -237,6 +278,8 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
     least = NEAR * max((t.worth.both for t in helpful), default=-np.inf)
     near = [t for t in helpful if t.worth.both >= least] or proven
     best = max(near, key=lambda t: t.score)
+    if best.explanation.effect.of_time_alone:  # what lies in a part of the record helps nowhere else
+        best = max((t for t in proven if t.explanation.effect.of_time_alone), key=lambda t: t.score)
     recorded = [t for t in near if t.key[1] is not None and t.worth.both >= best.worth.both]
     if best.key[1] is None and helpful:  # a recorded column before a kind that says nearly the same
         best = max((t for t in recorded if t.score >= best.score - TIE), key=lambda t: t.score, default=best)

@@ -14,12 +14,9 @@ from ..effects import CATALOGUE
 from ..effects.protocol import Effect
 from ..estimators.regressor import DynamicBiasRegressor
 from .blocks import averaged
-from .causes import Cause, Search, Tried
-from .levels import FINE, SIZEABLE, TIE
+from .causes import Cause, Search
+from .levels import FINE, THERMAL, TIE
 from .pool import Pool, own_thermal
-
-THERMAL = ("thermal_lag", "delay", "rate")
-"""Kinds that a better thermal part could do without."""
 
 
 def lacking(model: DynamicBiasRegressor, pool: Pool, causes: list[Cause], exclude: Collection[str]) -> list[Cause]:
@@ -33,15 +30,9 @@ def lacking(model: DynamicBiasRegressor, pool: Pool, causes: list[Cause], exclud
     columns += [cause.tried.explanation.columns for cause in causes]
     thin = pool.beside(np.column_stack([pool.weight, *columns]), pool.of(candidates))
     search = Search(thin)
-    tried = [t for t in search.look() if t.proven and sizeable(t, thin)]
+    tried = [t for t in search.look() if t.proven]
     if not tried:
         return []
     alike = tuple(t for t in tried if t.key != tried[0].key and t.score >= tried[0].score - TIE)
     others = tuple(t for t in tried if t.key != tried[0].key)
     return [Cause(tried=tried[0], alike=alike, others=others, share=search.share(tried[0]))]
-
-
-def sizeable(tried: Tried, pool: Pool) -> bool:
-    """Whether the rms of what it explains is worth a word, over the noise of one sample."""
-    rows = len(pool.reading) * float(np.median(pool.data.counts))
-    return bool(2 * tried.gain / rows > SIZEABLE**2)

@@ -58,8 +58,14 @@ GAIN = 1.0
 error is what a user notices. At 0.5 more is called help on measured records, and more of that by foreign columns."""
 NEAR = 0.75
 """Share of the greatest help [dB] from which another explanation is nearly as good, and the likelihood decides."""
-DRAWS = 400
-"""Records drawn from the base's own noise (always the same ones): none may give the same column as much help."""
+DRAWS = 200
+"""Records drawn from the base's own noise, always the same ones."""
+USUAL = 0.9
+"""Quantile of the help that noise gives to a kind and column, by which help is measured."""
+LEAST = 0.3
+"""Least that this quantile counts as [dB]."""
+BY_CHANCE = 0.005
+"""Share of these records in which some explanation may help as much as one that is named for its help alone."""
 SPEAKS = -6.0
 """Score below which the likelihood speaks against an explanation, however much it helps on later data."""
 
@@ -76,6 +82,8 @@ TIE = 4.0
 """Difference of scores (log likelihood) below which two explanations cannot be told apart: odds of 55 to 1."""
 MOST = 8
 """Causes that are looked for, one after the other; a random telegraph would give one at each switch."""
+THERMAL = ("thermal_lag", "delay", "rate")
+"""Kinds that a better thermal part could do without."""
 SIZEABLE = 0.14
 """Rms of what a missing lag, delay or rate explains, over the noise of one sample: lags need not be better."""
 STRUCTURE = 12.0

@@ -203,14 +203,10 @@ class Comparison:
             b = np.concatenate((b, W @ found.reading))
         coef = solved(A, b)
         base = coef[:p]
-        power = self.zz - 2 * self.Qz @ base + np.einsum("gij,i,j->g", self.QQ, base, base, optimize=True)
+        power = self.zz - 2 * self.Qz @ base + _forms(self.QQ, base, base)
         if found is not None:
             more = coef[p:]
-            power += (
-                2 * np.einsum("gij,i,j->g", found.base, base, more, optimize=True)
-                - 2 * found.reading @ more
-                + np.einsum("gij,i,j->g", found.own, more, more, optimize=True)
-            )
+            power += 2 * _forms(found.base, base, more) - 2 * found.reading @ more + _forms(found.own, more, more)
         return coef, np.maximum(power, 1e-12 * self.zz)
 
     def smallest(self, column: np.ndarray, gain: float) -> float:
@@ -265,6 +261,11 @@ class Comparison:
             total = float(W @ self.zz - b @ b)
             gains = -0.5 * self.n * np.log1p(-np.minimum(2 * gains / total, 1 - 1e-12))
         return gains
+
+
+def _forms(products: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """``left @ products[g] @ right`` in each band."""
+    return np.asarray(products.reshape(len(products), -1) @ np.outer(left, right).ravel())
 
 
 def solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
