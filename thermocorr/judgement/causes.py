@@ -27,6 +27,7 @@ from .levels import (
     LEVEL,
     LOOKS,
     MOST,
+    MOST_STEPS,
     NEAR,
     SHARES,
     SIZEABLE,
@@ -65,6 +66,12 @@ class Tried:
     def key(self) -> Key:
         """Kind and column."""
         return self.explanation.key
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Number of columns, and of parameters that are tuned: what makes one explanation plainer than another."""
+        info = self.explanation.effect.info
+        return int(self.explanation.columns.shape[1]), len(info.tuned) if info else 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +116,8 @@ class Search:
         while True:
             tried = self.look()
             best, rivals = chosen(tried, self.by_chance)
-            if best is None or len(found) == MOST:
+            steps = sum(cause.tried.explanation.effect.kind == "step" for cause in found)
+            if best is None or len(found) - steps == MOST or steps == MOST_STEPS:
                 return self._needed(found), tried
             best = (self._tuned([best], FINER) or [best])[0]
             alike = [other for other in rivals if other.key != best.key]
@@ -283,6 +291,9 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
     recorded = [t for t in near if t.key[1] is not None and t.worth.both >= best.worth.both]
     if best.key[1] is None and helpful:  # a recorded column before a kind that says nearly the same
         best = max((t for t in recorded if t.score >= best.score - TIE), key=lambda t: t.score, default=best)
+    if best.key[1] is not None:  # a column as it is before the same column bent or late, all else equal
+        simpler = [t for t in tried if t.key[1] == best.key[1] and t.proven and t.size < best.size]
+        best = max((t for t in simpler if t.score >= best.score - TIE), key=lambda t: t.score, default=best)
     alike: dict[Key, Tried] = {}
     for t in tried:
         close = t.score >= best.score - TIE and t.score > 0

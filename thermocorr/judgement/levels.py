@@ -64,7 +64,7 @@ USUAL = 0.9
 """Quantile of the help that noise gives to a kind and column, by which help is measured."""
 LEAST = 0.3
 """Least that this quantile counts as [dB]."""
-BY_CHANCE = 0.005
+BY_CHANCE = 0.01
 """Share of these records in which some explanation may help as much as one that is named for its help alone."""
 SPEAKS = -6.0
 """Score below which the likelihood speaks against an explanation, however much it helps on later data."""
@@ -81,7 +81,9 @@ DIFFERENT = 12
 TIE = 4.0
 """Difference of scores (log likelihood) below which two explanations cannot be told apart: odds of 55 to 1."""
 MOST = 8
-"""Causes that are looked for, one after the other; a random telegraph would give one at each switch."""
+"""Causes that are looked for, one after the other, steps not counted."""
+MOST_STEPS = 12
+"""Steps that are looked for; a random telegraph would give one at each switch."""
 THERMAL = ("thermal_lag", "delay", "rate")
 """Kinds that a better thermal part could do without."""
 SIZEABLE = 0.14
