@@ -7,7 +7,8 @@
 Settings: lab 14 days at 60 s, outdoor 120 days at 10 min, chamber 8 days at 30 s; four kinds of device; four decoy
 columns. Strength is the rms of the hidden effect, after a static quadratic in T has taken its share, over the white
 noise of one sample. The base model is `DynamicBiasRegressor("temperature")`. An effect that the base model has absorbed
-(modelled reading within 0.15 noise standard deviations of the truth) counts as named when nobody is accused.
+(modelled reading within 0.15 noise standard deviations of the truth) is counted apart. A random telegraph that is
+called several steps is owned up to: that is what it is.
 
 Constants of the diagnosis were chosen on `TUNING_SEEDS`; report on others.
 """
@@ -102,17 +103,20 @@ def judge(kind: str, setting: str, seed: int, strength: float) -> dict[str, Any]
     absorbed = bool(np.sqrt(np.mean((modelled - case.truth["noise_free"]) ** 2)) < 0.15 * NOISE)
     first = found.ranking.iloc[0]
     accused = found.verdict in ("missing", "ambiguous")
-    suspects = [label(first.kind, first.column), *first.confusable_with][:3]
+    suspects = [label(first.kind, first.column), *first.confusable_with]
     true = case.labels[0] if case.labels else ""
-    right = (accused and suspects[0] == true) or (not accused and absorbed)
+    right = accused and suspects[0] == true
     return {
         "kind": kind,
         "setting": setting,
         "seed": seed,
         "verdict": found.verdict,
+        "absorbed": absorbed,
+        "accused": accused,
         "suspects": suspects,
         "first": right,
         "named": right or (accused and true in suspects),
+        "owned up": not accused or (kind == "random_telegraph" and suspects[0] == "several_steps"),
         "column blamed": accused and ":" in suspects[0],
         "p_value": float(found.ranking["p_value"].min()),
         "seconds": spent,
@@ -127,10 +131,15 @@ def campaign(kinds: list[str], seeds: list[int], strength: float, verbose: bool)
         if (result := judge(kind, setting, seed, strength)) is not None
     ]
     table = pd.DataFrame(results)
-    planted = table[~table["kind"].isin(NOTHING + UNKNOWN)]
+    planted = table[~table["kind"].isin(NOTHING + UNKNOWN) & ~table["absorbed"]]
+    absorbed = table[~table["kind"].isin(NOTHING + UNKNOWN) & table["absorbed"]]
     print(f"\nstrength {strength}: {len(table)} records, diagnosis median {table['seconds'].median():.2f} s")
     if len(planted):
-        print(f"  right kind and column first {planted['first'].mean():.1%}, named {planted['named'].mean():.1%}")
+        print(
+            f"  right kind and column first {planted['first'].mean():.1%}, named {planted['named'].mean():.1%} "
+            f"of {len(planted)}; beside them {len(absorbed)} that the base model has absorbed, of which "
+            f"{absorbed['accused'].mean():.1%} are named all the same"
+        )
         confusion: dict[str, Counter[str]] = defaultdict(Counter)
         for row in planted.itertuples():
             confusion[row.kind]["right" if row.first else f"{row.verdict}: {' | '.join(row.suspects)}"] += 1
@@ -140,7 +149,8 @@ def campaign(kinds: list[str], seeds: list[int], strength: float, verbose: bool)
         part = table[table["kind"] == kind]
         if len(part):
             print(
-                f"  {kind}: {dict(part['verdict'].value_counts())}, a column blamed {part['column blamed'].mean():.1%}"
+                f"  {kind}: {dict(part['verdict'].value_counts())}, owned up to {part['owned up'].mean():.1%}, "
+                f"a column blamed {part['column blamed'].mean():.1%}"
             )
     null = table[table["kind"] == "none"]
     if len(null):

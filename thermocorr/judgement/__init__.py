@@ -2,6 +2,7 @@
 
 from .diagnosis import diagnose
 from .found import Diagnosis, FoundSuspect
+from .left import Left
 from .refinement import Refinement, refine
 
-__all__ = ["Diagnosis", "FoundSuspect", "Refinement", "diagnose", "refine"]
+__all__ = ["Diagnosis", "FoundSuspect", "Left", "Refinement", "diagnose", "refine"]

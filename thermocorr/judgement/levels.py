@@ -63,7 +63,7 @@ DRAWS = 200
 USUAL = 0.9
 """Quantile of the help that noise gives to a kind and column, by which help is measured."""
 LEAST = 0.3
-"""Least that this quantile counts as [dB]."""
+"""Least that this quantile counts as [dB]: a column that noise never helps would be helped by a hair."""
 BY_CHANCE = 0.01
 """Share of these records in which some explanation may help as much as one that is named for its help alone."""
 SPEAKS = -6.0
@@ -86,8 +86,9 @@ MOST_STEPS = 12
 """Steps that are looked for; a random telegraph would give one at each switch."""
 THERMAL = ("thermal_lag", "delay", "rate")
 """Kinds that a better thermal part could do without."""
-SIZEABLE = 0.14
-"""Rms of what a missing lag, delay or rate explains, over the noise of one sample: lags need not be better."""
+SIZEABLE = 0.1
+"""Rms of what a missing lag, delay or rate explains, over the noise of one sample, that must clearly be exceeded: the
+model's lags need not be better. At 0.15 delays are missed that the model has not absorbed."""
 STRUCTURE = 12.0
 """Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: eight parts
 are estimated, so that 12 has an error probability of about 0.002."""
@@ -95,8 +96,6 @@ WANDERS = 0.1
 """Standard deviation of the wandering noise over that of one sample, below which it is not worth a word."""
 SEVERAL = 3
 """Steps from which they are one cause, several steps."""
-SIMPLER = 1.5
-"""Score that one parameter is worth among explanations that cannot be told apart: the simpler one is named first."""
 
 # Tuning
 
@@ -115,4 +114,4 @@ PROVABLE = 12.0
 """Log likelihood that a drift or step gains on the average where it is proven half of the time: the level, for a family
 of a hundred tests."""
 RANKED = 10
-"""Suspects that are listed."""
+"""Suspects that are listed at most, causes among them."""

@@ -1,0 +1,203 @@
+"""The parts of judgement against closed forms and plain computations: noise, likelihood, steps, later data."""
+
+from __future__ import annotations
+
+import ast
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.linalg import toeplitz
+
+import thermocorr
+from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr.datasets import make_record
+from thermocorr.equations.noise import Bands, fitted_parts
+from thermocorr.judgement.anywhere import best_period, step_gains
+from thermocorr.judgement.blocks import evenness
+from thermocorr.judgement.levels import RIDGE
+from thermocorr.judgement.likelihood import Comparison
+from thermocorr.judgement.worth import BLOCKS, LATER, HeldOut
+
+
+def markov(rng, n, rows):
+    """Unit variance, remembered for some rows."""
+    kept, noise = np.exp(-1 / rows), rng.standard_normal(n)
+    for k in range(1, n):
+        noise[k] = kept * noise[k - 1] + np.sqrt(1 - kept**2) * noise[k]
+    return noise
+
+
+def test_the_noise_of_segments_is_told_apart_into_white_and_wandering():
+    """Variances 4 (white) and 1 (9 rows): within a fifth from 20 000 rows, whatever the neighbouring parts take."""
+    rng = np.random.default_rng(1)
+    segment = np.repeat([0, 1, 5], [9000, 4000, 7000])
+    noise = 2 * rng.standard_normal(20_000) + markov(rng, 20_000, 9.0)
+    bands = Bands(segment)
+    rows = bands.forward(noise[:, None])
+    np.testing.assert_allclose(bands.back(rows)[:, 0], noise, atol=1e-12)  # orthonormal: there and back
+    power = bands.sums(rows**2)
+    theta = np.full((bands.parts.shape[1], 1), 0.3)
+    for _ in range(6):
+        theta = fitted_parts(bands.parts, bands.sizes.astype(float), power, theta)
+    assert theta[0, 0] == pytest.approx(4.0, rel=0.1)
+    assert theta[1:].sum() == pytest.approx(1.0, rel=0.2)
+    assert theta[2:4].sum() > 0.6 * theta[1:].sum()  # correlation times of 3 and 9 rows
+
+
+def test_likelihood_gains_are_those_of_generalised_least_squares():
+    """Against the covariance matrix itself; the cosine transform makes it diagonal to a few per cent of the gain."""
+    rng = np.random.default_rng(2)
+    n = 2000
+    base = np.column_stack((np.ones(n), np.sin(np.arange(n) / 40)))
+    column = markov(rng, n, 15.0)
+    reading = base @ [3.0, 1.0] + 0.3 * column + rng.standard_normal(n) + markov(rng, n, 27.0)
+    judged = Comparison(reading, base, np.zeros(n))
+    judged.add([column[:, None]])
+    theta = np.zeros(judged.bands.parts.shape[1])
+    theta[0], theta[4] = 1 / judged.unit**2, 1 / judged.unit**2
+    found = judged.screen(theta)[0]
+    half = np.linalg.cholesky(np.eye(n) + toeplitz(np.exp(-np.arange(n) / 27.0)))
+    white = np.linalg.solve(half, np.column_stack((reading, base, column)))
+
+    def left(columns):
+        return np.sum((white[:, 0] - columns @ np.linalg.lstsq(columns, white[:, 0], rcond=None)[0]) ** 2)
+
+    assert found == pytest.approx(0.5 * (left(white[:, 1:3]) - left(white[:, 1:])), rel=0.05)
+    size = judged.smallest(column, 12.0)
+    judged.base = judged.refit([0])[0]
+    assert 0.01 < size < 1.0
+
+
+def test_taking_an_explanation_in_and_out_leaves_the_likelihood_as_it_was():
+    rng = np.random.default_rng(3)
+    n = 600
+    reading, column = rng.standard_normal(n), rng.standard_normal(n)
+    reading += column
+    judged = Comparison(reading, np.ones((n, 1)), np.zeros(n))
+    judged.add([column[:, None], rng.standard_normal((n, 2))])
+    before, gain = judged.base.level, judged.refit([0])[0].level - judged.base.level
+    assert gain > 100
+    judged.adopt(0)
+    assert judged.base.level == pytest.approx(before + gain, abs=0.05)
+    assert judged.gain_of(0) == pytest.approx(gain, abs=0.5)
+    assert judged.screen(judged.base.theta)[0] == pytest.approx(0.0, abs=1e-6)  # it is in the base already
+    assert judged.smallest(column, 12.0) == np.inf
+
+
+@pytest.mark.parametrize("segment", [np.zeros(300), np.repeat([0, 1, 2], [120, 80, 100])])
+def test_a_step_at_every_row_is_as_good_as_its_column(segment):
+    rng = np.random.default_rng(4)
+    n = len(segment)
+    base = np.column_stack((np.ones(n), np.sin(np.arange(n) / 9)))
+    reading = rng.standard_normal(n) + 2.0 * (np.arange(n) >= 130) + markov(rng, n, 9.0)
+    judged = Comparison(reading, base, segment)
+    theta = judged.base.theta
+    gains = step_gains(judged, theta, np.ones(n))
+    rows = list(range(1, n, 7))
+    judged.add([(np.arange(n) >= row).astype(float)[:, None] for row in rows])
+    np.testing.assert_allclose(gains[rows], judged.screen(theta), rtol=1e-6, atol=1e-9)
+    assert abs(int(gains.argmax()) - 130) <= 2
+
+
+def test_the_strongest_wave_has_its_period():
+    n = 4000
+    rng = np.random.default_rng(5)
+    reading = rng.standard_normal(n) + 0.5 * np.sin(2 * np.pi * np.arange(n) / 87.0)
+    judged = Comparison(reading, np.ones((n, 1)), np.zeros(n))
+    assert best_period(judged, judged.only_white(), n / 3) == pytest.approx(87.0, rel=0.02)
+    assert best_period(judged, judged.only_white(), 50.0) < 50.0
+
+
+def test_forecasts_from_cross_products_are_those_of_ridges():
+    rng = np.random.default_rng(6)
+    n = 1003
+    base = np.column_stack((np.ones(n), rng.standard_normal((n, 3)) + 5))
+    column = rng.standard_normal((n, 2))
+    reading = base @ [1, 2, 3, 4.0] + column @ [0.3, 0.1] + rng.standard_normal(n)
+    edges = np.linspace(0, n, 21).astype(int)
+
+    def error(columns, folds):
+        total = 0.0
+        for learn, test in folds:
+            seen, unseen = (np.concatenate([np.arange(edges[i], edges[i + 1]) for i in part]) for part in (learn, test))
+            mean, size = columns[seen].mean(axis=0), columns[seen].std(axis=0)
+            X = (columns[seen] - mean) / size
+            coef = np.linalg.solve(X.T @ X / len(X) + RIDGE * np.eye(X.shape[1]), X.T @ reading[seen] / len(X))
+            total += np.sum((reading[unseen] - reading[seen].mean() - (columns[unseen] - mean) / size @ coef) ** 2)
+        return total
+
+    found = HeldOut(reading[:, None], base).worth([column[:, :1], column, column[:, 1:]])[1]
+    for folds, value in ((LATER, found.later), (BLOCKS, found.blocks)):
+        before, after = error(base[:, 1:], folds), error(np.column_stack((base[:, 1:], column)), folds)
+        assert value == pytest.approx(10 * np.log10(before / after), abs=1e-6)
+
+
+def test_a_quantised_reading_with_a_slow_drift_is_weighted_evenly():
+    """The median increment of such a reading is nought or the step; weights from it have blown up."""
+    n = 5000
+    reading = np.round(np.linspace(0, 30, n) + 0.2 * np.random.default_rng(7).standard_normal(n))
+    weights = evenness(reading - np.linspace(0, 30, n), np.zeros(n))
+    assert weights.std() < 0.5
+    noise = np.random.default_rng(8).standard_normal(n) * np.where(np.arange(n) < n // 2, 1.0, 5.0)
+    low, high = evenness(noise, np.zeros(n))[[n - 500, 500]]
+    assert high / low == pytest.approx(5.0, rel=0.3)
+
+
+def test_units_names_and_order_change_no_verdict():
+    record = make_record(6000, effects={"lagged_covariate": 1.0}, seed=81)
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    shuffled = X[X.columns[::-1]].rename(columns={"humidity": "h", "supply": "s"})
+    shuffled["pressure"] = shuffled["pressure"] * 100 + 7
+    shuffled["temperature"] += 273.15
+    again = diagnose(DynamicBiasRegressor("temperature").fit(shuffled, y + 1e3), shuffled, y + 1e3)
+    assert found.verdict == again.verdict and len(found.causes) == len(again.causes)
+    names = {"h": "humidity", "s": "supply"}
+    for one, other in zip(found.causes, again.causes, strict=True):
+        assert one.effect.kind == other.effect.kind
+        assert one.effect.inputs() == [names.get(name, name) for name in other.effect.inputs()]
+        assert one.gain_db == pytest.approx(other.gain_db, abs=0.05)
+
+
+def test_a_clock_is_no_suspect():
+    record = make_record(4000, effects={"drift": 2.0}, seed=82)
+    X, y = record.drop(columns="reading"), record["reading"]
+    X["row"] = np.arange(len(X)) * 0.5
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert "row" not in set(found.ranking["column"].dropna())
+
+
+def test_steps_to_and_fro_are_one_cause():
+    record = make_record(6000, seed=83)
+    X, y = record.drop(columns="reading"), record["reading"].copy()
+    for row, height in ((900, 1.0), (2100, -1.0), (3300, 0.7), (4700, -0.9)):
+        y.iloc[row:] += height
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert [cause.effect.kind for cause in found.causes] == ["several_steps"]
+    step = record.index.to_series().diff().median().total_seconds()
+    assert np.array(found.best.times) / step == pytest.approx([900, 2100, 3300, 4700], abs=2)
+    better = DynamicBiasRegressor("temperature").fit(X, y).with_effect(found.best).fit(X, y)
+    assert better.residual_std_ == pytest.approx(0.2, rel=0.05)
+
+
+def test_every_threshold_is_explained():
+    """Each constant of `levels` has a docstring that says more than its name."""
+    path = Path(thermocorr.__file__).parent / "judgement" / "levels.py"
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    for node, after in pairwise(body):
+        if isinstance(node, ast.Assign):
+            assert isinstance(after, ast.Expr), ast.unparse(node)
+            assert len(str(after.value.value)) > 40, ast.unparse(node)
+
+
+def test_a_page_tells_what_is_left():
+    record = make_record(5000, effects={"random_walk": 2.0}, seed=84)
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert found.verdict == "unexplained" and found.left.structured
+    for text in (str(found), found.to_html()):
+        assert "remembers for about" in text and "log what changes as slowly" in text
+    assert pd.notna(found.left.smallest_step) and found.left.smallest_step > 0
