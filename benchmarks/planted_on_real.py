@@ -152,8 +152,13 @@ def plants(folder: str, gain: float, kinds: list[str], seeds: list[int]) -> Iter
                 column = planted_column(effect, record, gain)
                 if column is None:
                     continue
-                label = kind + "".join(f":{column_name}" for column_name in effect.inputs())
-                yield Planted(name, X, y + column, str(T.name), label)
+                yield Planted(name, X, y + column, str(T.name), name_of(effect))
+
+
+def name_of(effect: Effect) -> str:
+    """``kind`` or ``kind:column``; a step among several is a step."""
+    kind = "step" if effect.kind == "several_steps" else effect.kind
+    return kind + "".join(f":{name}" for name in effect.inputs())
 
 
 def main() -> None:
@@ -172,8 +177,8 @@ def main() -> None:
         began = time.process_time()
         found = diagnose(model, case.X, case.y)
         spent = time.process_time() - began
-        causes = [cause.label for cause in found.causes]
-        sets = [label for cause in found.causes for label in cause.set_labels]
+        causes = [name_of(cause.effect) for cause in found.causes]
+        sets = causes + [name_of(effect) for cause in found.causes for effect in cause.confusable_with]
         rows.append(
             {
                 "record": case.name,

@@ -11,9 +11,10 @@ from sklearn.preprocessing import SplineTransformer
 
 from thermocorr import DynamicBiasRegressor, RecordError, diagnose, refine
 from thermocorr.datasets import load_voltage_reference, make_record
-from thermocorr.effects import Covariate, Effect, Hysteresis
+from thermocorr.effects import Covariate, Effect, Hysteresis, LaggedCovariate
 from thermocorr.effects.protocol import EffectInfo
 from thermocorr.effects.wrap import TransformerEffect
+from thermocorr.judgement.adding import with_missing
 from thermocorr.judgement.blocks import averaged
 from thermocorr.records import read_record
 from thermocorr.records.read import Layout
@@ -278,3 +279,11 @@ def test_a_pickled_diagnosis_is_small():
     assert len(content) < 100_000 and str(copy) == str(found)
     with pytest.raises(ValueError, match="holds no data"):
         copy.to_html()
+
+
+def test_a_second_lag_of_a_column_joins_the_first():
+    model = DynamicBiasRegressor("temperature", effects=[LaggedCovariate("humidity", ["1 h"])])
+    joined = with_missing(model, LaggedCovariate("humidity", [60.0]))
+    assert [effect.time_constants for effect in joined.effects] == [[60.0, 3600.0]]
+    assert len(with_missing(model, LaggedCovariate("pressure", [60.0])).effects) == 2
+    assert len(with_missing(model, LaggedCovariate("humidity", [60.0], power=2)).effects) == 2

@@ -7,7 +7,10 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
+from ..effects import LaggedCovariate
 from ..effects.protocol import Effect
+from ..effects.thermal import seconds_array
+from ..effects.wrap import as_effects
 from ..estimators.holdout import held_out_residuals, time_blocks
 from ..estimators.regressor import DynamicBiasRegressor
 
@@ -29,10 +32,21 @@ def held_out_blocks(model: DynamicBiasRegressor, X: Any, y: Any) -> np.ndarray:
 
 
 def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:
-    """An unfitted copy with one effect more; a missing lag joins the model's time constants."""
+    """An unfitted copy with one effect more; a missing lag of the temperature or of a column joins those there are."""
+    extended: DynamicBiasRegressor = clone(model)
     if effect.kind == "thermal_lag" and len(model.time_constants_):
-        extended: DynamicBiasRegressor = clone(model)
         taus = np.unique([*model.time_constants_.tolist(), *np.asarray(effect.time_constants, float).tolist()])
         extended.set_params(time_constants=taus.tolist())
         return extended
+    own = [other for _, other in as_effects(model.effects)]
+    for i, other in enumerate(own):
+        if isinstance(effect, LaggedCovariate) and isinstance(other, LaggedCovariate) and _same_column(effect, other):
+            times = sorted({*seconds_array(other.time_constants), *seconds_array(effect.time_constants)})
+            longer = clone(other).set_params(time_constants=[float(tau) for tau in times])
+            extended.set_params(effects=[clone(e) for e in (*own[:i], longer, *own[i + 1 :])])
+            return extended
     return model.with_effect(effect)
+
+
+def _same_column(one: LaggedCovariate, other: LaggedCovariate) -> bool:
+    return (one.column, one.power, one.hold) == (other.column, other.power, other.hold)

@@ -18,6 +18,7 @@ from ..effects import Periodic
 from ..effects.grids import longest_segment
 from .anywhere import best_period, step_gains
 from .levels import (
+    ALIKE,
     BY_CHANCE,
     DIFFERENT,
     DRAWS,
@@ -120,7 +121,8 @@ class Search:
             if best is None or len(found) - steps == MOST or steps == MOST_STEPS:
                 return self._needed(found), tried
             best = (self._tuned([best], FINER) or [best])[0]
-            alike = [other for other in rivals if other.key != best.key]
+            same = [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
+            alike = list({t.key: t for t in reversed(same)}.values())[::-1]
             others = tuple(t for t in tried if t.key != best.key)
             found.append(Cause(tried=best, alike=tuple(alike), others=others, share=self.share(best)))
             self.judged.adopt(best.number)
@@ -272,7 +274,7 @@ class Search:
 
 
 def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[Tried | None, list[Tried]]:
-    """The cause to take in, if there is one, and its rivals: what cannot be told apart from it.
+    """The cause to take in, if there is one, and its rivals: what is as good, or nearly.
 
     What is proven comes before what only helps; of what is proven, what helps on later data comes first. Among what
     helps nearly as much the likelihood decides.
@@ -294,12 +296,13 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
     if best.key[1] is not None:  # a column as it is before the same column bent or late, all else equal
         simpler = [t for t in tried if t.key[1] == best.key[1] and t.proven and t.size < best.size]
         best = max((t for t in simpler if t.score >= best.score - TIE), key=lambda t: t.score, default=best)
-    alike: dict[Key, Tried] = {}
-    for t in tried:
-        close = t.score >= best.score - TIE and t.score > 0
-        if close or (best in helpful and _spoken_for(t) and t.worth.both >= NEAR * best.worth.both):
-            alike.setdefault(t.key, t)
-    return best, list(alike.values())
+    rivals = [
+        t
+        for t in tried
+        if (t.score >= best.score - TIE and t.score > 0)
+        or (best in helpful and _spoken_for(t) and t.worth.both >= NEAR * best.worth.both)
+    ]
+    return best, rivals
 
 
 def _spoken_for(t: Tried) -> bool:

@@ -80,6 +80,9 @@ DIFFERENT = 12
 """Most tests that the candidates of one kind and column count for: neighbours on a grid say nearly the same."""
 TIE = 4.0
 """Difference of scores (log likelihood) below which two explanations cannot be told apart: odds of 55 to 1."""
+ALIKE = 0.5
+"""Share of what a cause makes of the reading that a rival could make as well, above which the two are not told apart.
+Explanations that are as good but say something else are further causes."""
 MOST = 8
 """Causes that are looked for, one after the other, steps not counted."""
 MOST_STEPS = 12

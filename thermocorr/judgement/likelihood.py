@@ -225,6 +225,20 @@ class Comparison:
         information = own - float(self.taken(self.base.theta, cross[None])[0])
         return self.unit * float(np.sqrt(2 * gain / information)) if information > 1e-9 * own else np.inf
 
+    def overlap(self, i: int, j: int) -> float:
+        """Share of what one explanation makes of the reading beside the base that another one could make as well."""
+        one, other = self.explanations[i], self.explanations[j]
+        if one is None or other is None:
+            return 0.0
+        root = 1 / np.sqrt(self.bands.each_row(self.S(self.base.theta)))[:, None]
+        base = np.linalg.qr(self.Q * root)[0]
+        own, rival, reading = (
+            part - base @ (base.T @ part) for part in (one.rows * root, other.rows * root, self.z[:, None] * root)
+        )
+        made = own @ np.linalg.lstsq(own, reading, rcond=1e-8)[0]
+        again = rival @ np.linalg.lstsq(rival, made, rcond=1e-8)[0]
+        return float(np.sum(again**2) / max(float(np.sum(made**2)), 1e-300))
+
     def unexplained(self, i: int | None = None) -> float:
         """Mean square that the base, with an explanation, leaves in plain least squares, in units of the start's."""
         return float(self._solved(i, self.only_white())[1].sum()) / self.n
