@@ -80,11 +80,14 @@ def by_kind(effects: Sequence[Any]) -> list[Any]:
 def verdict_box(found: DiagnosisLike) -> Safe:
     """The verdict in a word and in a sentence."""
     named = "" if found.best is None else effect_text(found.best)
+    said = VERDICTS.get(found.verdict, "")
+    if named and found.suspects[0].standing == "helps":
+        said = "One effect lowers the error on data that it was not learned from; that it is the cause is not proven."
     return tag(
         "p",
         tag("strong", found.verdict, class_="verdict", data_verdict=found.verdict),
         " ",
-        VERDICTS.get(found.verdict, ""),
+        said,
         join((" Most likely: ", tag("strong", named), ".")) if named else "",
         class_="verdict-line",
     )

@@ -17,7 +17,7 @@ LONGEST_TEXT = 58
 LEAST_REACH = 0.5
 """Shortest length of the axis of gains [dB], so that small gains look small."""
 PALE = "#B8C4CE"
-COLUMNS = ["label", "kind", "column", "gain_db", "p_value", "share", "confusable_with"]
+COLUMNS = ["label", "kind", "column", "standing", "gain_db", "later_db", "p_value", "share", "confusable_with"]
 
 
 class SuspectsDisplay:
@@ -41,7 +41,7 @@ class SuspectsDisplay:
         return cls(diagnosis.ranking, diagnosis.verdict, diagnosis.best is not None, diagnosis.level)
 
     def frame(self) -> pd.DataFrame:
-        """Label, kind, column, gain_db, p_value, share and confusable_with of each suspect, the best first."""
+        """Label, kind, column, standing, gain_db, later_db, p_value, share and confusable_with, the best first."""
         return self.ranking.reindex(columns=COLUMNS)
 
     def plot(self, ax: Any = None) -> SuspectsDisplay:
@@ -56,12 +56,15 @@ class SuspectsDisplay:
             only.text(0.5, 0.5, "No suspects.", ha="center", va="center", transform=only.transAxes)
             only.set_axis_off()
             return self
-        certain = (frame["p_value"] <= self.level) & (frame["gain_db"] > 0)
+        certain = frame["standing"].fillna("") != ""
         gains = frame["gain_db"].clip(lower=0.0)
         only.barh(range(len(frame)), gains, color=[BLUE if sure else PALE for sure in certain], height=0.62)
         reach = max(float(gains.max()), LEAST_REACH)
         for row, suspect in enumerate(each_row(frame)):
-            text = f"error probability {probability_text(suspect.p_value)}, explains {suspect.share:.0%}"
+            text = f"error probability {probability_text(suspect.p_value)}"
+            if suspect.standing == "helps":
+                text = "helps on later data, cause not proven"
+            text += f", explains {suspect.share:.0%}"
             if suspect.gain_db <= 0:
                 text += ", no gain"
             if len(suspect.confusable_with):
@@ -79,6 +82,6 @@ class SuspectsDisplay:
         plain(only)
         only.grid(False, axis="y")
         only.set_xlabel(
-            f"gain on data not learned from [dB]; grey: no gain, or chance would do as well (p > {self.level:g})"
+            f"gain on blocks of time not learned from [dB]; blue: named (proven at p <= {self.level:g}, or helpful)"
         )
         return self
