@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from corpus.clean_log import CLEAN, HEADER, Shown, frame_of, save_fitted, text_of
+from corpus.clean_log import CLEAN, FITTED, HEADER, Shown, frame_of, save_fitted, text_of
 from thermocorr import DynamicBiasRegressor, ModelFileError, OnlineCorrector, load_model, save_model
 from thermocorr.files.codec import parse
 from thermocorr.files.model_file import signed
@@ -102,7 +102,19 @@ def test_a_named_pipe_is_no_model_and_no_state(correct, tmp_path):
     signal.alarm(0)
 
 
-@pytest.mark.parametrize("label", [pd.Timestamp("2024-03-04"), datetime.date(2024, 3, 4), pd.Timedelta("1 h"), 7, True])
+@pytest.mark.parametrize(
+    "label",
+    [
+        pd.Timestamp("2024-03-04"),
+        datetime.date(2024, 3, 4),
+        pd.Timedelta("1 h"),
+        7,
+        True,
+        datetime.datetime(2024, 3, 4, 5),
+        datetime.timedelta(hours=1),
+        pd.Timestamp("1850-06-01T12:00", tz="Europe/Paris"),
+    ],
+)
 def test_any_label_of_a_run_lives_in_a_model_file_and_in_a_state(label, tmp_path):
     frame = frame_of(CLEAN).assign(run=pd.Series([label] * 30 + ["other"] * 30, dtype=object))
     model = DynamicBiasRegressor("temperature", [600.0], time="time", run="run")
@@ -175,6 +187,12 @@ FORGED = {
     "a class of another kind": (("effects", 0, "kind"), "pickle"),
     "steps back in time": (("history", "ticks", 3), -1),
     "a time beyond three centuries": (("history", "first_tick"), 2**62),
+    "a temperature beyond all measurements": (
+        ("history", "columns", 0, "values"),
+        {"$array": [1.7e308, *map(float, range(FITTED - 1))]},
+    ),
+    "a period beyond all ages": (("history", "period"), 1.7e308),
+    "a usual step beyond all ages": (("history", "usual_step"), 1.7e308),
     "a negative period": (("history", "period"), -1.0),
     "names twice": (("feature_names_in",), ["time", "time", "humidity"]),
     "a long text": (("reading", "name"), "x" * 100_000),

@@ -91,6 +91,7 @@ class FileLines(Lines):
             if _replaced(self._file, self.path):
                 self._file.close()
                 self._file, self._offset, self.restarted = self.path.open("rb"), 0, True
+        self.rest = b""  # the next run reads it, whole
 
     def position(self) -> Position | None:
         """How far the lines have come."""

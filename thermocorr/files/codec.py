@@ -6,7 +6,7 @@ import json
 import math
 import stat
 from collections.abc import Callable
-from datetime import date
+from datetime import date, datetime, timedelta
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -77,11 +77,11 @@ def pack(value: Any, where: str, effect: Callable[[Any, str], Any] | None = None
         if value.dtype == np.float64 and value.ndim == 1:
             return {"$array": flat}
         return {"$array": flat, "dtype": value.dtype.name, "shape": list(value.shape)}
-    if isinstance(value, pd.Timestamp | np.datetime64) and not pd.isna(value):
-        return {"$date": pd.Timestamp(value).isoformat()}
+    if isinstance(value, datetime | np.datetime64) and not pd.isna(value):
+        return {"$date": _date_text(pd.Timestamp(value))}
     if type(value) is date:
         return {"$day": value.isoformat()}
-    if isinstance(value, pd.Timedelta | np.timedelta64) and not pd.isna(value):
+    if isinstance(value, timedelta | np.timedelta64) and not pd.isna(value):
         return {"$span": int(pd.Timedelta(value).value)}
     if effect is not None:
         return effect(value, where)
@@ -89,6 +89,12 @@ def pack(value: Any, where: str, effect: Callable[[Any, str], Any] | None = None
         f"{where} is a {type(value).__name__}, which has no place in a model file: numbers, text, dates, lists, dicts "
         "and numeric arrays do."
     )
+
+
+def _date_text(date: pd.Timestamp) -> str:
+    """A date as ISO 8601 has it: in UTC where its zone was off by seconds, as local mean times were."""
+    offset = date.utcoffset()
+    return (date if offset is None or offset.total_seconds() % 60 == 0 else date.tz_convert("UTC")).isoformat()
 
 
 def unpack(node: Any, where: str, effect: Callable[[Any, str], Any] | None = None) -> Any:
@@ -216,8 +222,8 @@ def number(value: Any, where: str, low: float = -math.inf, high: float = math.in
 
 
 def positive(value: Any, where: str) -> float:
-    """A finite float above zero."""
-    if number(value, where) <= 0:
+    """A float above zero, as large as a measurement may be."""
+    if number(value, where, 0.0, LARGEST) == 0.0:
         raise unexpected(where, _shown(value), "a positive number")
     return float(value)
 

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from ..records import History, RecordError
+from ..records.grammar import LARGEST
 from ..records.times import BEYOND, Times, date_of_text
 
 _NS = 1_000_000_000
@@ -57,8 +58,7 @@ class Clock:
             )
         if times.ticks is None:
             return self.next_rows(times.n)
-        ticks = np.asarray(times.ticks[:])
-        return ticks if self.kind == "seconds" else ticks * (_NS // times.per_second)
+        return times.stamps()
 
     def next_rows(self, n: int) -> np.ndarray:
         """Stamps of the next `n` rows of a record without times."""
@@ -84,7 +84,7 @@ class Clock:
             seconds = float(time)
         except (TypeError, ValueError):
             seconds = math.nan
-        if not math.isfinite(seconds):
+        if not abs(seconds) <= LARGEST:
             raise self._refuse(time, "a number of seconds")
         return seconds
 

@@ -13,6 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
 from ..records import RecordError, read_record
+from ..records.labels import check_date
 from ..records.numbers import from_polars, is_frame
 from ..records.read import times_of
 from .advance import BACKWARD, NO_TEMPERATURE, Advanced, Stream
@@ -194,8 +195,10 @@ class OnlineCorrector:
             values[column] = one_number(columns[name])
         U = one_number(reading)
         run = columns.get(self.model.run) if self.model.run is not None else None
-        if run is not None and type(run) is not str and pd.isna(run):
-            raise RecordError(f"The sample has no label of its run in {self.model.run!r}. Label every sample.")
+        if run is not None and type(run) is not str:
+            if pd.isna(run):
+                raise RecordError(f"The sample has no label of its run in {self.model.run!r}. Label every sample.")
+            check_date(run, "The label of the sample's run")
         return self.update_stamp(None if time is None else stream.clock.stamp(time), run, values, U)
 
     def update_stamp(self, stamp: Any, run: Any, values: dict[Any, float], U: float) -> Corrected:

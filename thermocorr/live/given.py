@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..records import RecordError
+from ..records.labels import check_dates
 from ..records.numbers import from_polars, is_frame, numeric_column
 
 
@@ -58,6 +59,7 @@ def stretches(labels: pd.Series[Any] | None, n: int) -> list[tuple[int, int, Any
         return [(0, n, None)]
     if labels.isna().any():
         raise RecordError(f"Row {int(labels.isna().argmax())} has no label of its run. Label every row.")
+    check_dates(labels, "The column of the run's label")
     codes = pd.factorize(labels)[0]
     edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), n]
     return [(low, high, labels.iloc[low]) for low, high in pairwise(edges)]

@@ -5,8 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import date, timedelta
-from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -14,13 +12,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import RecordError, RecordWarning, listing, times_word
+from .labels import check_labels
 from .log import Log
 from .numbers import from_polars, is_frame, numeric_column, numeric_reading
 from .record import Record, Segment
 from .times import Times, seconds_of, times_from
 
-LABELS = (str, bool, int, float, Decimal, np.number, np.bool_, date, timedelta, np.datetime64, np.timedelta64)
-"""What may label a run: dates and spans of pandas are dates and spans of Python too."""
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
 
@@ -179,15 +176,7 @@ def _runs(X: Any, layout: Layout, times: Times) -> tuple[NDArray[Any] | None, ND
         labels = pd.Series(X[str(layout.run)][:]) if isinstance(X, Log) else X[layout.run]
         if labels.ndim != 1:
             raise RecordError(f"The run column stands over {labels.shape[1]} columns. Give columns unique names.")
-    missing = labels.isna().to_numpy()
-    if missing.any():
-        raise RecordError(f"The run column {layout.run!r} is empty in row {missing.argmax()}. Label every row.")
-    for row, value in enumerate(labels):
-        if not isinstance(value, LABELS):
-            raise RecordError(
-                f"The run column {layout.run!r} holds a {type(value).__name__} in row {row}. Label runs with text, "
-                "numbers or dates."
-            )
+    check_labels(labels, f"The run column {layout.run!r}")
     codes, names = pd.factorize(labels)
     order = None
     if (np.diff(codes) < 0).any():

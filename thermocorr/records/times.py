@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import RecordError
+from .grammar import LARGEST
 from .types import kind_of
 
 Floats = NDArray[np.float64]
@@ -17,7 +18,8 @@ Rows = slice | NDArray[np.intp]
 Kind = Literal["datetime", "datetime with time zone", "timedelta", "seconds", "rows"]
 _NS = 1_000_000_000
 BEYOND = "Times may lie 292 years from 1970 at most. Is the date damaged?"
-_UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": _NS}
+UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": _NS}
+"""Ticks in a second, by the unit that pandas counts in."""
 _DAY = "(?:[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}|[0-9]{8})"
 _CLOCK = "[T ][0-9]{2}(?::?[0-9]{2}(?::?[0-9]{2}(?:[.][0-9]+)?)?)?"
 _ZONE = " ?(?:Z|[+-][0-9]{2}(?::?[0-9]{2})?)"
@@ -80,6 +82,13 @@ class Times:
             return float(self.ticks[row])
         return int(self.ticks[row]) * (_NS // self.per_second)
 
+    def stamps(self) -> NDArray[Any]:
+        """Absolute times of all rows, as `stamp` has them, shape (n,)."""
+        if self.ticks is None:
+            return np.arange(self.first_row, self.first_row + self.n)
+        ticks = np.asarray(self.ticks[:])
+        return ticks if self.kind in ("rows", "seconds") else ticks * (_NS // self.per_second)
+
     def between(self, later: float, earlier: float) -> float:
         """Difference of two stamps [s]."""
         if self.kind == "rows":
@@ -118,7 +127,7 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
     if kind_of(values) == "number":
         seconds = values.to_numpy(dtype=float, na_value=np.nan)
         _refuse_missing(~np.isfinite(seconds), where)
-        return Times(n, "seconds", seconds)
+        return Times(n, "seconds", seconds_within_range(seconds, where))
     if not (pd.api.types.is_datetime64_any_dtype(dtype) or pd.api.types.is_timedelta64_dtype(dtype)):
         values = _parse(values, where)
         dtype = values.dtype
@@ -128,7 +137,7 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
         kind = "datetime with time zone"
         values = values.dt.tz_convert("UTC").dt.tz_localize(None)
     ticks = values.to_numpy()
-    per_second = _UNITS[np.datetime_data(ticks.dtype)[0]]
+    per_second = UNITS[np.datetime_data(ticks.dtype)[0]]
     return Times(n, kind, within_range(ticks.view("i8"), per_second, where), per_second)
 
 
@@ -140,18 +149,26 @@ def _times_of_index(index: pd.DatetimeIndex | pd.TimedeltaIndex, where: str) -> 
     kind: Kind = "timedelta"
     if isinstance(index, pd.DatetimeIndex):
         kind = "datetime" if index.tz is None else "datetime with time zone"
-    per_second = _UNITS[index.unit]
+    per_second = UNITS[index.unit]
     return Times(len(index), kind, within_range(ticks, per_second, where), per_second)
 
 
-def within_range(ticks: NDArray[Any], per_second: int, where: str, first_row: int = 0) -> NDArray[Any]:
-    """The ticks; RecordError where one of them is no integer of nanoseconds: stamps are."""
-    limit = np.iinfo(np.int64).max // (_NS // per_second)
-    if per_second < _NS and len(ticks) and (ticks.max() > limit or ticks.min() < -limit):
+def within_range(ticks: NDArray[Any], per_second: int, where: str, first_row: int = 0, margin: int = 0) -> NDArray[Any]:
+    """The ticks; RecordError where one of them is no integer of nanoseconds, less a margin [s]: stamps are."""
+    limit = np.iinfo(np.int64).max // (_NS // per_second) - margin * per_second
+    if (margin or per_second < _NS) and len(ticks) and (ticks.max() > limit or ticks.min() < -limit):
         row = int(np.argmax((ticks > limit) | (ticks < -limit)))
         date = np.datetime64(int(ticks[row]) // per_second, "s")
         raise RecordError(f"{where} is {date} in row {first_row + row}. {BEYOND}")
     return ticks
+
+
+def seconds_within_range(seconds: Floats, where: str, first_row: int = 0) -> Floats:
+    """The times; RecordError where one of them is no time [s] that anything has: differences of these are numbers."""
+    if len(seconds) and np.abs(seconds).max() > LARGEST:
+        row = int(np.argmax(np.abs(seconds) > LARGEST))
+        raise RecordError(f"{where} is {seconds[row]:g} s in row {first_row + row}. Is the time damaged?")
+    return seconds
 
 
 def _refuse_missing(missing: NDArray[np.bool_], where: str) -> None:
