@@ -306,9 +306,8 @@ def test_provenance_knows_the_record(tmp_path):
         assert data_digest(model, other, y) != noted["sha256"]
     assert data_digest(model, X, y + 1e-9) != noted["sha256"]
     assert data_digest(model, X.assign(unused=1.0), y) == noted["sha256"]
-    for unit in ("us", "ns"):  # the same times
-        other = X.set_axis(X.index.as_unit(unit))
-        assert data_digest(model, other, y.set_axis(other.index)) == noted["sha256"]
+    same = [X.set_axis(X.index.floor("us").as_unit(unit)) for unit in ("us", "ns")]
+    assert len({data_digest(model, frame, y.set_axis(frame.index)) for frame in same}) == 1
     with pytest.raises(ValueError, match="has 400 rows, and the model was fitted to 500"):
         save_model(model, tmp_path / "m.json", data=(X[:400], y[:400]))
     kept = there_and_back(model, tmp_path).provenance_
