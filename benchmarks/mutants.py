@@ -5,6 +5,7 @@ nearest tests run first; a mutant that these let live has to live through the wh
 time. Survivors are listed with their line, to be judged: some change nothing (a tolerance, a speed).
 
     python benchmarks/mutants.py --mutants 200 --seed 0 --jobs 2
+    python benchmarks/mutants.py --mutants 200 --seed 0 --near     # quicker; a survivor may not live through them all
 """
 
 from __future__ import annotations
@@ -29,12 +30,27 @@ ROOMS = (
     "thermocorr/command/correct.py", "thermocorr/command/log_rows.py", "thermocorr/command/results.py",
     "thermocorr/command/lines.py", "thermocorr/command/stopping.py",
 )  # fmt: skip
-NEAR = (
-    "test_files", "test_records", "test_bad_input", "test_averages", "test_tables", "test_parquet", "test_online",
-    "test_correct", "test_live_cases", "test_fuzz_corpus", "test_cli", "test_model_file", "test_hostile_model_files",
-    "test_crash", "test_ecosystem", "test_small_doors",
+NEAR = {
+    "records/": ("test_records", "test_bad_input", "test_tables", "test_fuzz_corpus", "test_parquet", "corpus"),
+    "records/h": ("test_online", "test_model_file", "test_live_cases", "test_records"),
+    "records/re": ("test_records", "test_bad_input", "test_online", "test_samples"),
+    "records/p": ("test_parquet", "corpus/test_parquet_corpus", "test_tables"),
+    "records/l": ("corpus", "test_records", "test_parquet"),
+    "files/": ("test_files", "test_interrupts", "test_crash"),
+    "files/codec": ("corpus/test_json_corpus", "test_hostile_model_files", "test_model_file"),
+    "files/effect_nodes": ("corpus/test_json_corpus", "test_hostile_model_files", "test_model_file"),
+    "files/model": ("corpus/test_json_corpus", "test_hostile_model_files", "test_model_file"),
+    "live/": ("test_online", "test_averages", "test_live_cases", "test_small_doors", "corpus/test_json_corpus"),
+    "command/": ("test_correct", "test_interrupts", "test_fuzz_corpus", "test_small_doors", "test_crash"),
+}
+"""Beginning of a path -> test files that know the room best; the longest beginning counts."""
+NEXT = (
+    "test_small_doors", "test_records", "test_bad_input", "test_tables", "test_averages", "test_parquet", "test_online",
+    "test_correct", "test_cli", "test_files", "test_interrupts", "test_model_file", "test_hostile_model_files",
+    "corpus", "test_fuzz_corpus", "test_absurd_fits", "test_live_cases", "test_ecosystem", "test_crash",
 )  # fmt: skip
-"""Test files that run first."""
+"""Test files that run then."""
+ALL = ["--ignore=tests/test_notebooks.py"]
 SWAPS: dict[type, tuple[type, ...]] = {
     ast.Lt: (ast.LtE, ast.GtE), ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.LtE), ast.GtE: (ast.Gt, ast.Lt),
     ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,), ast.Is: (ast.IsNot,), ast.IsNot: (ast.Is,), ast.In: (ast.NotIn,),
@@ -168,6 +184,7 @@ def survives(copy: Path, tests: list[str]) -> bool:
     """Whether the tests pass; one that hangs does not."""
     environment = {
         **os.environ,
+        "PYTHONPATH": str(copy),
         "HYPOTHESIS_PROFILE": "derandomized",
         "OMP_NUM_THREADS": "1",
         "PYTHONDONTWRITEBYTECODE": "1",
@@ -180,15 +197,21 @@ def survives(copy: Path, tests: list[str]) -> bool:
     return done.returncode == 0
 
 
-def judged(mutant: Mutant, copies: Queue[Path]) -> bool:
-    """Whether the mutant lives through the nearest tests, and then through all."""
+def near(path: str) -> list[str]:
+    """Test files in the order in which a mutant of this file meets them."""
+    room = path.removeprefix("thermocorr/")
+    first = NEAR[max((begin for begin in NEAR if room.startswith(begin)), key=len)]
+    return [f"tests/{name}" if name == "corpus" else f"tests/{name}.py" for name in dict.fromkeys((*first, *NEXT))]
+
+
+def judged(mutant: Mutant, copies: Queue[Path], whole: bool) -> bool:
+    """Whether the mutant lives through the nearest tests, and then through all if the whole suite is asked for."""
     copy = copies.get()
     target = copy / mutant.path
     before = target.read_text()
     try:
         target.write_text(mutant.source)
-        near = [f"tests/{name}.py" for name in NEAR if (copy / "tests" / f"{name}.py").exists()]
-        return survives(copy, near) and survives(copy, ["--ignore=tests/test_notebooks.py"])
+        return survives(copy, near(mutant.path)) and not (whole and not survives(copy, ALL))
     finally:
         target.write_text(before)
         copies.put(copy)
@@ -201,6 +224,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--rooms", nargs="*", default=list(ROOMS))
+    parser.add_argument("--near", action="store_true", help="only the nearest tests: survivors may be fewer")
     options = parser.parse_args()
     mutants = draw(options.mutants, random.Random(options.seed), options.rooms)
     with tempfile.TemporaryDirectory() as folder:
@@ -211,7 +235,7 @@ def main() -> None:
         with ThreadPoolExecutor(options.jobs) as pool:
             lives = []
             for k, (mutant, alive) in enumerate(
-                zip(mutants, pool.map(lambda m: judged(m, copies), mutants), strict=True), 1
+                zip(mutants, pool.map(lambda m: judged(m, copies, not options.near), mutants), strict=True), 1
             ):
                 if alive:
                     lives.append(mutant)

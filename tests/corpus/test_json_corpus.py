@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 
 import numpy as np
 import pandas as pd
@@ -37,6 +38,27 @@ def test_twenty_thousand_keys_with_one_of_them_twice_take_no_second():
     with pytest.raises(ModelFileError, match="stands twice"):
         parse(content)
     assert time.perf_counter() - begin < 1.0
+
+
+def test_thirty_megabytes_of_values_take_no_seconds():
+    """A file is not read value by value before somebody counts them, nor quoted as a whole."""
+    for count, words in ((15_000_000, "15000000 values"), (8_900_000, r"holds \[1, 1, .* where an object belongs")):
+        begin = time.perf_counter()
+        with pytest.raises(ModelFileError, match=words):
+            parse(b"[" + b"1," * count + b"1]")
+        assert time.perf_counter() - begin < 4.0
+
+
+@pytest.mark.parametrize(
+    "number", [b"1e999", b"-1.5E+308", b"1" + b"0" * 309 + b".0", b"9" * 19, b"-9223372036854775808"]
+)
+def test_numbers_that_no_value_holds_are_refused_wherever_they_stand(number):
+    with (
+        pytest.raises(ModelFileError, match="the (number|integer) .* is too large")
+        if number != b"-1.5E+308"
+        else nullcontext()
+    ):
+        parse(b'{"a": [1, 2, {"b": ' + number + b"}]}")
 
 
 BAD_JSON = {
@@ -195,6 +217,7 @@ FORGED = {
     "a usual step beyond all ages": (("history", "usual_step"), 1.7e308),
     "a negative period": (("history", "period"), -1.0),
     "names twice": (("feature_names_in",), ["time", "time", "humidity"]),
+    "half a character": (("feature_names_in", 0), "\ud800"),
     "a long text": (("reading", "name"), "x" * 100_000),
 }
 

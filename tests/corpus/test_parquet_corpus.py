@@ -185,6 +185,40 @@ def test_dates_out_of_reach_label_no_run(name, tmp_path, capsys):
     assert said.startswith("thermocorr: error: The run column 'run' is ") and "in row 30. Times may lie" in said
 
 
+def test_days_out_of_reach_label_no_run(tmp_path):
+    """One reader has days of Python, the other those of numpy."""
+    days = [0] * 30 + [106_752] * (ROWS - 30)
+    assert both_refuse(
+        *parquet_of(tmp_path, run=lambda pa, frame: pa.array(days, pa.int32()).view(pa.date32())), run="run"
+    )
+
+
+def test_a_time_that_its_zone_cannot_show_ends_analyze_in_a_sentence(tmp_path, capsys):
+    seconds = [*range(ROWS - 1), 9_223_372_036]
+    path, _ = parquet_of(
+        tmp_path, time=lambda pa, frame: pa.array([s * 10**9 for s in seconds], pa.timestamp("ns", "Europe/Paris"))
+    )
+    assert (
+        main(
+            [
+                "analyze",
+                str(path),
+                "--reading",
+                "reading",
+                "--time-constants",
+                "10min",
+                "--blocks",
+                "2",
+                "--out",
+                str(tmp_path / "out"),
+            ]
+        )
+        == 2
+    )
+    assert "corrected.csv cannot be written" in capsys.readouterr().err.splitlines()[-1]
+    assert list((tmp_path / "out").iterdir()) == []
+
+
 @pytest.mark.parametrize("value", [1e300, -1e41])
 def test_seconds_that_no_clock_shows_are_no_times(value, tmp_path):
     seconds = [*map(float, range(ROWS))]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import date, datetime, timedelta
+from datetime import date, timedelta
 from decimal import Decimal
 from typing import Any
 
@@ -53,7 +53,7 @@ def check_date(label: Any, what: str) -> None:
     try:
         if isinstance(label, timedelta | np.timedelta64):
             value: int = pd.Timedelta(label).value
-        elif isinstance(label, datetime | np.datetime64):
+        elif isinstance(label, date | np.datetime64):
             value = pd.Timestamp(label).value
         else:
             return
