@@ -127,7 +127,7 @@ def changeable(node: ast.AST) -> bool:
         return isinstance(node.op, ast.Not | ast.USub)
     if isinstance(node, ast.BinOp | ast.BoolOp):
         return type(node.op) in SWAPS
-    return not isinstance(node, ast.Return) or node.value is not None
+    return not isinstance(node, ast.Return) or not (node.value is None or ast.unparse(node.value) == "None")
 
 
 def changed(node: ast.AST, rng: random.Random) -> ast.AST:
@@ -158,6 +158,8 @@ def other_value(value: object, rng: random.Random) -> object:
         return 0
     if isinstance(value, bool):
         return not value
+    if value == 0.0 and isinstance(value, float):
+        return 1.0
     return value + rng.choice([-1, 1]) if isinstance(value, int) else value * rng.choice([0.5, 2.0])  # type: ignore[operator]
 
 
