@@ -283,6 +283,47 @@ def test_a_file_of_results_that_began_later_leaves_it_to_the_times(lab, tmp_path
     assert rows_of(out) == plain(rows[20:40])
 
 
+def test_a_file_that_grows_goes_on_with_a_false_time(lab, tmp_path, capsys):
+    """It stands where the state was saved: its next row is new, whatever its time."""
+    head, *rows = lab[1]
+    path, out = tmp_path / "log.csv", tmp_path / "out.csv"
+    command = ["correct", "--model", str(lab[0]), str(path), "--state", str(tmp_path / "s.json"), "--out", str(out)]
+    path.write_text("".join([head, *rows[:20]]))
+    assert cli.main(command) == 0
+    path.write_text("".join([head, *rows[:20], back(rows[20]), *rows[21:30]]))
+    assert cli.main(command) == 1
+    assert "20 lines were corrected before" in capsys.readouterr().err
+    assert rows_of(out) == plain([*rows[:20], back(rows[20]), *rows[21:30]])
+
+
+def test_a_state_that_was_saved_without_a_file_of_results(lab, tmp_path, capsys):
+    """Rows that were printed could come twice in a file that is there: it is begun anew, by force only."""
+    path, out = tmp_path / "log.csv", tmp_path / "out.csv"
+    command = ["correct", "--model", str(lab[0]), str(path), "--state", str(tmp_path / "s.json")]
+    path.write_text("".join(lab[1][:21]))
+    assert cli.main(command) == 0
+    assert cli.main([*command[:4], "--out", str(out)]) == 0
+    before = out.read_text()
+    path.write_text("".join(lab[1][:31]))
+    capsys.readouterr()
+    assert cli.main([*command, "--out", str(out)]) == 2
+    assert "was saved without it: rows could come twice" in capsys.readouterr().err
+    assert out.read_text() == before
+    assert cli.main([*command, "--out", str(out), "--force"]) == 0
+    assert rows_of(out) == plain(lab[1][21:31])
+
+
+def test_bad_lines_beyond_twenty_are_counted_only(lab, tmp_path, capsys):
+    (tmp_path / "log.csv").write_text("".join([*lab[1][:5], *["no row\n"] * 30, *lab[1][5:10]]))
+    assert cli.main(["correct", "--model", str(lab[0]), str(tmp_path / "log.csv")]) == 1
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 22 and said[19].startswith("thermocorr: line 25 is left out")
+    assert said[20:] == [
+        "thermocorr: further lines that are left out are counted only",
+        "thermocorr: 30 of 39 lines got no result: 30 lines left out",
+    ]
+
+
 def test_a_log_with_other_columns_does_not_go_on_in_the_file_of_results(lab, tmp_path, capsys):
     frame = pd.DataFrame(
         [line.rstrip("\n").split(",") for line in lab[1][1:]], columns=lab[1][0].rstrip("\n").split(",")
