@@ -18,7 +18,7 @@ import pytest
 
 import thermocorr
 import thermocorr.command.correct as correcting
-from thermocorr import DynamicBiasRegressor, OnlineCorrector, save_model
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError, save_model
 from thermocorr.command import cli
 from thermocorr.command.lines import FileLines
 from thermocorr.command.results import Drafted
@@ -418,3 +418,7 @@ def test_a_state_holds_every_label_of_a_run_that_a_stream_takes(lab):
     live.update_many(X, log["reading"])
     again = OnlineCorrector.from_state(model, json.loads(json.dumps(live.state())))
     assert again.state() == live.state()
+    far = pd.Timestamp("9999-12-31").as_unit("us")
+    for update in (lambda: live.update(X["time"][59], 20.0, 1.0, run=far), lambda: live.update_many(X.assign(run=far))):
+        with pytest.raises(RecordError, match=r"9999-12-31.* Times may lie 292 years from 1970 at most"):
+            update()

@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import RecordError, RecordWarning, listing, times_word
-from .labels import check_labels
+from .labels import factorized
 from .log import Log
 from .numbers import from_polars, is_frame, numeric_column, numeric_reading
 from .record import Record, Segment
@@ -176,8 +176,7 @@ def _runs(X: Any, layout: Layout, times: Times) -> tuple[NDArray[Any] | None, ND
         labels = pd.Series(X[str(layout.run)][:]) if isinstance(X, Log) else X[layout.run]
         if labels.ndim != 1:
             raise RecordError(f"The run column stands over {labels.shape[1]} columns. Give columns unique names.")
-    check_labels(labels, f"The run column {layout.run!r}")
-    codes, names = pd.factorize(labels)
+    codes, names = factorized(labels, f"The run column {layout.run!r}")
     order = None
     if (np.diff(codes) < 0).any():
         if times.ticks is None:

@@ -153,10 +153,10 @@ def _times_of_index(index: pd.DatetimeIndex | pd.TimedeltaIndex, where: str) -> 
     return Times(len(index), kind, within_range(ticks, per_second, where), per_second)
 
 
-def within_range(ticks: NDArray[Any], per_second: int, where: str, first_row: int = 0, margin: int = 0) -> NDArray[Any]:
-    """The ticks; RecordError where one of them is no integer of nanoseconds, less a margin [s]: stamps are."""
-    limit = np.iinfo(np.int64).max // (_NS // per_second) - margin * per_second
-    if (margin or per_second < _NS) and len(ticks) and (ticks.max() > limit or ticks.min() < -limit):
+def within_range(ticks: NDArray[Any], per_second: int, where: str, first_row: int = 0) -> NDArray[Any]:
+    """The ticks; RecordError where one of them is no integer of nanoseconds: stamps are."""
+    limit = np.iinfo(np.int64).max // (_NS // per_second)
+    if per_second < _NS and len(ticks) and (ticks.max() > limit or ticks.min() < -limit):
         row = int(np.argmax((ticks > limit) | (ticks < -limit)))
         date = np.datetime64(int(ticks[row]) // per_second, "s")
         raise RecordError(f"{where} is {date} in row {first_row + row}. {BEYOND}")
