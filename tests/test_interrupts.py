@@ -386,6 +386,19 @@ def test_a_disk_that_is_full_when_the_old_files_are_kept(failing, tmp_path, monk
 
 
 @unix
+def test_what_a_killed_process_kept_is_removed_when_it_is_old(tmp_path, monkeypatch):
+    """Another process may be at work that keeps its own."""
+    kept, foreign = tmp_path / f".a.txt.{'0' * 16}.before", tmp_path / f".b.txt.{'0' * 16}.before"
+    for path in (kept, foreign):
+        path.write_text("old")
+    Draft(tmp_path / "a.txt").close()
+    assert kept.exists()
+    monkeypatch.setattr("thermocorr.files.drafts._OLD", 0.0)
+    Draft(tmp_path / "a.txt").close()
+    assert not kept.exists() and foreign.exists()
+
+
+@unix
 def test_sigterm_at_every_moment_of_a_start_is_quiet(lab, tmp_path):
     """Moments between the first import and the first row: nothing but the promised words."""
     environment = {**os.environ, "PYTHONPATH": str(Path(thermocorr.__file__).parents[1]), "OMP_NUM_THREADS": "1"}

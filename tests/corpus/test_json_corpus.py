@@ -16,7 +16,7 @@ import pytest
 
 from corpus.clean_log import CLEAN, FITTED, HEADER, Shown, frame_of, save_fitted, text_of
 from thermocorr import DynamicBiasRegressor, ModelFileError, OnlineCorrector, load_model, save_model
-from thermocorr.files.codec import parse
+from thermocorr.files.codec import label, parse
 from thermocorr.files.model_file import signed
 
 
@@ -215,7 +215,8 @@ FORGED = {
     ),
     "a period beyond all ages": (("history", "period"), 1.7e308),
     "a usual step beyond all ages": (("history", "usual_step"), 1.7e308),
-    "a span before the last gap": (("parameters", "max_gap"), -1.0),
+    "a record without columns": (("history", "columns"), []),
+    "a gap of less than nothing": (("parameters", "max_gap"), -1.0),
     "a washout of text": (("parameters", "washout"), "soon"),
     "one reading less than none": (("reading", "n_readings"), 0),
     "a negative period": (("history", "period"), -1.0),
@@ -238,6 +239,13 @@ def test_a_forged_model_with_a_digest_that_fits_is_refused_in_a_short_sentence(n
     with pytest.raises(ModelFileError) as caught:
         load_model(tmp_path / "f.json")
     assert len(str(caught.value)) < 700
+
+
+def test_labels_of_several_parts_are_labels():
+    assert label(("a", (1, None)), "$") == ("a", (1, None))
+    for part in ([], float("nan"), ("a", [])):
+        with pytest.raises(ModelFileError, match="a label"):
+            label(part, "$")
 
 
 def test_a_forged_model_is_not_quoted_at_length(model_path, tmp_path):
