@@ -42,12 +42,12 @@ NEAR = {
     "files/effect_nodes": ("corpus/test_json_corpus", "test_hostile_model_files", "test_model_file"),
     "files/model": ("corpus/test_json_corpus", "test_hostile_model_files", "test_model_file"),
     "live/": ("test_online", "test_averages", "test_live_cases", "corpus/test_json_corpus"),
-    "command/": ("test_correct", "test_interrupts", "test_fuzz_corpus", "test_cli"),
+    "command/": ("test_correct", "test_resuming", "test_interrupts", "test_fuzz_corpus", "test_cli"),
 }
 """Beginning of a path -> test files that know the room best; the longest beginning counts."""
 NEXT = (
     "test_records", "test_bad_input", "test_tables", "test_files", "test_parquet", "test_averages", "test_online",
-    "test_interrupts", "test_model_file", "test_hostile_model_files", "corpus", "test_fuzz_corpus", "test_correct",
+    "test_interrupts", "test_resuming", "test_model_file", "test_hostile_model_files", "corpus", "test_fuzz_corpus", "test_correct",
     "test_absurd_fits", "test_ecosystem", "test_cli", "test_live_cases", "test_small_doors", "test_crash",
 )  # fmt: skip
 """Test files that run then."""
