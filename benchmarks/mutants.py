@@ -47,8 +47,9 @@ NEAR = {
 """Beginning of a path -> test files that know the room best; the longest beginning counts."""
 NEXT = (
     "test_records", "test_bad_input", "test_tables", "test_files", "test_parquet", "test_averages", "test_online",
-    "test_interrupts", "test_resuming", "test_model_file", "test_hostile_model_files", "corpus", "test_fuzz_corpus", "test_correct",
-    "test_absurd_fits", "test_ecosystem", "test_cli", "test_live_cases", "test_small_doors", "test_crash",
+    "test_interrupts", "test_resuming", "test_model_file", "test_hostile_model_files", "corpus", "test_fuzz_corpus",
+    "test_correct", "test_absurd_fits", "test_ecosystem", "test_cli", "test_live_cases", "test_small_doors",
+    "test_crash",
 )  # fmt: skip
 """Test files that run then."""
 ALL = ["--ignore=tests/test_notebooks.py"]

@@ -17,6 +17,7 @@ import pytest
 import thermocorr
 import thermocorr.command.correct as correcting
 from thermocorr import DynamicBiasRegressor, save_model
+from thermocorr.__main__ import start
 from thermocorr.command import cli
 from thermocorr.command.lines import FileLines
 from thermocorr.command.results import Drafted
@@ -279,6 +280,15 @@ def test_sigterm_at_every_moment_of_a_start_is_quiet(lab, tmp_path):
                 (-15, ""), (143, "thermocorr: stopped\n"),
                 (143, "thermocorr: stopped before the first line; nothing was written\n"),
             ]  # fmt: skip
+
+
+def test_an_interrupt_while_the_first_modules_load(monkeypatch, capsys):
+    class Interrupted:
+        def __getattr__(self, name):
+            raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "thermocorr.command.cli", Interrupted())
+    assert start() == 130 and capsys.readouterr().err == "thermocorr: stopped\n"
 
 
 def test_the_words_for_a_signal_need_no_import():
