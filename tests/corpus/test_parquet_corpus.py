@@ -193,28 +193,32 @@ def test_days_out_of_reach_label_no_run(tmp_path):
     )
 
 
-def test_a_time_that_its_zone_cannot_show_ends_analyze_in_a_sentence(tmp_path, capsys):
-    seconds = [*range(ROWS - 1), 9_223_372_036]
-    path, _ = parquet_of(
-        tmp_path, time=lambda pa, frame: pa.array([s * 10**9 for s in seconds], pa.timestamp("ns", "Europe/Paris"))
-    )
-    assert (
-        main(
-            [
-                "analyze",
-                str(path),
-                "--reading",
-                "reading",
-                "--time-constants",
-                "10min",
-                "--blocks",
-                "2",
-                "--out",
-                str(tmp_path / "out"),
-            ]
-        )
-        == 2
-    )
+@pytest.mark.parametrize("kind", ["duration", "timestamp"])
+@pytest.mark.parametrize("ends", [(0, -(2**63) + 1), (2**63 - 1, -(2**63) + 1), (-(2**63) + 1, 2**63 - 1)])
+def test_steps_that_no_integer_holds(kind, ends, tmp_path):
+    """Backward by so much that the difference would be forward; or more years than a clock has since the start."""
+    low = ends[0] - ROWS if ends[0] > 0 else ends[0]
+    ticks = [*(low + k for k in range(ROWS - 1)), ends[1]]
+    column = lambda pa, frame: pa.array(ticks, getattr(pa, kind)("ns"))  # noqa: E731
+    assert both_refuse(*parquet_of(tmp_path, time=column))
+
+
+LAST_DAY = [s * 10**9 for s in (*range(ROWS - 1), 9_223_372_036)]
+
+
+def test_a_time_that_its_zone_cannot_show_is_refused_by_both_readers(tmp_path):
+    """It could be neither written nor corrected."""
+    assert both_refuse(*parquet_of(tmp_path, time=lambda pa, frame: pa.array(LAST_DAY, pa.timestamp("ns", "+05:30"))))
+    path, log = parquet_of(tmp_path, time=lambda pa, frame: pa.array(LAST_DAY, pa.timestamp("ns", "UTC")))
+    a, b = fit_both(path, log)
+    assert np.array_equal(a, b)
+
+
+def test_a_date_that_its_zone_cannot_show_ends_analyze_in_a_sentence(tmp_path, capsys):
+    """In a column that is not used."""
+    path, _ = parquet_of(tmp_path, humidity=lambda pa, frame: pa.array(LAST_DAY, pa.timestamp("ns", "Europe/Paris")))
+    options = ["--reading", "reading", "--time-constants", "10min", "--blocks", "2", "--out", str(tmp_path / "out")]
+    assert main(["analyze", str(path), *options]) == 2
     assert "corrected.csv cannot be written" in capsys.readouterr().err.splitlines()[-1]
     assert list((tmp_path / "out").iterdir()) == []
 

@@ -13,7 +13,7 @@ import pandas as pd
 
 from ..records import History, RecordError
 from ..records.grammar import LARGEST
-from ..records.times import BEYOND, Times, date_of_text
+from ..records.times import BEYOND, Times, date_of_text, difference
 
 _NS = 1_000_000_000
 _EPOCH, _EPOCH_UTC = datetime(1970, 1, 1), datetime(1970, 1, 1, tzinfo=UTC)
@@ -47,7 +47,7 @@ class Clock:
 
     def between(self, later: Any, earlier: Any) -> Any:
         """Difference of two stamps (or arrays of them) [s]."""
-        return (later - earlier) * self._times / self._per
+        return difference(later, earlier) * self._times / self._per
 
     def stamps(self, times: Times) -> np.ndarray:
         """Stamps of many times, shape (n,)."""

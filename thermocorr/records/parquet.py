@@ -213,7 +213,8 @@ class TimeColumn(ParquetColumn):
         if values.dtype.kind == "f":
             return seconds_within_range(values, f"The time column {self.name!r}", first_row)
         ticks = values.astype(f"{values.dtype.str[1]}8[{_UNIT[self.per_second]}]").view("i8")
-        return within_range(ticks, self.per_second, f"The time column {self.name!r}", first_row)
+        zone = self.type_name.partition("tz=")[2].rstrip("]") or None
+        return within_range(ticks, self.per_second, f"The time column {self.name!r}", first_row, zone)
 
 
 def open_parquet(path: str | PathLike[str]) -> Any:

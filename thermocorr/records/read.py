@@ -92,10 +92,25 @@ def read_record(
         reading=reading,
         notes=tuple(notes),
     )
+    _refuse_ages(record)
     if not quiet:
         for note in notes:
             warnings.warn(note, RecordWarning, stacklevel=4)
     return record
+
+
+def _refuse_ages(record: Record) -> None:
+    """Refuse a record of more than 292 years: times since its start count in nanoseconds too."""
+    if record.times.kind in ("rows", "seconds"):
+        return
+    ends = [k for start, stop, _ in record.segments for k in (start, stop - 1)]
+    stamps = [record.stamp(k) for k in ends]
+    if max(stamps) - min(stamps) >= 1 << 63:
+        first, last = (record.row(ends[stamps.index(most)]) for most in (min(stamps), max(stamps)))
+        raise RecordError(
+            f"The record spans more than 292 years: from {record.times.label(first)} in row {first} to "
+            f"{record.times.label(last)} in row {last}. Are its dates damaged?"
+        )
 
 
 def times_of(X: Any, layout: Layout) -> Times:
