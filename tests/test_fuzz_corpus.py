@@ -267,6 +267,15 @@ def test_a_header_of_many_names_takes_no_long_time(read):
     assert time.perf_counter() - begin < 5.0  # a look at every pair of names takes longer
 
 
+@pytest.mark.parametrize("names", [b"x," * 600_000, b"y" * 1_200_000])
+def test_a_header_of_a_megabyte_is_none(names, correct, read):
+    content = b"time," + names + b"\n" + text_of(CLEAN)
+    shown = correct(content)
+    assert shown.status == 2 and "more than 1048576 bytes" in shown.err
+    with pytest.raises(RecordError, match="The header, line 1, has more than 1048576 bytes"):
+        read(content)
+
+
 # -------------------------------------------------------------------------------------------------------------- times
 
 NO_TIMES = [
