@@ -31,6 +31,14 @@ from thermocorr.files.uninterrupted import uninterrupted
 unix = pytest.mark.skipif(not hasattr(os, "fork"), reason="signals and pipes are those of Unix")
 
 
+@pytest.fixture(autouse=True)
+def interrupts():
+    """Interrupts are raised, also where the tests run in the background, which ignores them."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory):
     """The model's file, and lines of a log behind the fitted rows, the header first."""
