@@ -14,7 +14,8 @@ there, and do its work when it is run again.
 
 A new process spends most of its time with imports. Here one process imports the package and forks a child for each
 moment, which takes the signal handlers of a new process and calls `thermocorr.command.cli.main`; constants of the
-package are made small, so that the state is saved every 10 ms. Rows named "new processes" are without all this.
+package are made small, so that the state is saved every 10 ms. Rows named "new processes" are without all this: what
+the interpreter shows of an interrupt before the package is there is not counted.
 
 Prints what was found, one line for each way of running and each signal, and ends with status 1 if anything is wrong.
 The same seed makes the same choices; what a process does at a time is for the system to say.

@@ -5,18 +5,20 @@ nearest tests run first; a mutant that these let live has to live through the wh
 time. Survivors are listed with their line, to be judged: some change nothing (a tolerance, a speed).
 
     python benchmarks/mutants.py --mutants 200 --seed 0 --jobs 2
+    python benchmarks/mutants.py --mutants 200 --seed 0 --near     # quicker; a survivor may not live through them all
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import multiprocessing
 import os
 import random
 import shutil
-import subprocess
 import sys
 import tempfile
+import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,12 +31,36 @@ ROOMS = (
     "thermocorr/command/correct.py", "thermocorr/command/log_rows.py", "thermocorr/command/results.py",
     "thermocorr/command/lines.py", "thermocorr/command/stopping.py",
 )  # fmt: skip
-NEAR = (
-    "test_files", "test_records", "test_bad_input", "test_averages", "test_tables", "test_parquet", "test_online",
-    "test_correct", "test_live_cases", "test_fuzz_corpus", "test_cli", "test_model_file", "test_hostile_model_files",
-    "test_crash", "test_ecosystem", "test_small_doors",
+NEAR = {
+    "records/": ("test_records", "test_bad_input", "test_tables", "test_fuzz_corpus", "test_parquet", "corpus"),
+    "records/h": ("test_online", "test_model_file", "test_live_cases", "test_records"),
+    "records/re": ("test_records", "test_bad_input", "test_online", "test_samples"),
+    "records/p": ("test_parquet", "corpus/test_parquet_corpus", "test_tables"),
+    "records/l": ("corpus", "test_records", "test_parquet"),
+    "files/": ("test_files", "test_interrupts", "test_crash"),
+    "files/codec": ("corpus/test_json_corpus", "test_hostile_model_files", "test_model_file"),
+    "files/effect_nodes": ("corpus/test_json_corpus", "test_hostile_model_files", "test_model_file"),
+    "files/model": ("corpus/test_json_corpus", "test_hostile_model_files", "test_model_file"),
+    "live/": ("test_online", "test_averages", "test_live_cases", "corpus/test_json_corpus"),
+    "command/": ("test_correct", "test_resuming", "test_interrupts", "test_fuzz_corpus", "test_cli"),
+}
+"""Beginning of a path -> test files that know the room best; the longest beginning counts."""
+NEXT = (
+    "test_records", "test_bad_input", "test_tables", "test_files", "test_parquet", "test_averages", "test_online",
+    "test_interrupts", "test_resuming", "test_model_file", "test_hostile_model_files", "corpus", "test_fuzz_corpus",
+    "test_correct", "test_absurd_fits", "test_ecosystem", "test_cli", "test_live_cases", "test_small_doors",
+    "test_crash",
 )  # fmt: skip
-"""Test files that run first."""
+"""Test files that run then."""
+ALL = ["--ignore=tests/test_notebooks.py"]
+LONGEST = 900.0
+"""Tests that take longer hang [s]."""
+FORKS = multiprocessing.get_context("forkserver")
+PACKAGES = [
+    "pytest", "pandas", "pyarrow.parquet", "scipy.signal", "scipy.optimize", "scipy.interpolate", "sklearn.pipeline",
+    "sklearn.preprocessing", "sklearn.linear_model", "sklearn.model_selection", "sklearn.compose",
+]  # fmt: skip
+"""What is loaded once for all mutants; nothing of this package."""
 SWAPS: dict[type, tuple[type, ...]] = {
     ast.Lt: (ast.LtE, ast.GtE), ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.LtE), ast.GtE: (ast.Gt, ast.Lt),
     ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,), ast.Is: (ast.IsNot,), ast.IsNot: (ast.Is,), ast.In: (ast.NotIn,),
@@ -102,7 +128,7 @@ def changeable(node: ast.AST) -> bool:
         return isinstance(node.op, ast.Not | ast.USub)
     if isinstance(node, ast.BinOp | ast.BoolOp):
         return type(node.op) in SWAPS
-    return not isinstance(node, ast.Return) or node.value is not None
+    return not isinstance(node, ast.Return) or not (node.value is None or ast.unparse(node.value) == "None")
 
 
 def changed(node: ast.AST, rng: random.Random) -> ast.AST:
@@ -133,6 +159,8 @@ def other_value(value: object, rng: random.Random) -> object:
         return 0
     if isinstance(value, bool):
         return not value
+    if value == 0.0 and isinstance(value, float):
+        return 1.0
     return value + rng.choice([-1, 1]) if isinstance(value, int) else value * rng.choice([0.5, 2.0])  # type: ignore[operator]
 
 
@@ -165,30 +193,46 @@ def draw(count: int, rng: random.Random, rooms: list[str]) -> list[Mutant]:
 
 
 def survives(copy: Path, tests: list[str]) -> bool:
-    """Whether the tests pass; one that hangs does not."""
-    environment = {
-        **os.environ,
-        "HYPOTHESIS_PROFILE": "derandomized",
-        "OMP_NUM_THREADS": "1",
-        "PYTHONDONTWRITEBYTECODE": "1",
-    }
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
-    try:
-        done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, timeout=1200)
-    except subprocess.TimeoutExpired:
-        return False
-    return done.returncode == 0
+    """Whether the tests pass; ones that hang do not. In a process that has the packages that the tests need."""
+    process = FORKS.Process(target=run_tests, args=(copy, tests))
+    process.start()
+    process.join(LONGEST)
+    if process.exitcode is None:
+        process.kill()
+        process.join()
+    return process.exitcode == 0
 
 
-def judged(mutant: Mutant, copies: Queue[Path]) -> bool:
-    """Whether the mutant lives through the nearest tests, and then through all."""
+def run_tests(copy: Path, tests: list[str]) -> None:
+    """What that process does."""
+    os.environ.update(HYPOTHESIS_PROFILE="derandomized", OMP_NUM_THREADS="1", PYTHONDONTWRITEBYTECODE="1")
+    os.chdir(copy)
+    os.setpgid(0, 0)
+    sys.dont_write_bytecode = True
+    sys.path.insert(0, str(copy))
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for descriptor in (0, 1, 2):
+        os.dup2(nowhere, descriptor)
+    import pytest
+
+    sys.exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", *tests])))
+
+
+def near(path: str) -> list[str]:
+    """Test files in the order in which a mutant of this file meets them."""
+    room = path.removeprefix("thermocorr/")
+    first = NEAR[max((begin for begin in NEAR if room.startswith(begin)), key=len)]
+    return [f"tests/{name}" if name == "corpus" else f"tests/{name}.py" for name in dict.fromkeys((*first, *NEXT))]
+
+
+def judged(mutant: Mutant, copies: Queue[Path], whole: bool) -> bool:
+    """Whether the mutant lives through the nearest tests, and then through all if the whole suite is asked for."""
     copy = copies.get()
     target = copy / mutant.path
     before = target.read_text()
     try:
         target.write_text(mutant.source)
-        near = [f"tests/{name}.py" for name in NEAR if (copy / "tests" / f"{name}.py").exists()]
-        return survives(copy, near) and survives(copy, ["--ignore=tests/test_notebooks.py"])
+        return survives(copy, near(mutant.path)) and not (whole and not survives(copy, ALL))
     finally:
         target.write_text(before)
         copies.put(copy)
@@ -201,24 +245,30 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--rooms", nargs="*", default=list(ROOMS))
+    parser.add_argument("--near", action="store_true", help="only the nearest tests: survivors may be fewer")
+    parser.add_argument("--minutes", type=float, default=1e9, help="begin no mutant after so long")
     options = parser.parse_args()
-    mutants = draw(options.mutants, random.Random(options.seed), options.rooms)
+    FORKS.set_forkserver_preload(PACKAGES)
+    mutants, end = draw(options.mutants, random.Random(options.seed), options.rooms), 60 * options.minutes
+    began, tried, lives = time.monotonic(), 0, 0
     with tempfile.TemporaryDirectory() as folder:
         copies: Queue[Path] = Queue()
         for k in range(options.jobs):
             ignored = shutil.ignore_patterns(".git", "__pycache__", ".venv", "*.ipynb")
             copies.put(Path(shutil.copytree(ROOT, Path(folder) / f"copy{k}" / "main", ignore=ignored)))
+
+        def outcome(mutant: Mutant) -> bool | None:
+            return judged(mutant, copies, not options.near) if time.monotonic() - began < end else None
+
         with ThreadPoolExecutor(options.jobs) as pool:
-            lives = []
-            for k, (mutant, alive) in enumerate(
-                zip(mutants, pool.map(lambda m: judged(m, copies), mutants), strict=True), 1
-            ):
+            for mutant, alive in zip(mutants, pool.map(outcome, mutants), strict=True):
+                tried += alive is not None
                 if alive:
-                    lives.append(mutant)
-                    print(f"survivor {len(lives)} of {k}: {mutant.path}:{mutant.line}: {mutant.what}", flush=True)
-                elif k % 20 == 0:
-                    print(f"{k} tried", flush=True)
-    print(f"{len(mutants)} mutants, {1 - len(lives) / len(mutants):.1%} killed")
+                    lives += 1
+                    print(f"survivor {lives} of {tried}: {mutant.path}:{mutant.line}: {mutant.what}", flush=True)
+                elif alive is not None and tried % 20 == 0:
+                    print(f"{tried} tried", flush=True)
+    print(f"{tried} mutants, {1 - lives / max(tried, 1):.1%} killed")
 
 
 if __name__ == "__main__":

@@ -101,6 +101,16 @@ def test_a_missing_number_is_one_for_both_commands(cell, correct, read):
     assert [(segment.start, segment.stop) for segment in record.segments] == [(0, 7), (8, 30)]
 
 
+@pytest.mark.parametrize("cell", ["Infinity", "-inf", "-1e400", "1e309", "9" * 400])
+def test_a_column_that_is_not_used_keeps_a_cell_that_no_number_holds(cell, tmp_path, capsys):
+    rows = [[*row, cell if k == 12 else "1.50" if k % 2 else "NA"] for k, row in enumerate(CLEAN)]
+    (tmp_path / "log.csv").write_bytes(text_of(rows, [*HEADER, "more"]))
+    options = ["--reading", "reading", "--time-constants", "10min", "--blocks", "2", "--quiet", "--out", str(tmp_path)]
+    assert main(["analyze", str(tmp_path / "log.csv"), *options]) == 0
+    shown = pd.read_csv(tmp_path / "corrected.csv", dtype=str, keep_default_na=False)["more"]
+    assert shown[12] == cell and set(shown[[0, 1]]) == {"", "1.50"}
+
+
 def test_a_log_with_a_tenth_of_its_temperatures_missing_is_analysed(tmp_path, capsys):
     rows = [[row[0], "" if k % 10 == 3 else row[1], *row[2:]] for k, row in enumerate(CLEAN)]
     (tmp_path / "log.csv").write_bytes(text_of(rows))
@@ -255,6 +265,15 @@ def test_a_header_of_many_names_takes_no_long_time(read):
     with pytest.raises(RecordError):
         read(text_of([], [*HEADER, *names]))
     assert time.perf_counter() - begin < 5.0  # a look at every pair of names takes longer
+
+
+@pytest.mark.parametrize("names", [b"x," * 600_000, b"y" * 1_200_000])
+def test_a_header_of_a_megabyte_is_none(names, correct, read):
+    content = b"time," + names + b"\n" + text_of(CLEAN)
+    shown = correct(content)
+    assert shown.status == 2 and "more than 1048576 bytes" in shown.err
+    with pytest.raises(RecordError, match="The header, line 1, has more than 1048576 bytes"):
+        read(content)
 
 
 # -------------------------------------------------------------------------------------------------------------- times

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -299,13 +300,18 @@ def test_provenance_knows_the_record(tmp_path):
         and noted["first"].startswith("2024-03-04 01:23:45")
         and noted["columns"][0] == "temperature"
     )
-    assert noted["sha256"] == data_digest(model, X, y)
+    assert noted["span_s"] == (X.index[-1] - X.index[0]).total_seconds()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # the fit has said what there is to say about the record
+        assert noted["sha256"] == data_digest(model, X, y)
     for column in ("temperature", "humidity"):
         other = X.copy()
         other.iloc[77, other.columns.get_loc(column)] += 1e-9
         assert data_digest(model, other, y) != noted["sha256"]
     assert data_digest(model, X, y + 1e-9) != noted["sha256"]
     assert data_digest(model, X.assign(unused=1.0), y) == noted["sha256"]
+    same = [X.set_axis(X.index.floor("us").as_unit(unit)) for unit in ("us", "ns")]
+    assert len({data_digest(model, frame, y.set_axis(frame.index)) for frame in same}) == 1
     with pytest.raises(ValueError, match="has 400 rows, and the model was fitted to 500"):
         save_model(model, tmp_path / "m.json", data=(X[:400], y[:400]))
     kept = there_and_back(model, tmp_path).provenance_

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import thermocorr.command.analyze  # children find it loaded, as what follows
+import thermocorr.command.cli as cli
 import thermocorr.command.correct as correcting
 import thermocorr.command.export_c  # noqa: F401
 import thermocorr.command.lines as reading
@@ -191,8 +192,8 @@ def _become(streams: tuple[int, int, int], folder: Path, calls: Calls, work: Cal
         status = work()
         done = True
         sys.stdout.flush()
-    except KeyboardInterrupt:
-        if begun and not done:  # else in lines that no other process has
+    except KeyboardInterrupt as interrupt:
+        if begun and not done and not _before_the_first_line(interrupt):  # else in lines that no other process has
             traceback.print_exc()
         if not done:
             signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -203,6 +204,12 @@ def _become(streams: tuple[int, int, int], folder: Path, calls: Calls, work: Cal
         traceback.print_exc()
     finally:
         os._exit(status)
+
+
+def _before_the_first_line(interrupt: KeyboardInterrupt) -> bool:
+    """Whether it was raised where a function is entered that would have caught it: nothing in it can."""
+    last = traceback.extract_tb(interrupt.__traceback__)[-1]
+    return last.name == "main" and last.lineno == cli.main.__code__.co_firstlineno
 
 
 class NewProcess(Process):
@@ -217,6 +224,9 @@ class NewProcess(Process):
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
+            preexec_fn=lambda: signal.signal(
+                signal.SIGINT, signal.SIG_DFL
+            ),  # ignored where this runs in the background
         )
         assert self._process.stdout is not None and self._process.stderr is not None
         self.pid = self._process.pid

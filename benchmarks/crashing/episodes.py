@@ -133,10 +133,14 @@ class WithState(Episode):
     appends = True
 
     def lose_power(self) -> None:
-        """Of the rows since the last saving, which were not brought to the disk, some are gone, and one is torn."""
+        """Of the rows since the last saving, which were not brought to the disk, some are gone, and one is torn.
+
+        The header was: the file appears with it.
+        """
         out, state = self.folder / "out.csv", self.folder / "state.json"
-        safe = json.loads(state.read_bytes())["out"]["length"] if state.exists() else 0
         if out.exists():
+            header = out.read_bytes().index(b"\n") + 1
+            safe = json.loads(state.read_bytes())["out"]["length"] if state.exists() else header
             os.truncate(out, self.rng.randint(safe, out.stat().st_size))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import re
 import signal
@@ -9,6 +10,8 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
+
+import thermocorr
 
 from .calls import Disturbance
 from .children import Ended
@@ -28,6 +31,7 @@ POWER = 0.3
 """How often SIGKILL is a power cut."""
 TOLERANCE = 1e-12
 """Of a column's range, as an undisturbed run has it."""
+PACKAGE = os.path.dirname(thermocorr.__file__)
 STOPPED = re.compile(r"thermocorr: stopped( after row (\d+), \S.*| before the first line; nothing was written)?\n")
 ALLOWED = re.compile(
     r"thermocorr: (\d+ lines were corrected before, by the saved state"
@@ -155,8 +159,10 @@ def quiet(episode: Episode, said: str) -> str:
 
 
 def traces(ended: Ended) -> bool:
-    """Whether the interpreter spoke instead of the command."""
-    return "Traceback" in ended.err or "Exception ignored" in ended.err
+    """Whether the interpreter spoke instead of the command; before that is loaded, there is nobody else."""
+    spoke = "Traceback" in ended.err or "Exception ignored" in ended.err
+    began = re.search(rf"{re.escape(PACKAGE)}/(?!__init__\.py|_version\.py)", ended.err)
+    return spoke and (began is not None or ended.status != -signal.SIGINT)
 
 
 def compared(got: bytes, wanted: bytes, n_results: int = 5) -> Counter[str]:

@@ -202,6 +202,8 @@ def table(content: bytes, roles: Roles) -> Table | None:
     names = header(lines[0]) if lines else None
     if names is None or roles.temperature not in names or roles.reading not in names:
         return None
+    if len({name or f"Unnamed: {i}" for i, name in enumerate(names)}) < len(names):
+        return None
     time = next((n for n in TIME_NAMES if n in names), None)
     rows = [fields(line) for line in lines[1:]]
     rows = [row for row in rows if row != []]

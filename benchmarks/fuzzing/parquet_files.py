@@ -66,7 +66,8 @@ def times(values: Any) -> tuple[str, list[Any]] | None:
         return ("datetime", stamps) if all(abs(stamp) <= LAST for stamp in stamps) else None
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
         stamps = [tick * (10**9 // UNITS[kind.unit]) for tick in values.view(pa.int64()).to_pylist()]
-        if any(abs(stamp) > LAST for stamp in stamps):
+        local = pa.types.is_timestamp(kind) and kind.tz not in (None, "UTC")  # a date in its zone too
+        if any(abs(stamp) > LAST - 86_400 * 10**9 * local for stamp in stamps):
             return None
         if pa.types.is_duration(kind):
             return "timedelta", stamps

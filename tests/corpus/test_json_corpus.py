@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from corpus.clean_log import CLEAN, HEADER, Shown, frame_of, save_fitted, text_of
+from corpus.clean_log import CLEAN, FITTED, HEADER, Shown, frame_of, save_fitted, text_of
 from thermocorr import DynamicBiasRegressor, ModelFileError, OnlineCorrector, load_model, save_model
-from thermocorr.files.codec import parse
+from thermocorr.files.codec import label, parse
 from thermocorr.files.model_file import signed
 
 
@@ -37,6 +37,28 @@ def test_twenty_thousand_keys_with_one_of_them_twice_take_no_second():
     with pytest.raises(ModelFileError, match="stands twice"):
         parse(content)
     assert time.perf_counter() - begin < 1.0
+
+
+def test_thirty_megabytes_of_values_take_no_seconds():
+    """A file is not read value by value before somebody counts them, nor quoted as a whole."""
+    for count, words in ((15_000_000, "15000000 values"), (8_900_000, r"holds \[1, 1, .* where an object belongs")):
+        begin = time.perf_counter()
+        with pytest.raises(ModelFileError, match=words):
+            parse(b"[" + b"1," * count + b"1]")
+        assert time.perf_counter() - begin < 4.0
+
+
+TOO_LARGE = [b"1e999", b"-1.5E+309", b"1" + b"0" * 309 + b".0", b"9" * 19, b"-9223372036854775808"]
+
+
+@pytest.mark.parametrize("number", TOO_LARGE)
+def test_numbers_that_no_value_holds_are_refused_wherever_they_stand(number):
+    with pytest.raises(ModelFileError, match=r"the (number|integer) .* is too large"):
+        parse(b'{"a": [1, 2, {"b": ' + number + b"}]}")
+
+
+def test_the_largest_numbers_are_read():
+    assert parse(b'{"a": [-1.5E+308, 9223372036854775807, 1e-999]}') == {"a": [-1.5e308, (1 << 63) - 1, 0.0]}
 
 
 BAD_JSON = {
@@ -102,7 +124,19 @@ def test_a_named_pipe_is_no_model_and_no_state(correct, tmp_path):
     signal.alarm(0)
 
 
-@pytest.mark.parametrize("label", [pd.Timestamp("2024-03-04"), datetime.date(2024, 3, 4), pd.Timedelta("1 h"), 7, True])
+@pytest.mark.parametrize(
+    "label",
+    [
+        pd.Timestamp("2024-03-04"),
+        datetime.date(2024, 3, 4),
+        pd.Timedelta("1 h"),
+        7,
+        True,
+        datetime.datetime(2024, 3, 4, 5),
+        datetime.timedelta(hours=1),
+        pd.Timestamp("1850-06-01T12:00", tz="Europe/Paris"),
+    ],
+)
 def test_any_label_of_a_run_lives_in_a_model_file_and_in_a_state(label, tmp_path):
     frame = frame_of(CLEAN).assign(run=pd.Series([label] * 30 + ["other"] * 30, dtype=object))
     model = DynamicBiasRegressor("temperature", [600.0], time="time", run="run")
@@ -175,8 +209,19 @@ FORGED = {
     "a class of another kind": (("effects", 0, "kind"), "pickle"),
     "steps back in time": (("history", "ticks", 3), -1),
     "a time beyond three centuries": (("history", "first_tick"), 2**62),
+    "a temperature beyond all measurements": (
+        ("history", "columns", 0, "values"),
+        {"$array": [1.7e308, *map(float, range(FITTED - 1))]},
+    ),
+    "a period beyond all ages": (("history", "period"), 1.7e308),
+    "a usual step beyond all ages": (("history", "usual_step"), 1.7e308),
+    "a record without columns": (("history", "columns"), []),
+    "a gap of less than nothing": (("parameters", "max_gap"), -1.0),
+    "a washout of text": (("parameters", "washout"), "soon"),
+    "one reading less than none": (("reading", "n_readings"), 0),
     "a negative period": (("history", "period"), -1.0),
     "names twice": (("feature_names_in",), ["time", "time", "humidity"]),
+    "half a character": (("feature_names_in", 0), "\ud800"),
     "a long text": (("reading", "name"), "x" * 100_000),
 }
 
@@ -194,6 +239,13 @@ def test_a_forged_model_with_a_digest_that_fits_is_refused_in_a_short_sentence(n
     with pytest.raises(ModelFileError) as caught:
         load_model(tmp_path / "f.json")
     assert len(str(caught.value)) < 700
+
+
+def test_labels_of_several_parts_are_labels():
+    assert label(("a", (1, None)), "$") == ("a", (1, None))
+    for part in ([], float("nan"), ("a", [])):
+        with pytest.raises(ModelFileError, match="a label"):
+            label(part, "$")
 
 
 def test_a_forged_model_is_not_quoted_at_length(model_path, tmp_path):

@@ -160,6 +160,76 @@ def test_labels_that_are_none_are_refused_by_both_readers(name, tmp_path):
     assert both_refuse(*parquet_of(tmp_path, run=LABELS[name]), run="run")
 
 
+FAR_LABELS = {
+    "a day before the last, in a zone": (9_223_372_036, "s", "Europe/Paris"),
+    "the first, in a zone": (-9_223_372_036, "s", "Europe/Paris"),
+    "the year 1, in a zone": (-62_135_596_800, "s", "Europe/Paris"),
+    "the year 9999, in a zone": (253_402_300_799, "s", "+05:30"),
+    "the year 8024": (191_065_305_600_000_000, "us", None),
+    "the last nanosecond, in a zone": ((1 << 63) - 1, "ns", "Europe/Paris"),
+}
+
+
+@pytest.mark.parametrize("name", [*FAR_LABELS, "a span of 6000 years"])
+def test_dates_out_of_reach_label_no_run(name, tmp_path, capsys):
+    """No file could keep them, nor another zone show them."""
+    tick, unit, zone = FAR_LABELS.get(name, (191_065_305_600, "s", None))
+    column = [0] * 30 + [tick] * (ROWS - 30)
+    path, log = parquet_of(
+        tmp_path,
+        run=lambda pa, frame: pa.array(column, pa.timestamp(unit, zone) if name in FAR_LABELS else pa.duration("s")),
+    )
+    assert both_refuse(path, log, run="run")
+    assert main(["analyze", str(path), "--reading", "reading", "--run", "run", "--time-constants", "10min"]) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said.startswith("thermocorr: error: The run column 'run' is ") and "in row 30. Times may lie" in said
+
+
+def test_days_out_of_reach_label_no_run(tmp_path):
+    """One reader has days of Python, the other those of numpy."""
+    days = [0] * 30 + [106_752] * (ROWS - 30)
+    assert both_refuse(
+        *parquet_of(tmp_path, run=lambda pa, frame: pa.array(days, pa.int32()).view(pa.date32())), run="run"
+    )
+
+
+@pytest.mark.parametrize("kind", ["duration", "timestamp"])
+@pytest.mark.parametrize("ends", [(0, -(2**63) + 1), (2**63 - 1, -(2**63) + 1), (-(2**63) + 1, 2**63 - 1)])
+def test_steps_that_no_integer_holds(kind, ends, tmp_path):
+    """Backward by so much that the difference would be forward; or more years than a clock has since the start."""
+    low = ends[0] - ROWS if ends[0] > 0 else ends[0]
+    ticks = [*(low + k for k in range(ROWS - 1)), ends[1]]
+    column = lambda pa, frame: pa.array(ticks, getattr(pa, kind)("ns"))  # noqa: E731
+    assert both_refuse(*parquet_of(tmp_path, time=column))
+
+
+LAST_DAY = [s * 10**9 for s in (*range(ROWS - 1), 9_223_372_036)]
+
+
+def test_a_time_that_its_zone_cannot_show_is_refused_by_both_readers(tmp_path):
+    """It could be neither written nor corrected."""
+    assert both_refuse(*parquet_of(tmp_path, time=lambda pa, frame: pa.array(LAST_DAY, pa.timestamp("ns", "+05:30"))))
+    path, log = parquet_of(tmp_path, time=lambda pa, frame: pa.array(LAST_DAY, pa.timestamp("ns", "UTC")))
+    a, b = fit_both(path, log)
+    assert np.array_equal(a, b)
+
+
+def test_a_date_that_its_zone_cannot_show_ends_analyze_in_a_sentence(tmp_path, capsys):
+    """In a column that is not used."""
+    path, _ = parquet_of(tmp_path, humidity=lambda pa, frame: pa.array(LAST_DAY, pa.timestamp("ns", "Europe/Paris")))
+    options = ["--reading", "reading", "--time-constants", "10min", "--blocks", "2", "--out", str(tmp_path / "out")]
+    assert main(["analyze", str(path), *options]) == 2
+    assert "corrected.csv cannot be written" in capsys.readouterr().err.splitlines()[-1]
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+@pytest.mark.parametrize("value", [1e300, -1e41])
+def test_seconds_that_no_clock_shows_are_no_times(value, tmp_path):
+    seconds = [*map(float, range(ROWS))]
+    seconds[0 if value < 0 else -1] = value
+    assert both_refuse(*parquet_of(tmp_path, time=lambda pa, frame: pa.array(seconds)))
+
+
 @pytest.mark.parametrize("value", [2**53 + 1, 2**63 - 1])
 def test_large_integers_are_the_nearest_float_for_both_readers(value, tmp_path):
     values = [*range(ROWS - 1), value]

@@ -6,14 +6,12 @@ import argparse
 import contextlib
 import os
 import shlex
-import signal
 import sys
-import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 
 from .._version import __version__
-from .stopping import Stopped
+from .stopping import Endings, Stopped, Terminated
 
 COMMANDS = {
     "analyze": "compare corrections of a log, say what is missing, write the corrected log and the model",
@@ -30,9 +28,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     one sentence on standard error; 130 or 143 where a signal ended it.
     """
     try:
-        return _executed(_options(sys.argv[1:] if arguments is None else list(arguments)))
-    except KeyboardInterrupt:  # before the command had begun
+        with Endings():
+            return _executed(_options(sys.argv[1:] if arguments is None else list(arguments)))
+    except KeyboardInterrupt:  # before the command had begun, or when it had ended
         return _ended("stopped", 130)
+    except Terminated as ended:
+        return _ended("stopped", int(ended.code or 0))
 
 
 def _options(given: list[str]) -> argparse.Namespace:
@@ -56,7 +57,6 @@ def _options(given: list[str]) -> argparse.Namespace:
 
 def _executed(options: argparse.Namespace) -> int:
     """Run a command; whatever ends it is one sentence on standard error, and an exit status."""
-    terminate = _on_terminate()
     try:
         status = options.execute(options, _say, show_progress) or 0
         sys.stdout.flush()
@@ -69,7 +69,7 @@ def _executed(options: argparse.Namespace) -> int:
         return _ended(str(stopped), stopped.status)
     except KeyboardInterrupt:
         return _ended("stopped", 130)
-    except SystemExit as ended:  # a signal, see _on_terminate
+    except Terminated as ended:
         return _ended("stopped", int(ended.code or 0))
     except MemoryError:
         return _ended("error: there is not enough memory for this. Analyse a shorter log, or close other programs.", 2)
@@ -78,15 +78,17 @@ def _executed(options: argparse.Namespace) -> int:
     except OSError as error:
         _abandon_output()
         return _ended(f"error: {error.filename or 'The output'}: {error.strerror or error}.", 2)
-    finally:
-        terminate()
 
 
 def _ended(text: str, status: int) -> int:
-    from ..records.text import printable  # loaded with a command, not for its help
+    if not (text.isascii() and text.isprintable()):
+        from ..records.text import (
+            printable,
+        )  # a signal may have come in the middle of other imports: none for its words
 
+        text = printable(text)
     clear_progress()
-    print(f"thermocorr: {printable(text)}", file=sys.stderr)
+    print(f"thermocorr: {text}", file=sys.stderr)
     return status
 
 
@@ -104,14 +106,6 @@ def _abandon_output() -> None:
     """Let what is still to be printed go nowhere: a flush at the end of the process would fail again."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _on_terminate() -> Callable[[], object]:
-    """Make SIGTERM end the command in good order, drafts removed; returns what undoes this."""
-    if threading.current_thread() is not threading.main_thread():
-        return lambda: None
-    before = signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
-    return lambda: signal.signal(signal.SIGTERM, before)
 
 
 def show_progress(text: str) -> None:

@@ -92,10 +92,10 @@ def _pump(
             _follow(rows, stream, lines, results)
         else:
             _whole(rows, stream, results)
-        if lines.rest:
-            rows.number += 1
-            rows.leave_out(CUT)
         kept = results.finish(bool(stop))
+    if lines.rest:
+        rows.number += 1
+        rows.leave_out(CUT)
     if summary := rows.summary():
         _complain(summary)
     if stop.number is not None:

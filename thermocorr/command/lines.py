@@ -15,6 +15,7 @@ import pandas as pd
 
 from ..files.appending import Position, position
 from ..records import RecordError
+from ..records.csvlines import LONGEST
 from ..records.files import existing_file, format_of, read_table
 from ..records.types import kind_of
 from .stopping import StopSignal
@@ -23,8 +24,6 @@ POLL = 0.1
 """Time between looks at a log that does not grow [s]."""
 PATIENCE = 1.0
 """How long the rest of a line is waited for once the command is told to stop [s]."""
-LONGEST = 1 << 20
-"""Bytes of a line at most: a longer one is no row of a log."""
 _CHUNK = 1 << 16
 
 
@@ -91,6 +90,7 @@ class FileLines(Lines):
             if _replaced(self._file, self.path):
                 self._file.close()
                 self._file, self._offset, self.restarted = self.path.open("rb"), 0, True
+        self.rest = b""  # the next run reads it, whole
 
     def position(self) -> Position | None:
         """How far the lines have come."""

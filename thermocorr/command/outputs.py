@@ -12,6 +12,7 @@ from ..estimators import DynamicBiasRegressor
 from ..files import Outputs
 from ..files.marks import TEXT_MARK
 from ..files.model_file import content_of
+from ..records import RecordError
 from ..records.text import printable
 
 RESULT_COLUMNS = ("corrected", "model", "residual", "flag")
@@ -22,8 +23,12 @@ def write_corrected(outputs: Outputs, folder: Path, log: pd.DataFrame, evaluated
     names = new_names(RESULT_COLUMNS, log.columns)
     result = log.assign(**{new: evaluated[old].to_numpy() for new, old in zip(names, RESULT_COLUMNS, strict=True)})
     path = folder / "corrected.csv"
-    # floats are written with all the digits that tell them apart
-    result.to_csv(outputs.open(path), mode="wb", index=index, lineterminator="\n")
+    file = outputs.open(path)
+    try:  # floats are written with all the digits that tell them apart
+        result.to_csv(file, mode="wb", index=index, lineterminator="\n")
+    except (ValueError, ArithmeticError, NotImplementedError) as error:  # dates that no text of pandas' can show
+        reason = " ".join(str(error).split())
+        raise RecordError(f"{path} cannot be written: {reason}. Are dates of the log damaged?") from None
     return path
 
 

@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 from ..files import AppendedFile, OutputError, Outputs, write_file
@@ -167,25 +168,62 @@ class Drafted(Results):
         if stopped:
             return f"nothing was written to {self.options.out}"
         self._outputs.commit()
-        return ""
+        return f"{self.options.out} is written"
+
+
+class WrittenRows:
+    """Rows of a file of results, as long as a log repeats them one after the other.
+
+    Parameters
+    ----------
+    path : path
+    width : int
+        Columns of the log, which stand before the results.
+    """
+
+    def __init__(self, path: str, width: int):
+        self._path, self._width = path, width
+        self._ahead: Iterator[list[str]] | None = None
+        self.count = 0
+        """Rows that have been looked at: all of the file's, once a row was searched in vain."""
+
+    def repeated(self, fields: list[str], anywhere: bool) -> bool:
+        """Whether a row is the next one, in every character; the first row may stand `anywhere`, or at the start."""
+        if self._ahead is not None:
+            return next(self._ahead, None) == fields
+        self._ahead = self._rows()
+        return any(row == fields for row in (self._ahead if anywhere else islice(self._ahead, 1)))
+
+    def _rows(self) -> Iterator[list[str]]:
+        with open(self._path, "rb") as file:
+            next(file, None)
+            for line in file:
+                self.count += 1
+                yield fields_of(line)[: self._width]
 
 
 class Appended(Results):
     """Rows go to a file that can be watched, and taken up again with the state."""
 
     file: AppendedFile
-    _written: Iterator[bytes] | None = None
-    """Rows that the file holds, as long as the log repeats them one by one."""
+    _known: WrittenRows | None = None
+    _before = 0
+    """Rows that the corrector had seen before this run."""
 
     def seen(self, sample: Sample) -> bool:
-        """Whether a row at the beginning stands in the file: a log may come from its start again."""
-        if self._written is not None:
-            row = fields_of(next(self._written, b""))
-            if row[: len(sample.fields)] == sample.fields:
-                self.skipped += 1
-                return True
-            self._written = None
-            self._first_new = self._first_new and not self.skipped
+        """Whether a row at the beginning stands in the file: a log may come again, from its start or any row on.
+
+        A row that differs is a new one, whatever its time says: the log's time may be damaged. Only where the file does
+        not hold all rows that the state has seen, the time alone tells.
+        """
+        if not self._first_new or self._known is None:
+            return super().seen(sample)
+        if self._known.repeated(sample.fields, anywhere=sample.stamp is not None):
+            self.skipped += 1
+            return True
+        complete, self._known = self._known.count >= self._before, None
+        if self.skipped or (complete and sample.stamp is not None):
+            self._first_new = False
         return super().seen(sample)
 
     def __exit__(self, *_: object) -> None:
@@ -205,14 +243,26 @@ class Appended(Results):
                 "come twice. Name another file, or overwrite it with --force."
             )
         self.file = AppendedFile.resumed(options.out, saved.out)
+        try:
+            self._take_up(header, saved.out.length, at_place)
+        except BaseException:
+            self.file.close()
+            raise
+
+    def _take_up(self, header: bytes, length: int, at_place: bool) -> None:
+        out = self.options.out
+        with open(out, "rb") as file:
+            if file.readline() != header:
+                raise OutputError(
+                    f"{out} has other columns than the results of this log. Name another file for the rows to come."
+                )
         if at_place:
-            self.file.cut(saved.out.length)
+            self.file.cut(length)
             return
         assert self.rows.header is not None
-        for row in self.file.rows_behind(saved.out.length):  # seen by a process that was killed
+        for row in self.file.rows_behind(length):  # seen by a process that was killed
             self.rows.replay(fields_of(row)[: len(self.rows.header)])
-        with open(options.out, "rb") as written:
-            self._written = iter(written.read().splitlines(keepends=True)[1:])
+        self._known, self._before = WrittenRows(out, len(self.rows.header)), self.rows.done
 
     def write(self, rows: bytes) -> None:
         """Write whole rows."""

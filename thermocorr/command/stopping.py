@@ -1,10 +1,14 @@
-"""Signals that end a command between two rows, not within one."""
+"""Signals that end a command: in good order, and where rows are read, between two of them."""
 
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from types import FrameType
+
+AGAIN = 0.01
+"""After this time [s] a signal comes again that came where nothing can be raised."""
 
 
 class Stopped(Exception):
@@ -14,6 +18,45 @@ class Stopped(Exception):
         super().__init__(where)
         self.status = 128 + number
         """Exit status, as shells have it: 130 for SIGINT, 143 for SIGTERM."""
+
+
+class Terminated(SystemExit):
+    """SIGTERM ends the command: what cleans up does so, nothing else is done."""
+
+
+class Endings:
+    """Lets SIGINT and SIGTERM end the command by an exception, while it is entered.
+
+    Where nothing can be raised (in a destructor, in a callback of the import system) Python would print the exception
+    and go on: the signal comes again a moment later instead. Outside of the main thread nothing is done.
+    """
+
+    def __enter__(self) -> Endings:
+        self._main = threading.current_thread() is threading.main_thread()
+        if self._main:
+            self._hook, sys.unraisablehook = sys.unraisablehook, self._unraised
+            self._before = signal.signal(signal.SIGTERM, _terminate)
+        self._again: threading.Timer | None = None
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._main:
+            if self._again is not None:  # the command has ended without it
+                self._again.cancel()
+            signal.signal(signal.SIGTERM, self._before)
+            sys.unraisablehook = self._hook
+
+    def _unraised(self, what: sys.UnraisableHookArgs) -> None:
+        number = {KeyboardInterrupt: signal.SIGINT, Terminated: signal.SIGTERM}.get(what.exc_type)
+        if number is None:
+            self._hook(what)
+        else:
+            self._again = threading.Timer(AGAIN, signal.raise_signal, (number,))
+            self._again.start()
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    raise Terminated(128 + number)
 
 
 class StopSignal:
@@ -40,6 +83,8 @@ class StopSignal:
         return self.number is not None
 
     def _note(self, number: int, frame: FrameType | None) -> None:
+        if self.number is not None and number == signal.SIGTERM:
+            _terminate(number, frame)
         if self.number is not None:
             raise KeyboardInterrupt
         self.number = number

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import reprlib
 import stat
 from collections.abc import Callable
-from datetime import date
+from datetime import date, datetime, timedelta
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -22,10 +24,19 @@ LARGEST_FILE = 32 << 20
 """Bytes of a file of a model or state; a longer one is refused before it is read."""
 MOST_BRACKETS = 200_000
 """Lists and objects in such a file: each takes some hundred bytes of memory, however short it is in the file."""
+MOST_VALUES = 9_000_000
+"""Values in such a file: each takes its time, however short it is in the file."""
 MOST_STATE = LARGEST**3
 """Bound of the numbers in a state, which hold powers of columns."""
 LARGEST_INTEGER = 1 << 63
 LONGEST_TEXT = 10_000
+_LARGE = re.compile(rb"[0-9]{19}|[eE]\+?[0-9]{3}")
+"""What numbers have that may be too large: all others need not be looked at one by one."""
+_BRIEF = reprlib.Repr()
+_BRIEF.maxlist = _BRIEF.maxdict = _BRIEF.maxtuple = 30
+_BRIEF.maxstring = _BRIEF.maxlong = _BRIEF.maxother = 80
+_SURROGATE = re.compile("[\ud800-\udfff]")
+"""Halves of characters: no text has them alone."""
 _STATES: dict[str, type[LagState | DelayState]] = {"LagState": LagState, "DelayState": DelayState}
 _DTYPES = ("float64", "float32", "int64", "int32", "bool")
 
@@ -77,11 +88,11 @@ def pack(value: Any, where: str, effect: Callable[[Any, str], Any] | None = None
         if value.dtype == np.float64 and value.ndim == 1:
             return {"$array": flat}
         return {"$array": flat, "dtype": value.dtype.name, "shape": list(value.shape)}
-    if isinstance(value, pd.Timestamp | np.datetime64) and not pd.isna(value):
-        return {"$date": pd.Timestamp(value).isoformat()}
+    if isinstance(value, datetime | np.datetime64) and not pd.isna(value):
+        return {"$date": _date_text(pd.Timestamp(value))}
     if type(value) is date:
         return {"$day": value.isoformat()}
-    if isinstance(value, pd.Timedelta | np.timedelta64) and not pd.isna(value):
+    if isinstance(value, timedelta | np.timedelta64) and not pd.isna(value):
         return {"$span": int(pd.Timedelta(value).value)}
     if effect is not None:
         return effect(value, where)
@@ -89,6 +100,12 @@ def pack(value: Any, where: str, effect: Callable[[Any, str], Any] | None = None
         f"{where} is a {type(value).__name__}, which has no place in a model file: numbers, text, dates, lists, dicts "
         "and numeric arrays do."
     )
+
+
+def _date_text(date: pd.Timestamp) -> str:
+    """A date as ISO 8601 has it: in UTC where its zone was off by seconds, as local mean times were."""
+    offset = date.utcoffset()
+    return (date if offset is None or offset.total_seconds() % 60 == 0 else date.tz_convert("UTC")).isoformat()
 
 
 def unpack(node: Any, where: str, effect: Callable[[Any, str], Any] | None = None) -> Any:
@@ -187,7 +204,7 @@ def unexpected(where: str, found: str, wanted: str = "") -> ModelFileError:
 
 
 def _shown(value: Any) -> str:
-    text = repr(value)
+    text = _BRIEF.repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
@@ -216,8 +233,8 @@ def number(value: Any, where: str, low: float = -math.inf, high: float = math.in
 
 
 def positive(value: Any, where: str) -> float:
-    """A finite float above zero."""
-    if number(value, where) <= 0:
+    """A float above zero, as large as a measurement may be."""
+    if number(value, where, 0.0, LARGEST) == 0.0:
         raise unexpected(where, _shown(value), "a positive number")
     return float(value)
 
@@ -231,7 +248,7 @@ def integer(value: Any, where: str, low: int = -LARGEST_INTEGER, high: int = LAR
 
 def text(value: Any, where: str) -> str:
     """Text of a reasonable length."""
-    if not isinstance(value, str) or len(value) > LONGEST_TEXT:
+    if not isinstance(value, str) or len(value) > LONGEST_TEXT or _SURROGATE.search(value):
         raise unexpected(where, _shown(value), f"text of at most {LONGEST_TEXT} characters")
     return value
 
@@ -294,13 +311,16 @@ def parse(content: bytes) -> dict[str, Any]:
     brackets = content.count(b"[") + content.count(b"{")
     if brackets > MOST_BRACKETS:
         raise ModelFileError(f"it has {brackets} lists and objects, more than any file of thermocorr ({MOST_BRACKETS})")
+    values = content.count(b",")
+    if values > MOST_VALUES:
+        raise ModelFileError(f"it has {values} values, more than any file of thermocorr ({MOST_VALUES})")
+    checks: dict[str, Any] = {"parse_float": _finite, "parse_int": _moderate} if _LARGE.search(content) else {}
     try:
         node = json.loads(
             content.decode("utf-8"),
             object_pairs_hook=_without_duplicates,
-            parse_float=_finite,
-            parse_int=_moderate,
             parse_constant=_refuse_constant,
+            **checks,
         )
     except UnicodeDecodeError as error:
         raise ModelFileError(f"byte {error.start} is not text in UTF-8") from None

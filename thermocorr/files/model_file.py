@@ -243,11 +243,14 @@ def _provenance(model: DynamicBiasRegressor, data: tuple[Any, Any] | None) -> di
 
 def history_digest(history: History) -> str:
     """sha256 of the kept rows: times, then the columns that the model uses, as little-endian numbers of 8 bytes."""
-    return _hashed(history.record.times.ticks, *history.record.columns.values())
+    return _hashed(history.record.times.stamps(), *history.record.columns.values())
 
 
 def data_digest(model: DynamicBiasRegressor, X: Any, y: Any) -> str:
-    """sha256 of a record's times, of the columns that `model` uses, and of the readings: compare it with a file's."""
+    """sha256 of a record's times, of the columns that `model` uses, and of the readings: compare it with a file's.
+
+    Dates and spans count in nanoseconds, whatever the unit of the data.
+    """
     features = model.features_
     needed = [name for name in features.history_.record.columns if name != features.history_.record.temperature_name]
     record = read_record(X, features.layout(), needed=needed, quiet=True)
@@ -256,14 +259,13 @@ def data_digest(model: DynamicBiasRegressor, X: Any, y: Any) -> str:
             f"data has {record.n_rows} rows, and the model was fitted to {features.history_.n_fitted}. Pass the record "
             "that it was fitted to."
         )
-    ticks = np.arange(record.n_rows) if record.times.ticks is None else np.asarray(record.times.ticks[:])
     columns = [np.asarray(record.columns[name][:]) for name in features.history_.record.columns]
-    return _hashed(ticks, *columns, np.asarray(numeric_reading(y, X)[:]))
+    return _hashed(record.times.stamps(), *columns, np.asarray(numeric_reading(y, X)[:]))
 
 
-def _hashed(ticks: Any, *columns: np.ndarray) -> str:
+def _hashed(stamps: np.ndarray, *columns: np.ndarray) -> str:
     digest = hashlib.sha256()
-    digest.update(np.ascontiguousarray(ticks, "<f8" if ticks.dtype.kind == "f" else "<i8").tobytes())
+    digest.update(np.ascontiguousarray(stamps, "<f8" if stamps.dtype.kind == "f" else "<i8").tobytes())
     for column in columns:
         digest.update(np.ascontiguousarray(column, "<f8").tobytes())
     return digest.hexdigest()

@@ -14,6 +14,7 @@ from ..effects.wrap import as_effects
 from ..estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
 from ..estimators.reading import Reading
 from ..records import History, Record, Segment, seconds_of
+from ..records.grammar import LARGEST
 from ..records.read import temperature_column
 from ..records.times import Times
 from .codec import (
@@ -109,7 +110,7 @@ def unpack_history(node: Any, where: str, effects: list[Any], codec: EffectCodec
         column = name(item["name"], f"{place}.name")
         if column in columns:
             raise unexpected(f"{place}.name", repr(column)[:60], "another name")
-        columns[column] = vector(unpack(item["values"], f"{place}.values"), f"{place}.values", at)
+        columns[column] = vector(unpack(item["values"], f"{place}.values"), f"{place}.values", at, LARGEST)
     temperature = name(node["temperature"], f"{where}.temperature")
     for column in (temperature, *needed_columns(effects)):
         if column not in columns:
@@ -138,7 +139,7 @@ def _unpack_ticks(node: dict[str, Any], where: str, kind: str, n: int, starts: l
     if kind == "seconds":
         values = [node["first_tick"], *given]
         for i, value in enumerate(values):
-            if type(value) is not float:
+            if type(value) is not float or abs(value) > LARGEST:
                 raise unexpected(f"{where}.ticks[{i - 1}]", repr(value)[:60], "seconds")
         ticks = np.array(values, float)
     else:

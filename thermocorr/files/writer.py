@@ -5,9 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-import signal
 import stat
-import threading
 from collections.abc import Iterable, Iterator
 from os import PathLike
 from pathlib import Path
@@ -16,6 +14,7 @@ from typing import BinaryIO
 from ..records import RecordError
 from .drafts import KEPT, Draft, draft_name, sync_folder
 from .marks import bears_mark
+from .uninterrupted import uninterrupted
 
 Name = str | PathLike[str]
 
@@ -104,9 +103,9 @@ class Outputs:
             if target.exists() and not _regular(target):
                 self._devices.append(target.open("wb"))
                 return self._devices[-1]
-            draft = Draft(target)
-            self._drafts.append(draft)
-            return draft.file
+            with uninterrupted():
+                self._drafts.append(Draft(target))
+            return self._drafts[-1].file
 
     def write(self, path: Name, content: str | bytes) -> None:
         """Write a whole file; it takes its place at `commit`."""
@@ -118,45 +117,52 @@ class Outputs:
 
     def commit(self) -> None:
         """Let all files take their places; if one cannot, none does."""
-        drafts, self._drafts = self._drafts, []
         try:
             self._close_devices()
-            for draft in drafts:
+            for draft in self._drafts:
                 with _said(self._claimed[draft.target]):
                     draft.finish()
-            with _uninterrupted():
-                self._replace(drafts)
+            with uninterrupted():
+                self._replace(self._drafts)
         finally:
-            for draft in drafts:
-                draft.close()
+            self._close_drafts()
 
     def discard(self) -> None:
         """Forget what was written."""
-        while self._drafts:
-            self._drafts.pop().close()
+        self._close_drafts()
         with contextlib.suppress(OSError):
             self._close_devices()
+
+    def _close_drafts(self) -> None:
+        with uninterrupted():
+            while self._drafts:
+                self._drafts.pop().close()
 
     def _close_devices(self) -> None:
         while self._devices:
             self._devices.pop().close()
 
     def _replace(self, drafts: list[Draft]) -> None:
-        undo: list[tuple[Path, Path | None]] = []
+        kept: dict[Path, Path | None] = {}
+        replaced: list[Path] = []
         try:
+            for draft in drafts if len(drafts) > 1 else ():  # all that needs space, before anything changes
+                with _said(self._claimed[draft.target]):
+                    kept[draft.target] = _kept(draft.target)
             for draft in drafts:
                 with _said(self._claimed[draft.target]):
-                    undo.append((draft.target, _kept(draft.target) if len(drafts) > 1 else None))
                     draft.replace()
+                replaced.append(draft.target)
         except BaseException:
-            for target, kept in reversed(undo[:-1]):
-                target.unlink(missing_ok=True) if kept is None else os.replace(kept, target)
-            undo = undo[-1:]
+            for target in reversed(replaced):
+                before = kept.pop(target)
+                with contextlib.suppress(OSError):  # what cannot be brought back stays beside its place
+                    target.unlink(missing_ok=True) if before is None else os.replace(before, target)
             raise
         finally:
-            for _, kept in undo:
-                if kept is not None:
-                    kept.unlink(missing_ok=True)
+            for before in kept.values():
+                if before is not None:
+                    before.unlink(missing_ok=True)
             for folder in {draft.target.parent for draft in drafts}:
                 sync_folder(folder)
 
@@ -192,20 +198,6 @@ def _said(path: Path) -> Iterator[None]:
         raise OutputError(f"{path} cannot be written: {reason}. What was there is unchanged.") from None
 
 
-@contextlib.contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Keep signals waiting while files are renamed."""
-    mask = getattr(signal, "pthread_sigmask", None)
-    if mask is None or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = mask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-    try:
-        yield
-    finally:
-        mask(signal.SIG_SETMASK, before)
-
-
 def _kept(target: Path) -> Path | None:
     """A second name for what is to be replaced, to bring it back; None where there is nothing."""
     if not target.exists():
@@ -214,7 +206,11 @@ def _kept(target: Path) -> Path | None:
     try:
         os.link(target, kept)
     except OSError:  # file systems without links
-        shutil.copy2(target, kept)
+        try:
+            shutil.copy2(target, kept)
+        except BaseException:
+            kept.unlink(missing_ok=True)
+            raise
     return kept
 
 

@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 
 from ..records import History, RecordError
-from ..records.times import BEYOND, Times, date_of_text
+from ..records.grammar import LARGEST
+from ..records.times import BEYOND, Times, date_of_text, difference
 
 _NS = 1_000_000_000
 _EPOCH, _EPOCH_UTC = datetime(1970, 1, 1), datetime(1970, 1, 1, tzinfo=UTC)
@@ -46,7 +47,7 @@ class Clock:
 
     def between(self, later: Any, earlier: Any) -> Any:
         """Difference of two stamps (or arrays of them) [s]."""
-        return (later - earlier) * self._times / self._per
+        return difference(later, earlier) * self._times / self._per
 
     def stamps(self, times: Times) -> np.ndarray:
         """Stamps of many times, shape (n,)."""
@@ -57,8 +58,7 @@ class Clock:
             )
         if times.ticks is None:
             return self.next_rows(times.n)
-        ticks = np.asarray(times.ticks[:])
-        return ticks if self.kind == "seconds" else ticks * (_NS // times.per_second)
+        return times.stamps()
 
     def next_rows(self, n: int) -> np.ndarray:
         """Stamps of the next `n` rows of a record without times."""
@@ -84,7 +84,7 @@ class Clock:
             seconds = float(time)
         except (TypeError, ValueError):
             seconds = math.nan
-        if not math.isfinite(seconds):
+        if not abs(seconds) <= LARGEST:
             raise self._refuse(time, "a number of seconds")
         return seconds
 

@@ -16,7 +16,7 @@ from ..records import RecordError, read_record
 from ..records.numbers import from_polars, is_frame
 from ..records.read import times_of
 from .advance import BACKWARD, NO_TEMPERATURE, Advanced, Stream
-from .given import Columns, column_of, one_number, readings, stretches
+from .given import Columns, checked_label, column_of, one_number, readings, stretches
 from .smoothing import MovingAverage, Tracker
 from .state import Place, Settings, StreamState, from_json, to_json
 
@@ -193,9 +193,7 @@ class OnlineCorrector:
                 raise TypeError(f"update() needs the column {name!r}, which the model uses.")
             values[column] = one_number(columns[name])
         U = one_number(reading)
-        run = columns.get(self.model.run) if self.model.run is not None else None
-        if run is not None and type(run) is not str and pd.isna(run):
-            raise RecordError(f"The sample has no label of its run in {self.model.run!r}. Label every sample.")
+        run = None if self.model.run is None else checked_label(columns.get(self.model.run), self.model.run)
         return self.update_stamp(None if time is None else stream.clock.stamp(time), run, values, U)
 
     def update_stamp(self, stamp: Any, run: Any, values: dict[Any, float], U: float) -> Corrected:

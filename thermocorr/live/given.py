@@ -10,7 +10,9 @@ import numpy as np
 import pandas as pd
 
 from ..records import RecordError
+from ..records.labels import check_dates, out_of_reach
 from ..records.numbers import from_polars, is_frame, numeric_column
+from ..records.times import BEYOND
 
 
 class Columns:
@@ -52,12 +54,23 @@ def column_of(X: Any, name: Any, role: Any) -> np.ndarray:
         return _floats(numeric_column(X, name, role))  # the same, or a sentence about what is wrong
 
 
+def checked_label(label: Any, column: Any) -> Any:
+    """The label of a sample's run; RecordError for one that is missing, and for a date out of reach."""
+    if label is not None and type(label) is not str:
+        if pd.isna(label):
+            raise RecordError(f"The sample has no label of its run in {column!r}. Label every sample.")
+        if out_of_reach(label):
+            raise RecordError(f"The label of the sample's run is {label!s:.60}. {BEYOND}")
+    return label
+
+
 def stretches(labels: pd.Series[Any] | None, n: int) -> list[tuple[int, int, Any]]:
     """Stretches of rows of the same run: first row, row after the last, label."""
     if labels is None:
         return [(0, n, None)]
     if labels.isna().any():
         raise RecordError(f"Row {int(labels.isna().argmax())} has no label of its run. Label every row.")
-    codes = pd.factorize(labels)[0]
+    codes, names = pd.factorize(labels)
+    check_dates(codes, names, "The column of the run's label")
     edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), n]
     return [(low, high, labels.iloc[low]) for low, high in pairwise(edges)]

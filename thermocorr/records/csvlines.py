@@ -17,6 +17,8 @@ from .errors import RecordError, listing
 Places = NDArray[np.intp]
 Chosen = NDArray[np.bool_]
 _CONTROLS = {"\0": "zero byte", "\r": "carriage return", "\v": "vertical tab", "\f": "form feed"}
+LONGEST = 1 << 20
+"""Bytes of a header, and of a line of a stream, at most: a longer one is no row of a log."""
 BOM = b"\xef\xbb\xbf"
 CUT = "it has no line end: it may have been cut while it was written. If it is whole, end it with a line end"
 
@@ -51,6 +53,8 @@ def header_of(line: bytes) -> list[str]:
 
     Raises RecordError for a line that is no header, and for names that stand twice.
     """
+    if len(line) > LONGEST:  # millions of names would take a gigabyte
+        raise RecordError(f"The header, line 1, has more than {LONGEST} bytes. Is it a CSV log?")
     try:
         names = fields_of(line.removeprefix(BOM))
     except RecordError as error:

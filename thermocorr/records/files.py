@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from .csvlines import CUT, check_lines, header_of
@@ -92,19 +93,28 @@ def _read_csv(path: Path) -> pd.DataFrame:
         raise RecordError(f"{path} has columns without a name, and others called {listing(names)}. Name them all.")
     if not rows:
         return pd.DataFrame(columns=names)
-    body = io.BytesIO(memoryview(content)[start:end])
+    frame = _cells(content, start, end, names)
+    infinite = [name for name in names if frame[name].dtype.kind == "f" and np.isinf(frame[name]).any()]
+    if infinite:  # more than a number can hold, or a word for it: cells that stay as they stand
+        frame[infinite] = _cells(content, start, end, names, infinite)
+    if len(frame) != rows:  # two readers that disagree: trust neither
+        raise RecordError(f"{path} cannot be read as a table: {rows} lines gave {len(frame)} rows.")
+    return frame
+
+
+def _cells(content: bytes, start: int, end: int, names: list[str], as_text: list[str] | None = None) -> pd.DataFrame:
+    """The lines of a part of a file as a table: with columns of numbers, or these columns alone, as text."""
+    options: dict[str, Any] = {**EVERY_DIGIT, "dtype": dict.fromkeys(as_text or (), str), "usecols": as_text}
     frame: pd.DataFrame = pd.read_csv(
-        body,
+        io.BytesIO(memoryview(content)[start:end]),
         header=None,
         names=names,
         index_col=False,
         low_memory=False,
         keep_default_na=False,
         na_values=sorted(MISSING),
-        **EVERY_DIGIT,
+        **options,
     )
-    if len(frame) != rows:  # two readers that disagree: trust neither
-        raise RecordError(f"{path} cannot be read as a table: {rows} lines gave {len(frame)} rows.")
     return frame
 
 

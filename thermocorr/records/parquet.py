@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .errors import RecordError, listing
 from .log import Log
-from .times import Kind, Times, within_range
+from .times import Kind, Times, seconds_within_range, within_range
 from .types import ColumnKind, kind_of_arrow, require_role
 
 _PER_SECOND = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
@@ -211,9 +211,10 @@ class TimeColumn(ParquetColumn):
             row = first_row + int(missing.argmax())
             raise RecordError(f"The column {self.name!r} has no time in row {row}. Every row needs its time.")
         if values.dtype.kind == "f":
-            return values
+            return seconds_within_range(values, f"The time column {self.name!r}", first_row)
         ticks = values.astype(f"{values.dtype.str[1]}8[{_UNIT[self.per_second]}]").view("i8")
-        return within_range(ticks, self.per_second, f"The time column {self.name!r}", first_row)
+        zone = self.type_name.partition("tz=")[2].rstrip("]") or None
+        return within_range(ticks, self.per_second, f"The time column {self.name!r}", first_row, zone)
 
 
 def open_parquet(path: str | PathLike[str]) -> Any:

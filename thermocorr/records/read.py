@@ -5,8 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import date, timedelta
-from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -14,13 +12,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import RecordError, RecordWarning, listing, times_word
+from .labels import factorized
 from .log import Log
 from .numbers import from_polars, is_frame, numeric_column, numeric_reading
 from .record import Record, Segment
 from .times import Times, seconds_of, times_from
 
-LABELS = (str, bool, int, float, Decimal, np.number, np.bool_, date, timedelta, np.datetime64, np.timedelta64)
-"""What may label a run: dates and spans of pandas are dates and spans of Python too."""
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
 
@@ -95,10 +92,25 @@ def read_record(
         reading=reading,
         notes=tuple(notes),
     )
+    _refuse_ages(record)
     if not quiet:
         for note in notes:
             warnings.warn(note, RecordWarning, stacklevel=4)
     return record
+
+
+def _refuse_ages(record: Record) -> None:
+    """Refuse a record of more than 292 years: times since its start count in nanoseconds too."""
+    if record.times.kind in ("rows", "seconds"):
+        return
+    ends = [k for start, stop, _ in record.segments for k in (start, stop - 1)]
+    stamps = [record.stamp(k) for k in ends]
+    if max(stamps) - min(stamps) >= 1 << 63:
+        first, last = (record.row(ends[stamps.index(most)]) for most in (min(stamps), max(stamps)))
+        raise RecordError(
+            f"The record spans more than 292 years: from {record.times.label(first)} in row {first} to "
+            f"{record.times.label(last)} in row {last}. Are its dates damaged?"
+        )
 
 
 def times_of(X: Any, layout: Layout) -> Times:
@@ -179,16 +191,7 @@ def _runs(X: Any, layout: Layout, times: Times) -> tuple[NDArray[Any] | None, ND
         labels = pd.Series(X[str(layout.run)][:]) if isinstance(X, Log) else X[layout.run]
         if labels.ndim != 1:
             raise RecordError(f"The run column stands over {labels.shape[1]} columns. Give columns unique names.")
-    missing = labels.isna().to_numpy()
-    if missing.any():
-        raise RecordError(f"The run column {layout.run!r} is empty in row {missing.argmax()}. Label every row.")
-    for row, value in enumerate(labels):
-        if not isinstance(value, LABELS):
-            raise RecordError(
-                f"The run column {layout.run!r} holds a {type(value).__name__} in row {row}. Label runs with text, "
-                "numbers or dates."
-            )
-    codes, names = pd.factorize(labels)
+    codes, names = factorized(labels, f"The run column {layout.run!r}")
     order = None
     if (np.diff(codes) < 0).any():
         if times.ticks is None:

@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import RecordError
+from .grammar import LARGEST
 from .types import kind_of
 
 Floats = NDArray[np.float64]
@@ -17,7 +18,8 @@ Rows = slice | NDArray[np.intp]
 Kind = Literal["datetime", "datetime with time zone", "timedelta", "seconds", "rows"]
 _NS = 1_000_000_000
 BEYOND = "Times may lie 292 years from 1970 at most. Is the date damaged?"
-_UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": _NS}
+UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": _NS}
+"""Ticks in a second, by the unit that pandas counts in."""
 _DAY = "(?:[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}|[0-9]{8})"
 _CLOCK = "[T ][0-9]{2}(?::?[0-9]{2}(?::?[0-9]{2}(?:[.][0-9]+)?)?)?"
 _ZONE = " ?(?:Z|[+-][0-9]{2}(?::?[0-9]{2})?)"
@@ -54,8 +56,8 @@ class Times:
             return steps
         ticks = self.ticks[rows]
         steps = np.empty(len(ticks))
-        np.divide(ticks[1:] - ticks[:-1], self.per_second, out=steps[1:])
-        steps[0] = 1.0 if before is None else (ticks[0] - self.ticks[before]) / self.per_second
+        np.divide(difference(ticks[1:], ticks[:-1]), self.per_second, out=steps[1:])
+        steps[0] = 1.0 if before is None else (ticks[0].item() - self.ticks[before].item()) / self.per_second
         return steps
 
     def seconds(self, rows: Rows, origin: float = 0) -> Floats:
@@ -68,7 +70,7 @@ class Times:
         if self.kind == "seconds":
             return np.asarray(self.ticks[rows] - origin, float)
         whole, rest = divmod(int(origin), _NS // self.per_second)
-        return np.asarray((self.ticks[rows] - whole) / self.per_second - rest / _NS, float)
+        return np.asarray(difference(self.ticks[rows], whole) / self.per_second - rest / _NS, float)
 
     def stamp(self, row: int) -> float:
         """Absolute time of a row: nanoseconds for dates and spans (exact integer), seconds otherwise."""
@@ -79,6 +81,13 @@ class Times:
         if self.kind == "seconds":
             return float(self.ticks[row])
         return int(self.ticks[row]) * (_NS // self.per_second)
+
+    def stamps(self) -> NDArray[Any]:
+        """Absolute times of all rows, as `stamp` has them, shape (n,)."""
+        if self.ticks is None:
+            return np.arange(self.first_row, self.first_row + self.n)
+        ticks = np.asarray(self.ticks[:])
+        return ticks if self.kind in ("rows", "seconds") else ticks * (_NS // self.per_second)
 
     def between(self, later: float, earlier: float) -> float:
         """Difference of two stamps [s]."""
@@ -95,6 +104,14 @@ class Times:
         if self.kind == "timedelta":
             return str(pd.Timedelta(int(self.stamp(row)), unit="ns"))
         return str(pd.Timestamp(int(self.stamp(row))))
+
+
+def difference(later: Any, earlier: Any) -> Any:
+    """`later` less `earlier`; as floats where integers would wrap: dates may lie 584 years apart."""
+    apart = later - earlier
+    if isinstance(apart, np.ndarray) and apart.dtype.kind == "i" and ((later ^ earlier) & (later ^ apart) < 0).any():
+        return np.asarray(later, float) - np.asarray(earlier, float)
+    return apart
 
 
 def times_from(values: pd.Index | pd.Series, where: str) -> Times:
@@ -118,18 +135,19 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
     if kind_of(values) == "number":
         seconds = values.to_numpy(dtype=float, na_value=np.nan)
         _refuse_missing(~np.isfinite(seconds), where)
-        return Times(n, "seconds", seconds)
+        return Times(n, "seconds", seconds_within_range(seconds, where))
     if not (pd.api.types.is_datetime64_any_dtype(dtype) or pd.api.types.is_timedelta64_dtype(dtype)):
         values = _parse(values, where)
         dtype = values.dtype
     _refuse_missing(values.isna().to_numpy(), where)
     kind: Kind = "timedelta" if pd.api.types.is_timedelta64_dtype(dtype) else "datetime"
+    zone = None
     if isinstance(dtype, pd.DatetimeTZDtype):
-        kind = "datetime with time zone"
+        kind, zone = "datetime with time zone", dtype.tz
         values = values.dt.tz_convert("UTC").dt.tz_localize(None)
     ticks = values.to_numpy()
-    per_second = _UNITS[np.datetime_data(ticks.dtype)[0]]
-    return Times(n, kind, within_range(ticks.view("i8"), per_second, where), per_second)
+    per_second = UNITS[np.datetime_data(ticks.dtype)[0]]
+    return Times(n, kind, within_range(ticks.view("i8"), per_second, where, zone=zone), per_second)
 
 
 def _times_of_index(index: pd.DatetimeIndex | pd.TimedeltaIndex, where: str) -> Times:
@@ -138,20 +156,32 @@ def _times_of_index(index: pd.DatetimeIndex | pd.TimedeltaIndex, where: str) -> 
     if len(ticks) and ticks.min() == pd.NaT.value:
         _refuse_missing(np.asarray(index.isna()), where)
     kind: Kind = "timedelta"
+    zone = None
     if isinstance(index, pd.DatetimeIndex):
-        kind = "datetime" if index.tz is None else "datetime with time zone"
-    per_second = _UNITS[index.unit]
-    return Times(len(index), kind, within_range(ticks, per_second, where), per_second)
+        kind, zone = "datetime" if index.tz is None else "datetime with time zone", index.tz
+    per_second = UNITS[index.unit]
+    return Times(len(index), kind, within_range(ticks, per_second, where, zone=zone), per_second)
 
 
-def within_range(ticks: NDArray[Any], per_second: int, where: str, first_row: int = 0) -> NDArray[Any]:
-    """The ticks; RecordError where one of them is no integer of nanoseconds: stamps are."""
-    limit = np.iinfo(np.int64).max // (_NS // per_second)
-    if per_second < _NS and len(ticks) and (ticks.max() > limit or ticks.min() < -limit):
+def within_range(
+    ticks: NDArray[Any], per_second: int, where: str, first_row: int = 0, zone: object = None
+) -> NDArray[Any]:
+    """The ticks; RecordError where one of them is no integer of nanoseconds, as stamps are, in its zone too."""
+    margin = 0 if zone is None or str(zone) == "UTC" else 86_400 * per_second
+    limit = np.iinfo(np.int64).max // (_NS // per_second) - margin
+    if (margin or per_second < _NS) and len(ticks) and (ticks.max() > limit or ticks.min() < -limit):
         row = int(np.argmax((ticks > limit) | (ticks < -limit)))
         date = np.datetime64(int(ticks[row]) // per_second, "s")
         raise RecordError(f"{where} is {date} in row {first_row + row}. {BEYOND}")
     return ticks
+
+
+def seconds_within_range(seconds: Floats, where: str, first_row: int = 0) -> Floats:
+    """The times; RecordError where one of them is no time [s] that anything has: differences of these are numbers."""
+    if len(seconds) and np.abs(seconds).max() > LARGEST:
+        row = int(np.argmax(np.abs(seconds) > LARGEST))
+        raise RecordError(f"{where} is {seconds[row]:g} s in row {first_row + row}. Is the time damaged?")
+    return seconds
 
 
 def _refuse_missing(missing: NDArray[np.bool_], where: str) -> None:
