@@ -201,3 +201,15 @@ def test_a_page_tells_what_is_left():
     for text in (str(found), found.to_html()):
         assert "remembers for about" in text and "log what changes as slowly" in text
     assert pd.notna(found.left.smallest_step) and found.left.smallest_step > 0
+
+
+@pytest.mark.parametrize("absurd", [9.9e37, 1e3, -999.0])
+def test_spikes_and_sentinels_hide_nothing(absurd):
+    record = make_record(6000, effects={"hysteresis": 2.0}, seed=63)
+    X, y = record.drop(columns="reading"), record["reading"].copy()
+    model = DynamicBiasRegressor("temperature").fit(X, y)
+    y.iloc[[700, 2500, 2501, 5000]] = absurd
+    found = diagnose(model, X, y)
+    assert found.best.kind == "hysteresis"
+    assert len(found.left.spikes) == 4 and "left out of the" in " ".join(str(found).split())
+    assert found.left.floor == pytest.approx(0.2, rel=0.1)

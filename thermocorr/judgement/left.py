@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..equations.noise import RATIO
-from .levels import PROVABLE, SPIKE, STRUCTURE, WANDERS
+from .levels import PROVABLE, RANKED, STRUCTURE, WANDERS
 from .likelihood import Comparison
 from .pool import Pool
 
@@ -27,7 +27,7 @@ class Left:
     colour: float
     """Variance over innovation variance: 1 for white noise."""
     spikes: tuple[float, ...]
-    """Times since the record began at which readings jump far out of the noise [s], at most ten."""
+    """Times since the record began at which readings jump far out of the noise [s], at most ten: left out."""
     smallest_drift: float
     """Drift over the record that it could have shown, in the unit of y; infinite where it could have shown none."""
     smallest_step: float
@@ -54,16 +54,14 @@ def what_is_left(pool: Pool, judged: Comparison) -> Left:
         wandering=wandering if structured else 0.0,
         correlation_time=float(np.exp(np.average(np.log(times), weights=theta[1:]))) if structured else 0.0,
         colour=total / innovation,
-        spikes=_spikes(pool, judged, S),
+        spikes=_spikes(pool),
         smallest_drift=judged.smallest(drift, PROVABLE),
         smallest_step=judged.smallest(middle, PROVABLE),
     )
 
 
-def _spikes(pool: Pool, judged: Comparison, S: np.ndarray) -> tuple[float, ...]:
-    """Rows that stand out of the noise made white."""
-    rows = judged.left(judged.base.theta) / np.sqrt(judged.bands.each_row(S))
-    white = np.abs(judged.bands.back(rows[:, None])[:, 0])
-    usual = 1.4826 * float(np.median(white)) or 1.0
-    found = np.flatnonzero(white > SPIKE * usual)
-    return tuple(pool.data.seconds[found[np.argsort(-white[found])][:10]].tolist())
+def _spikes(pool: Pool) -> tuple[float, ...]:
+    """Times of the readings that were left out, the farthest from the usual one first."""
+    rows = np.flatnonzero(pool.spikes)
+    far = np.abs(pool.data.reading[rows] - np.median(pool.data.reading))
+    return tuple(pool.data.seconds[rows[np.argsort(-far)][:RANKED]].tolist())

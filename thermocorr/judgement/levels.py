@@ -29,6 +29,13 @@ are called hinges."""
 TIME_LIKE = 0.999_999
 """Correlation with time above which a recorded column is a clock, no suspect."""
 
+SPIKE = 8.0
+"""Distance from the neighbours, in robust standard deviations, of a reading that is no noise: 1e-12 in Gaussian noise.
+Such readings are left out of the judgement; at 4, the tails of ordinary noise are."""
+ABSURD = 50.0
+"""Distance from the median, in ranges of nine tenths of the readings, of a reading that is none: a sentinel."""
+MOST_SPIKES = 0.02
+"""Share of the readings from which spikes are the noise itself."""
 NEARBY = 100
 """Rows over which the size of the noise is measured where it changes with time: known to 7 %."""
 UNEVEN = 2.0
@@ -111,8 +118,6 @@ TUNED = 4
 
 # What is left
 
-SPIKE = 8.0
-"""Distance from the noise, in robust standard deviations, of a reading that is no noise: 1e-15 in Gaussian noise."""
 PROVABLE = 12.0
 """Log likelihood that a drift or step gains on the average where it is proven half of the time: the level, for a family
 of a hundred tests."""

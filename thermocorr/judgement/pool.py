@@ -17,7 +17,7 @@ from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record, RecordError
-from .blocks import Averages, averaged, evenness
+from .blocks import Averages, averaged, evenness, spikes
 from .levels import COARSE, FASTEST, FEWEST, FINE, LAGS, SLOWEST
 
 Key = tuple[str, Any]
@@ -58,14 +58,24 @@ class Pool:
         columns = self.data.columns
         self.base = np.column_stack([np.ones(len(self.data.reading)), *columns[: len(base)]])
         """Columns of the base, shape (n, p); the constant first."""
-        left = self.data.reading - self.base @ np.linalg.lstsq(self.base, self.data.reading, rcond=1e-10)[0]
-        self.weight = evenness(left, self.data.segment)
+        self.spikes = spikes(self.data.reading)
+        """Rows that are no readings, shape (n,), booleans."""
+        left = self._left_of_base()
+        self.spikes |= spikes(left)
+        left = np.where(self.spikes, 0.0, self._left_of_base())
+        self.weight = np.where(self.spikes, 0.0, evenness(left, self.data.segment))
         """Less than 1 where the noise is larger than usual; readings and columns are multiplied by it, shape (n,)."""
         self.base = self.base * self.weight[:, None]
         self.reading = self.data.reading * self.weight
         columns = [part * self.weight[:, None] for part in columns[len(base) :]]
         self.explanations = [Explanation(e, c, True) for e, c in zip(slow, columns, strict=False)]
         self.explanations += [Explanation(e, c) for e, c in zip(candidates, columns[len(slow) :], strict=True)]
+
+    def _left_of_base(self) -> np.ndarray:
+        """What plain least squares beside the spikes leaves; 0 at the spikes."""
+        kept = ~self.spikes
+        coef = np.linalg.lstsq(self.base[kept], self.data.reading[kept], rcond=1e-10)[0]
+        return np.where(kept, self.data.reading - self.base @ coef, 0.0)
 
     def beside(self, base: np.ndarray, explanations: Sequence[Explanation]) -> Pool:
         """A pool of this record with another base and other explanations."""

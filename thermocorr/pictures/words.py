@@ -121,7 +121,8 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
     if left.spikes:
         said.append(
             f"{'At least ' if len(left.spikes) == MANY_SPIKES else ''}{len(left.spikes)} readings jump far out of the "
-            f"noise, the farthest {time_text(left.spikes[0])} after the record began."
+            f"noise, the farthest {time_text(left.spikes[0])} after the record began; they are left out of the "
+            "judgement."
         )
     seen = [
         f"{'a drift' if name == 'smallest_drift' else 'a step'} of {value:.2g}{unit}"
