@@ -111,6 +111,11 @@ class Search:
         self._chance: tuple[HeldOut, dict[Key, float], float] | None = None
         """For a base: usual help of noise to each kind and column [dB], and the multiple of it that is rare in all."""
 
+    @property
+    def too_small(self) -> float:
+        """Twice the log likelihood that something too small for a word gains on the average, in white noise."""
+        return self.judged.n * float(np.median(self.pool.data.counts)) * SIZEABLE**2
+
     def causes(self) -> tuple[list[Cause], list[Tried]]:
         """The causes, and what was tried last without being one."""
         found: list[Cause] = []
@@ -146,8 +151,7 @@ class Search:
         """
         explanation = self.tried[i]
         tests, width = self.tests.get(explanation.key, 1.0), explanation.columns.shape[1]
-        samples = self.judged.n * float(np.median(self.pool.data.counts))
-        small = samples * SIZEABLE**2 if explanation.effect.kind in THERMAL else 0.0
+        small = self.too_small if explanation.effect.kind in THERMAL else 0.0
         return float(min(1.0, tests * stats.ncx2.sf(2 * max(gain, 0.0), width, small)))
 
     def look(self) -> list[Tried]:
@@ -242,10 +246,13 @@ class Search:
         ]
 
     def _tuned(self, found: Sequence[Tried], shares: Sequence[float] = SHARES) -> list[Tried]:
-        """The best few kinds with their parameters moved to where they explain most."""
+        """The best few kinds with their parameters moved to where they explain most.
+
+        What the likelihood does not speak for on the grid is not proven between its points either.
+        """
         best: dict[Key, Tried] = {}
         for tried in sorted(found, key=lambda tried: -tried.score):
-            if tried.score > SPEAKS and not tried.explanation.in_model:
+            if (tried.score > 0 or len(found) == 1) and not tried.explanation.in_model:
                 best.setdefault(tried.key, tried)
         moved = [self._moved(tried, shares) for tried in list(best.values())[:TUNED]]
         which = [i for i in moved if i is not None]

@@ -84,7 +84,7 @@ def diagnose(
         search = Search(pool)
         causes, last = search.causes()
         missing = [cause for cause in causes if not cause.tried.explanation.in_model]
-        missing += lacking(model, pool, missing, exclude)
+        missing += lacking(model, search, missing, exclude)
         missing.sort(key=_worth_to_the_user)
         return _conclude(model, X, y, search, missing, last)
 

@@ -16,23 +16,27 @@ from ..estimators.regressor import DynamicBiasRegressor
 from .blocks import averaged
 from .causes import Cause, Search
 from .levels import FINE, THERMAL, TIE
-from .pool import Pool, own_thermal
+from .likelihood import Comparison
+from .pool import own_thermal
 
 
-def lacking(model: DynamicBiasRegressor, pool: Pool, causes: list[Cause], exclude: Collection[str]) -> list[Cause]:
+def lacking(model: DynamicBiasRegressor, search: Search, causes: list[Cause], exclude: Collection[str]) -> list[Cause]:
     """At most one more cause: what the model's lags lack most, if it is proven and worth a word."""
-    kinds = [kind for kind in THERMAL if kind not in exclude]
-    candidates: list[Effect] = [effect for kind in kinds for effect in CATALOGUE[kind].candidates(pool.record)]
+    pool = search.pool
     own = own_thermal(model)
     for effect in own:
         effect.learn(pool.record)
     columns = [part * pool.weight[:, None] for part in averaged(pool.record, own, FINE).columns]
-    columns += [cause.tried.explanation.columns for cause in causes]
-    thin = pool.beside(np.column_stack([pool.weight, *columns]), pool.of(candidates))
-    search = Search(thin)
-    tried = [t for t in search.look() if t.proven]
+    thin = np.column_stack([pool.weight, *columns, *(cause.tried.explanation.columns for cause in causes)])
+    most = search.judged.total - Comparison(pool.reading, thin, pool.data.segment).total
+    if most < search.too_small / 2:  # the many lags themselves gain no more than that
+        return []
+    kinds = [kind for kind in THERMAL if kind not in exclude]
+    candidates: list[Effect] = [effect for kind in kinds for effect in CATALOGUE[kind].candidates(pool.record)]
+    beside = Search(pool.beside(thin, pool.of(candidates)))
+    tried = [t for t in beside.look() if t.proven]
     if not tried:
         return []
-    alike = tuple(t for t in tried if t.key != tried[0].key and t.score >= tried[0].score - TIE)
     others = tuple(t for t in tried if t.key != tried[0].key)
-    return [Cause(tried=tried[0], alike=alike, others=others, share=search.share(tried[0]))]
+    alike = {t.key: t for t in reversed(others) if t.score >= tried[0].score - TIE}
+    return [Cause(tried=tried[0], alike=tuple(alike.values()), others=others, share=beside.share(tried[0]))]

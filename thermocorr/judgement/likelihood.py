@@ -76,6 +76,11 @@ class Comparison:
         self.white = self._white()
 
     @property
+    def total(self) -> float:
+        """Log likelihood of the reading itself under the base: comparable between bases."""
+        return self.base.level - float(self.share.sum()) * float(np.log(self.unit))
+
+    @property
     def n(self) -> int:
         """Rows."""
         return len(self.z)
