@@ -1,15 +1,13 @@
 """Causes, one after the other: every explanation is compared with every other, the best is taken in, and so on.
 
 Two questions are asked of each. Is it there: how much does the likelihood of the record gain, its noise estimated
-anew? And what is it worth: how far does the error fall on data that it was not learned from? What helps on later data
-comes first; among what helps nearly as much, the likelihood decides.
+anew? And what is it worth: how far does the error fall on data that it was not learned from?
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import stats
@@ -17,6 +15,7 @@ from scipy import stats
 from ..effects import Periodic
 from ..effects.grids import longest_segment
 from .anywhere import best_period, step_gains
+from .choice import Cause, Tried, chosen
 from .levels import (
     ALIKE,
     BY_CHANCE,
@@ -29,62 +28,15 @@ from .levels import (
     LOOKS,
     MOST,
     MOST_STEPS,
-    NEAR,
     SHARES,
     SIZEABLE,
-    SPEAKS,
     THERMAL,
-    TIE,
     TUNED,
     USUAL,
 )
 from .likelihood import Comparison
 from .pool import Explanation, Key, Pool
 from .worth import HeldOut, Worth
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tried:
-    """An explanation with what speaks for it."""
-
-    explanation: Explanation
-    number: int
-    """Among the explanations of the comparison."""
-    gain: float
-    """In log likelihood."""
-    score: float
-    """Gain, less what its columns and the choice of its parameters would gain by chance."""
-    p_value: float
-    """Error probability, the whole family having been tried."""
-    worth: Worth
-
-    @property
-    def proven(self) -> bool:
-        """Whether the likelihood proves it."""
-        return self.p_value <= LEVEL and self.score > 0
-
-    @property
-    def key(self) -> Key:
-        """Kind and column."""
-        return self.explanation.key
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Number of columns, and of parameters that are tuned: what makes one explanation plainer than another."""
-        info = self.explanation.effect.info
-        return int(self.explanation.columns.shape[1]), len(info.tuned) if info else 0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cause:
-    """An explanation that was taken in, and those that cannot be told apart from it."""
-
-    tried: Tried
-    alike: tuple[Tried, ...]
-    others: tuple[Tried, ...]
-    """What else was tried in its place, best first."""
-    share: float
-    """Share of the structured variance that it explains."""
 
 
 class Search:
@@ -278,40 +230,3 @@ class Search:
     def _forget(self, which: Sequence[int]) -> None:
         for i in which:
             self.judged.explanations[i] = None
-
-
-def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[Tried | None, list[Tried]]:
-    """The cause to take in, if there is one, and its rivals: what is as good, or nearly.
-
-    What is proven comes before what only helps; of what is proven, what helps on later data comes first. Among what
-    helps nearly as much the likelihood decides.
-    """
-    proven = [t for t in tried if t.proven]
-    helpful = [t for t in proven if t.worth.both >= GAIN]
-    if not proven:
-        helpful = [t for t in tried if t.worth.both >= GAIN and _spoken_for(t) and not by_chance(t)]
-    if not proven and not helpful:
-        return None, []
-    least = NEAR * max((t.worth.both for t in helpful), default=-np.inf)
-    near = [t for t in helpful if t.worth.both >= least] or proven
-    best = max(near, key=lambda t: t.score)
-    if best.explanation.effect.of_time_alone:  # what lies in a part of the record helps nowhere else
-        best = max((t for t in proven if t.explanation.effect.of_time_alone), key=lambda t: t.score)
-    recorded = [t for t in near if t.key[1] is not None and t.worth.both >= best.worth.both]
-    if best.key[1] is None and helpful:  # a recorded column before a kind that says nearly the same
-        best = max((t for t in recorded if t.score >= best.score - TIE), key=lambda t: t.score, default=best)
-    if best.key[1] is not None:  # a column as it is before the same column bent or late, all else equal
-        simpler = [t for t in tried if t.key[1] == best.key[1] and t.proven and t.size < best.size]
-        best = max((t for t in simpler if t.score >= best.score - TIE), key=lambda t: t.score, default=best)
-    rivals = [
-        t
-        for t in tried
-        if (t.score >= best.score - TIE and t.score > 0)
-        or (best in helpful and _spoken_for(t) and t.worth.both >= NEAR * best.worth.both)
-    ]
-    return best, rivals
-
-
-def _spoken_for(t: Tried) -> bool:
-    """Whether the likelihood does not speak against it; effects of time alone need it to speak for them."""
-    return t.score >= SPEAKS and not t.explanation.effect.of_time_alone

@@ -15,7 +15,8 @@ from ..estimators.threads import one_blas_thread
 from ..pages import PageData
 from ..records import Record
 from .candidates import as_fitted, further_candidates, given_effects, suspect_record
-from .causes import Cause, Search, Tried
+from .causes import Search
+from .choice import Cause, Tried
 from .found import Diagnosis, FoundSuspect
 from .lacking import lacking
 from .left import what_is_left

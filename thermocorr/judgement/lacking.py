@@ -14,7 +14,8 @@ from ..effects import CATALOGUE
 from ..effects.protocol import Effect
 from ..estimators.regressor import DynamicBiasRegressor
 from .blocks import averaged
-from .causes import Cause, Search
+from .causes import Search
+from .choice import Cause
 from .levels import FINE, THERMAL, TIE
 from .likelihood import Comparison
 from .pool import own_thermal

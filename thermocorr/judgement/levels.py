@@ -1,8 +1,8 @@
-"""Every threshold of the judgement: what it means, where it comes from, and what halving or doubling it changes.
+"""Every threshold of the judgement: what it means and where it comes from.
 
-The campaigns named here print the figures: `benchmarks/hidden_effects.py` (simulated devices, blind seeds),
-`benchmarks/null_records.py` (nothing hidden, thirteen kinds of noise) and `benchmarks/planted_on_real.py` (known
-effects on measured backgrounds).
+What changes when one of them is halved or doubled is printed by `benchmarks/levels.py`. The campaigns behind them are
+`benchmarks/hidden_effects.py` (simulated devices), `benchmarks/null_records.py` (nothing hidden, thirteen kinds of
+noise), `benchmarks/planted_on_real.py` (known effects on measured backgrounds) and `benchmarks/real_diagnosis.py`.
 """
 
 from __future__ import annotations
@@ -10,22 +10,21 @@ from __future__ import annotations
 # What is looked at
 
 FINE = 25_000
-"""Stretches that a record is averaged over at most. A delay of two samples is lost in averages of ten: with 2 500, a
-third of the weak delays and rates of the simulated records is missed; twice as many cost twice the time for nothing."""
+"""Stretches that a record is averaged over at most. A delay of a few samples is lost in long averages: with 12 000,
+delays of the simulated records (20 000 rows) are missed that are found on single samples."""
 COARSE = 2_500
 """Stretches on which data not learned from are foretold: what the user gains lies in slow structure, which the noise of
-single samples would hide. Twice or half as many move the figures by some hundredths of a dB."""
+single samples would hide."""
 FEWEST = 100
 """Readings below which a record is too short to judge: there are about twenty columns in the base."""
 LAGS = 14
-"""Lags of the thermal part that suspects are judged beside, evenly in the logarithm. A poorer one makes others look
-guilty (7 lags: rates and delays are named on a third of the clean records); 28 cost time and explain nothing more."""
+"""Lags of the thermal part that suspects are judged beside, evenly in the logarithm, and the model's own beside them. A
+poorer part makes other effects look guilty."""
 FASTEST = 0.25
 """The fastest of them, in sampling steps: a device faster than the sampling shows as a lag of less than a step."""
 SLOWEST = 0.1
 """The slowest of them, as a share of the longest segment. Slower lags take drift, ageing and slow columns upon
-themselves; they stand among the suspects instead. At 0.2 half of the planted drifts are absorbed, at 0.05 slow devices
-are called hinges."""
+themselves; they stand among the suspects instead."""
 TIME_LIKE = 0.999_999
 """Correlation with time above which a recorded column is a clock, no suspect."""
 
@@ -49,9 +48,9 @@ ALIVE = 1e-4
 """Length of a column outside the base, over its whole length, below which it is nothing new."""
 QUIET = 0.03
 """Wandering noise that a second start of the estimate has, over the first: a slow cause is invisible where the noise
-has taken it upon itself, so each explanation may also begin with hardly any. Anything from 0.003 to 0.1 serves."""
+has taken it upon itself, so each explanation may also begin with hardly any."""
 TURNS = 3
-"""Times that coefficients and noise are estimated in turn. A fourth turn moves the likelihood by less than 0.05."""
+"""Times that coefficients and noise are estimated in turn."""
 
 # Later data
 
@@ -62,7 +61,7 @@ RIDGE = 1e-6
 devices that a true drift makes forecasts worse; on measured records any from 1e-6 to 1e-3 gives the same order."""
 GAIN = 1.0
 """Fall of the squared error [dB], on later stretches and on held-out blocks alike, that counts as help: a tenth of the
-error is what a user notices. At 0.5 more is called help on measured records, and more of that by foreign columns."""
+error is what a user notices."""
 NEAR = 0.75
 """Share of the greatest help [dB] from which another explanation is nearly as good, and the likelihood decides."""
 DRAWS = 200
@@ -79,10 +78,9 @@ SPEAKS = -6.0
 # Decisions
 
 LEVEL = 0.001
-"""Error probability of the whole family below which a cause is proven. At 0.01 one clean record in sixty is accused."""
+"""Error probability of the whole family below which a cause is proven."""
 LOOKS = 3.0
-"""Factor on the number of tests: parameters are tuned beyond their list, and the noise is an estimate. Measured on
-records without a cause (`benchmarks/null_records.py`)."""
+"""Factor on the number of tests: parameters are tuned beyond their list, and the noise is an estimate."""
 DIFFERENT = 12
 """Most tests that the candidates of one kind and column count for: neighbours on a grid say nearly the same."""
 TIE = 4.0
@@ -98,10 +96,10 @@ THERMAL = ("thermal_lag", "delay", "rate")
 """Kinds that a better thermal part could do without."""
 SIZEABLE = 0.1
 """Rms of what a missing lag, delay or rate explains, over the noise of one sample, that must clearly be exceeded: the
-model's lags need not be better. At 0.15 delays are missed that the model has not absorbed."""
+model's lags need not be better. At 0.14 a delay of the simulated records was missed that the model had not absorbed."""
 STRUCTURE = 12.0
 """Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: eight parts
-are estimated, so that 12 has an error probability of about 0.002."""
+are estimated, for which 12 has an error probability of 0.002 (chi-square, eight degrees of freedom)."""
 WANDERS = 0.1
 """Standard deviation of the wandering noise over that of one sample, below which it is not worth a word."""
 SEVERAL = 3
@@ -114,12 +112,12 @@ SHARES = (0.5, 0.25, 0.1, 0.03)
 FINER = (0.01, 0.003)
 """Finer moves for the one that is taken in: what its parameters leave would look like a further cause."""
 TUNED = 4
-"""Kinds whose parameters are tuned in each turn; the fifth was never the cause in 300 records."""
+"""Kinds whose parameters are tuned in each turn."""
 
 # What is left
 
 PROVABLE = 12.0
 """Log likelihood that a drift or step gains on the average where it is proven half of the time: the level, for a family
-of a hundred tests."""
+of seven hundred tests (chi-square, one degree of freedom)."""
 RANKED = 10
 """Suspects that are listed at most, causes among them."""

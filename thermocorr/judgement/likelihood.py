@@ -157,7 +157,7 @@ class Comparison:
         """The base alone."""
         parts = self.bands.parts.shape[1]
         starts = [np.full(parts, 1 / parts), np.concatenate(([1.0], np.full(parts - 1, QUIET))), *more]
-        return self._fits([None] * len(starts), starts, turns=TURNS + 1, at_once=True)[0]
+        return max(self._fits([None] * len(starts), starts, TURNS + 1), key=lambda fit: fit.level)
 
     def _white(self) -> float:
         """Log likelihood of the base under white noise."""
@@ -180,9 +180,7 @@ class Comparison:
         without.Q, without.Qz, without.QQ = self.Q[:, others], self.Qz[:, others], self.QQ[:, others][:, :, others]
         return self.base.level - without.first_fit(self.base.theta).level
 
-    def _fits(
-        self, which: Sequence[int | None], starts: Sequence[np.ndarray], turns: int, at_once: bool = False
-    ) -> list[Fit]:
+    def _fits(self, which: Sequence[int | None], starts: Sequence[np.ndarray], turns: int) -> list[Fit]:
         theta = np.column_stack(starts)
         power = np.empty((len(self.zz), theta.shape[1]))
         coefs: list[np.ndarray] = [np.zeros(0)] * theta.shape[1]
@@ -191,10 +189,9 @@ class Comparison:
                 coefs[j], power[:, j] = self._solved(i, theta[:, j])
             theta = fitted_parts(self.bands.parts, self.share, power, theta)
         levels = whittle(self.share, power, self.bands.parts @ theta)
-        fits = [
+        return [
             Fit(level=float(levels[j]), theta=theta[:, j], coef=coefs[j], power=power[:, j]) for j in range(len(coefs))
         ]
-        return [max(fits, key=lambda fit: fit.level)] if at_once else fits
 
     def _solved(self, i: int | None, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coefficients under a given noise, and the sum of squares that they leave in each band."""
