@@ -299,6 +299,20 @@ def test_an_interrupt_while_the_first_modules_load(monkeypatch, capsys):
     assert start() == 130 and capsys.readouterr().err == "thermocorr: stopped\n"
 
 
+@pytest.mark.parametrize(("signal_itself", "status"), [(KeyboardInterrupt(), 130), (Terminated(143), 143)])
+def test_a_signal_behind_another_error_is_the_signal(signal_itself, status, monkeypatch, capsys):
+    """One that comes while a class is made; Python 3.11 says that setting a name has failed."""
+
+    def fail(given):
+        raise RuntimeError("Error calling __set_name__") from signal_itself
+
+    monkeypatch.setattr(cli, "_options", fail)
+    assert cli.main([]) == status and capsys.readouterr().err == "thermocorr: stopped\n"
+    monkeypatch.setattr(cli, "_options", lambda given: (_ for _ in ()).throw(RuntimeError("a fault")))
+    with pytest.raises(RuntimeError, match="a fault"):
+        cli.main([])
+
+
 def test_the_words_for_a_signal_need_no_import():
     """It may have come in the middle of one, whose half would be imported again."""
     code = "import sys; from thermocorr.command import cli; cli._ended('stopped', 143); print('pandas' in sys.modules)"

@@ -34,6 +34,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _ended("stopped", 130)
     except Terminated as ended:
         return _ended("stopped", int(ended.code or 0))
+    except RuntimeError as error:
+        status = _signal_behind(error)
+        if not status:
+            raise
+        return _ended("stopped", status)
+
+
+def _signal_behind(error: RuntimeError) -> int:
+    """Exit status of a signal that came while a class was made, 0 for another error: Python 3.11 hides it behind one."""
+    if isinstance(error.__cause__, KeyboardInterrupt):
+        return 130
+    return int(error.__cause__.code or 0) if isinstance(error.__cause__, Terminated) else 0
 
 
 def _options(given: list[str]) -> argparse.Namespace:
