@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _signal_behind(error: RuntimeError) -> int:
-    """Exit status of a signal that came while a class was made, 0 for another error: Python 3.11 hides it behind one."""
+    """Exit status of a signal that came while a class was made, 0 without one: Python 3.11 hides it behind an error."""
     if isinstance(error.__cause__, KeyboardInterrupt):
         return 130
     return int(error.__cause__.code or 0) if isinstance(error.__cause__, Terminated) else 0
