@@ -11,6 +11,7 @@ import contextlib
 import io
 import re
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -54,7 +55,8 @@ def rewritten(text: str) -> str:
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:]:
-        page = Path(name)
-        page.write_text(rewritten(page.read_text(encoding="utf-8")), encoding="utf-8")
-        print(f"{name}: written")
+    for page in [Path(name).resolve() for name in sys.argv[1:]]:
+        with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):  # blocks write files of their own
+            new = rewritten(page.read_text(encoding="utf-8"))
+        page.write_text(new, encoding="utf-8")
+        print(f"{page}: written")

@@ -237,3 +237,17 @@ def test_help_is_quick():
     code = "import sys, thermocorr, thermocorr.command.cli; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert not {"numpy", "scipy", "pandas", "sklearn", "matplotlib", "pyarrow", "numba"} & set(loaded)
+
+
+TOP_LEVEL = {
+    "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "README.md", "SECURITY.md", "pyproject.toml",
+    "benchmarks", "docs", "notebooks", "tests", "thermocorr",
+}  # fmt: skip
+
+
+def test_nothing_strange_stands_at_the_top_of_the_checkout():
+    listed = subprocess.run(["git", "ls-files"], cwd=PACKAGE.parent, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        pytest.skip("not a git checkout")
+    tops = {name.split("/")[0] for name in listed.stdout.splitlines()}
+    assert {name for name in tops if not name.startswith(".")} == TOP_LEVEL
