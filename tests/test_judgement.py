@@ -16,7 +16,8 @@ from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.equations.noise import Bands, fitted_parts
 from thermocorr.judgement.anywhere import best_period, step_gains
-from thermocorr.judgement.blocks import evenness
+from thermocorr.judgement.blocks import averaged, evenness, spans
+from thermocorr.judgement.candidates import suspect_record
 from thermocorr.judgement.levels import RIDGE
 from thermocorr.judgement.likelihood import Comparison
 from thermocorr.judgement.worth import BLOCKS, LATER, HeldOut
@@ -213,3 +214,50 @@ def test_spikes_and_sentinels_hide_nothing(absurd):
     assert found.best.kind == "hysteresis"
     assert len(found.left.spikes) == 4 and "left out of the" in " ".join(str(found).split())
     assert found.left.floor == pytest.approx(0.2, rel=0.1)
+
+
+@pytest.mark.parametrize(("offset", "slope"), [(5.0, 0.0), (0.0, 2.0), (1e7, 1e-9)])
+def test_an_exact_reading_misses_nothing(offset, slope):
+    X = make_record(2000, seed=3).drop(columns="reading")
+    y = offset + slope * X["temperature"]
+    found = diagnose(DynamicBiasRegressor("temperature", [600.0]).fit(X, y), X, y)
+    assert found.verdict == "nothing missing" and not found.left.structured
+    assert "nan" not in str(found) and "inf" not in str(found)
+
+
+def test_segments_of_two_rows_are_judged():
+    record = make_record(3000, effects={"covariate": 2.0}, seed=3)
+    X, y = record.drop(columns="reading"), record["reading"]
+    kept = np.arange(3000) % 4 < 2
+    model = DynamicBiasRegressor("temperature", [], max_gap="1.5 min").fit(X[kept], y[kept])
+    assert diagnose(model, X[kept], y[kept]).causes
+
+
+def test_noise_goes_on_over_short_pauses_but_not_from_run_to_run():
+    record = make_record(3000, seed=3, runs=2, gaps=2)
+    X, y = record.drop(columns="reading"), record["reading"]
+    model = DynamicBiasRegressor("temperature", [600.0], run="run", max_gap="5 min").fit(X, y)
+    read = suspect_record(model, X, y, None)
+    data = averaged(read, [])
+    assert len(set(data.segment)) == 6
+    np.testing.assert_array_equal(spans(data, read), data.segment // 3)
+
+
+@pytest.mark.parametrize("offset", [1e4, 1e8])
+def test_a_large_offset_changes_nothing(offset):
+    record = make_record(4000, effects={"covariate": 0.5}, seed=3)
+    X, y = record.drop(columns="reading"), record["reading"]
+    moved = X.assign(**{name: X[name] + offset for name in ("humidity", "pressure", "supply")})
+    model = DynamicBiasRegressor("temperature", [600.0])
+    plain, high = (diagnose(model.fit(A, b), A, b).ranking.iloc[0] for A, b in ((X, y), (moved, y + offset)))
+    assert high["label"] == plain["label"]
+    for name in ("later_db", "gain_db", "share"):
+        assert high[name] == pytest.approx(plain[name], rel=1e-2)
+
+
+def test_kinds_that_are_left_out_are_looked_for_nowhere():
+    record = make_record(3000, effects={"step": 2.0}, seed=3)
+    X, y = record.drop(columns="reading"), record["reading"]
+    model = DynamicBiasRegressor("temperature").fit(X, y)
+    found = diagnose(model, X, y, exclude=["step", "periodic"])
+    assert not {"step", "periodic"} & {suspect.effect.kind for suspect in found.suspects}

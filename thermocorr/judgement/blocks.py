@@ -16,7 +16,7 @@ import pandas as pd
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts
 from ..records import BLOCK_ROWS, Record
-from .levels import ABSURD, COARSE, MOST_SPIKES, MOST_UNEVEN, NEARBY, SPIKE, UNEVEN
+from .levels import ABSURD, COARSE, MOST_SPIKES, MOST_UNEVEN, NEARBY, SHORT_PAUSE, SPIKE, UNEVEN
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +75,22 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
     )
 
 
+def spans(data: Averages, record: Record) -> np.ndarray:
+    """Number of the span of each stretch: noise goes on over short pauses, though heat may have to start anew.
+
+    A pause is short beside what lies before or after it, or beside the whole record; between runs none is.
+    """
+    edges = np.flatnonzero(np.diff(data.segment, prepend=-1))
+    first, last = data.seconds[edges], data.seconds[[*(edges[1:] - 1), -1]]
+    runs = [record.segments[i].run for i in data.segment[edges]]
+    short, began, ends = SHORT_PAUSE * float(np.ptp(data.seconds)), 0, np.zeros(len(data.segment), int)
+    for i in range(1, len(edges)):
+        most = max(last[i - 1] - first[began], last[i] - first[i], short)
+        if runs[i] != runs[i - 1] or not 0 <= first[i] - last[i - 1] <= most:
+            ends[edges[i]], began = 1, i
+    return np.cumsum(ends)
+
+
 def evenness(residual: np.ndarray, segment: np.ndarray) -> np.ndarray:
     """Usual size of the noise over its size near each row; ones unless it clearly changes in the course of the record.
 
@@ -94,10 +110,11 @@ def evenness(residual: np.ndarray, segment: np.ndarray) -> np.ndarray:
     return np.asarray(1 / np.clip(size / usual, 1 / MOST_UNEVEN, MOST_UNEVEN))
 
 
-def spikes(values: np.ndarray) -> np.ndarray:
+def spikes(values: np.ndarray, rounding: float = 0.0) -> np.ndarray:
     """Which rows stand far out of their neighbours, alone or in pairs, or out of everything; shape (n,), booleans.
 
-    Distances are measured in robust standard deviations of the noise (Hampel, JASA 69, 1974), from its steps.
+    Distances are measured in robust standard deviations of the noise (Hampel, JASA 69, 1974), from its steps. Noise
+    that is no more than `rounding` has no spikes.
     """
     low, middle, high = np.quantile(values, (0.05, 0.5, 0.95))
     absurd = np.abs(values - middle) > ABSURD * (high - low) if high > low else np.zeros(len(values), bool)
@@ -105,7 +122,7 @@ def spikes(values: np.ndarray) -> np.ndarray:
     near = pd.Series(known).rolling(5, center=True, min_periods=1).median().to_numpy()
     steps = np.abs(np.diff(known))
     usual = (1.4826 * float(np.median(steps)) or float(np.mean(steps))) / np.sqrt(2)  # the mean where it is quantised
-    found = absurd | (np.abs(known - near) > SPIKE * usual) if usual > 0 else absurd
+    found = absurd | (np.abs(known - near) > SPIKE * usual) if usual > rounding else absurd
     return np.asarray(found) if found.mean() < MOST_SPIKES else np.asarray(absurd)
 
 

@@ -7,7 +7,7 @@ anew? And what is it worth: how far does the error fall on data that it was not 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from scipy import stats
@@ -15,7 +15,7 @@ from scipy import stats
 from ..effects import Periodic
 from ..effects.grids import longest_segment
 from .anywhere import best_period, step_gains
-from .choice import Cause, Tried, chosen
+from .choice import Cause, Tried, chosen, first_of_each
 from .levels import (
     ALIKE,
     BY_CHANCE,
@@ -40,14 +40,21 @@ from .worth import HeldOut, Worth
 
 
 class Search:
-    """Finds causes one after the other."""
+    """Finds causes one after the other.
 
-    def __init__(self, pool: Pool):
+    Parameters
+    ----------
+    pool : Pool
+    anywhere : collection of str
+        Kinds that are looked for at every row or period.
+    """
+
+    def __init__(self, pool: Pool, anywhere: Collection[str] = ("step", "periodic")):
         self.pool, self.record = pool, pool.record
         self.tried = list(pool.explanations)
-        self.judged = Comparison(pool.reading, pool.base, pool.data.segment)
+        self.judged = Comparison(pool.reading, pool.base, pool.span)
         self.judged.add([explanation.columns for explanation in self.tried])
-        white = float(np.exp(np.average(np.log(self.judged.S(self.judged.base.theta)), weights=self.judged.share)))
+        white = self.judged.innovation
         self.structured = max(self.judged.unexplained() - white, 0.01 * white)
         """Mean square beside the base, beyond the noise that nothing foresees."""
         self.held = HeldOut(pool.coarse(pool.reading)[:, None], pool.coarse(pool.base))
@@ -55,8 +62,8 @@ class Search:
         keys = [explanation.key for explanation in self.tried]
         self.sizes = {key: keys.count(key) for key in dict.fromkeys(keys)}
         tests = LOOKS * sum(min(size, DIFFERENT) for size in self.sizes.values())
-        anywhere = {key: self.judged.n for key in (("step", None), ("periodic", None)) if key in self.sizes}
-        self.sizes |= anywhere  # every row, every period
+        self.sizes |= {(kind, None): self.judged.n for kind in anywhere}  # every row, every period
+        self.anywhere = anywhere
         self.tests = {key: max(tests, float(size)) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
 
@@ -71,6 +78,8 @@ class Search:
     def causes(self) -> tuple[list[Cause], list[Tried]]:
         """The causes, and what was tried last without being one."""
         found: list[Cause] = []
+        if self.pool.exact:
+            return [], []
         while True:
             tried = self.look()
             best, rivals = chosen(tried, self.by_chance)
@@ -79,9 +88,8 @@ class Search:
                 return self._needed(found), tried
             best = (self._tuned([best], FINER) or [best])[0]
             same = [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
-            alike = list({t.key: t for t in reversed(same)}.values())[::-1]
-            others = tuple(t for t in tried if t.key != best.key)
-            found.append(Cause(tried=best, alike=tuple(alike), others=others, share=self.share(best)))
+            alike, others = first_of_each(same), [t for t in tried if t.key != best.key]
+            found.append(Cause(tried=best, alike=tuple(alike), others=tuple(others), share=self.share(best)))
             self.judged.adopt(best.number)
             self.held = self.held.with_columns(self.coarse[best.number])
 
@@ -108,14 +116,16 @@ class Search:
 
     def look(self) -> list[Tried]:
         """The best of each kind and column beside the present base, best first."""
-        self._anywhere()
+        self._add(self._anywhere())
         white = self.judged.only_white()
         alive = [i for i in range(len(self.tried)) if self.judged.width(i)]
         screened = [self.judged.screen(self.judged.base.theta), self.judged.screen(white, profiled=True)]
         worths = dict(zip(alive, self.held.worth([self.coarse[i] for i in alive]), strict=True))
         ranks = [{i: gains[i] - self.price(i) for i in alive} for gains in screened]
         ranks.append({i: worths[i].both for i in alive if worths[i].both >= GAIN})
-        first = dict.fromkeys(i for rank in ranks for i in self._best_of_each(rank))
+        keys = [explanation.key for explanation in self.tried]
+        best = [{keys[i]: i for i in sorted(rank, key=rank.__getitem__)} for rank in ranks]
+        first = dict.fromkeys(i for of_each in best for i in of_each.values())
         found = self._weighed(list(first), worths)
         found += self._tuned(found)
         return sorted(found, key=lambda tried: -tried.score)
@@ -157,30 +167,25 @@ class Search:
             best[key] = np.maximum(best[key], values) if key in best else values
         return best
 
-    def _anywhere(self) -> None:
-        """Add the best step of all rows and the best wave of all periods, under wandering and under white noise."""
+    def _anywhere(self) -> list[Explanation]:
+        """The best step of all rows and the best wave of all periods, under wandering and under white noise."""
         judged = self.judged
-        found = []
+        found: list[Explanation] = []
         for theta in (judged.base.theta, judged.only_white()):
-            gains = step_gains(judged, theta, self.pool.weight)
-            if gains.max() > 0:
-                found.append(self.pool.step_at(int(gains.argmax())))
-            rows = best_period(judged, theta, longest_segment(self.record) / self.pool.spacing / 3)
-            if rows is not None:
-                found += self.pool.of([Periodic(float(f"{rows * self.pool.spacing:.6g}"), 1)])
-        self._add([explanation for explanation in found if self.sizes.get(explanation.key)])
+            if "step" in self.anywhere:
+                gains = step_gains(judged, theta, self.pool.weight)
+                found += [self.pool.step_at(int(gains.argmax()))] if gains.max() > 0 else []
+            if "periodic" in self.anywhere:
+                rows = best_period(judged, theta, longest_segment(self.record) / self.pool.spacing / 3)
+                period = [] if rows is None else [float(f"{rows * self.pool.spacing:.6g}")]
+                found += self.pool.of([Periodic(seconds, 1) for seconds in period])
+        return found
 
     def _add(self, explanations: Sequence[Explanation]) -> list[int]:
         self.judged.add([explanation.columns for explanation in explanations])
         self.tried += explanations
         self.coarse += [self.pool.coarse(explanation.columns) for explanation in explanations]
         return list(range(len(self.tried) - len(explanations), len(self.tried)))
-
-    def _best_of_each(self, rank: dict[int, float]) -> list[int]:
-        best: dict[Key, int] = {}
-        for i in sorted(rank, key=lambda i: -rank[i]):
-            best.setdefault(self.tried[i].key, i)
-        return list(best.values())
 
     def _weighed(self, which: Sequence[int], worths: dict[int, Worth]) -> list[Tried]:
         fits = self.judged.refit(which)
@@ -189,7 +194,6 @@ class Search:
             Tried(
                 explanation=self.tried[i],
                 number=i,
-                gain=gain,
                 score=gain - self.price(i),
                 p_value=self._p_value(gain, i),
                 worth=worths[i],
@@ -202,11 +206,9 @@ class Search:
 
         What the likelihood does not speak for on the grid is not proven between its points either.
         """
-        best: dict[Key, Tried] = {}
-        for tried in sorted(found, key=lambda tried: -tried.score):
-            if (tried.score > 0 or len(found) == 1) and not tried.explanation.in_model:
-                best.setdefault(tried.key, tried)
-        moved = [self._moved(tried, shares) for tried in list(best.values())[:TUNED]]
+        able = [t for t in found if (t.score > 0 or len(found) == 1) and not t.explanation.in_model]
+        best = first_of_each(sorted(able, key=lambda t: -t.score))
+        moved = [self._moved(tried, shares) for tried in best[:TUNED]]
         which = [i for i in moved if i is not None]
         worths = self.held.worth([self.coarse[i] for i in which])
         return self._weighed(which, dict(zip(which, worths, strict=True))) if which else []

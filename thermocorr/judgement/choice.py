@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,10 +19,8 @@ class Tried:
     explanation: Explanation
     number: int
     """Among the explanations of the comparison."""
-    gain: float
-    """In log likelihood."""
     score: float
-    """Gain, less what its columns and the choice of its parameters would gain by chance."""
+    """Gain in log likelihood, less what its columns and the choice of its parameters would gain by chance."""
     p_value: float
     """Error probability, the whole family having been tried."""
     worth: Worth
@@ -54,6 +52,14 @@ class Cause:
     """What else was tried in its place, best first."""
     share: float
     """Share of the structured variance that it explains."""
+
+
+def first_of_each(ranked: Iterable[Tried]) -> list[Tried]:
+    """The first of each kind and column."""
+    best: dict[Key, Tried] = {}
+    for tried in ranked:
+        best.setdefault(tried.key, tried)
+    return list(best.values())
 
 
 def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[Tried | None, list[Tried]]:

@@ -16,12 +16,12 @@ from ..pages import PageData
 from ..records import Record
 from .candidates import as_fitted, further_candidates, given_effects, suspect_record
 from .causes import Search
-from .choice import Cause, Tried
+from .choice import Cause, Tried, first_of_each
 from .found import Diagnosis, FoundSuspect
 from .lacking import lacking
 from .left import what_is_left
 from .levels import GAIN, RANKED, SEVERAL
-from .pool import Key, Pool
+from .pool import Pool
 from .where import against_white, where_it_fails
 
 
@@ -82,7 +82,7 @@ def diagnose(
             for effect in effects.candidates(record, names)
         ]
         pool = Pool(model, record, [*candidates, *further_candidates(suspects, record)])
-        search = Search(pool)
+        search = Search(pool, [kind for kind in ("step", "periodic") if kind not in exclude])
         causes, last = search.causes()
         missing = [cause for cause in causes if not cause.tried.explanation.in_model]
         missing += lacking(model, search, missing, exclude)
@@ -98,11 +98,11 @@ def _conclude(
     residual = np.asarray(model.residuals(seen, y), float)
     rms = float(np.sqrt(np.nanmean(residual**2)))
     rest = what_is_left(search.pool, search.judged)
-    floor = min(rest.floor, rms)
+    floor = rms if search.pool.exact else min(rest.floor, rms)
     found = _steps_together([_cause(cause) for cause in causes])
     named = {cause.tried.key for cause in causes}
     others = causes[0].others if causes else last
-    listed = [t for t in _first_of_each(others) if t.key not in named and not t.explanation.in_model]
+    listed = [t for t in first_of_each(others) if t.key not in named and not t.explanation.in_model]
     if causes:
         verdict = "ambiguous" if found[0].confusable_with else "missing"
     else:
@@ -171,13 +171,6 @@ def _other(tried: Tried, search: Search) -> FoundSuspect:
         later_db=tried.worth.later,
         p_value=tried.p_value,
     )
-
-
-def _first_of_each(tried: Sequence[Tried]) -> list[Tried]:
-    best: dict[Key, Tried] = {}
-    for one in tried:
-        best.setdefault(one.key, one)
-    return list(best.values())
 
 
 def _where(model: DynamicBiasRegressor, record: Record, residual: np.ndarray, floor: float) -> pd.DataFrame:

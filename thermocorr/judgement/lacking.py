@@ -9,35 +9,39 @@ from __future__ import annotations
 from collections.abc import Collection
 
 import numpy as np
+from sklearn.base import clone
 
 from ..effects import CATALOGUE
 from ..effects.protocol import Effect
 from ..estimators.regressor import DynamicBiasRegressor
 from .blocks import averaged
 from .causes import Search
-from .choice import Cause
+from .choice import Cause, first_of_each
 from .levels import FINE, THERMAL, TIE
 from .likelihood import Comparison
-from .pool import own_thermal
 
 
 def lacking(model: DynamicBiasRegressor, search: Search, causes: list[Cause], exclude: Collection[str]) -> list[Cause]:
     """At most one more cause: what the model's lags lack most, if it is proven and worth a word."""
     pool = search.pool
-    own = own_thermal(model)
+    if pool.exact:
+        return []
+    own = [clone(effect) for effect in model.features_.effect_list()]
     for effect in own:
         effect.learn(pool.record)
-    columns = [part * pool.weight[:, None] for part in averaged(pool.record, own, FINE).columns]
+    columns = map(pool.weighed, averaged(pool.record, own, FINE).columns)
     thin = np.column_stack([pool.weight, *columns, *(cause.tried.explanation.columns for cause in causes)])
-    most = search.judged.total - Comparison(pool.reading, thin, pool.data.segment).total
+    most = search.judged.total - Comparison(pool.reading, thin, pool.span).total
     if most < search.too_small / 2:  # the many lags themselves gain no more than that
         return []
     kinds = [kind for kind in THERMAL if kind not in exclude]
     candidates: list[Effect] = [effect for kind in kinds for effect in CATALOGUE[kind].candidates(pool.record)]
-    beside = Search(pool.beside(thin, pool.of(candidates)))
+    beside = Search(pool.beside(thin, pool.of(candidates)), anywhere=())
     tried = [t for t in beside.look() if t.proven]
     if not tried:
         return []
-    others = tuple(t for t in tried if t.key != tried[0].key)
-    alike = {t.key: t for t in reversed(others) if t.score >= tried[0].score - TIE}
-    return [Cause(tried=tried[0], alike=tuple(alike.values()), others=others, share=beside.share(tried[0]))]
+    near = first_of_each([t for t in tried if t.score >= tried[0].score - TIE])
+    best = min(near, key=lambda t: THERMAL.index(t.key[0]))
+    others = tuple(t for t in tried if t.key != best.key)
+    alike = tuple(t for t in near if t.key != best.key)
+    return [Cause(tried=best, alike=alike, others=others, share=beside.share(best))]

@@ -37,17 +37,16 @@ class Left:
 def what_is_left(pool: Pool, judged: Comparison) -> Left:
     """Describe the noise beside the last base."""
     theta, counts = judged.base.theta, float(np.median(pool.data.counts))
-    S = judged.S(theta)
-    innovation = float(np.exp(np.average(np.log(S), weights=judged.bands.sizes)))
-    total = float(np.average(S, weights=judged.bands.sizes))  # over this record: slow parts have not had their time
+    innovation = judged.innovation
+    total = float(np.average(judged.S(theta), weights=judged.bands.sizes))  # slow parts have not had their time
     wandering = float(np.sqrt(max(total - theta[0], 0.0))) * judged.unit
     floor = float(np.sqrt(innovation * counts)) * judged.unit
     times = pool.spacing * RATIO ** np.arange(len(theta) - 1)
     proven = judged.base.level - judged.white > STRUCTURE
-    structured = bool(proven and wandering > WANDERS * floor)
+    structured = bool(proven and not pool.exact and wandering > WANDERS * floor)
     seconds = pool.data.seconds
-    middle = (np.arange(judged.n) >= judged.n // 2) * pool.weight
-    drift = (seconds - seconds.mean()) / max(float(np.ptp(seconds)), 1e-300) * pool.weight
+    middle = pool.weighed(np.arange(judged.n) >= judged.n // 2)
+    drift = pool.weighed(seconds / max(float(np.ptp(seconds)), 1e-300))
     return Left(
         structured=structured,
         floor=floor,

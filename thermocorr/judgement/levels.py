@@ -28,6 +28,10 @@ themselves; they stand among the suspects instead."""
 TIME_LIKE = 0.999_999
 """Correlation with time above which a recorded column is a clock, no suspect."""
 
+SHORT_PAUSE = 0.01
+"""Share of the record that a pause may last for noise to go on over it, wherever it lies."""
+ROUNDING = 1e-14
+"""Size of what the base leaves of the reading, over the usual reading, that is arithmetic: nothing is looked for."""
 SPIKE = 8.0
 """Distance from the neighbours, in robust standard deviations, of a reading that is no noise: 1e-12 in Gaussian noise.
 Such readings are left out of the judgement; at 4, the tails of ordinary noise are."""
@@ -93,7 +97,7 @@ MOST = 8
 MOST_STEPS = 12
 """Steps that are looked for; a random telegraph would give one at each switch."""
 THERMAL = ("thermal_lag", "delay", "rate")
-"""Kinds that a better thermal part could do without."""
+"""Kinds that a better thermal part could do without, the usual one first."""
 SIZEABLE = 0.1
 """Rms of what a missing lag, delay or rate explains, over the noise of one sample, that must clearly be exceeded: the
 model's lags need not be better. At 0.14 a delay of the simulated records was missed that the model had not absorbed."""

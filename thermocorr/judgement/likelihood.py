@@ -25,10 +25,6 @@ class Fit:
     """Log likelihood."""
     theta: np.ndarray
     """Variances of the parts of the noise, in units of the reading's variance beside the first base."""
-    coef: np.ndarray
-    """Coefficients of the base and of the explanation."""
-    power: np.ndarray
-    """Sum of squares left in each band."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +49,7 @@ class Comparison:
     reading : array of shape (n,)
     base : array of shape (n, p)
     segment : array of shape (n,)
-        Rows of different segments are independent.
+        Number of the segment of each row. The noise of different segments is independent.
     """
 
     def __init__(self, reading: np.ndarray, base: np.ndarray, segment: np.ndarray):
@@ -66,7 +62,7 @@ class Comparison:
         self.Q = Q
         leverage = np.einsum("ij,ij->i", Q, Q)
         self.share = np.maximum(self.bands.sizes - self.bands.sums(leverage), 1e-3)
-        self.zz = self.bands.sums(self.z**2)
+        self.zz = np.maximum(self.bands.sums(self.z**2), 1e-300)  # an exact reading leaves nothing at all
         self.Qz = self.bands.sums(Q * self.z[:, None])
         self.QQ = self._products(Q, Q)
         self.explanations: list[Columns | None] = []
@@ -84,6 +80,11 @@ class Comparison:
     def n(self) -> int:
         """Rows."""
         return len(self.z)
+
+    @property
+    def innovation(self) -> float:
+        """Variance of the noise that its own past does not foresee (Kolmogorov 1941), in units of the start's."""
+        return float(np.exp(np.average(np.log(self.S(self.base.theta)), weights=self.bands.sizes)))
 
     def _products(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
         """Cross products in each band, shape (bands, columns of one, columns of the other)."""
@@ -117,13 +118,14 @@ class Comparison:
 
     def adopt(self, i: int) -> None:
         """Take an explanation into the base."""
-        found = self.explanations[i]
+        found, fit = self.explanations[i], self.refit([i])[0]
         assert found is not None
+        self.explanations[i] = None
         self.causes.append(slice(self.Q.shape[1], self.Q.shape[1] + found.rows.shape[1]))
         self.QQ = np.block([[self.QQ, found.base], [found.base.transpose(0, 2, 1), found.own]])
         self.Qz = np.concatenate((self.Qz, found.reading), axis=1)
         others = [other for other in self.explanations if other is not None]
-        cross = self._products(found.rows, np.column_stack([other.rows for other in others]))
+        cross = self._products(found.rows, np.column_stack([found.rows[:, :0], *(other.rows for other in others)]))
         edges = list(accumulate((other.rows.shape[1] for other in others), initial=0))
         parts = {id(o): cross[:, :, a:b] for o, a, b in zip(others, edges[:-1], edges[1:], strict=True)}
         self.explanations = [
@@ -132,9 +134,7 @@ class Comparison:
             for o in self.explanations
         ]
         self.Q = np.column_stack((self.Q, found.rows))
-        fit = self.refit([i])[0]
-        self.base = Fit(level=fit.level, theta=fit.theta, coef=self._solved(None, fit.theta)[0], power=fit.power)
-        self.white = self._white()
+        self.base, self.white = fit, self._white()
 
     def S(self, theta: np.ndarray) -> np.ndarray:
         """Power of the noise in each band."""
@@ -165,12 +165,14 @@ class Comparison:
         level = power.sum() / self.share.sum()
         return float(whittle(self.share, power[:, None], np.full((len(power), 1), level))[0])
 
-    def refit(self, which: Sequence[int], turns: int = TURNS) -> list[Fit]:
+    def refit(self, which: Sequence[int]) -> list[Fit]:
         """The base with each of some explanations, each with a noise of its own."""
+        if not which:
+            return []
         quiet = np.maximum(QUIET * self.base.theta, 1e-3 * QUIET * self.base.theta[0])
         quiet[0] = self.base.theta[0]
         tried = [i for i in which for _ in (0, 1)]
-        fits = self._fits(tried, [start for _ in which for start in (self.base.theta, quiet)], turns)
+        fits = self._fits(tried, [start for _ in which for start in (self.base.theta, quiet)], TURNS)
         return [max(pair, key=lambda fit: fit.level) for pair in zip(fits[::2], fits[1::2], strict=True)]
 
     def gain_of(self, which: int) -> float:
@@ -183,15 +185,12 @@ class Comparison:
     def _fits(self, which: Sequence[int | None], starts: Sequence[np.ndarray], turns: int) -> list[Fit]:
         theta = np.column_stack(starts)
         power = np.empty((len(self.zz), theta.shape[1]))
-        coefs: list[np.ndarray] = [np.zeros(0)] * theta.shape[1]
         for _ in range(turns):
             for j, i in enumerate(which):
-                coefs[j], power[:, j] = self._solved(i, theta[:, j])
+                power[:, j] = self._solved(i, theta[:, j])[1]
             theta = fitted_parts(self.bands.parts, self.share, power, theta)
         levels = whittle(self.share, power, self.bands.parts @ theta)
-        return [
-            Fit(level=float(levels[j]), theta=theta[:, j], coef=coefs[j], power=power[:, j]) for j in range(len(coefs))
-        ]
+        return [Fit(level=float(level), theta=own) for level, own in zip(levels, theta.T, strict=True)]
 
     def _solved(self, i: int | None, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coefficients under a given noise, and the sum of squares that they leave in each band."""

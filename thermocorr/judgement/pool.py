@@ -17,8 +17,9 @@ from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record, RecordError
-from .blocks import Averages, averaged, evenness, spikes
-from .levels import COARSE, FASTEST, FEWEST, FINE, LAGS, SLOWEST
+from .blocks import Averages, averaged, evenness, spans, spikes
+from .levels import COARSE, FASTEST, FEWEST, FINE, LAGS, ROUNDING, SLOWEST
+from .likelihood import orthonormal
 
 Key = tuple[str, Any]
 
@@ -44,9 +45,9 @@ class Pool:
 
     def __init__(self, model: DynamicBiasRegressor, record: Record, candidates: Sequence[Effect]):
         self.record = record
-        base, slow = thermal_base(model, record)
-        top = SLOWEST * longest_segment(record)
-        candidates = [e for e in candidates if not (e.kind == "thermal_lag" and max(e.time_constants) <= top)]
+        slowest = slowest_of_base(record)
+        base, slow = thermal_base(model, record, slowest)
+        candidates = [e for e in candidates if not (e.kind == "thermal_lag" and max(e.time_constants) <= slowest)]
         for effect in (*base, *slow, *candidates):
             effect.learn(record)
         self.data: Averages = averaged(record, [*base, *slow, *candidates], FINE)
@@ -55,27 +56,36 @@ class Pool:
                 f"The record is too short to judge: {len(self.data.reading)} readings, and {FEWEST} are "
                 "needed. Record longer."
             )
-        columns = self.data.columns
-        self.base = np.column_stack([np.ones(len(self.data.reading)), *columns[: len(base)]])
-        """Columns of the base, shape (n, p); the constant first."""
-        self.spikes = spikes(self.data.reading)
+        self.span = spans(self.data, record)
+        """Number of the span of each row, over which noise goes on, shape (n,)."""
+        columns, rounding = self.data.columns, ROUNDING * float(np.median(np.abs(self.data.reading)))
+        self.spikes = spikes(self.data.reading, rounding)
         """Rows that are no readings, shape (n,), booleans."""
-        left = self._left_of_base()
-        self.spikes |= spikes(left)
-        left = np.where(self.spikes, 0.0, self._left_of_base())
-        self.weight = np.where(self.spikes, 0.0, evenness(left, self.data.segment))
+        self.weight = np.where(self.spikes, 0.0, 1.0)
         """Less than 1 where the noise is larger than usual; readings and columns are multiplied by it, shape (n,)."""
-        self.base = self.base * self.weight[:, None]
-        self.reading = self.data.reading * self.weight
-        columns = [part * self.weight[:, None] for part in columns[len(base) :]]
-        self.explanations = [Explanation(e, c, True) for e, c in zip(slow, columns, strict=False)]
+        self.spikes |= spikes(self._left_beside(columns[: len(base)]), rounding)
+        self.weight = np.where(self.spikes, 0.0, 1.0)
+        left = self._left_beside(columns[: len(base)])
+        self.exact = bool(np.sqrt(np.mean(left**2)) <= rounding)
+        """Whether the base leaves nothing of the reading but rounding."""
+        self.weight *= evenness(left, self.span)
+        self.base = np.column_stack([self.weight, *map(self.weighed, columns[: len(base)])])
+        """Columns of the base, shape (n, p); the constant first."""
+        self.reading = self.weighed(self.data.reading)
+        columns = [self.weighed(part) for part in columns[len(base) :]]
+        self.explanations = [Explanation(e, c, True) for e, c in zip(slow, columns[: len(slow)], strict=True)]
         self.explanations += [Explanation(e, c) for e, c in zip(candidates, columns[len(slow) :], strict=True)]
 
-    def _left_of_base(self) -> np.ndarray:
-        """What plain least squares beside the spikes leaves; 0 at the spikes."""
-        kept = ~self.spikes
-        coef = np.linalg.lstsq(self.base[kept], self.data.reading[kept], rcond=1e-10)[0]
-        return np.where(kept, self.data.reading - self.base @ coef, 0.0)
+    def _left_beside(self, columns: Sequence[np.ndarray]) -> np.ndarray:
+        """What least squares leaves of the reading; 0 at the spikes."""
+        Q = orthonormal(np.column_stack([self.weight, *map(self.weighed, columns)]))
+        reading = self.weighed(self.data.reading)
+        return np.asarray(reading - Q @ (Q.T @ reading))
+
+    def weighed(self, columns: np.ndarray) -> np.ndarray:
+        """Columns, shape (n,) or (n, k), less their means, so that no digits are lost to them; weighted as rows are."""
+        centred = columns - columns[~self.spikes].mean(axis=0)
+        return np.asarray(centred.T * self.weight).T
 
     def beside(self, base: np.ndarray, explanations: Sequence[Explanation]) -> Pool:
         """A pool of this record with another base and other explanations."""
@@ -88,14 +98,13 @@ class Pool:
         for effect in effects:
             effect.learn(self.record)
         columns = averaged(self.record, effects, FINE).columns
-        return [Explanation(e, c * self.weight[:, None]) for e, c in zip(effects, columns, strict=True)]
+        return [Explanation(e, self.weighed(c)) for e, c in zip(effects, columns, strict=True)]
 
     def step_at(self, row: int) -> Explanation:
         """A step between an averaged row and the one before it."""
         effect = Step(float(np.mean(self.data.seconds[row - 1 : row + 1])))
         effect.learn(self.record)
-        column = (np.arange(len(self.reading)) >= row) * self.weight
-        return Explanation(effect, np.asarray(column, float)[:, None])
+        return Explanation(effect, self.weighed(np.arange(len(self.reading)) >= row)[:, None])
 
     @cached_property
     def spacing(self) -> float:
@@ -110,24 +119,23 @@ class Pool:
         return np.asarray(columns[: rows * size].reshape(rows, size, *columns.shape[1:]).mean(axis=1))
 
 
-def thermal_base(model: DynamicBiasRegressor, record: Record) -> tuple[list[Effect], list[Effect]]:
+def slowest_of_base(record: Record) -> float:
+    """Time constant of the slowest lag of the base [s]; at least a few samples long, however short the segments."""
+    return max(SLOWEST * longest_segment(record), 8 * record.usual_step())
+
+
+def thermal_base(model: DynamicBiasRegressor, record: Record, slowest: float) -> tuple[list[Effect], list[Effect]]:
     """The base: static law, fast and middle lags, the model's further effects. And the model's slow lags."""
-    top = max(SLOWEST * longest_segment(record), 8 * record.usual_step())
     own = np.asarray(model.time_constants_, float)
-    grid = np.geomspace(FASTEST * record.usual_step(), top, LAGS)
+    grid = np.geomspace(FASTEST * record.usual_step(), slowest, LAGS)
     further = [clone(effect) for _, effect in as_effects(model.effects)]
     if model.products:
         further += [clone(effect) for effect in model.features_.effect_list() if effect.kind == "lag_products"]
     static = StaticPolynomial(model.degree, model.reference_temperature)
-    taus = np.unique(np.concatenate((grid, own[own <= top])))
+    taus = np.unique(np.concatenate((grid, own[own <= slowest])))
     taus = taus[np.concatenate(([True], np.diff(np.log(taus)) > 0.02))]
-    slow = [ThermalLag([tau]) for tau in own[own > top]]
+    slow = [ThermalLag([tau]) for tau in own[own > slowest]]
     return [static, ThermalLag(taus.tolist()), *further], slow
-
-
-def own_thermal(model: DynamicBiasRegressor) -> list[Effect]:
-    """The model's own static law, lags and start-up, and its further effects."""
-    return [clone(effect) for effect in model.features_.effect_list()]
 
 
 def key_of(effect: Effect) -> Key:

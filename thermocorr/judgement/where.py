@@ -98,7 +98,8 @@ def against_white(record: Record, residual: np.ndarray, floor: float) -> pd.Data
         return pd.DataFrame(columns=ALLAN_COLUMNS)
     found = allan_deviation(pieces, float(np.median(steps)))
     white = floor / np.sqrt(np.median(data.counts) * found.averaging_times / found.averaging_times[0])
-    values = (found.averaging_times, found.deviation, found.low, found.high, white, found.deviation / white)
+    excess = found.deviation / np.maximum(white, 1e-300)
+    values = (found.averaging_times, found.deviation, found.low, found.high, white, excess)
     return pd.DataFrame(dict(zip(ALLAN_COLUMNS, values, strict=True)))
 
 
