@@ -277,7 +277,7 @@ def test_logs_on_disk_give_the_same_numbers(fitted, kind, tmp_path):
     model, X, y = fitted
     expected = ResidualsDisplay.from_estimator(model, X, y).frame()
     if kind == "parquet":
-        pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+        pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
         X.assign(reading=y).to_parquet(tmp_path / "log.parquet", row_group_size=2500)
         log = ParquetLog(tmp_path / "log.parquet")
         options = {"temperature": "temperature"}
