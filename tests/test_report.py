@@ -14,7 +14,7 @@ from browser import complaints, numbers, opened, prefer, requests, resize, serie
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.pages import page
+from thermocorr.pages import Findings, page
 
 SINGLE = 6e-8
 """Relative rounding of the single precision in which series are written, of half their span."""
@@ -103,8 +103,8 @@ def test_a_record_of_many_segments_does_not_swell_the_page(gappy):
     data = gappy[3].data
     many = pd.concat([data.coefficients] * 500)
     long = replace(data, coefficients=many, equation="\n".join(["+ 1 * decay"] * len(many)))
-    assert len(page(long)) < len(page(data)) + 1e5
-    assert f"{len(many)} coefficients, the first" in page(long)
+    assert len(page(long, Findings())) < len(page(data, Findings())) + 1e5
+    assert f"{len(many)} coefficients, the first" in page(long, Findings())
 
 
 def test_a_diagnosis_without_data_says_so(gappy):

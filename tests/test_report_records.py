@@ -10,7 +10,7 @@ from browser import complaints, numbers, opened, series
 from thermocorr import DynamicBiasRegressor, ParquetLog, refine
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.pages import PageData, page
+from thermocorr.pages import Findings, PageData, page
 from thermocorr.pages.report import write_report
 
 
@@ -60,7 +60,7 @@ def test_runs_that_overlap_in_time_stand_one_after_the_other(browser, tmp_path):
     data = PageData.of(model, X, 2 * X["temperature"])
     assert not data.timeline.in_order
     path = tmp_path / "overlap.html"
-    path.write_text(page(data), encoding="utf-8")
+    path.write_text(page(data, Findings()), encoding="utf-8")
     opened(browser, path)
     assert complaints(browser) == []
     x, _ = series(browser, 1, 1)

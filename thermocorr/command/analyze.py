@@ -14,6 +14,7 @@ from ..datasets import load_voltage_reference
 from ..estimators import DynamicBiasRegressor, compare_variants
 from ..files import Outputs
 from ..judgement import Diagnosis, Refinement, diagnose, refine
+from ..pages import Findings
 from ..pages.report import report_text
 from ..pictures.words import aspect_text, each_row, interval_text
 from ..records import RecordError, RecordWarning
@@ -108,10 +109,7 @@ def _run(
             *write_model(outputs, folder, best, (X, y)),
         ]
     if report is not None:
-        page = report_text(
-            best,
-            X,
-            y,
+        findings = Findings(
             diagnosis=judged.diagnosis,
             refinement=judged.refinement,
             comparison=comparison,
@@ -119,7 +117,7 @@ def _run(
             source=options.log or "the built-in voltage reference with a hidden effect",
             command=options.as_written,
         )
-        outputs.write(report, page)
+        outputs.write(report, report_text(best, X, y, findings))
     outputs.commit()
     if folder is not None:
         say(f"Written: {', '.join(str(path) for path in written)}")

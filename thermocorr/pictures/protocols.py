@@ -63,4 +63,4 @@ class RefinementLike(Protocol):
     def model_(self) -> Any: ...  # noqa: D102
 
     @property
-    def diagnoses(self) -> tuple[Any, ...]: ...  # noqa: D102
+    def diagnoses(self) -> tuple[DiagnosisLike, ...]: ...  # noqa: D102
