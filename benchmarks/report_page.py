@@ -57,15 +57,11 @@ def opening(path: Path, repeats: int = 5) -> str:
     """Median time from navigation until all is drawn [ms], as text."""
     sys.path.insert(0, str(TESTS))
     try:
-        from browser import chromium
+        from browser import chromium, opened
 
+        ready = "return document.documentElement.dataset.ready"
         with chromium() as driver:
-            found = []
-            for _ in range(repeats):
-                driver.get(path.as_uri())
-                while not (ready := driver.execute_script("return document.documentElement.dataset.ready")):
-                    time.sleep(0.02)
-                found.append(int(ready))
+            found = [int(opened(driver, path).execute_script(ready)) for _ in range(repeats)]
             return f"opens in {np.median(found):.0f} ms"
     except BaseException as error:  # pytest's skip is one
         return f"opening not timed: {error}"
