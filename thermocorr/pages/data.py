@@ -120,7 +120,7 @@ class PageData:
     @property
     def start(self) -> float | None:
         """Seconds since 1970 of the first row; None for a record without dates."""
-        return self.timeline.first / 1e9 if self.timeline.dates else None
+        return self.timeline.zero if self.timeline.dates else None
 
     def record_sentence(self) -> str:
         """What was measured, in one sentence."""
