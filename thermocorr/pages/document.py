@@ -54,17 +54,16 @@ def page(data: PageData, findings: Findings) -> str:
     body: list[Section] = []
     if diagnosis is not None:
         first = diagnosis.data or data
-        chart = figures.series(first, diagnosis.noise_floor, stretches(diagnosis, first.timeline))
-        small = {"anything": figures.stability(first), "where": figures.loop(first)}
-        shown = {name: [drawn] for name, drawn in small.items() if drawn is not None}
-        shown["where"] = [chart, *shown.get("where", [])]
-        charts += [drawn for name in ("anything", "where") for drawn in shown.get(name, [])]
-        body += judged(diagnosis, first, {name: [drawn.html() for drawn in some] for name, some in shown.items()})
+        series = figures.series(first, diagnosis.noise_floor, stretches(diagnosis, first.timeline))
+        noise = [chart for chart in (figures.stability(first),) if chart is not None]
+        time = [chart for chart in (series, figures.loop(first)) if chart is not None]
+        charts += [*noise, *time]
+        body += judged(diagnosis, first, [chart.html() for chart in noise], [chart.html() for chart in time])
     else:
-        chart = figures.series(data)
-        charts.append(chart)
+        series = figures.series(data)
+        charts.append(series)
         reason = tag("p", findings.unjudged) if findings.unjudged else ""
-        body.append(section("record", "The record", reason, chart.html()))
+        body.append(section("record", "The record", reason, series.html()))
     numbers = iter(range(5 if diagnosis is not None else 1, 99))
     if refinement is not None:
         before = refinement.diagnoses[0].data

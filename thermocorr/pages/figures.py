@@ -28,7 +28,7 @@ def series(data: PageData, floor: float | None = None, shades: Sequence[tuple[fl
     traces = data.traces
     columns = traces.columns
     axis = time_axis(data)
-    rules = () if floor is None else ((2 * floor, "twice the noise floor"), (-2 * floor, ""))
+    rules = () if floor is None else (2 * floor, -2 * floor)
     panels = [
         Panel(
             data.reading,
@@ -62,7 +62,7 @@ def series(data: PageData, floor: float | None = None, shades: Sequence[tuple[fl
         x_unit=axis.unit,
         joints=axis.joints,
         dates=axis.dates,
-        shades=tuple((axis.at(low), axis.at(high), "fails") for low, high in shades),
+        shades=tuple((axis.at(low), axis.at(high)) for low, high in shades),
     )
 
 
@@ -80,7 +80,7 @@ def residual_lines(data: PageData, floor: float | None) -> tuple[Line, ...]:
 def refined(first: PageData, last: PageData, floor: float) -> Chart:
     """Residual before and after refinement, on the scale of the one before."""
     axis = time_axis(last)
-    rules = ((2 * floor, "twice the noise floor"), (-2 * floor, ""))
+    rules = (2 * floor, -2 * floor)
     after = Panel("after", last.unit, residual_lines(last, floor), rules=rules)
     panels: tuple[Panel, ...] = (after,)
     where: np.ndarray | str = axis.x
