@@ -33,23 +33,23 @@ ROOMS = (
 )  # fmt: skip
 NEAR = {
     "records/": ("test_records", "test_bad_input", "test_tables", "test_fuzz_corpus", "test_parquet", "corpus"),
-    "records/h": ("test_online", "test_model_file", "test_live_cases", "test_records"),
-    "records/re": ("test_records", "test_bad_input", "test_online", "test_samples"),
+    "records/h": ("test_later_rows", "test_online", "test_model_file", "test_live_cases"),
+    "records/re": ("test_records", "test_later_rows", "test_bad_input", "test_online", "test_samples"),
     "records/p": ("test_parquet", "corpus/test_parquet_corpus", "test_tables"),
     "records/l": ("corpus", "test_records", "test_parquet"),
     "files/": ("test_files", "test_interrupts", "test_crash"),
     "files/codec": ("corpus/test_json_corpus", "test_hostile_model_files", "test_model_file"),
     "files/effect_nodes": ("corpus/test_json_corpus", "test_hostile_model_files", "test_model_file"),
     "files/model": ("corpus/test_json_corpus", "test_hostile_model_files", "test_model_file"),
-    "live/": ("test_online", "test_averages", "test_live_cases", "corpus/test_json_corpus"),
+    "live/": ("test_online", "test_online_kinds", "test_averages", "test_live_cases", "corpus/test_json_corpus"),
     "command/": ("test_correct", "test_resuming", "test_interrupts", "test_fuzz_corpus", "test_cli"),
 }
 """Beginning of a path -> test files that know the room best; the longest beginning counts."""
 NEXT = (
-    "test_records", "test_bad_input", "test_tables", "test_files", "test_parquet", "test_averages", "test_online",
-    "test_interrupts", "test_resuming", "test_model_file", "test_hostile_model_files", "corpus", "test_fuzz_corpus",
-    "test_correct", "test_absurd_fits", "test_ecosystem", "test_cli", "test_live_cases", "test_small_doors",
-    "test_crash",
+    "test_records", "test_later_rows", "test_bad_input", "test_tables", "test_files", "test_parquet", "test_averages",
+    "test_online", "test_online_kinds", "test_interrupts", "test_resuming", "test_model_file",
+    "test_hostile_model_files", "corpus", "test_fuzz_corpus", "test_correct", "test_absurd_fits", "test_ecosystem",
+    "test_cli", "test_live_cases", "test_small_doors", "test_crash",
 )  # fmt: skip
 """Test files that run then."""
 ALL = ["--ignore=tests/test_notebooks.py"]

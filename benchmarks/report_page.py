@@ -29,7 +29,7 @@ TESTS = Path(__file__).parents[1] / "tests"
 def job(log_path: str, page_path: str) -> None:
     """Fit and report; prints seconds of both, size [MB], rows in a cell, whether a planted spike is there, memory."""
     from thermocorr import DynamicBiasRegressor, ParquetLog
-    from thermocorr.pages import PageData, page
+    from thermocorr.pages import Findings, PageData, page
 
     if log_path:
         log = ParquetLog(log_path)
@@ -38,7 +38,7 @@ def job(log_path: str, page_path: str) -> None:
         model.fit(log, log["reading"])
         fitted = time.perf_counter()
         data = PageData.of(model, log, log["reading"])
-        text = page(data, unjudged="A benchmark: not judged.")
+        text = page(data, Findings(unjudged="A benchmark: not judged."))
         Path(page_path).write_text(text, encoding="utf-8")
         written = time.perf_counter()
         largest = max(float(np.abs(block["residual"]).max()) for block in model.evaluate_blocks(log, log["reading"]))
@@ -57,15 +57,11 @@ def opening(path: Path, repeats: int = 5) -> str:
     """Median time from navigation until all is drawn [ms], as text."""
     sys.path.insert(0, str(TESTS))
     try:
-        from browser import chromium
+        from browser import chromium, opened
 
+        ready = "return document.documentElement.dataset.ready"
         with chromium() as driver:
-            found = []
-            for _ in range(repeats):
-                driver.get(path.as_uri())
-                while not (ready := driver.execute_script("return document.documentElement.dataset.ready")):
-                    time.sleep(0.02)
-                found.append(int(ready))
+            found = [int(opened(driver, path).execute_script(ready)) for _ in range(repeats)]
             return f"opens in {np.median(found):.0f} ms"
     except BaseException as error:  # pytest's skip is one
         return f"opening not timed: {error}"

@@ -1,4 +1,4 @@
-"""Shared records for tests."""
+"""Shared records for tests, and what draws them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
+from browser import chromium
 from examples import settings
 
 from thermocorr.datasets import load_voltage_reference
@@ -27,3 +28,21 @@ def measured():
     if not folder.is_dir():
         pytest.skip(f"no folder of measured records at {folder}; name one with THERMOCORR_RECORDS")
     return folder
+
+
+@pytest.fixture
+def drawing():
+    """Pictures are drawn without a window, and closed; skips where matplotlib is absent."""
+    matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed: pip install 'thermocorr[plot]'")
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A driver of a headless Chromium; skips where there is none."""
+    with chromium() as driver:
+        yield driver

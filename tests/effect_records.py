@@ -97,3 +97,8 @@ def ramp(n=200, step=60.0, slope=0.001):
 
 def timed(temperature, seconds):
     return pd.DataFrame({"temperature": temperature}, index=pd.to_timedelta(seconds, unit="s"))
+
+
+def temperatures(n=60, seed=0):
+    """A random walk that begins near 20."""
+    return 20.0 + np.cumsum(np.random.default_rng(seed).normal(0.0, 0.05, n))

@@ -46,7 +46,7 @@ def test_the_package_is_a_command_too():
 
 
 def test_parquet_and_runs(log, tmp_path, capsys):
-    pytest.importorskip("pyarrow")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
     frame = pd.read_csv(log, parse_dates=["time"])
     frame["run"] = np.where(np.arange(len(frame)) < 700, "a", "b")
     frame.to_parquet(tmp_path / "log.parquet")

@@ -204,15 +204,8 @@ def test_bad_input_ends_with_one_sentence(case, lab, tmp_path, monkeypatch, caps
 
 def started(lab, *more, stdin=None):
     environment = {**os.environ, "PYTHONPATH": str(Path(thermocorr.__file__).parents[1]), "PYTHONUNBUFFERED": ""}
-    command = [
-        sys.executable,
-        "-m",
-        "thermocorr.command.cli",
-        "correct",
-        "--model",
-        str(lab[0] / "model.json"),
-        *map(str, more),
-    ]
+    model = str(lab[0] / "model.json")
+    command = [sys.executable, "-m", "thermocorr", "correct", "--model", model, *map(str, more)]
     return subprocess.Popen(
         command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
     )

@@ -210,7 +210,7 @@ def test_search_does_not_depend_on_units_or_offsets(lab):
 
 
 def test_fit_of_a_long_memory_mapped_record_needs_little_memory(tmp_path):
-    """1e6 rows here; benchmarks/memory.py measures 1e7. The matrix alone would be 80 MB."""
+    """1e6 rows here; benchmarks/streaming.py measures 1e7. The matrix alone would be 80 MB."""
     n = 1_000_000
     data = np.memmap(tmp_path / "log.bin", np.float64, "w+", shape=(n, 2))
     t = np.arange(n)

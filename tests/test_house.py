@@ -1,4 +1,4 @@
-"""The house rules of DESIGN.md that a machine can read: floors, length of files, late imports, docstrings."""
+"""The house rules of CONTRIBUTING.md that a machine can read: floors, length of files, late imports, docstrings."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ import thermocorr
 
 PACKAGE = Path(thermocorr.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
+ROOT = Path(__file__).parents[1]
+BESIDE = sorted(path for folder in ("tests", "benchmarks") for path in (ROOT / folder).rglob("*.py"))
 FLOORS = {
     "equations": 0, "records": 1, "datasets": 1, "effects": 2, "estimators": 3, "files": 4, "pictures": 4, "cluster": 4,
     "firmware": 5, "pages": 5, "live": 5, "judgement": 6, "command": 7,
@@ -108,7 +110,9 @@ def test_equations_need_numpy_and_scipy_alone(path):
         assert top in allowed or name.startswith(f"{TOP}.equations"), f"{path}:{line} imports {name}"
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
+@pytest.mark.parametrize(
+    "path", [*FILES, *BESIDE], ids=[*map(module_of, FILES), *(path.relative_to(ROOT).as_posix() for path in BESIDE)]
+)
 def test_no_file_is_longer_than_400_lines(path):
     length = len(path.read_text(encoding="utf-8").splitlines())
     assert length <= 400, f"{path} has {length} lines"

@@ -13,16 +13,15 @@ import time
 from pathlib import Path
 
 import pytest
+from log_lines import model_and_lines, plain, rows_of
 
 import thermocorr
 import thermocorr.command.correct as correcting
-from thermocorr import DynamicBiasRegressor, save_model
 from thermocorr.__main__ import start
 from thermocorr.command import cli
 from thermocorr.command.lines import FileLines
 from thermocorr.command.results import Drafted
 from thermocorr.command.stopping import StopSignal, Terminated
-from thermocorr.datasets import make_record
 from thermocorr.files import OutputError, Outputs
 from thermocorr.files.drafts import Draft
 from thermocorr.files.marks import TEXT_MARK
@@ -41,21 +40,7 @@ def interrupts():
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory):
-    """The model's file, and lines of a log behind the fitted rows, the header first."""
-    log = make_record(300, seed=5).reset_index()
-    log["time"] = log["time"].dt.strftime("%Y-%m-%dT%H:%M:%S")
-    model = DynamicBiasRegressor(time="time", time_constants=[600.0]).fit(log[:200], log["reading"][:200])
-    path = save_model(model, tmp_path_factory.mktemp("lab") / "model.json")
-    return path, log[200:].to_csv(index=False).splitlines(keepends=True)
-
-
-def rows_of(path):
-    """Fields of the log in a file of results: those before the results."""
-    return [line.rsplit(",", 3)[0] for line in path.read_text().splitlines()[1:]]
-
-
-def plain(lines):
-    return [line.rstrip("\n") for line in lines]
+    return model_and_lines(tmp_path_factory.mktemp("lab"))
 
 
 # ---------------------------------------------------------------------------------------------------------- signals

@@ -6,16 +6,15 @@ import itertools
 import json
 import math
 import time
-from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pandas as pd
 import pytest
-from effect_records import EXAMPLES, NAMES, log
 from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.preprocessing import SplineTransformer
+from streams import agree, one_by_one, stream
 
 from thermocorr import (
     DynamicBiasRegressor,
@@ -26,24 +25,7 @@ from thermocorr import (
     load_model,
     save_model,
 )
-from thermocorr.effects import Drift, Effect, LaggedCovariate
-from thermocorr.equations import lag_differences
-
-# The live path adds the columns' shares in another order and takes exponentials from C: both are good to the last digit
-# or two of a reading of some tens, whose range is a few units.
-CLOSE = 1e-13
-
-
-def stream(n=3000, seed=0, holes=True):
-    """A log with irregular steps, gaps, and missing temperatures and readings."""
-    X = log(n, seed, 0.5, holes=[n // 3, n // 2, n - 40] if holes else [])
-    rng = np.random.default_rng(seed)
-    y = X["temperature"] + rng.normal(0, 0.1, n)
-    if holes:
-        X.iloc[[n // 4, n // 4 + 1, n - 20], 0] = np.nan
-        X.iloc[n // 5, 1] = np.nan
-        y.iloc[[7, n // 2, n - 1]] = np.nan
-    return X, y
+from thermocorr.effects import Drift, LaggedCovariate
 
 
 @pytest.fixture(scope="module")
@@ -52,19 +34,6 @@ def default():
     X, y = stream()
     model = DynamicBiasRegressor(time_constants=[60.0, 180.0, 600.0, 1800.0, 5400.0, 16_000.0], max_gap="1 h")
     return model.fit(X[:900], y[:900]), X, y
-
-
-def one_by_one(live, X, y, **columns):
-    rows = zip(X.index, X["temperature"], y, *columns.values(), strict=True)
-    return [live.update(t, T, U, **dict(zip(columns, more, strict=True))) for t, T, U, *more in rows]
-
-
-def agree(model, X, y, corrected, flags, tolerance=CLOSE):
-    expected = model.evaluate(X, y)
-    scale = np.nanmax(y) - np.nanmin(y)
-    np.testing.assert_allclose(corrected, expected["corrected"], rtol=0, atol=tolerance * scale + 4e-15 * np.nanmax(y))
-    for said, meant in zip(flags, expected["flag"], strict=True):
-        assert said == meant or (meant == "" and said == "gap")
 
 
 @pytest.mark.parametrize("rows", [slice(0, 3000), slice(900, 3000), slice(400, 3000), slice(1700, 3000)])
@@ -79,46 +48,6 @@ def test_live_is_what_the_whole_record_says(default, rows):
     np.testing.assert_array_equal(many["bias"], model.bias(X))
     assert many.index.equals(X.index)
     assert [sample.flag for sample in single] == many["flag"].tolist()
-
-
-class Fan(Effect):
-    """A user's own effect: no stepper."""
-
-    kind = "fan"
-
-    def inputs(self):
-        return ["humidity"]
-
-    def learn(self, record):
-        self.mean_ = record.moments("humidity").mean
-
-    def names(self):
-        return ["fan", "late fan", "age"]
-
-    def columns(self, block, state):
-        values = block["humidity"] - self.mean_
-        lag, state = lag_differences(values, block.steps, np.array([600.0]), state)
-        return np.column_stack((values**2, lag, block.seconds / 86_400 + block.elapsed / 3600)), state
-
-
-@pytest.mark.parametrize("effect", [*EXAMPLES, Fan()], ids=[*NAMES, "own"])
-def test_every_kind_of_effect_lives(effect):
-    X, y = stream(600, 3)
-    model = DynamicBiasRegressor(time_constants=[300.0], max_gap="1 h").with_effect(effect).fit(X[:450], y[:450])
-    for rows in (slice(0, 600), slice(450, 600)):
-        some, readings = X[rows], y[rows]
-        single = one_by_one(OnlineCorrector(model), some, readings, humidity=some["humidity"])
-        agree(model, some, readings, [s.corrected for s in single], [s.flag for s in single])
-        live = OnlineCorrector(model)
-        got = []
-        for start in range(0, len(some), 37):  # by turns one by one and in blocks, with a restart in between
-            part, values = some[start : start + 37], readings[start : start + 37]
-            if start % 2:
-                got += [s.corrected for s in one_by_one(live, part, values, humidity=part["humidity"])]
-            else:
-                got += live.update_many(part, values)["corrected"].tolist()
-            live = OnlineCorrector.from_state(model, json.loads(json.dumps(live.state(), allow_nan=False)))
-        agree(model, some, readings, got, [s.flag for s in single])
 
 
 @examples(40)
@@ -139,69 +68,6 @@ def test_cuts_and_restarts_change_nothing(default, cuts, seed):
     whole = OnlineCorrector(model, average=5, track="2 h").update_many(X, y)
     for column in ("corrected", "bias", "smoothed", "reference"):
         np.testing.assert_allclose(got[column], whole[column], rtol=0, atol=5e-14)
-
-
-LAYOUTS = {
-    "zone": lambda X: (X.tz_localize("Europe/Berlin"), {}),
-    "spans": lambda X: (X.set_axis(X.index - X.index[0]), {}),
-    "seconds": lambda X: (X.assign(s=0.1 + (X.index - X.index[0]).total_seconds()), {"time": "s"}),
-    "rows": lambda X: (X.reset_index(drop=True), {"sampling_period": "1 min"}),
-}
-
-
-@pytest.mark.parametrize("layout", LAYOUTS)
-def test_every_kind_of_time_lives(layout):
-    X, y = stream(500, 4, holes=False)
-    X, more = LAYOUTS[layout](X)
-    y = y.set_axis(X.index)
-    model = DynamicBiasRegressor(time_constants=[300.0, 5000.0], **more).fit(X[:300], y[:300])
-    X, y = X[300:], y[300:]
-    times = {"seconds": X.get("s"), "rows": [None] * 200}.get(layout, X.index)
-    live = OnlineCorrector(model)
-    single = [live.update(t, T, U) for t, T, U in zip(times, X["temperature"], y, strict=True)]
-    agree(model, X, y, [s.corrected for s in single], [s.flag for s in single])
-    live = OnlineCorrector(model)
-    halves = [live.update_many(X[:90], y[:90]), live.update_many(X[90:], y[90:])]
-    agree(model, X, y, pd.concat(halves)["corrected"], pd.concat(halves)["flag"])
-
-
-@pytest.mark.parametrize(
-    "form",
-    [
-        lambda t: t.to_pydatetime(), str, lambda t: t.to_datetime64(), lambda t: t.isoformat(),
-        lambda t: t.as_unit("s"),
-    ],
-    ids=["datetime", "text", "numpy", "iso", "other unit"],
-)  # fmt: skip
-def test_dates_may_come_in_any_form(form):
-    X, y = stream(200, 5, holes=False)
-    X = X.set_axis(X.index.round("1s"))
-    y = y.set_axis(X.index)
-    model = DynamicBiasRegressor(time_constants=[300.0]).fit(X[:150], y[:150])
-    live = OnlineCorrector(model)
-    rows = zip(X.index[150:], X["temperature"][150:], y[150:], strict=True)
-    got = [live.update(form(t), T, U) for t, T, U in rows]
-    agree(model, X[150:], y[150:], [s.corrected for s in got], [s.flag for s in got])
-
-
-def test_zoned_dates_and_spans_may_come_in_any_form():
-    X, y = stream(200, 5, holes=False)
-    zoned = X.set_axis(X.index.round("1s").tz_localize("UTC"))
-    model = DynamicBiasRegressor(time_constants=[300.0]).fit(zoned[:150], y[:150].to_numpy())
-    t = zoned.index[150]
-    forms = [
-        t,
-        t.to_pydatetime(),
-        t.isoformat(),
-        t.tz_convert("Asia/Tokyo"),
-        datetime.fromtimestamp(t.timestamp(), UTC),
-    ]
-    got = {OnlineCorrector(model).update(form, 23.0, 1.0) for form in forms}
-    assert len(got) == 1
-    spans = X.set_axis(X.index - X.index[0])
-    model = DynamicBiasRegressor(time_constants=[300.0]).fit(spans[:150], y[:150].to_numpy())
-    forms = [pd.Timedelta("4 h"), "4 h", timedelta(hours=4), 14_400, 14_400.0, np.timedelta64(4, "h")]
-    assert len({OnlineCorrector(model).update(form, 23.0, 1.0) for form in forms}) == 1
 
 
 # --------------------------------------------------------------------------------------------------------------- flags
@@ -371,7 +237,7 @@ def test_bad_calls_say_what_is_wrong(default):
 
 
 def test_parquet_logs_and_transformers_live(default, tmp_path):
-    pytest.importorskip("pyarrow")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
     _, X, y = default
     X, y = X[:700], y[:700]
     model = DynamicBiasRegressor(time_constants=[300.0], effects=[SplineTransformer(3)]).fit(X[:600], y[:600])

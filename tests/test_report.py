@@ -10,13 +10,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pandas as pd
 import pytest
-from browser import chromium, complaints, prefer, requests, resize
+from browser import complaints, numbers, opened, prefer, requests, resize, series
 
-from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose, refine
-from thermocorr.command.cli import main
+from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.pages import PageData, page
-from thermocorr.pages.report import write_report
+from thermocorr.pages import Findings, page
 
 SINGLE = 6e-8
 """Relative rounding of the single precision in which series are written, of half their span."""
@@ -49,24 +47,6 @@ def hostile():
     y.attrs = dict(record.attrs)
     model = DynamicBiasRegressor(HOSTILE["temperature"], ["5 min", "1 h"]).fit(X, y)
     return diagnose(model, X, y)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as driver:
-        yield driver
-
-
-def opened(driver, path, width=1100, scheme="light"):
-    prefer(driver, scheme)
-    resize(driver, width, mobile=width < 600)
-    driver.get_log("browser"), driver.get_log("performance")
-    driver.get(path.as_uri())
-    for _ in range(200):
-        if driver.execute_script("return document.documentElement.dataset.ready"):
-            return driver
-        time.sleep(0.05)
-    raise AssertionError(f"the page did not draw: {complaints(driver)}")
 
 
 @pytest.fixture(scope="module")
@@ -123,8 +103,8 @@ def test_a_record_of_many_segments_does_not_swell_the_page(gappy):
     data = gappy[3].data
     many = pd.concat([data.coefficients] * 500)
     long = replace(data, coefficients=many, equation="\n".join(["+ 1 * decay"] * len(many)))
-    assert len(page(long)) < len(page(data)) + 1e5
-    assert f"{len(many)} coefficients, the first" in page(long)
+    assert len(page(long, Findings())) < len(page(data, Findings())) + 1e5
+    assert f"{len(many)} coefficients, the first" in page(long, Findings())
 
 
 def test_a_diagnosis_without_data_says_so(gappy):
@@ -153,15 +133,6 @@ def test_nothing_is_asked_of_the_network_and_the_console_is_silent(browser, gapp
     assert [url for url in requests(browser) if not url.startswith(("data:", "blob:"))] == [gappy_page.as_uri()]
 
 
-def numbers(driver, selector):
-    """Values of all numbers in a table, row by row."""
-    return driver.execute_script(
-        "return [...document.querySelectorAll(arguments[0] + ' tbody tr')]"
-        ".map(r => [...r.querySelectorAll('data.n')].map(d => Number(d.value)))",
-        selector,
-    )
-
-
 def test_tables_hold_the_numbers_of_the_frames(browser, gappy, gappy_page):
     diagnosis = gappy[3]
     opened(browser, gappy_page)
@@ -171,14 +142,6 @@ def test_tables_hold_the_numbers_of_the_frames(browser, gappy, gappy_page):
     np.testing.assert_array_equal(numbers(browser, ".suspects"), ranking)
     coefficients = gappy[2].coef_table()[["coefficient", "standard_error"]].to_numpy()
     np.testing.assert_array_equal(numbers(browser, ".coefficients"), coefficients)
-
-
-def series(driver, panel, line):
-    """x and y of a line of the time series, as drawn."""
-    x, y = driver.execute_script(
-        "const c = thermocorr.charts.series; return [[...c.x], c.panels[arguments[0]].data[arguments[1]]]", panel, line
-    )
-    return np.array(x), np.array(y, float)
 
 
 def test_lines_hold_the_numbers_of_evaluate(browser, gappy, gappy_page):
@@ -301,101 +264,3 @@ def test_hostile_names_are_shown_and_do_nothing(browser, hostile, tmp_path):
     assert HOSTILE["temperature"] in legend
     assert path.name in browser.execute_script("return document.getElementById('versions').textContent")
     assert "<b onclick" in browser.execute_script("return document.getElementById('anything').textContent")
-
-
-def test_a_refinement_shows_before_and_after(browser, tmp_path):
-    record = make_record(1500, effects=[("covariate", 4.0, {"column": "humidity"})], seed=2)
-    X, y = record.drop(columns="reading"), record["reading"]
-    refinement = refine(DynamicBiasRegressor("temperature", ["5 min", "1 h"]), X, y, max_steps=1)
-    assert len(refinement.steps) > 1
-    refinement.save_html(tmp_path / "refinement.html")
-    opened(browser, tmp_path / "refinement.html")
-    assert complaints(browser) == []
-    expected = refinement.steps[["held_out_rms", "rms", "db"]].to_numpy()
-    found = numbers(browser, ".steps")
-    assert found[0] == expected[0, :2].tolist()
-    assert found[1:] == expected[1:].tolist()
-    before, after = browser.execute_script("return thermocorr.charts.refined.panels.map(u => u.data[1])")
-    for drawn, diagnosis in zip((before, after), (refinement.diagnoses[0], refinement.diagnoses[-1]), strict=True):
-        assert np.sqrt(np.mean(np.square(drawn))) == pytest.approx(diagnosis.residual_rms, rel=1e-5)
-    scales = browser.execute_script(
-        "return thermocorr.charts.refined.panels.map(u => [u.scales.y.min, u.scales.y.max])"
-    )
-    assert scales[0] == scales[1]
-    assert "script" not in Tags(refinement._repr_html_()).tags
-
-
-def test_a_long_record_opens_quickly_and_is_small(browser, tmp_path, voltage):
-    X, y = voltage
-    model = DynamicBiasRegressor("temperature", ["2 min", "1 h"]).fit(X, y)
-    path = write_report(tmp_path / "long.html", model, X, y, unjudged="Not judged: the test is about the page.")
-    assert path.stat().st_size < 5e6
-    opened(browser, path)
-    ready = int(browser.execute_script("return document.documentElement.dataset.ready"))
-    assert ready < 8000  # [ms]; 0.6 s on an idle core, see benchmarks/report_page.py; shared machines are slower
-    assert series(browser, 1, 1)[1].size == len(X)  # nothing thinned out at this length
-
-
-# ---- from files
-
-
-def test_runs_that_overlap_in_time_stand_one_after_the_other(browser, tmp_path):
-    rng = np.random.default_rng(0)
-    parts = [
-        pd.DataFrame(
-            {"s": np.arange(600) * 10.0 + start, "run": run, "temperature": 20 + np.cumsum(rng.normal(0, 0.1, 600))}
-        )
-        for run, start in (("a", 0.0), ("b", 5.0), ("c", 100_000.0))
-    ]
-    X = pd.concat(parts, ignore_index=True)
-    model = DynamicBiasRegressor("temperature", ["5 min"], time="s", run="run").fit(X, 2 * X["temperature"])
-    data = PageData.of(model, X, 2 * X["temperature"])
-    assert not data.timeline.in_order
-    path = tmp_path / "overlap.html"
-    path.write_text(page(data), encoding="utf-8")
-    opened(browser, path)
-    assert complaints(browser) == []
-    x, _ = series(browser, 1, 1)
-    assert (np.diff(x) >= 0).all() and x[-1] < 2 * 1800 * 10  # the long pause before run c is left out
-    told = browser.execute_script("const c = thermocorr.charts.series; return c.when(c.x[c.x.length - 1], 1)")
-    unit = {"s": 1.0, "min": 60.0, "h": 3600.0}[told.split()[1]]
-    assert float(told.split()[0]) * unit == pytest.approx(X["s"].iloc[-1], rel=1e-5)  # its true time is told
-
-
-def test_a_log_in_a_file_is_read_block_by_block(tmp_path):
-    pytest.importorskip("pyarrow")
-    record = make_record(5000, seed=1)
-    record.to_parquet(tmp_path / "log.parquet")
-    log = ParquetLog(tmp_path / "log.parquet")
-    model = DynamicBiasRegressor("temperature", ["5 min", "1 h"]).fit(log, log["reading"])
-    whole = PageData.of(model, record, record["reading"], most=1000)
-    pieces = PageData.of(model, log, log["reading"], most=1000)
-    assert pieces.traces.rows_per_cell == whole.traces.rows_per_cell > 1
-    for name, values in whole.traces.columns.items():
-        np.testing.assert_allclose(pieces.traces.columns[name], values, rtol=1e-12, atol=1e-12)
-    path = write_report(tmp_path / "out" / "report.html", model, log, log["reading"])
-    assert "<h2>The record</h2>" in path.read_text(encoding="utf-8")
-
-
-def test_the_command_writes_the_report(tmp_path, capsys):
-    record = make_record(1500, seed=5).reset_index()
-    log = tmp_path / "a'b <i>.csv"
-    record.to_csv(log, index=False)
-    report = tmp_path / "sub" / "page.html"
-    arguments = [
-        "analyze",
-        str(log),
-        "--reading",
-        "reading",
-        "--time-constants",
-        "10min,2h",
-        "--quiet",
-        "--blocks",
-        "2",
-    ]
-    assert main([*arguments, "--report", str(report)]) == 0
-    assert f"Report: {report}" in capsys.readouterr().out
-    html = report.read_text(encoding="utf-8")
-    assert "Static and dynamic" in html and "thermocorr analyze" in html and "<i>.csv" not in html
-    assert main([*arguments, "--report", str(tmp_path)]) == 2  # a folder
-    assert "cannot be written" in capsys.readouterr().err

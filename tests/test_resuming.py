@@ -7,8 +7,9 @@ import os
 
 import pandas as pd
 import pytest
+from log_lines import model_and_lines, plain, rows_of
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError, save_model
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError
 from thermocorr.command import cli
 from thermocorr.datasets import make_record
 
@@ -17,12 +18,7 @@ unix = pytest.mark.skipif(not hasattr(os, "fork"), reason="pipes are those of Un
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory):
-    """The model's file, and lines of a log behind the fitted rows, the header first."""
-    log = make_record(300, seed=5).reset_index()
-    log["time"] = log["time"].dt.strftime("%Y-%m-%dT%H:%M:%S")
-    model = DynamicBiasRegressor(time="time", time_constants=[600.0]).fit(log[:200], log["reading"][:200])
-    path = save_model(model, tmp_path_factory.mktemp("lab") / "model.json")
-    return path, log[200:].to_csv(index=False).splitlines(keepends=True)
+    return model_and_lines(tmp_path_factory.mktemp("lab"))
 
 
 def piped(lab, lines, *more):
@@ -34,15 +30,6 @@ def piped(lab, lines, *more):
         return cli.main(["correct", "--model", str(lab[0]), f"/dev/fd/{reading}", "--follow", *map(str, more)])
     finally:
         os.close(reading)
-
-
-def rows_of(path):
-    """Fields of the log in a file of results: those before the results."""
-    return [line.rsplit(",", 3)[0] for line in path.read_text().splitlines()[1:]]
-
-
-def plain(lines):
-    return [line.rstrip("\n") for line in lines]
 
 
 def back(line):

@@ -14,11 +14,13 @@ from ..datasets import load_voltage_reference
 from ..estimators import DynamicBiasRegressor, compare_variants
 from ..files import Outputs
 from ..judgement import Diagnosis, Refinement, diagnose, refine
+from ..pages import Findings
 from ..pages.report import report_text
 from ..pictures.words import aspect_text, each_row, interval_text
 from ..records import RecordError, RecordWarning
 from ..records.files import TIME_NAMES, read_table, require_column
 from .outputs import write_corrected, write_model
+from .spans import number_or_span
 
 RESULTS = ("corrected.csv", "model.json", "model.txt")
 """Files in the folder of --out."""
@@ -35,9 +37,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds (default: time, timestamp, ...)")
     columns.add_argument("--run", metavar="COLUMN", help="labels of runs; each starts anew")
     columns.add_argument(
-        "--sampling-period", metavar="SPAN", help="time between rows of a log without times, such as 15s"
+        "--sampling-period",
+        metavar="SPAN",
+        type=number_or_span,
+        help="time between rows of a log without times, such as 15s",
     )
-    columns.add_argument("--max-gap", metavar="SPAN", help="a longer step starts a new segment, such as 10min")
+    columns.add_argument(
+        "--max-gap", metavar="SPAN", type=number_or_span, help="a longer step starts a new segment, such as 10min"
+    )
     model = parser.add_argument_group("model")
     model.add_argument(
         "--time-constants",
@@ -108,10 +115,7 @@ def _run(
             *write_model(outputs, folder, best, (X, y)),
         ]
     if report is not None:
-        page = report_text(
-            best,
-            X,
-            y,
+        findings = Findings(
             diagnosis=judged.diagnosis,
             refinement=judged.refinement,
             comparison=comparison,
@@ -119,7 +123,7 @@ def _run(
             source=options.log or "the built-in voltage reference with a hidden effect",
             command=options.as_written,
         )
-        outputs.write(report, page)
+        outputs.write(report, report_text(best, X, y, findings))
     outputs.commit()
     if folder is not None:
         say(f"Written: {', '.join(str(path) for path in written)}")
@@ -214,20 +218,10 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
     layout: dict[str, Any] = {
         "time": time,
         "run": run,
-        "sampling_period": number_or_span(options.sampling_period),
-        "max_gap": number_or_span(options.max_gap),
+        "sampling_period": options.sampling_period,
+        "max_gap": options.max_gap,
     }
     return log, stamped, DynamicBiasRegressor(temperature, time_constants, options.degree, **layout), reading
-
-
-def number_or_span(text: str | None) -> Any:
-    """Seconds as a number, anything else as it stands."""
-    if text is None:
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def parse_time_constants(text: str) -> Any:

@@ -132,7 +132,3 @@ def clear_progress() -> None:
     """Remove the progress line from a terminal."""
     if sys.stderr.isatty():
         print("\r\033[K", end="", file=sys.stderr, flush=True)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

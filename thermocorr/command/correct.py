@@ -18,6 +18,7 @@ from ..records.text import printable
 from .lines import Lines, TableLines, open_lines
 from .log_rows import LogRows, Sample, csv_text
 from .results import Results, Saved, open_results, read_state
+from .spans import number_or_span
 from .stopping import Stopped, StopSignal
 
 STATE_EVERY = 10.0
@@ -47,7 +48,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds")
     more = parser.add_argument_group("beside the corrected reading")
     more.add_argument("--average", type=int, metavar="N", help="its mean over the last N samples, as `smoothed`")
-    more.add_argument("--track", metavar="SPAN", help="a slowly tracked U0, as `reference`: time constant, such as 2h")
+    more.add_argument(
+        "--track",
+        metavar="SPAN",
+        type=number_or_span,
+        help="a slowly tracked U0, as `reference`: time constant, such as 2h",
+    )
 
 
 def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> int:
@@ -56,7 +62,7 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
     Returns 1 where lines were left out or refused for their time, else 0.
     """
     model = load(options.model)
-    live = OnlineCorrector(model, average=options.average, track=_number_or_text(options.track))
+    live = OnlineCorrector(model, average=options.average, track=options.track)
     saved = None
     if options.state and Path(options.state).exists():
         saved = read_state(options.state, model)
@@ -144,10 +150,3 @@ def _whole(rows: LogRows, stream: Any, results: Results) -> None:
 
 def _complain(text: str) -> None:
     print(f"thermocorr: {printable(text)}", file=sys.stderr)
-
-
-def _number_or_text(text: str | None) -> Any:
-    try:
-        return None if text is None else float(text)
-    except ValueError:
-        return text

@@ -9,6 +9,7 @@ from typing import Any
 
 from ..firmware.export import export_c
 from ..records import RecordWarning
+from .spans import number_or_span
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--sampling-period",
         default="fitted",
         metavar="SPAN",
+        type=number_or_span,
         help="time between samples: seconds, a span such as 15s, 'fitted' for the log's usual step (default), or "
         "'variable' where each update is told its step",
     )
@@ -46,7 +48,7 @@ def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callab
             model,
             options.out,
             "double" if options.double else "float",
-            sampling_period=_period(options.sampling_period),
+            sampling_period=options.sampling_period,
             name=options.name,
             continue_from_fit=options.continue_from_fit,
             force=options.force,
@@ -55,10 +57,3 @@ def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callab
     say(str(export))
     for warning in caught:
         say(f"Note: {warning.message}")
-
-
-def _period(text: str) -> Any:
-    try:
-        return float(text)
-    except ValueError:
-        return text

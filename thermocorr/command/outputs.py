@@ -37,9 +37,7 @@ def new_names(names: Sequence[str], taken: Collection[str]) -> list[str]:
     return [name if name not in taken else f"{name}_thermocorr" for name in names]
 
 
-def write_model(
-    outputs: Outputs, folder: Path, model: DynamicBiasRegressor, data: tuple[Any, Any] | None = None
-) -> list[Path]:
+def write_model(outputs: Outputs, folder: Path, model: DynamicBiasRegressor, data: tuple[Any, Any]) -> list[Path]:
     """Write the fitted model: model.json for `thermocorr.load_model` and `thermocorr correct`, model.txt to read."""
     paths = [folder / "model.json", folder / "model.txt"]
     outputs.write(paths[0], content_of(model, data=data))

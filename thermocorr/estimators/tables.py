@@ -9,6 +9,7 @@ import pandas as pd
 
 from ..effects.protocol import Effect
 from ..records.text import printable
+from ..records.units import difference_unit
 from .reading import Reading
 
 _EXPLAINED = ("static_polynomial", "thermal_lag", "initial_transient", "lag_products")
@@ -43,8 +44,7 @@ def coefficient_table(
 
 
 def _per(reading: Reading, unit: str) -> str:
-    degree = {"degF": "degF"}.get(reading.temperature_unit, "K")
-    unit = unit.replace("K", degree)
+    unit = unit.replace("K", difference_unit(reading.temperature_unit))
     top = reading.unit or "1"
     if not unit:
         return reading.unit

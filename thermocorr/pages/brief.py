@@ -30,11 +30,7 @@ def brief_diagnosis(found: DiagnosisLike) -> str:
             " of the residual's variance could still be explained.",
         ),
     ]
-    if found.data is not None:
-        parts += [
-            tag("div", "Residual over time; dashed: twice the noise floor.", style="opacity:.75;margin-top:.5em"),
-            still(found.data.traces.columns["residual"], 2 * found.noise_floor),
-        ]
+    parts += _over_time(found, "Residual")
     if found.verdict != "nothing missing":
         rows: list[tuple[Any, ...]] = [
             (place_text(row), percent(row.share), percent(row.share / row.lift))
@@ -65,13 +61,16 @@ def brief_refinement(refinement: RefinementLike) -> str:
         for row in each_row(refinement.steps)
     ]
     head = ("step", with_unit("held-out rms", last.unit), with_unit("rms of the fit", last.unit), "held out", "verdict")
-    parts: list[Any] = [_table(head, rows)]
-    if last.data is not None:
-        parts += [
-            tag("div", "Residual of the last model over time; dashed: twice the noise floor.", style="opacity:.75"),
-            still(last.data.traces.columns["residual"], 2 * last.noise_floor),
-        ]
-    return _box(parts)
+    return _box([_table(head, rows), *_over_time(last, "Residual of the last model")])
+
+
+def _over_time(found: DiagnosisLike, name: str) -> list[Safe]:
+    if found.data is None:
+        return []
+    return [
+        tag("div", f"{name} over time; dashed: twice the noise floor.", style="opacity:.75;margin-top:.5em"),
+        still(found.data.traces.columns["residual"], 2 * found.noise_floor),
+    ]
 
 
 def _table(head: tuple[Any, ...], rows: list[tuple[Any, ...]]) -> Safe:

@@ -11,9 +11,9 @@ import pandas as pd
 from ..estimators.variants import VariantComparison
 from ..pictures.protocols import RefinementLike
 from ..pictures.timeline import time_text
-from ..pictures.words import each_row
+from ..pictures.words import MINUS, each_row
 from .data import PageData
-from .html import DASH, MINUS, Safe, Section, bar, decibels, join, number, table, tag, unit_text, with_unit
+from .html import DASH, Safe, Section, bar, decibels, join, number, table, tag, unit_text, with_unit
 from .sections import section
 
 LISTED = 200

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -38,8 +38,8 @@ class Panel:
     unit: str
     lines: tuple[Line, ...]
     log: bool = False
-    rules: tuple[tuple[float, str], ...] = ()
-    """Horizontal lines: value and name."""
+    rules: tuple[float, ...] = ()
+    """Values of horizontal lines."""
     height: int = 200
     scale_of: int | None = None
     """Panel of the same chart whose vertical scale this one has too."""
@@ -62,8 +62,8 @@ class Chart:
     """Where x is no true time: x and true time at which segments begin."""
     dates: bool = False
     x_log: bool = False
-    shades: tuple[tuple[float, float, str], ...] = field(default=())
-    """Stretches of x that stand out: from, to, name."""
+    shades: tuple[tuple[float, float], ...] = ()
+    """Stretches of x that stand out: from, to."""
 
     def payload(self) -> dict[str, Any]:
         """What the script reads."""
@@ -84,7 +84,7 @@ class Chart:
                     "log": panel.log,
                     "height": panel.height,
                     "like": panel.scale_of,
-                    "rules": [[float(value), label] for value, label in panel.rules],
+                    "rules": [float(value) for value in panel.rules],
                     "lines": [
                         {
                             "label": line.label,
@@ -101,7 +101,7 @@ class Chart:
                 }
                 for panel in self.panels
             ],
-            "shades": [[float(low), float(high), label] for low, high, label in self.shades],
+            "shades": [[float(low), float(high)] for low, high in self.shades],
         }
 
     def html(self) -> Safe:
@@ -135,20 +135,21 @@ def packed_times(x: np.ndarray | str) -> dict[str, Any]:
     return {"f8": base64.b64encode(x.astype("<f8").tobytes()).decode()}
 
 
-def still(values: np.ndarray, floor: float | None = None, *, width: int = 640, height: int = 90) -> Safe:
+def still(values: np.ndarray, floor: float) -> Safe:
     """A line without a script: extremes of a few hundred groups of rows, as SVG in the colour of the text.
 
     Parameters
     ----------
     values : array of shape (n,)
-    floor : float, optional
+    floor : float
         Dashed lines at plus and minus this.
     """
+    width, height = 640, 90
     parts = np.array_split(np.asarray(values, float), min(width // 2, len(values)))
     cells = [part[np.isfinite(part)] for part in parts]
     extremes = [(part.min(), part.max()) if len(part) else (np.nan, np.nan) for part in cells]
     low, high = np.array(extremes).T
-    bottom, top = np.nanmin([np.nanmin(low), -(floor or 0)]), np.nanmax([np.nanmax(high), floor or 0])
+    bottom, top = np.nanmin([np.nanmin(low), -floor]), np.nanmax([np.nanmax(high), floor])
     scale = (height - 4) / max(top - bottom, 1e-300)
 
     def y(value: float) -> float:
@@ -166,9 +167,8 @@ def still(values: np.ndarray, floor: float | None = None, *, width: int = 640, h
     drawn.append(
         f'<path d="M{"L".join(middles)}" stroke="currentColor" stroke-width="1.5" fill="none"/>' if middles else ""
     )
-    if floor is not None:
-        edges = "".join(f"M0 {y(edge)}H{width}" for edge in (floor, -floor))
-        drawn.append(f'<path d="{edges}" stroke="currentColor" stroke-dasharray="6 4" opacity="0.7" fill="none"/>')
+    edges = "".join(f"M0 {y(edge)}H{width}" for edge in (floor, -floor))
+    drawn.append(f'<path d="{edges}" stroke="currentColor" stroke-dasharray="6 4" opacity="0.7" fill="none"/>')
     return Safe(
         f'<svg viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" aria-label="residual" '
         f'style="max-width:100%;height:auto;display:block">{"".join(drawn)}</svg>'

@@ -52,7 +52,6 @@ class PageData:
     time_constants: np.ndarray
     model: str
     """The estimator as code."""
-    residual_rms: float
     allan: pd.DataFrame
     """`AllanDisplay.frame`: Allan deviation before and after correction."""
     loop: pd.DataFrame
@@ -109,7 +108,6 @@ class PageData:
             coefficients=model.coef_table(),
             time_constants=np.array(model.time_constants_, float),
             model=repr(model),
-            residual_rms=traces.rms,
             allan=AllanDisplay.from_estimator(model, X, y).frame(),
             loop=ResidualLoopDisplay.from_estimator(model, X, y).frame(),
             step_response=StepResponseDisplay.from_estimator(model).frame(),
@@ -120,7 +118,7 @@ class PageData:
     @property
     def start(self) -> float | None:
         """Seconds since 1970 of the first row; None for a record without dates."""
-        return self.timeline.first / 1e9 if self.timeline.dates else None
+        return self.timeline.zero if self.timeline.dates else None
 
     def record_sentence(self) -> str:
         """What was measured, in one sentence."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
@@ -18,47 +19,51 @@ from .html import DASH, Safe, Section, join, script_data, tag, text
 from .sections import judged, section
 
 
-def page(
-    data: PageData,
-    *,
-    diagnosis: DiagnosisLike | None = None,
-    refinement: RefinementLike | None = None,
-    comparison: VariantComparison | None = None,
-    unjudged: str = "",
-    source: str = "",
-    command: str = "",
-) -> str:
-    """The whole page as HTML.
+@dataclass(frozen=True, kw_only=True)
+class Findings:
+    """What a page tells of a record beside the model that is kept, and how the page came about."""
 
-    Parameters
-    ----------
-    data : PageData
-        Of the model that is kept, on the record.
-    diagnosis : DiagnosisLike, optional
-        Of the first model; by default the refinement's first.
-    refinement : RefinementLike, optional
-    comparison : VariantComparison, optional
-    unjudged : str
-        Why there is no diagnosis.
-    source, command : str
-        File that the data came from, and the command that made the page.
-    """
-    if refinement is not None and diagnosis is None:
-        diagnosis = refinement.diagnoses[0]
+    diagnosis: DiagnosisLike | None = None
+    """Diagnosis of the first model; by default the refinement's first."""
+    refinement: RefinementLike | None = None
+    comparison: VariantComparison | None = None
+    unjudged: str = ""
+    """Why there is no diagnosis."""
+    source: str = ""
+    """File that the data came from."""
+    command: str = ""
+    """The command that made the page."""
+
+    @property
+    def first(self) -> DiagnosisLike | None:
+        """Diagnosis of the first model."""
+        if self.diagnosis is None and self.refinement is not None:
+            return self.refinement.diagnoses[0]
+        return self.diagnosis
+
+    @property
+    def last(self) -> DiagnosisLike | None:
+        """Diagnosis of the model that is kept."""
+        return self.diagnosis if self.refinement is None else self.refinement.diagnoses[-1]
+
+
+def page(data: PageData, findings: Findings) -> str:
+    """The whole page as HTML; `data` are those of the model that is kept, on the record."""
+    diagnosis, refinement = findings.first, findings.refinement
     charts: list[Chart] = []
     body: list[Section] = []
     if diagnosis is not None:
         first = diagnosis.data or data
-        chart = figures.series(first, diagnosis.noise_floor, stretches(diagnosis, first.timeline))
-        small = {"anything": figures.stability(first), "where": figures.loop(first)}
-        shown = {name: [drawn] for name, drawn in small.items() if drawn is not None}
-        shown["where"] = [chart, *shown.get("where", [])]
-        charts += [drawn for name in ("anything", "where") for drawn in shown.get(name, [])]
-        body += judged(diagnosis, first, {name: [drawn.html() for drawn in some] for name, some in shown.items()})
+        series = figures.series(first, diagnosis.noise_floor, stretches(diagnosis, first.timeline))
+        noise = [chart for chart in (figures.stability(first),) if chart is not None]
+        time = [chart for chart in (series, figures.loop(first)) if chart is not None]
+        charts += [*noise, *time]
+        body += judged(diagnosis, first, [chart.html() for chart in noise], [chart.html() for chart in time])
     else:
-        chart = figures.series(data)
-        charts.append(chart)
-        body.append(section("record", "The record", tag("p", unjudged) if unjudged else "", chart.html()))
+        series = figures.series(data)
+        charts.append(series)
+        reason = tag("p", findings.unjudged) if findings.unjudged else ""
+        body.append(section("record", "The record", reason, series.html()))
     numbers = iter(range(5 if diagnosis is not None else 1, 99))
     if refinement is not None:
         before = refinement.diagnoses[0].data
@@ -68,14 +73,14 @@ def page(
         charts += drawn
         title = f"{next(numbers)} The error, step by step"
         body.append(chapters.steps(refinement, title, *(chart.html() for chart in drawn)))
-    if comparison is not None:
-        body.append(chapters.variants(comparison, f"{next(numbers)} Static and dynamic, linear and nonlinear"))
+    if findings.comparison is not None:
+        body.append(chapters.variants(findings.comparison, f"{next(numbers)} Static and dynamic, linear and nonlinear"))
     after = figures.following(data)
     charts += [] if after is None else [after]
     body += [
         chapters.formula(data, f"{next(numbers)} The model", *([] if after is None else [after.html()])),
         chapters.quality(data, f"{next(numbers)} The data"),
-        chapters.provenance(data, f"{next(numbers)} Versions", command, source),
+        chapters.provenance(data, f"{next(numbers)} Versions", findings.command, findings.source),
     ]
     leads: list[Any] = [data.record_sentence()]
     if refinement is not None and len(refinement.steps) > 1:

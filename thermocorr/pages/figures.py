@@ -10,8 +10,10 @@ import numpy as np
 
 from ..estimators.time_constants.resolution import CONFIDENCE_95
 from ..pictures.timeline import SECONDS_OF, elapsed_unit, time_text
+from ..records.units import difference_unit
 from .charts import Chart, Line, Panel
 from .data import PageData
+from .html import unit_text
 
 NOISY = 0.3
 """Noise floor over residual, above which the noise hides what is to be seen and averages are drawn too."""
@@ -26,7 +28,7 @@ def series(data: PageData, floor: float | None = None, shades: Sequence[tuple[fl
     traces = data.traces
     columns = traces.columns
     axis = time_axis(data)
-    rules = () if floor is None else ((2 * floor, "twice the noise floor"), (-2 * floor, ""))
+    rules = () if floor is None else (2 * floor, -2 * floor)
     panels = [
         Panel(
             data.reading,
@@ -60,9 +62,7 @@ def series(data: PageData, floor: float | None = None, shades: Sequence[tuple[fl
         x_unit=axis.unit,
         joints=axis.joints,
         dates=axis.dates,
-        shades=tuple(
-            ((low + axis.zero) / axis.scale, (high + axis.zero) / axis.scale, "fails") for low, high in shades
-        ),
+        shades=tuple((axis.at(low), axis.at(high)) for low, high in shades),
     )
 
 
@@ -80,7 +80,7 @@ def residual_lines(data: PageData, floor: float | None) -> tuple[Line, ...]:
 def refined(first: PageData, last: PageData, floor: float) -> Chart:
     """Residual before and after refinement, on the scale of the one before."""
     axis = time_axis(last)
-    rules = ((2 * floor, "twice the noise floor"), (-2 * floor, ""))
+    rules = (2 * floor, -2 * floor)
     after = Panel("after", last.unit, residual_lines(last, floor), rules=rules)
     panels: tuple[Panel, ...] = (after,)
     where: np.ndarray | str = axis.x
@@ -113,14 +113,17 @@ class Axis(NamedTuple):
     joints: tuple[tuple[float, float], ...]
     """x and true time (seconds since 1970, else in the unit of x) where segments begin, if they were moved."""
 
+    def at(self, place: float) -> float:
+        """Where a place on the time line [s] stands on x."""
+        return (place + self.zero) / self.scale
+
 
 def time_axis(data: PageData) -> Axis:
     """Dates, or time since the first row in a fitting unit."""
     line, places = data.timeline, data.traces.seconds
     zone = "time" if line.zone is None else "time (UTC)"
     if line.dates and line.in_order:
-        zero = line.first / 1e9
-        return Axis(x=places + zero, label=zone, unit="", scale=1.0, dates=True, zero=zero, joints=())
+        return Axis(x=places + line.zero, label=zone, unit="", scale=1.0, dates=True, zero=line.zero, joints=())
     if line.samples and line.in_order:
         return Axis(x=places, label="sample", unit="", scale=1.0, dates=False, zero=0.0, joints=())
     unit = "samples" if line.samples else elapsed_unit(line.span)
@@ -129,21 +132,17 @@ def time_axis(data: PageData) -> Axis:
     joints: tuple[tuple[float, float], ...] = ()
     if not line.in_order and len(line.starts) <= MOST_JOINTS:
         true = line.starts - line.shifts
-        true = true + line.first / 1e9 if line.dates else true / scale
+        true = true + line.zero if line.dates else true / scale
         joints = tuple(zip((line.starts / scale).tolist(), true.tolist(), strict=True))
     return Axis(x=places / scale, label=label, unit=unit, scale=scale, dates=False, zero=0.0, joints=joints)
 
 
 def placed(data: PageData, low: float, high: float) -> tuple[float, float] | None:
     """Ends of a ``time`` interval of `Diagnosis.where` on the axis; None where a time has several places."""
-    line, axis = data.timeline, time_axis(data)
-    begins = line.starts - line.shifts
-    if (np.diff(begins) < 0).any() or not np.isfinite((low, high)).all():
+    if data.timeline.overlapping or not np.isfinite((low, high)).all():
         return None
-    seconds = np.array((low, high)) - (line.first / 1e9 if line.dates else 0.0)
-    segment = np.clip(np.searchsorted(begins, seconds, side="right") - 1, 0, None)
-    first, last = (seconds + line.shifts[segment] + axis.zero) / axis.scale
-    return float(first), float(last)
+    first, last = data.timeline.interval(low, high)
+    return time_axis(data).at(first), time_axis(data).at(last)
 
 
 def stability(data: PageData) -> Chart | None:
@@ -211,7 +210,7 @@ def following(data: PageData) -> Chart | None:
         Line("low", value - CONFIDENCE_95 * error, "corrected", edge=True),
         Line("high", value + CONFIDENCE_95 * error, "corrected", edge=True),
     )
-    degree = "°F" if data.temperature_unit == "degF" else "K"
+    degree = unit_text(difference_unit(data.temperature_unit))
     return Chart(
         "step",
         "time after the step",

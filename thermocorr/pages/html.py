@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from ..pictures.words import MINUS
 from ..records.text import printable
 
 _UNITS = {"degC": "°C", "degF": "°F", "ohm": "Ω", "kohm": "kΩ", "uV": "µV", "uA": "µA", "um": "µm", "urad": "µrad"}
-MINUS, DASH, TIMES = "\u2212", "\u2013", "\u00d7"
+DASH, TIMES = "\u2013", "\u00d7"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -46,9 +47,9 @@ def tag(name: str, *children: Any, **attributes: Any) -> Safe:
     return Safe(f"<{name}{given}>{join(children)}</{name}>")
 
 
-def join(parts: Sequence[Any], between: str = "") -> Safe:
+def join(parts: Sequence[Any]) -> Safe:
     """Parts one after the other."""
-    return Safe(text(between).join(text(part) for part in parts))
+    return Safe("".join(text(part) for part in parts))
 
 
 def plain(value: float, digits: int = 4) -> str:
@@ -102,13 +103,13 @@ def probability(value: float) -> Safe:
     return number(value, shown="< 10⁻¹²" if value < 1e-12 else plain(value, 2))
 
 
-def bar(share: float, mark: float | None = None, title: str = "") -> Safe:
+def bar(share: float, mark: float | None = None) -> Safe:
     """A horizontal bar of a share 0..1, with a mark to compare it with."""
     width = float(np.clip(np.nan_to_num(share), 0, 1))
     parts = [tag("i", style=f"width:{100 * width:.4g}%")]
     if mark is not None:
         parts.append(tag("b", style=f"left:{100 * float(np.clip(mark, 0, 1)):.4g}%"))
-    return tag("span", *parts, class_="bar", title=title or None)
+    return tag("span", *parts, class_="bar")
 
 
 def table(head: Sequence[Any], rows: Sequence[Sequence[Any]], sides: str, class_: str = "") -> Safe:

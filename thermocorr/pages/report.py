@@ -9,7 +9,7 @@ from typing import Any
 from ..estimators import DynamicBiasRegressor, VariantComparison
 from ..files import write_file
 from ..pictures.protocols import DiagnosisLike, RefinementLike
-from . import PageData, page
+from . import Findings, PageData, page
 
 
 def write_report(
@@ -54,10 +54,7 @@ def write_report(
     OutputError
         An OSError and a RecordError: the file cannot be written, or must not be.
     """
-    text = report_text(
-        model,
-        X,
-        y,
+    findings = Findings(
         diagnosis=diagnosis,
         refinement=refinement,
         comparison=comparison,
@@ -65,30 +62,11 @@ def write_report(
         source=source,
         command=command,
     )
-    return write_file(path, text, force=force)
+    return write_file(path, report_text(model, X, y, findings), force=force)
 
 
-def report_text(
-    model: DynamicBiasRegressor,
-    X: Any,
-    y: Any,
-    *,
-    diagnosis: DiagnosisLike | None = None,
-    refinement: RefinementLike | None = None,
-    comparison: VariantComparison | None = None,
-    unjudged: str = "",
-    source: str = "",
-    command: str = "",
-) -> str:
+def report_text(model: DynamicBiasRegressor, X: Any, y: Any, findings: Findings) -> str:
     """What `write_report` writes."""
-    kept = refinement.diagnoses[-1] if refinement is not None else diagnosis
+    kept = findings.last
     data = kept.data if kept is not None and kept.data is not None else PageData.of(model, X, y)
-    return page(
-        data,
-        diagnosis=diagnosis,
-        refinement=refinement,
-        comparison=comparison,
-        unjudged=unjudged,
-        source=source,
-        command=command,
-    )
+    return page(data, findings)

@@ -48,7 +48,7 @@ def section(identity: str, title: str, *parts: Any) -> Section:
     return made
 
 
-def parameters_text(effect: Any, data: PageData | None) -> str:
+def parameters_text(effect: Any, data: PageData) -> str:
     """Parameters that have a unit, in words; moments of a record with dates as dates."""
     parts = []
     for name, unit in (effect.info.parameters if effect.info is not None else {}).items():
@@ -60,12 +60,12 @@ def parameters_text(effect: Any, data: PageData | None) -> str:
             continue
         if not numbers:
             continue
-        if name == "time" and data is not None and data.start is not None:
+        if name == "time" and data.start is not None:
             shown = [str(pd.Timestamp(data.start + number, unit="s").round("s")) for number in numbers]
         elif unit == "s":
             shown = [time_text(number) for number in numbers]
         else:
-            if data is not None and name in ("knee", "reference_temperature"):
+            if name in ("knee", "reference_temperature"):
                 unit = data.temperature_unit
             shown = [f"{plain(v, 3)} {unit_text(unit)}" for v in numbers]
         parts.append(f"{name.replace('_', ' ').removesuffix('s' if len(several) == 1 else '')} {', '.join(shown)}")
@@ -120,7 +120,7 @@ def anything(found: DiagnosisLike, *figures: Any) -> Section:
     )
 
 
-def places(found: DiagnosisLike, data: PageData | None, *figures: Any) -> Section:
+def places(found: DiagnosisLike, data: PageData, *figures: Any) -> Section:
     """2: where the model fails."""
     where = found.where
     if not len(where):
@@ -180,10 +180,10 @@ def _worst_sentence(found: DiagnosisLike) -> Safe:
     return join((sentence, tag("p", "Slow or fast: ", percent(band.share), f" of it has {interval_text(band)}.")))
 
 
-def _place(row: Any, longest: float, data: PageData | None) -> tuple[Any, ...]:
+def _place(row: Any, longest: float, data: PageData) -> tuple[Any, ...]:
     interval: Any = interval_text(row)
     scale = 1.0 if row.aspect == "frequency" else longest
-    if data is not None and row.aspect == "time":
+    if row.aspect == "time":
         stretch = placed(data, row.low, row.high)
         if stretch is not None:
             interval = tag("button", interval, class_="show", type="button", data_from=stretch[0], data_to=stretch[1])
@@ -197,10 +197,10 @@ def _place(row: Any, longest: float, data: PageData | None) -> tuple[Any, ...]:
     )
 
 
-def suspects(found: DiagnosisLike, data: PageData | None, *figures: Any) -> Section:
+def suspects(found: DiagnosisLike, data: PageData) -> Section:
     """3: the ranking of suspects."""
     if not found.suspects:
-        return section("what", "3 What is missing?", tag("p", "No suspect could be tried on this record."), *figures)
+        return section("what", "3 What is missing?", tag("p", "No suspect could be tried on this record."))
     lead = {
         "nothing missing": "Nothing that was tried: no suspect is worth adding.",
         "unexplained": "No suspect explains it. The first of those tried:",
@@ -254,7 +254,6 @@ def suspects(found: DiagnosisLike, data: PageData | None, *figures: Any) -> Sect
             "and more on later stretches learned from earlier ones and on held-out blocks, more than noise would do.",
             class_="fine",
         ),
-        *figures,
     )
 
 
@@ -293,11 +292,6 @@ def cure(found: DiagnosisLike) -> Section:
     return section("cure", title, *steps, tag("p", lead), tag("ul", *checks))
 
 
-def judged(found: DiagnosisLike, data: PageData | None, figures: dict[str, Sequence[Any]]) -> list[Section]:
-    """The four questions."""
-    return [
-        anything(found, *figures.get("anything", ())),
-        places(found, data, *figures.get("where", ())),
-        suspects(found, data, *figures.get("what", ())),
-        cure(found),
-    ]
+def judged(found: DiagnosisLike, data: PageData, noise: Sequence[Any], time: Sequence[Any]) -> list[Section]:
+    """The four questions; `noise` and `time` are figures for the first two."""
+    return [anything(found, *noise), places(found, data, *time), suspects(found, data), cure(found)]

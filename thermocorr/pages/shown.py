@@ -7,7 +7,7 @@ from os import PathLike
 from ..files import write_file
 from ..pictures.protocols import DiagnosisLike, RefinementLike
 from .brief import brief_diagnosis, brief_refinement
-from .document import page
+from .document import Findings, page
 
 
 class Page:
@@ -29,7 +29,7 @@ class DiagnosisPage(Page):
         """One self-contained HTML page that needs no network; `source` and `command` are named at its end."""
         if self.data is None:
             raise ValueError("This diagnosis holds no data to draw. Make it with diagnose(model, X, y).")
-        return page(self.data, diagnosis=self, source=source, command=command)
+        return page(self.data, Findings(diagnosis=self, source=source, command=command))
 
     def _repr_html_(self: DiagnosisLike) -> str:
         return brief_diagnosis(self)
@@ -43,7 +43,7 @@ class RefinementPage(Page):
         data = self.diagnoses[-1].data
         if data is None:
             raise ValueError("This refinement holds no data to draw. Make it with refine(model, X, y).")
-        return page(data, refinement=self, source=source, command=command)
+        return page(data, Findings(refinement=self, source=source, command=command))
 
     def _repr_html_(self: RefinementLike) -> str:
         return brief_refinement(self)

@@ -106,7 +106,7 @@ def legend_above(ax: Any, **options: Any) -> None:
             labels,
             loc="lower right",
             bbox_to_anchor=(1.0, 1.0),
-            ncols=options.pop("ncols", len(labels)),
+            ncols=len(labels),
             frameon=False,
             borderaxespad=0.1,
             columnspacing=1.2,

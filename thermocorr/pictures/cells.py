@@ -11,8 +11,6 @@ from .timeline import TimeLine
 
 N_CELLS = 2000
 """Cells over the whole axis: about two for each pixel of a picture."""
-WHOLE = 2 * N_CELLS
-"""Up to this many rows, each is a cell of its own."""
 
 
 class Cells:

@@ -14,6 +14,7 @@ from ..records import Record
 from .axes import BLACK, COLOURS, MARKED, axes_grid, draw_cells, dress_time, label_values, labelled, plain
 from .cells import cells_of
 from .timeline import TimeLine
+from .walk import without_times
 
 READING = "before correction"
 
@@ -54,8 +55,7 @@ class VariantsDisplay:
             raise ValueError("The comparison does not hold its record. Make it with compare_variants(X, y).")
         model = comparison.models["static linear"]
         zone = getattr(comparison.residuals.index, "tz", None)
-        samples = record.times.kind == "rows" and model.sampling_period is None
-        timeline = TimeLine.of(record, zone, samples)
+        timeline = TimeLine.of(record, zone, without_times(model))
         names = [READING, *comparison.residuals.columns, "temperature"]
         cells = cells_of(timeline, names, record.n_used, _parts(record, comparison))
         reading = model.reading_

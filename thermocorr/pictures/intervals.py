@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from .protocols import DiagnosisLike
 from .timeline import TimeLine
 
@@ -20,15 +18,11 @@ def stretches(diagnosis: DiagnosisLike, timeline: TimeLine) -> list[tuple[float,
     if diagnosis.verdict == "nothing missing" or timeline.overlapping:
         return []
     chosen = where[(where["aspect"] == "time") & (where["lift"] > WORSE)]
-    zero = timeline.first / 1e9 if timeline.dates else 0.0
-    found = sorted((low - zero, high - zero) for low, high in zip(chosen["low"], chosen["high"], strict=True))
-    begins = timeline.starts - timeline.shifts  # seconds at which each segment begins
     joined: list[tuple[float, float]] = []
-    for low, high in found:
-        segment = np.clip(np.searchsorted(begins, (low, high), side="right") - 1, 0, None)
-        first, last = np.array((low, high)) + timeline.shifts[segment]
+    for low, high in sorted(zip(chosen["low"], chosen["high"], strict=True)):
+        first, last = timeline.interval(low, high)
         if joined and first - joined[-1][1] < 0.02 * timeline.span:
-            joined[-1] = (joined[-1][0], float(last))
+            joined[-1] = (joined[-1][0], last)
         else:
-            joined.append((float(first), float(last)))
+            joined.append((first, last))
     return joined

@@ -23,9 +23,6 @@ class DiagnosisLike(Protocol):
     def where(self) -> pd.DataFrame: ...  # noqa: D102
 
     @property
-    def allan(self) -> pd.DataFrame: ...  # noqa: D102
-
-    @property
     def ranking(self) -> pd.DataFrame: ...  # noqa: D102
 
     @property
@@ -39,9 +36,6 @@ class DiagnosisLike(Protocol):
 
     @property
     def residual_rms(self) -> float: ...  # noqa: D102
-
-    @property
-    def colour(self) -> float: ...  # noqa: D102
 
     @property
     def unit(self) -> str: ...  # noqa: D102
@@ -60,7 +54,4 @@ class RefinementLike(Protocol):
     def steps(self) -> pd.DataFrame: ...  # noqa: D102
 
     @property
-    def model_(self) -> Any: ...  # noqa: D102
-
-    @property
-    def diagnoses(self) -> tuple[Any, ...]: ...  # noqa: D102
+    def diagnoses(self) -> tuple[DiagnosisLike, ...]: ...  # noqa: D102

@@ -11,8 +11,9 @@ from ..effects.expressions import follows_temperature
 from ..effects.protocol import Effect
 from ..estimators.time_constants.resolution import CONFIDENCE_95
 from ..records import Layout, read_record
+from ..records.units import difference_unit
 from .axes import BLUE, GREY, axes_grid, label_values, legend_above, log_time_axis, plain
-from .walk import regressor_of
+from .walk import regressor_of, without_times
 
 POINTS = 200
 INSTANT = 1e-6
@@ -72,15 +73,13 @@ class StepResponseDisplay:
             }
         )
         reading = fitted.reading_
-        samples = fitted.features_.history_.kind == "rows" and fitted.sampling_period is None
-        temperature_unit = "degF" if reading.temperature_unit == "degF" else "K"
         return cls(
             response=response,
             time_constants=fitted.time_constants_,
             step=step,
-            temperature_unit=temperature_unit,
+            temperature_unit=difference_unit(reading.temperature_unit),
             unit=reading.unit,
-            samples=samples,
+            samples=without_times(fitted),
         )
 
     def frame(self) -> pd.DataFrame:

@@ -9,7 +9,7 @@ import pandas as pd
 
 from ..estimators.time_constants.resolution import CONFIDENCE_95
 from .axes import BLUE, GREY, ORANGE, axes_grid, label_values, legend_above, log_time_axis, plain
-from .walk import regressor_of
+from .walk import regressor_of, without_times
 
 UNKNOWN = 10.0
 """Upper over lower end of an interval, above which the record does not determine the time constant."""
@@ -63,9 +63,7 @@ class SpectrumDisplay:
         )
         if intervals is not None and np.allclose(intervals["time_constant"], taus, rtol=1e-9):
             lags[["low", "high"]] = intervals[["low", "high"]].to_numpy()
-        history = fitted.features_.history_
-        samples = history.kind == "rows" and fitted.sampling_period is None
-        return cls(lags, spectrum, str(lag["unit"].iloc[0]), samples)
+        return cls(lags, spectrum, str(lag["unit"].iloc[0]), without_times(fitted))
 
     def frame(self) -> pd.DataFrame:
         """The lags: time_constant [s], its 95 % interval low to high, coefficient and standard_error.

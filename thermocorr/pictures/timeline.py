@@ -88,9 +88,18 @@ class TimeLine:
         stamps = pd.DatetimeIndex(nanoseconds.view("M8[ns]"))
         return stamps if self.zone is None else stamps.tz_localize("UTC").tz_convert(self.zone)
 
-    def seconds_of(self, stamp: pd.Timestamp) -> float:
-        """Seconds from the first row to a date, which is UTC where the record has a time zone [s]."""
-        return float((stamp.value - int(self.first)) / 1e9)
+    @property
+    def zero(self) -> float:
+        """What times as numbers count from: the first row since 1970 for dates, else 0 [s]."""
+        return self.first / 1e9 if self.dates else 0.0
+
+    def interval(self, low: float, high: float) -> tuple[float, float]:
+        """Places of the ends of a ``time`` interval of `Diagnosis.where` [s]."""
+        seconds = np.array((low, high)) - self.zero
+        begins = self.starts - self.shifts  # seconds at which each segment begins
+        segment = np.clip(np.searchsorted(begins, seconds, side="right") - 1, 0, None)
+        first, last = seconds + self.shifts[segment]
+        return float(first), float(last)
 
     def on_axis(self, places: np.ndarray) -> np.ndarray:
         """What matplotlib draws places at: days for dates, else the unit of the axis."""

@@ -45,9 +45,7 @@ class Walk:
         self._blocks = self.model.contribution_blocks(X)
         self._first = next(self._blocks)  # a record has at least one block
         self.record: Record = self._first[0].record
-        layout = self.model.features_.layout()
-        samples = self.record.times.kind == "rows" and layout.sampling_period is None
-        self.timeline = TimeLine.of(self.record, zone_of(X, layout.time), samples)
+        self.timeline = TimeLine.of(self.record, zone_of(X, self.model.features_.time), without_times(self.model))
         self._shift = self.record.times.between(self.record.first_stamp(), self._first[0].zero)
 
     @property
@@ -89,3 +87,8 @@ def regressor_of(model: Any) -> DynamicBiasRegressor:
         raise TypeError(f"A fitted DynamicBiasRegressor is needed, or a search with one. Got {type(found).__name__}.")
     found.features_  # noqa: B018 - raises NotFittedError where nothing is fitted
     return found
+
+
+def without_times(fitted: DynamicBiasRegressor) -> bool:
+    """Whether the rows of a model's record have no times, so that only their number is known."""
+    return fitted.features_.history_.kind == "rows" and fitted.features_.sampling_period is None

@@ -14,6 +14,11 @@ _SUFFIXES = {
 }  # fmt: skip
 
 
+def difference_unit(unit: str) -> str:
+    """Unit of a difference of temperatures in `unit`: K, but degF for degF."""
+    return "degF" if unit == "degF" else "K"
+
+
 def unit_of(name: object, data: Any) -> str:
     """Unit of a column: ``data.attrs["units"][name]``, else the end of its name ("oven_temp_degC"), else ""."""
     noted = getattr(data, "attrs", {}).get("units", {})

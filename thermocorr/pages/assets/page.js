@@ -41,12 +41,12 @@
     for (let d = 0; d < 13; d++) if (Math.abs(step * 10 ** d - Math.round(step * 10 ** d)) < 1e-6 * step * 10 ** d) return d;
     return 13;
   }
-  function figure(v, unit, digits) {
+  function figure(v, unit) {
     if (v == null) return "–";
     const size = Math.abs(v);
-    let text = String(Number(v.toPrecision(digits || 6)));
+    let text = String(Number(v.toPrecision(6)));
     if (size && (size < 1e-3 || size >= 1e7)) {
-      const [mantissa, power] = v.toExponential((digits || 6) - 3).split("e");
+      const [mantissa, power] = v.toExponential(3).split("e");
       text = mantissa + " × 10" + raised(Number(power));
     }
     return minus(text) + (unit ? " " + unit : "");
@@ -255,7 +255,7 @@
       u.ctx.strokeStyle = colour("floor");
       u.ctx.lineWidth = 1.5 * devicePixelRatio;
       u.ctx.setLineDash([6 * devicePixelRatio, 5 * devicePixelRatio]);
-      for (const [value] of panel.rules) {
+      for (const value of panel.rules) {
         const y = u.valToPos(value, "y", true);
         if (y < top || y > top + height) continue;
         u.ctx.beginPath();

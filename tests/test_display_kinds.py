@@ -1,0 +1,142 @@
+"""Displays of every kind of record, small ones too: labels with units, no warning, times as a person writes them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thermocorr import (
+    AllanDisplay,
+    ContributionsDisplay,
+    DynamicBiasRegressor,
+    RecordError,
+    ResidualLoopDisplay,
+    ResidualsDisplay,
+    SpectrumDisplay,
+    StepResponseDisplay,
+    SuspectsDisplay,
+    VariantsDisplay,
+    WhereDisplay,
+)
+from thermocorr.datasets import make_record
+from thermocorr.pictures.timeline import elapsed_unit, time_text
+
+pytestmark = pytest.mark.usefixtures("drawing")
+
+
+def small(kind):
+    """A model and a record of 30 or 360 rows."""
+    options = {"temperature": "temperature", "time_constants": ["5 min"], "degree": 1}
+    record = make_record(120, seed=1, gaps=2, runs=3) if kind == "gaps and runs" else make_record(30, seed=1)
+    X, y = record.drop(columns="reading"), record["reading"]
+    if kind == "gaps and runs":
+        options |= {"run": "run", "max_gap": "10 min"}
+    if kind == "time zone":
+        X.index = y.index = X.index.tz_localize("UTC").tz_convert("Asia/Tokyo")
+    if kind == "spans":
+        X.index = y.index = X.index - X.index[0]
+    if kind == "missing readings":
+        y = y.where(np.arange(len(y)) % 7 != 3)
+    if kind == "missing temperatures":
+        X.loc[X.index[12], "temperature"] = np.nan
+    if kind == "overlapping runs":
+        X = X.reset_index(drop=True).assign(run=np.arange(30) // 15, clock=np.arange(30) % 15 * 60.0)
+        y = y.reset_index(drop=True)
+        options |= {"run": "run", "time": "clock"}
+    if kind in ("array", "array with a period"):
+        X, y = X[["temperature"]].to_numpy(), y.to_numpy()
+        options |= {"temperature": 0, "sampling_period": None if kind == "array" else 60.0}
+    return DynamicBiasRegressor(**options).fit(X, y), X, y
+
+
+KINDS = [
+    "dates", "time zone", "spans", "missing readings", "missing temperatures", "gaps and runs", "overlapping runs",
+    "array", "array with a period",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_small_record_is_drawn(kind):
+    """Labels stand on the outer axes, and units where they are known; no warning, on the canvas neither."""
+    model, X, y = small(kind)
+    displays = [
+        ResidualsDisplay.from_estimator(model, X, y),
+        ResidualLoopDisplay.from_estimator(model, X, y),
+        AllanDisplay.from_estimator(model, X, y),
+        SpectrumDisplay.from_estimator(model),
+        StepResponseDisplay.from_estimator(model),
+        ContributionsDisplay.from_estimator(model, X),
+    ]
+    for display in displays:
+        assert len(display.frame())
+        assert display.plot() is display
+        if kind in ("dates", "gaps and runs") or display is displays[0]:
+            display.figure_.canvas.draw()
+        assert display.ax_.get_ylabel()
+        assert np.ravel(display.axes_)[-1].get_xlabel()
+        if not kind.startswith("array"):
+            labels = " ".join(axes.get_ylabel() for axes in np.ravel(display.axes_))
+            assert "ppm" in labels
+
+
+@pytest.mark.parametrize("kind", ["dates", "overlapping runs"])
+def test_variants_of_small_records_are_drawn(kind):
+    model, X, y = small(kind)
+    display = VariantsDisplay.from_estimator(model, X, y, n_blocks=2).plot()
+    display.figure_.canvas.draw()
+    assert display.axes_.shape == (5, 2)
+    assert display.axes_[-1, 1].get_xlabel() == "temperature [degC]"
+    assert display.axes_[0, 0].get_ylabel() == "reading [ppm]"
+
+
+def test_short_records_are_kept_row_by_row():
+    model, X, y = small("missing readings")
+    frame = ResidualsDisplay.from_estimator(model, X, y).frame()
+    assert frame["time"].tolist() == X.index.tolist()
+    np.testing.assert_array_equal(frame["measured"], y)
+    np.testing.assert_allclose(frame["residual"], model.residuals(X, y), atol=1e-12)
+    assert (frame["n"] == 1).all()
+
+
+def test_predictions_of_any_model_are_drawn():
+    time = pd.date_range("2024-05-31", periods=50, freq="1h", tz="Europe/Berlin")
+    measured = pd.Series(np.arange(50.0), name="output_mV")
+    display = ResidualsDisplay.from_predictions(time, measured, measured - 0.25).plot()
+    assert display.frame()["residual"].unique().tolist() == [0.25]
+    assert display.axes_[0].get_ylabel() == "output [mV]"
+    assert display.axes_[1].get_xlabel() == "time (Europe/Berlin)"
+    assert display.frame()["time"].iloc[0] == time[0]
+    with pytest.raises(RecordError, match="50 rows"):
+        ResidualsDisplay.from_predictions(time, [1.0], [2.0])
+    with pytest.raises(RecordError, match="backward at row 2"):
+        ResidualsDisplay.from_predictions([0.0, 2.0, 1.0], np.zeros(3), np.zeros(3))
+
+
+def test_nothing_to_show_is_said():
+    empty = pd.DataFrame(columns=["aspect", "column", "time_constant", "low", "high", "unit", "share", "lift"])
+    display = WhereDisplay(empty).plot()
+    assert display.ax_.texts[0].get_text() == "No error beyond the noise."
+    assert SuspectsDisplay(pd.DataFrame(), "nothing missing").plot().ax_.texts[0].get_text() == "No suspects."
+
+
+def test_smoothing_does_not_reach_over_the_joint_of_two_runs():
+    model, X, y = small("gaps and runs")
+    y = y + 100.0 * X["run"]
+    frame = VariantsDisplay.from_estimator(model, X, y, n_blocks=2).frame()
+    steps = frame["before correction"].diff()[frame["segment"].diff() == 0]
+    assert steps.abs().max() < 5.0
+
+
+@pytest.mark.parametrize(
+    ("span", "unit"),
+    [(0.5, "ms"), (30.0, "s"), (3600.0, "min"), (86_400.0, "h"), (30 * 86_400.0, "days"), (5e8, "years")],
+)
+def test_elapsed_time_has_a_readable_unit(span, unit):
+    assert elapsed_unit(span) == unit
+
+
+def test_spans_are_written_as_a_person_does():
+    assert [time_text(t) for t in (0.002, 1.0, 90.0, 3600.0, 86_400.0, 3.2e7)] == [
+        "2 ms", "1 s", "1.5 min", "1 h", "1 d", "1.01 y"
+    ]  # fmt: skip

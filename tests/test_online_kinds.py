@@ -1,0 +1,119 @@
+"""Live correction of every kind of effect and of time: the numbers of the whole record."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pandas as pd
+import pytest
+from effect_records import EXAMPLES, NAMES
+from streams import agree, one_by_one, stream
+
+from thermocorr import DynamicBiasRegressor, OnlineCorrector
+from thermocorr.effects import Effect
+from thermocorr.equations import lag_differences
+
+
+class Fan(Effect):
+    """A user's own effect: no stepper."""
+
+    kind = "fan"
+
+    def inputs(self):
+        return ["humidity"]
+
+    def learn(self, record):
+        self.mean_ = record.moments("humidity").mean
+
+    def names(self):
+        return ["fan", "late fan", "age"]
+
+    def columns(self, block, state):
+        values = block["humidity"] - self.mean_
+        lag, state = lag_differences(values, block.steps, np.array([600.0]), state)
+        return np.column_stack((values**2, lag, block.seconds / 86_400 + block.elapsed / 3600)), state
+
+
+@pytest.mark.parametrize("effect", [*EXAMPLES, Fan()], ids=[*NAMES, "own"])
+def test_every_kind_of_effect_lives(effect):
+    X, y = stream(600, 3)
+    model = DynamicBiasRegressor(time_constants=[300.0], max_gap="1 h").with_effect(effect).fit(X[:450], y[:450])
+    for rows in (slice(0, 600), slice(450, 600)):
+        some, readings = X[rows], y[rows]
+        single = one_by_one(OnlineCorrector(model), some, readings, humidity=some["humidity"])
+        agree(model, some, readings, [s.corrected for s in single], [s.flag for s in single])
+        live = OnlineCorrector(model)
+        got = []
+        for start in range(0, len(some), 37):  # by turns one by one and in blocks, with a restart in between
+            part, values = some[start : start + 37], readings[start : start + 37]
+            if start % 2:
+                got += [s.corrected for s in one_by_one(live, part, values, humidity=part["humidity"])]
+            else:
+                got += live.update_many(part, values)["corrected"].tolist()
+            live = OnlineCorrector.from_state(model, json.loads(json.dumps(live.state(), allow_nan=False)))
+        agree(model, some, readings, got, [s.flag for s in single])
+
+
+LAYOUTS = {
+    "zone": lambda X: (X.tz_localize("Europe/Berlin"), {}),
+    "spans": lambda X: (X.set_axis(X.index - X.index[0]), {}),
+    "seconds": lambda X: (X.assign(s=0.1 + (X.index - X.index[0]).total_seconds()), {"time": "s"}),
+    "rows": lambda X: (X.reset_index(drop=True), {"sampling_period": "1 min"}),
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_every_kind_of_time_lives(layout):
+    X, y = stream(500, 4, holes=False)
+    X, more = LAYOUTS[layout](X)
+    y = y.set_axis(X.index)
+    model = DynamicBiasRegressor(time_constants=[300.0, 5000.0], **more).fit(X[:300], y[:300])
+    X, y = X[300:], y[300:]
+    times = {"seconds": X.get("s"), "rows": [None] * 200}.get(layout, X.index)
+    live = OnlineCorrector(model)
+    single = [live.update(t, T, U) for t, T, U in zip(times, X["temperature"], y, strict=True)]
+    agree(model, X, y, [s.corrected for s in single], [s.flag for s in single])
+    live = OnlineCorrector(model)
+    halves = [live.update_many(X[:90], y[:90]), live.update_many(X[90:], y[90:])]
+    agree(model, X, y, pd.concat(halves)["corrected"], pd.concat(halves)["flag"])
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        lambda t: t.to_pydatetime(), str, lambda t: t.to_datetime64(), lambda t: t.isoformat(),
+        lambda t: t.as_unit("s"),
+    ],
+    ids=["datetime", "text", "numpy", "iso", "other unit"],
+)  # fmt: skip
+def test_dates_may_come_in_any_form(form):
+    X, y = stream(200, 5, holes=False)
+    X = X.set_axis(X.index.round("1s"))
+    y = y.set_axis(X.index)
+    model = DynamicBiasRegressor(time_constants=[300.0]).fit(X[:150], y[:150])
+    live = OnlineCorrector(model)
+    rows = zip(X.index[150:], X["temperature"][150:], y[150:], strict=True)
+    got = [live.update(form(t), T, U) for t, T, U in rows]
+    agree(model, X[150:], y[150:], [s.corrected for s in got], [s.flag for s in got])
+
+
+def test_zoned_dates_and_spans_may_come_in_any_form():
+    X, y = stream(200, 5, holes=False)
+    zoned = X.set_axis(X.index.round("1s").tz_localize("UTC"))
+    model = DynamicBiasRegressor(time_constants=[300.0]).fit(zoned[:150], y[:150].to_numpy())
+    t = zoned.index[150]
+    forms = [
+        t,
+        t.to_pydatetime(),
+        t.isoformat(),
+        t.tz_convert("Asia/Tokyo"),
+        datetime.fromtimestamp(t.timestamp(), UTC),
+    ]
+    got = {OnlineCorrector(model).update(form, 23.0, 1.0) for form in forms}
+    assert len(got) == 1
+    spans = X.set_axis(X.index - X.index[0])
+    model = DynamicBiasRegressor(time_constants=[300.0]).fit(spans[:150], y[:150].to_numpy())
+    forms = [pd.Timedelta("4 h"), "4 h", timedelta(hours=4), 14_400, 14_400.0, np.timedelta64(4, "h")]
+    assert len({OnlineCorrector(model).update(form, 23.0, 1.0) for form in forms}) == 1
