@@ -108,8 +108,24 @@ def test_the_strongest_wave_has_its_period():
     rng = np.random.default_rng(5)
     reading = rng.standard_normal(n) + 0.5 * np.sin(2 * np.pi * np.arange(n) / 87.0)
     judged = Comparison(reading, np.ones((n, 1)), np.zeros(n))
-    assert best_period(judged, judged.only_white(), n / 3) == pytest.approx(87.0, rel=0.02)
-    assert best_period(judged, judged.only_white(), 50.0) < 50.0
+    assert best_period(judged, judged.only_white(), np.arange(n), n / 3) == pytest.approx(87.0, rel=0.02)
+    assert best_period(judged, judged.only_white(), np.arange(n), 50.0) < 50.0
+
+
+def test_a_wave_under_wandering_noise_is_found_across_a_pause_where_it_gains_most():
+    n, rng = 4000, np.random.default_rng(15)
+    place = np.arange(n) + 777 * (np.arange(n) >= 1500)
+    base = np.column_stack((np.ones(n), np.sin(np.arange(n) / 300)))
+    reading = rng.standard_normal(n) + 3 * markov(rng, n, 200.0) + 3 * np.cos(2 * np.pi * place / 310.0)
+    judged = Comparison(reading, base, np.repeat([0, 1], [1500, n - 1500]))
+    theta = judged.base.theta
+    found = best_period(judged, theta, place, n / 3)
+    assert found == pytest.approx(310.0, rel=0.03)
+    periods = [found, *np.geomspace(3, n / 3, 300)]
+    waves = [np.column_stack([f(2 * np.pi * place / period) for f in (np.cos, np.sin)]) for period in periods]
+    judged.add(waves)
+    gains = judged.screen(theta)
+    assert gains[0] > 0.9 * gains.max() > 10
 
 
 def test_forecasts_from_cross_products_are_those_of_ridges():

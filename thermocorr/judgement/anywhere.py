@@ -1,14 +1,19 @@
 """A step at every row, and a wave of every period: what they would explain, all at once.
 
 Under a noise that the cosine transform makes diagonal, the step at row k has a closed form in the transform, and its
-moments with base and reading are sums from row k on. So all rows cost as much as a few columns.
+moments with base and reading are sums from row k on. So all rows cost as much as a few columns; and so do all waves, by
+Fourier transforms.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.fft import next_fast_len, rfft
 
 from .likelihood import Comparison
+
+LEAST_OWN = 0.1
+"""Share of a wave outside the base, below which its gain is not told."""
 
 
 def step_gains(judged: Comparison, theta: np.ndarray, weight: np.ndarray) -> np.ndarray:
@@ -41,18 +46,28 @@ def _squares(judged: Comparison, W: np.ndarray) -> np.ndarray:
     return result
 
 
-def best_period(judged: Comparison, theta: np.ndarray, most: float) -> float | None:
-    """Period of the strongest wave in what the base leaves [rows], at most `most` rows; None where there is none.
+def best_period(judged: Comparison, theta: np.ndarray, place: np.ndarray, most: float) -> float | None:
+    """Period of the wave that gains most under a given noise, at most `most`; None where none can be told.
 
-    A wave of period 2 n/m rows is the row m of the cosine transform and its neighbours.
+    `place`, shape (n,), is where the rows lie on an even grid, in whole steps; periods are in these steps. Moments of
+    waves of all periods with reading and base are Fourier transforms. A wave's own weighted square is that of one that
+    fits into the record.
     """
-    bands = judged.bands
-    power = np.empty(judged.n)
-    power[bands.order] = judged.left(theta) ** 2 / bands.each_row(judged.S(theta))
-    piece = max(bands.pieces, key=lambda piece: piece.stop - piece.start)
-    size = piece.stop - piece.start
-    summed = np.convolve(power[piece], np.ones(3), "same")
-    lowest = int(np.ceil(2 * size / most))
-    if size - 2 <= lowest:
+    bands, S = judged.bands, judged.S(theta)
+    weighted = bands.back(np.column_stack((judged.left(theta), judged.Q)) / bands.each_row(S)[:, None])
+    even = np.zeros((next_fast_len(2 * int(place.max() + 1), real=True), weighted.shape[1]))
+    np.add.at(even, place, weighted)
+    angle = 2 * np.pi * np.arange(len(even) // 2 + 1) / len(even)
+    tried = (angle >= 2 * np.pi / most) & (angle < 0.98 * np.pi)
+    if not tried.any():
         return None
-    return float(2 * size / (lowest + int(np.argmax(summed[lowest : size - 1]))))
+    angle, moments = angle[tried], rfft(even, axis=0)[tried]
+    middle = np.add.reduceat(bands.angle[bands.order], bands.starts) / bands.sizes
+    own = judged.n / 2 / np.interp(angle, middle, S)
+    x, y = moments[:, 0].real, moments[:, 0].imag
+    a, b = own - judged.taken(theta, moments[:, 1:].real), own - judged.taken(theta, moments[:, 1:].imag)
+    alive = np.minimum(a, b) > LEAST_OWN * own  # what is taken by both together is little where each keeps most
+    if not alive.any():
+        return None
+    gains = np.where(alive, x**2 / np.where(alive, a, 1.0) + y**2 / np.where(alive, b, 1.0), 0.0)
+    return float(2 * np.pi / angle[int(gains.argmax())])

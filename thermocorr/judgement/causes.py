@@ -176,7 +176,8 @@ class Search:
                 gains = step_gains(judged, theta, self.pool.weight)
                 found += [self.pool.step_at(int(gains.argmax()))] if gains.max() > 0 else []
             if "periodic" in self.anywhere:
-                rows = best_period(judged, theta, longest_segment(self.record) / self.pool.spacing / 3)
+                most = longest_segment(self.record) / self.pool.spacing / 3
+                rows = best_period(judged, theta, self.pool.place, most)
                 period = [] if rows is None else [float(f"{rows * self.pool.spacing:.6g}")]
                 found += self.pool.of([Periodic(seconds, 1) for seconds in period])
         return found

@@ -28,6 +28,8 @@ themselves; they stand among the suspects instead."""
 TIME_LIKE = 0.999_999
 """Correlation with time above which a recorded column is a clock, no suspect."""
 
+MOST_EMPTY = 8
+"""Steps of time for each averaged row, above which a search for waves counts rows instead: pauses of months."""
 SHORT_PAUSE = 0.01
 """Share of the record that a pause may last for noise to go on over it, wherever it lies."""
 ROUNDING = 1e-14

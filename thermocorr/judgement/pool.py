@@ -18,7 +18,7 @@ from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record, RecordError
 from .blocks import Averages, averaged, evenness, spans, spikes
-from .levels import COARSE, FASTEST, FEWEST, FINE, LAGS, ROUNDING, SLOWEST
+from .levels import COARSE, FASTEST, FEWEST, FINE, LAGS, MOST_EMPTY, ROUNDING, SLOWEST
 from .likelihood import orthonormal
 
 Key = tuple[str, Any]
@@ -111,6 +111,12 @@ class Pool:
         """Usual time from one averaged row to the next [s]."""
         steps = np.diff(self.data.seconds)[np.diff(self.data.segment) == 0]
         return float(np.median(steps)) if len(steps) else 1.0
+
+    @cached_property
+    def place(self) -> np.ndarray:
+        """Where each averaged row lies on an even grid, in whole steps; its number where pauses are too long."""
+        place = np.rint((self.data.seconds - self.data.seconds.min()) / self.spacing).astype(int)
+        return place if place.max() < MOST_EMPTY * len(place) else np.arange(len(place))
 
     def coarse(self, columns: np.ndarray) -> np.ndarray:
         """Averages of some neighbouring rows, as data not learned from are judged on."""
