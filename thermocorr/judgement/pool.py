@@ -61,10 +61,9 @@ class Pool:
         columns, rounding = self.data.columns, ROUNDING * float(np.median(np.abs(self.data.reading)))
         self.spikes = spikes(self.data.reading, rounding)
         """Rows that are no readings, shape (n,), booleans."""
-        self.weight = np.where(self.spikes, 0.0, 1.0)
+        self.weight = np.ones(len(self.spikes))
         """Less than 1 where the noise is larger than usual; readings and columns are multiplied by it, shape (n,)."""
         self.spikes |= spikes(self._left_beside(columns[: len(base)]), rounding)
-        self.weight = np.where(self.spikes, 0.0, 1.0)
         left = self._left_beside(columns[: len(base)])
         self.exact = bool(np.sqrt(np.mean(left**2)) <= rounding)
         """Whether the base leaves nothing of the reading but rounding."""
@@ -77,15 +76,24 @@ class Pool:
         self.explanations += [Explanation(e, c) for e, c in zip(candidates, columns[len(slow) :], strict=True)]
 
     def _left_beside(self, columns: Sequence[np.ndarray]) -> np.ndarray:
-        """What least squares leaves of the reading; 0 at the spikes."""
+        """What least squares leaves of the reading."""
         Q = orthonormal(np.column_stack([self.weight, *map(self.weighed, columns)]))
         reading = self.weighed(self.data.reading)
         return np.asarray(reading - Q @ (Q.T @ reading))
 
     def weighed(self, columns: np.ndarray) -> np.ndarray:
-        """Columns, shape (n,) or (n, k), less their means, so that no digits are lost to them; weighted as rows are."""
+        """Columns, shape (n,) or (n, k), as they are judged: straight over spikes, weighted as the rows are.
+
+        The same is done to reading and columns, so that noise that wanders has no holes. They lose their means first,
+        to which digits would be lost.
+        """
         centred = columns - columns[~self.spikes].mean(axis=0)
-        return np.asarray(centred.T * self.weight).T
+        rows, kept = np.flatnonzero(self.spikes), np.flatnonzero(~self.spikes)
+        place = np.searchsorted(kept, rows)
+        low, high = kept[np.maximum(place - 1, 0)], kept[np.minimum(place, len(kept) - 1)]
+        share = np.clip((rows - low) / np.maximum(high - low, 1), 0.0, 1.0)
+        centred[rows] = (centred[low].T * (1 - share) + centred[high].T * share).T
+        return np.asarray((centred.T * self.weight).T)
 
     def beside(self, base: np.ndarray, explanations: Sequence[Explanation]) -> Pool:
         """A pool of this record with another base and other explanations."""
