@@ -33,10 +33,14 @@ from .levels import (
     THERMAL,
     TUNED,
     USUAL,
+    WITHIN,
 )
 from .likelihood import Comparison
 from .pool import Explanation, Key, Pool
 from .worth import HeldOut, Worth
+
+STEP: Key = ("step", None)
+"""Of steps, which come in numbers."""
 
 
 class Search:
@@ -81,17 +85,35 @@ class Search:
         if self.pool.exact:
             return [], []
         while True:
-            tried = self.look()
+            steps = sum(cause.tried.key == STEP for cause in found)
+            tried = [t for t in self.look() if steps < MOST_STEPS or t.key != STEP]
             best, rivals = chosen(tried, self.by_chance)
-            steps = sum(cause.tried.explanation.effect.kind == "step" for cause in found)
-            if best is None or len(found) - steps == MOST or steps == MOST_STEPS:
+            if best is None or len(found) - steps == MOST:
                 return self._needed(found), tried
             best = (self._tuned([best], FINER) or [best])[0]
             same = [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
             alike, others = first_of_each(same), [t for t in tried if t.key != best.key]
-            found.append(Cause(tried=best, alike=tuple(alike), others=tuple(others), share=self.share(best)))
-            self.judged.adopt(best.number)
-            self.held = self.held.with_columns(self.coarse[best.number])
+            found.append(self._taken_in(best, alike, others))
+            if best.key == STEP and "step" in self.anywhere:
+                found += self._further_steps(MOST_STEPS - steps - 1, max((t.score for t in others), default=0.0))
+
+    def _taken_in(self, best: Tried, alike: Sequence[Tried] = (), others: Sequence[Tried] = ()) -> Cause:
+        """What was chosen, as a cause; it is part of the base from now on."""
+        cause = Cause(tried=best, alike=tuple(alike), others=tuple(others), share=self.share(best))
+        self.judged.adopt(best.number)
+        self.held = self.held.with_columns(self.coarse[best.number])
+        return cause
+
+    def _further_steps(self, most: int, least: float) -> list[Cause]:
+        """Steps one after the other, as long as each is proven and better than any other explanation was."""
+        found: list[Cause] = []
+        while len(found) < most:
+            i = self._add(self._steps(self.judged.base.theta))
+            tried = self._weighed(i, dict(zip(i, self.held.worth([self.coarse[k] for k in i]), strict=True)))
+            if not tried or not tried[0].proven or tried[0].score < least:
+                break
+            found.append(self._taken_in(tried[0]))
+        return found
 
     def _needed(self, found: list[Cause]) -> list[Cause]:
         """The causes that are not made superfluous by later ones (a backward check)."""
@@ -173,14 +195,18 @@ class Search:
         found: list[Explanation] = []
         for theta in (judged.base.theta, judged.only_white()):
             if "step" in self.anywhere:
-                gains = step_gains(judged, theta, self.pool.weight)
-                found += [self.pool.step_at(int(gains.argmax()))] if gains.max() > 0 else []
+                found += self._steps(theta)
             if "periodic" in self.anywhere:
                 most = longest_segment(self.record) / self.pool.spacing / 3
                 rows = best_period(judged, theta, self.pool.place, most)
                 period = [] if rows is None else [float(f"{rows * self.pool.spacing:.6g}")]
                 found += self.pool.of([Periodic(seconds, 1) for seconds in period])
         return found
+
+    def _steps(self, theta: np.ndarray) -> list[Explanation]:
+        """The best step of all rows under a given noise; none where none gains anything."""
+        gains = step_gains(self.judged, theta, self.pool.weight)
+        return [self.pool.step_at(int(gains.argmax()))] if gains.max() > 0 else []
 
     def _add(self, explanations: Sequence[Explanation]) -> list[int]:
         self.judged.add([explanation.columns for explanation in explanations])
@@ -207,7 +233,8 @@ class Search:
 
         What the likelihood does not speak for on the grid is not proven between its points either.
         """
-        able = [t for t in found if (t.score > 0 or len(found) == 1) and not t.explanation.in_model]
+        least = WITHIN * max((t.score for t in found), default=0.0)
+        able = [t for t in found if (t.score > max(least, 0.0) or len(found) == 1) and not t.explanation.in_model]
         best = first_of_each(sorted(able, key=lambda t: -t.score))
         moved = [self._moved(tried, shares) for tried in best[:TUNED]]
         which = [i for i in moved if i is not None]

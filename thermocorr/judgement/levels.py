@@ -96,8 +96,8 @@ ALIKE = 0.5
 Explanations that are as good but say something else are further causes."""
 MOST = 8
 """Causes that are looked for, one after the other, steps not counted."""
-MOST_STEPS = 12
-"""Steps that are looked for; a random telegraph would give one at each switch."""
+MOST_STEPS = 40
+"""Steps that are looked for: soil on which rain falls has twenty in three years, a random telegraph one a switch."""
 THERMAL = ("thermal_lag", "delay", "rate")
 """Kinds that a better thermal part could do without, the usual one first."""
 SIZEABLE = 0.1
@@ -119,6 +119,9 @@ FINER = (0.01, 0.003)
 """Finer moves for the one that is taken in: what its parameters leave would look like a further cause."""
 TUNED = 4
 """Kinds whose parameters are tuned in each turn."""
+WITHIN = 0.3
+"""Share of the best score from which a kind's parameters are tuned: a hinge between the points of the grid that has
+two thirds of its score there is the most that was seen."""
 
 # What is left
 

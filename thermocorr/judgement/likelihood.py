@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 import numpy as np
+from scipy.linalg import lapack, solve_triangular
 
 from ..equations.noise import Bands, fitted_parts, whittle
 from .levels import ALIVE, QUIET, TURNS
@@ -108,7 +109,7 @@ class Comparison:
             kept = low + np.flatnonzero(alive[low:high])
             rows = together[:, kept]
             own = self.bands.sums(rows**2)[:, :, None] if len(kept) == 1 else self._products(rows, rows)
-            found = Columns(rows=rows, own=own, base=base[:, :, kept], reading=reading[:, kept])
+            found = Columns(rows=rows, own=own, base=np.ascontiguousarray(base[:, :, kept]), reading=reading[:, kept])
             self.explanations.append(found if len(kept) else None)
 
     def width(self, i: int) -> int:
@@ -146,7 +147,7 @@ class Comparison:
 
     def taken(self, theta: np.ndarray, moments: np.ndarray) -> np.ndarray:
         """Weighted sum of squares of columns that lies in the base, from their moments with it, shape (columns, p)."""
-        return np.asarray(np.sum(np.linalg.solve(self._half(theta), moments.T) ** 2, axis=0))
+        return np.asarray(np.sum(solve_triangular(self._half(theta), moments.T, lower=True) ** 2, axis=0))
 
     def _half(self, theta: np.ndarray) -> np.ndarray:
         """Cholesky factor of the base's weighted products."""
@@ -179,7 +180,8 @@ class Comparison:
         """Log likelihood that one of the adopted explanations gains beside all others, each with a noise of its own."""
         others = np.setdiff1d(np.arange(self.Q.shape[1]), np.arange(self.Q.shape[1])[self.causes[which]])
         without = copy(self)
-        without.Q, without.Qz, without.QQ = self.Q[:, others], self.Qz[:, others], self.QQ[:, others][:, :, others]
+        without.Q, without.Qz = self.Q[:, others], self.Qz[:, others]
+        without.QQ = np.ascontiguousarray(self.QQ[:, others][:, :, others])
         return self.base.level - without.first_fit(self.base.theta).level
 
     def _fits(self, which: Sequence[int | None], starts: Sequence[np.ndarray], turns: int) -> list[Fit]:
@@ -258,8 +260,9 @@ class Comparison:
         if not founds:
             return gains
         W, half = 1 / self.S(theta), self._half(theta)
-        b = np.linalg.solve(half, W @ self.Qz)
-        base = np.linalg.solve(half, np.tensordot(W, np.concatenate([f.base for f in founds], axis=2), 1))
+        b = solve_triangular(half, W @ self.Qz, lower=True)
+        together = np.tensordot(W, np.concatenate([f.base for f in founds], axis=2), 1)
+        base = solve_triangular(half, together, lower=True)
         reading = W @ np.concatenate([f.reading for f in founds], axis=1) - base.T @ b
         at = 0
         for i, found in enumerate(chosen):
@@ -286,7 +289,11 @@ def _forms(products: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndar
 def solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Least squares from normal equations of columns of very different size; directions that are not there stay out."""
     scale = 1 / np.sqrt(np.maximum(np.diag(A), 1e-300))
-    values, vectors = np.linalg.eigh(A * scale[:, None] * scale)
+    unit = A * scale[:, None] * scale
+    half, failed = lapack.dpotrf(unit, lower=1)
+    if not failed and np.diag(half).min() > 1e-4:
+        return np.asarray(scale * lapack.dpotrs(half, scale * b, lower=1)[0])
+    values, vectors = np.linalg.eigh(unit)
     kept = values > 1e-11 * values[-1]
     V = vectors[:, kept]
     return np.asarray(scale * (V @ ((V.T @ (scale * b)) / values[kept])))

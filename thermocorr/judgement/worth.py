@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import cho_solve
 
 from .levels import PIECES, RIDGE
 
@@ -49,18 +51,17 @@ class HeldOut:
     def __init__(self, readings: np.ndarray, base: np.ndarray):
         self.readings, self.base = readings, base
         self.edges = np.linspace(0, len(base), PIECES + 1).astype(int)
-        self.QQ, self.Qy = self._products(base, base), self._products(base, readings)
-        self.yy = np.stack([np.sum(readings[a:b] ** 2, axis=0) for a, b in self._spans()])
-        none = np.zeros((1, PIECES, 0, 0))
-        cross, moments = np.zeros((1, PIECES, base.shape[1], 0)), np.zeros((1, PIECES, 0, readings.shape[1]))
-        self.before = self._left(cross, none, moments)
+        products = Products(
+            base=self._in_pieces(base, base),
+            reading=self._in_pieces(base, readings),
+            squares=np.stack([np.sum(readings[a:b] ** 2, axis=0) for a, b in pairwise(self.edges)]),
+        )
+        self.folds = [[Fold(products, *fold) for fold in folds] for folds in (LATER, BLOCKS)]
+        self.before = [sum(fold.error for fold in folds) for folds in self.folds]
 
-    def _spans(self) -> list[tuple[int, int]]:
-        return list(zip(self.edges[:-1].tolist(), self.edges[1:].tolist(), strict=True))
-
-    def _products(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    def _in_pieces(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
         """Cross products in each piece."""
-        return np.stack([one[a:b].T @ other[a:b] for a, b in self._spans()])
+        return np.stack([one[a:b].T @ other[a:b] for a, b in pairwise(self.edges)])
 
     def with_columns(self, columns: np.ndarray) -> HeldOut:
         """Take more columns into the base."""
@@ -77,53 +78,88 @@ class HeldOut:
         for width in {columns.shape[1] for columns in explanations}:
             which = [i for i, columns in enumerate(explanations) if columns.shape[1] == width]
             together = np.column_stack([explanations[i] for i in which])
-            cross = self._products(self.base, together).reshape(PIECES, -1, len(which), width).transpose(2, 0, 1, 3)
-            moments = self._products(together, self.readings).reshape(PIECES, len(which), width, -1).swapaxes(0, 1)
-            stacked = together.reshape(len(together), len(which), width).transpose(1, 0, 2)
-            own = np.stack([stacked[:, a:b].swapaxes(1, 2) @ stacked[:, a:b] for a, b in self._spans()], axis=1)
-            for kind, (before, after) in enumerate(zip(self.before, self._left(cross, own, moments), strict=True)):
-                result[kind, which] = 10 * np.log10(before / np.maximum(after, 1e-300))
+            each = together.reshape(len(together), len(which), width).transpose(1, 0, 2)
+            products = Products(
+                base=self._in_pieces(self.base, together),
+                reading=self._in_pieces(together, self.readings),
+                squares=np.stack([each[:, a:b].swapaxes(1, 2) @ each[:, a:b] for a, b in pairwise(self.edges)]),
+            )
+            for kind, folds in enumerate(self.folds):
+                after = sum(fold.error_with(products) for fold in folds)
+                result[kind, which] = 10 * np.log10(self.before[kind] / np.maximum(after, 1e-300))
         return result[0], result[1]
 
-    def _left(self, cross: np.ndarray, own: np.ndarray, moments: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Squared errors on later stretches and on blocks, of shape (explanations, records) each.
 
-        Base and explanation have the products `cross` (explanations, pieces, p, k), the explanations among themselves
-        `own` (.., k, k) and with the readings `moments` (.., k, records).
-        """
-        count = len(own)
-        base = np.broadcast_to(self.QQ, (count, *self.QQ.shape))
-        A = np.concatenate(
-            (np.concatenate((base, cross), axis=3), np.concatenate((cross.swapaxes(2, 3), own), axis=3)), axis=2
-        )
-        b = np.concatenate((np.broadcast_to(self.Qy, (count, *self.Qy.shape)), moments), axis=2)
+class Products(NamedTuple):
+    """Cross products of some columns in each piece."""
 
-        def summed(folds: Sequence[tuple[Sequence[int], Sequence[int]]]) -> np.ndarray:
-            result = np.zeros((count, self.readings.shape[1]))
-            for learn, test in folds:
-                learned, tested = (_Sums(*(x[:, list(rows)].sum(axis=1) for x in (A, b))) for rows in (learn, test))
-                result += _foretold(learned, tested, self.yy[list(test)].sum(axis=0))
-            return result
+    base: np.ndarray
+    """With the columns of the base."""
+    reading: np.ndarray
+    """With the readings."""
+    squares: np.ndarray
+    """Of the readings, if the columns are the base; else of the columns of each explanation."""
 
-        return summed(LATER), summed(BLOCKS)
+    def over(self, pieces: Sequence[int]) -> Products:
+        """Sums over some pieces."""
+        return Products(*(part[list(pieces)].sum(axis=0) for part in self))
 
 
-class _Sums(NamedTuple):
-    A: np.ndarray
-    b: np.ndarray
+class Fold:
+    """A ridge of the readings on the base, learned from some pieces and tested on others, by cross products alone.
+
+    Columns are scaled to unit variance where they are learned, and lose their means there.
+    """
+
+    def __init__(self, products: Products, learn: Sequence[int], test: Sequence[int]):
+        self.learn, self.test = learn, test
+        self.learned, self.tested = products.over(learn), products.over(test)
+        A = self.learned.base
+        self.constant = A[0] / A[0, 0]  # what each column has of the constant
+        centred = A - np.outer(A[0], self.constant)
+        self.scale = _scale(np.diag(centred)[1:], np.diag(A)[1:])
+        normed = centred[1:, 1:] * self.scale[:, None] * self.scale + RIDGE * np.eye(len(A) - 1)
+        self.half = np.linalg.cholesky(normed)
+        self.coef = self._coefficients(self.learned.reading)
+        """Of the base, shape (p, records)."""
+        self.missed = self.tested.reading - self.tested.base @ self.coef
+        """Moments of the base with what it misses of the tested readings."""
+        self.error = self.tested.squares - np.sum(self.coef * (self.tested.reading + self.missed), axis=0)
+
+    def _coefficients(self, moments: np.ndarray) -> np.ndarray:
+        """Of the base, for columns with these learned moments, shape (p, columns)."""
+        centred = moments[1:] - np.outer(self.constant[1:], moments[0])
+        inner = self.scale[:, None] * cho_solve((self.half, True), self.scale[:, None] * centred)
+        return np.vstack(((moments[0] - self.learned.base[0, 1:] @ inner) / self.learned.base[0, 0], inner))
+
+    def error_with(self, products: Products) -> np.ndarray:
+        """Squared error with an explanation beside the base, shape (explanations, records)."""
+        learned, tested = products.over(self.learn), products.over(self.test)
+        count, width = learned.squares.shape[:2]
+        made = self._coefficients(learned.base)  # of the explanation by the base
+        size = np.diagonal(learned.squares, axis1=1, axis2=2).ravel()
+        variance = size - learned.base[0] ** 2 / self.learned.base[0, 0]
+        scale = _scale(variance, size)
+        own = learned.squares - _each(learned.base, made, count)
+        own = own * _each(scale[None], scale[None], count)
+        own[:, range(width), range(width)] += RIDGE
+        moment = learned.reading - made.T @ self.learned.reading
+        coef = np.linalg.solve(own, (scale[:, None] * moment).reshape(count, width, -1))
+        coef *= scale.reshape(count, width, 1)
+        missed = tested.reading - tested.base.T @ self.coef - made.T @ self.missed
+        beside = tested.base - self.tested.base @ made
+        squares = tested.squares - _each(tested.base, made, count) - _each(made, beside, count)
+        moments = 2 * missed.reshape(coef.shape) - squares @ coef
+        return np.asarray(self.error - np.sum(coef * moments, axis=1))
 
 
-def _foretold(learned: _Sums, tested: _Sums, squares: np.ndarray) -> np.ndarray:
-    """Squared error on tested rows of ridges learned from others, by cross products alone; the constant is first."""
-    A, b = learned
-    n = A[:, :1, :1]
-    centred = (A - A[:, :, :1] * A[:, :1, :] / n)[:, 1:, 1:]
-    moment = (b - A[:, :, :1] * b[:, :1, :] / n)[:, 1:]
-    size = np.sqrt(np.maximum(np.diagonal(centred, axis1=1, axis2=2), 0.0))
-    alive = size > 1e-6 * np.sqrt(np.maximum(np.diagonal(A, axis1=1, axis2=2)[:, 1:], 1e-300))
-    scale = np.where(alive, 1 / np.where(alive, size, 1.0), 0.0)
-    normed = centred * scale[:, :, None] * scale[:, None, :] + RIDGE * np.eye(size.shape[1])
-    inner = np.linalg.solve(normed, moment * scale[:, :, None]) * scale[:, :, None]
-    constant = (b[:, :1] - A[:, :1, 1:] @ inner) / n
-    coef = np.concatenate((constant, inner), axis=1)
-    return np.asarray(squares - 2 * np.sum(coef * tested.b, axis=1) + np.sum(coef * (tested.A @ coef), axis=1))
+def _scale(variance: np.ndarray, square: np.ndarray) -> np.ndarray:
+    """One over the standard deviation of columns; 0 for those that hardly vary."""
+    alive = variance > 1e-12 * np.maximum(square, 1e-300)
+    return np.where(alive, 1 / np.sqrt(np.where(alive, variance, 1.0)), 0.0)
+
+
+def _each(one: np.ndarray, other: np.ndarray, count: int) -> np.ndarray:
+    """Products of the columns of each explanation, of which there are `count` side by side."""
+    one, other = (part.reshape(len(part), count, -1).transpose(1, 0, 2) for part in (one, other))
+    return np.asarray(one.swapaxes(1, 2) @ other)
