@@ -133,7 +133,7 @@ class Search:
         """
         explanation = self.tried[i]
         tests, width = self.tests.get(explanation.key, 1.0), explanation.columns.shape[1]
-        small = self.too_small if explanation.effect.kind in THERMAL else 0.0
+        small = self.too_small if explanation.effect.kind in THERMAL and not self.anywhere else 0.0
         return float(min(1.0, tests * stats.ncx2.sf(2 * max(gain, 0.0), width, small)))
 
     def look(self) -> list[Tried]:

@@ -85,7 +85,7 @@ def diagnose(
         search = Search(pool, [kind for kind in ("step", "periodic") if kind not in exclude])
         causes, last = search.causes()
         missing = [cause for cause in causes if not cause.tried.explanation.in_model]
-        missing += lacking(model, search, missing, exclude)
+        missing = missing or lacking(model, search, missing, exclude)
         missing.sort(key=_worth_to_the_user)
         return _conclude(model, X, y, search, missing, last)
 
