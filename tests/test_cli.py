@@ -114,3 +114,8 @@ def test_bad_input_ends_with_one_sentence(case, log, capsys):
 def test_columns_without_a_log_are_refused(capsys):
     assert main(["analyze", "--reading", "x"]) == 2
     assert "no log is given" in capsys.readouterr().err
+
+
+def test_the_first_line_says_whether_to_use_the_correction(log, capsys):
+    assert analyze(log, "--out", str(log.parent / "first")) == 0
+    assert capsys.readouterr().out.startswith("Use it: better in 5 of 5 later blocks")

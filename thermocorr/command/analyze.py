@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from ..datasets import load_voltage_reference
-from ..estimators import DynamicBiasRegressor, compare_variants
+from ..estimators import DynamicBiasRegressor, compare_variants, later_errors
 from ..files import Outputs
 from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..pages import Findings
@@ -101,11 +101,17 @@ def _run(
             n_blocks=options.blocks,
             progress=None if options.quiet else progress,
         )
-    best = list(comparison.models.values())[-1]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RecordWarning)  # of parts of the record
+        later = later_errors(
+            comparison.models, X, y, n_blocks=options.blocks, progress=None if options.quiet else progress
+        )
+    kept, best = list(comparison.models.items())[-1]
+    say(f"{later.advice(kept)}\n")
     say(f"{best.reading_.n_readings} readings of {reading!r}, temperature {best.temperature!r}\n")
     for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
         say(f"Note: {note}\n")
-    say(f"{comparison}\n")
+    say(f"{comparison}\n\n{later}\n")
     say(f"Time constants of the last model: {', '.join(f'{tau:.4g} s' for tau in best.time_constants_)}\n")
     judged = _judge(best, X, y, options, say, progress)
     best = judged.model
@@ -119,6 +125,7 @@ def _run(
             diagnosis=judged.diagnosis,
             refinement=judged.refinement,
             comparison=comparison,
+            advice=later.advice(kept),
             unjudged=judged.reason,
             source=options.log or "the built-in voltage reference with a hidden effect",
             command=options.as_written,

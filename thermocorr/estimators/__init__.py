@@ -2,6 +2,7 @@
 
 from .features import DiffusiveFeatures
 from .holdout import held_out_residuals
+from .later import LaterErrors, later_errors
 from .regressor import DynamicBiasRegressor
 from .ridge import MergedRidge
 from .time_constant_search import TimeConstantSearch
@@ -10,9 +11,11 @@ from .variants import VariantComparison, compare_variants
 __all__ = [
     "DiffusiveFeatures",
     "DynamicBiasRegressor",
+    "LaterErrors",
     "MergedRidge",
     "TimeConstantSearch",
     "VariantComparison",
     "compare_variants",
     "held_out_residuals",
+    "later_errors",
 ]

@@ -27,6 +27,8 @@ class Findings:
     """Diagnosis of the first model; by default the refinement's first."""
     refinement: RefinementLike | None = None
     comparison: VariantComparison | None = None
+    advice: str = ""
+    """Whether the correction is shown to help on later data."""
     unjudged: str = ""
     """Why there is no diagnosis."""
     source: str = ""
@@ -82,7 +84,7 @@ def page(data: PageData, findings: Findings) -> str:
         chapters.quality(data, f"{next(numbers)} The data"),
         chapters.provenance(data, f"{next(numbers)} Versions", findings.command, findings.source),
     ]
-    leads: list[Any] = [data.record_sentence()]
+    leads: list[Any] = [*([findings.advice] if findings.advice else []), data.record_sentence()]
     if refinement is not None and len(refinement.steps) > 1:
         leads.append(chapters.in_short(refinement))
     return document(f"Thermal bias of {data.reading}", leads, body, charts)

@@ -1,0 +1,164 @@
+"""`later_errors`: whether a correction helps on data that came after those it was learned from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+
+from ..records import RecordError, read_record
+from ..records.numbers import numeric_reading
+from ..records.text import printable
+from .regressor import DynamicBiasRegressor
+
+BEFORE = "before correction"
+FEWEST = 3
+"""Later blocks without which nothing is said."""
+LIKE = 1.03
+"""Error over the least one, up to which a variant is as good as the best."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class LaterErrors:
+    """Errors on later blocks of time, each foretold from everything before it."""
+
+    table: pd.DataFrame
+    """Rms error, offset included, in the unit of the reading: a row for each variant, `BEFORE` first, a column for each
+    block and "all"."""
+    unit: str
+
+    @property
+    def best(self) -> str:
+        """The variant with the least error on all blocks together."""
+        return str(self.table["all"].idxmin())
+
+    @property
+    def blocks(self) -> pd.DataFrame:
+        """The blocks alone, without those that some variant could not foretell."""
+        return self.table.drop(columns="all").dropna(axis=1)
+
+    def helps(self, variant: str) -> bool | None:
+        """Whether a variant does better than its rivals without memory: together, and in most of the blocks.
+
+        None where there are too few blocks to tell.
+        """
+        if self.blocks.shape[1] < FEWEST:
+            return None
+        rival = self._rival()
+        return self._all[variant] < self._all[rival] and self._wins(variant) > 0.5
+
+    def advice(self, variant: str) -> str:
+        """A sentence on a dynamic variant: use it, or not."""
+        helps, blocks, rival = self.helps(variant), self.blocks, self._rival()
+        if helps is None:
+            return "Whether a correction helps on later data cannot be told: the record is too short."
+        error = f"{self._figure(variant)} rms ({blocks.loc[variant].min():.2g} to {blocks.loc[variant].max():.2g})"
+        other = f"{self._figure(rival)} {'uncorrected' if rival == BEFORE else 'static'}"
+        count = f"{round(self._wins(variant) * blocks.shape[1])} of {blocks.shape[1]}"
+        said = f"better in {count} later blocks, each foretold from everything before it, the {variant} correction"
+        if helps:
+            said = f"Use it: {said} leaves {error} instead of {other}."
+            if self._all[variant] > LIKE * self._all[self.best]:
+                said += f" The {self.best} one does better there: {self._figure(self.best)}."
+            return said
+        return f"Not shown to help: {said} leaves {error} against {other}."
+
+    @property
+    def _all(self) -> dict[str, float]:
+        """Error on all blocks together."""
+        return {str(name): float(error) for name, error in zip(self.table.index, self.table["all"], strict=True)}
+
+    def _rival(self) -> str:
+        """The best of what has no memory."""
+        return str(self.table.loc[[not name.startswith("dynamic") for name in self.table.index], "all"].idxmin())
+
+    def _wins(self, variant: str) -> float:
+        return float((self.blocks.loc[variant] < self.blocks.loc[self._rival()]).mean())
+
+    def _figure(self, variant: str) -> str:
+        return printable(f"{self._all[variant]:.3g} {self.unit}".strip())
+
+    def __str__(self) -> str:
+        shown = self.table.rename(index={self.best: f"{self.best} *"})
+        head = "Error on later blocks of time, offset included"
+        text = shown.to_string(float_format=lambda value: f"{value:.3g}", na_rep="-")
+        return f"{head}{f' [{printable(self.unit)}]' if self.unit else ''}; * is the least:\n{text}"
+
+    __repr__ = __str__
+
+
+def later_errors(
+    variants: Mapping[str, DynamicBiasRegressor],
+    X: Any,
+    y: Any,
+    *,
+    n_blocks: int = 5,
+    progress: Callable[[str], None] | None = None,
+) -> LaterErrors:
+    """Foretell the later half of a record, block by block, from all readings before each block.
+
+    Parameters
+    ----------
+    variants : mapping of str to DynamicBiasRegressor
+        Fitted, such as `VariantComparison.models`; cloned for each block. Names that begin with "dynamic" have a
+        memory, the others are their rivals.
+    X, y : as for `DynamicBiasRegressor.fit`
+    n_blocks : int, default 5
+        Blocks of equal numbers of rows, in the order of time.
+    progress : callable, optional
+        Called with a line of text before each fit.
+
+    Returns
+    -------
+    LaterErrors
+
+    Examples
+    --------
+    >>> from thermocorr import DynamicBiasRegressor
+    >>> from thermocorr.datasets import make_record
+    >>> from thermocorr.estimators import later_errors
+    >>> record = make_record(4000, seed=1)
+    >>> X, y = record[["temperature"]], record["reading"]
+    >>> variants = {"static": DynamicBiasRegressor("temperature", ()).fit(X, y),
+    ...             "dynamic": DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y)}
+    >>> later = later_errors(variants, X, y)
+    >>> later.best, later.helps("dynamic")
+    ('dynamic', True)
+    """
+    reading = np.array(numeric_reading(y, X), float)
+    record = read_record(X, next(iter(variants.values())).features_.layout(), y=reading, quiet=True)
+    rows = np.arange(len(reading))[record.rows(0, record.n_used)]
+    edges = np.linspace(len(rows) // 2, len(rows), n_blocks + 1).astype(int)
+    missed: dict[str, list[np.ndarray]] = {name: [] for name in (BEFORE, *variants)}
+    for number, (low, high) in enumerate(pairwise(edges.tolist()), 1):
+        known, block = np.full(len(reading), np.nan), rows[low:high]
+        known[rows[:low]] = reading[rows[:low]]
+        missed[BEFORE].append(reading[block] - (np.nanmean(known) if np.isfinite(known).any() else np.nan))
+        for name, variant in variants.items():
+            if progress is not None:
+                progress(f"later block {number} of {n_blocks}: {name}")
+            missed[name].append(_missed(variant, X, known, reading, block))
+    table = {name: [_rms(part) for part in (*parts, np.concatenate(parts))] for name, parts in missed.items()}
+    columns = [*range(1, n_blocks + 1), "all"]
+    unit = next(iter(variants.values())).reading_.unit
+    return LaterErrors(table=pd.DataFrame.from_dict(table, orient="index", columns=columns), unit=unit)
+
+
+def _missed(
+    variant: DynamicBiasRegressor, X: Any, known: np.ndarray, reading: np.ndarray, block: np.ndarray
+) -> np.ndarray:
+    """What a model of the known readings misses in a block; NaN where these are too few."""
+    try:
+        return np.asarray(reading[block] - clone(variant).fit(X, known).predict(X)[block])
+    except RecordError:
+        return np.full(len(block), np.nan)
+
+
+def _rms(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else np.nan
