@@ -277,3 +277,25 @@ def test_kinds_that_are_left_out_are_looked_for_nowhere():
     model = DynamicBiasRegressor("temperature").fit(X, y)
     found = diagnose(model, X, y, exclude=["step", "periodic"])
     assert not {"step", "periodic"} & {suspect.effect.kind for suspect in found.suspects}
+
+
+def test_an_explanation_that_one_stretch_decides_scatters():
+    rng = np.random.default_rng(21)
+    n = 6000
+    column, noise = rng.standard_normal(n), rng.standard_normal(n)
+    wrong = np.where(np.arange(n) // 300 == 7, 3.0 * column, 0.0)  # it acts in one stretch alone
+    for reading, low, high in ((noise + 0.3 * column, 0.3, 2.3), (noise + wrong, 4.0, 400.0)):
+        judged = Comparison(reading, np.ones((n, 1)), np.zeros(n))
+        judged.add([column[:, None]])
+        fit = judged.refit([0])[0]
+        assert fit.level - judged.base.level > 40
+        assert low < judged.scatter(0, fit.theta) < high
+
+
+def test_a_column_that_matters_in_one_stretch_alone_is_not_proven():
+    record = make_record(6000, seed=12)
+    X, y = record.drop(columns="reading"), record["reading"]
+    stretch = np.arange(6000) // 300 == 9
+    y = y + np.where(stretch, 2.0 * (X["supply"] - X["supply"][stretch].mean()) / X["supply"].std() * 0.2, 0.0)
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert not [cause for cause in found.causes if cause.standing == "proven" and "supply" in cause.effect.inputs()]

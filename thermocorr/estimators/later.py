@@ -71,14 +71,14 @@ class LaterErrors:
     @property
     def _all(self) -> dict[str, float]:
         """Error on all blocks together."""
-        return {str(name): float(error) for name, error in zip(self.table.index, self.table["all"], strict=True)}
+        return dict(zip(map(str, self.table.index), self.table["all"].to_numpy(float).tolist(), strict=True))
 
     def _rival(self) -> str:
         """The best of what has no memory."""
         return str(self.table.loc[[not name.startswith("dynamic") for name in self.table.index], "all"].idxmin())
 
     def _wins(self, variant: str) -> float:
-        return float((self.blocks.loc[variant] < self.blocks.loc[self._rival()]).mean())
+        return float(np.mean(self.blocks.loc[variant] < self.blocks.loc[self._rival()]))
 
     def _figure(self, variant: str) -> str:
         return printable(f"{self._all[variant]:.3g} {self.unit}".strip())

@@ -28,6 +28,7 @@ from .levels import (
     LOOKS,
     MOST,
     MOST_STEPS,
+    SCATTER,
     SHARES,
     SIZEABLE,
     THERMAL,
@@ -35,12 +36,12 @@ from .levels import (
     USUAL,
     WITHIN,
 )
-from .likelihood import Comparison
+from .likelihood import Comparison, Fit
 from .pool import Explanation, Key, Pool
 from .worth import HeldOut, Worth
 
 STEP: Key = ("step", None)
-"""Of steps, which come in numbers."""
+"""Kind and column of steps, which come in numbers."""
 
 
 class Search:
@@ -216,7 +217,7 @@ class Search:
 
     def _weighed(self, which: Sequence[int], worths: dict[int, Worth]) -> list[Tried]:
         fits = self.judged.refit(which)
-        gains = [fit.level - self.judged.base.level for fit in fits]
+        gains = [self._even(i, fit) for i, fit in zip(which, fits, strict=True)]
         return [
             Tried(
                 explanation=self.tried[i],
@@ -227,6 +228,13 @@ class Search:
             )
             for i, gain in zip(which, gains, strict=True)
         ]
+
+    def _even(self, i: int, fit: Fit) -> float:
+        """Log likelihood that an explanation gains, less where a few stretches of time decide it."""
+        gain = fit.level - self.judged.base.level
+        if gain <= self.price(i) or self.tried[i].effect.of_time_alone:  # what lies in one stretch is decided there
+            return gain
+        return gain / max(1.0, self.judged.scatter(i, fit.theta) / SCATTER)
 
     def _tuned(self, found: Sequence[Tried], shares: Sequence[float] = SHARES) -> list[Tried]:
         """The best few kinds with their parameters moved to where they explain most.

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import lapack, solve_triangular
 
 from ..equations.noise import Bands, fitted_parts, whittle
-from .levels import ALIVE, QUIET, TURNS
+from .levels import ALIVE, PIECES, QUIET, TURNS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,6 +241,25 @@ class Comparison:
         made = own @ np.linalg.lstsq(own, reading, rcond=1e-8)[0]
         again = rival @ np.linalg.lstsq(rival, made, rcond=1e-8)[0]
         return float(np.sum(again**2) / max(float(np.sum(made**2)), 1e-300))
+
+    def scatter(self, i: int, theta: np.ndarray) -> float:
+        """Variance of the sums that an explanation's coefficient is made of, over what noise that is as it seems gives.
+
+        The sums are those over pieces of time (White, Econometrica 48, 1980; Liang & Zeger, Biometrika 73, 1986): more
+        than 1 where a few stretches, in which the noise is larger or the model wrong, decide.
+        """
+        found = self.explanations[i]
+        assert found is not None
+        coef, p = self._solved(i, theta)[0], self.Q.shape[1]
+        root = 1 / np.sqrt(self.bands.each_row(self.S(theta)))
+        made = found.rows @ coef[p:]
+        left = self.z - self.Q @ coef[:p] - made
+        half = self._half(theta)
+        inner = solve_triangular(half, self.Q.T @ (root**2 * made), lower=True)
+        made -= self.Q @ solve_triangular(half, inner, lower=True, trans=1)
+        beside, left = self.bands.back(np.column_stack((root * made, root * left))).T
+        sums = np.add.reduceat(beside * left, np.linspace(0, self.n, PIECES + 1).astype(int)[:-1])
+        return float(np.sum(sums**2) / max(float(np.sum(beside**2)), 1e-300))
 
     def unexplained(self, i: int | None = None) -> float:
         """Mean square that the base, with an explanation, leaves in plain least squares, in units of the start's."""

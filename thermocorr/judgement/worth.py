@@ -98,7 +98,7 @@ class Products(NamedTuple):
     reading: np.ndarray
     """With the readings."""
     squares: np.ndarray
-    """Of the readings, if the columns are the base; else of the columns of each explanation."""
+    """Squares of the readings, if the columns are the base; else products of the columns of each explanation."""
 
     def over(self, pieces: Sequence[int]) -> Products:
         """Sums over some pieces."""
@@ -121,13 +121,13 @@ class Fold:
         normed = centred[1:, 1:] * self.scale[:, None] * self.scale + RIDGE * np.eye(len(A) - 1)
         self.half = np.linalg.cholesky(normed)
         self.coef = self._coefficients(self.learned.reading)
-        """Of the base, shape (p, records)."""
+        """Coefficients of the base, shape (p, records)."""
         self.missed = self.tested.reading - self.tested.base @ self.coef
         """Moments of the base with what it misses of the tested readings."""
         self.error = self.tested.squares - np.sum(self.coef * (self.tested.reading + self.missed), axis=0)
 
     def _coefficients(self, moments: np.ndarray) -> np.ndarray:
-        """Of the base, for columns with these learned moments, shape (p, columns)."""
+        """Coefficients of the base for columns with these learned moments, shape (p, columns)."""
         centred = moments[1:] - np.outer(self.constant[1:], moments[0])
         inner = self.scale[:, None] * cho_solve((self.half, True), self.scale[:, None] * centred)
         return np.vstack(((moments[0] - self.learned.base[0, 1:] @ inner) / self.learned.base[0, 0], inner))
