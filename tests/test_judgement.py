@@ -112,6 +112,19 @@ def test_the_strongest_wave_has_its_period():
     assert best_period(judged, judged.only_white(), np.arange(n), 50.0) < 50.0
 
 
+@pytest.mark.parametrize(("exponent", "low", "first"), [(1, 0.95, 0), (2, 0.85, 8)])
+@pytest.mark.parametrize("n", [2500, 25_000])
+def test_sums_of_parts_hold_flicker_noise_and_random_walks(n, exponent, low, first):
+    bands = Bands(np.zeros(n))
+    angle = np.add.reduceat(bands.angle[bands.order], bands.starts) / bands.sizes
+    sizes, wanted = bands.sizes[1:].astype(float), 1 / (2 * np.sin(angle[1:] / 2)) ** exponent
+    theta = np.full((bands.parts.shape[1], 1), wanted.mean())
+    for _ in range(60):
+        theta = fitted_parts(bands.parts[1:], sizes, (wanted * sizes)[:, None], theta)
+    ratio = (bands.parts[1:] @ theta)[:, 0] / wanted
+    assert low < ratio[first:].min() and ratio.max() < 1.06 and ratio.min() > 0.28
+
+
 def test_a_wave_under_wandering_noise_is_found_across_a_pause_where_it_gains_most():
     n, rng = 4000, np.random.default_rng(15)
     place = np.arange(n) + 777 * (np.arange(n) >= 1500)

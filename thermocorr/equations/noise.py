@@ -6,7 +6,8 @@ correlation goes to one, ends and all (Ahmed, Natarajan & Rao, IEEE Trans. Compu
 least squares there, and its likelihood is Whittle's. The variances of the parts follow from the multiplicative updates
 of the Itakura-Saito divergence (Fevotte, Bertin & Durrieu, Neural Comput. 21, 2009), which keep them positive.
 
-Sums of such parts, a factor of three apart, hold flicker noise and a random walk to within a few per cent of power.
+Sums of such parts, a factor of three apart, hold flicker noise to within 5 % of power at all frequencies, and a random
+walk to 15 % but for its first eight rows, where it falls to a third (2500 and 25 000 rows; see the tests).
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ PIECES = 20
 """Pieces of equal numbers of rows that the record is cut into."""
 RIDGE = 1e-6
 """Penalty in the forecasts, for columns of unit variance. At 1e-3 the lags of the base are bent so far on simulated
-devices that a true drift makes forecasts worse; on measured records any from 1e-6 to 1e-3 gives the same order."""
+devices that a true drift makes forecasts worse; on measured records any from 1e-6 to 1e-3 gives much the same."""
 GAIN = 1.0
 """Fall of the squared error [dB], on later stretches and on held-out blocks alike, that counts as help: a tenth of the
 error is what a user notices."""
