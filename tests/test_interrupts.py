@@ -19,7 +19,7 @@ import thermocorr
 import thermocorr.command.correct as correcting
 from thermocorr.__main__ import start
 from thermocorr.command import cli
-from thermocorr.command.lines import FileLines
+from thermocorr.command.lines import FileLines, open_lines
 from thermocorr.command.results import Drafted
 from thermocorr.command.stopping import StopSignal, Terminated
 from thermocorr.files import OutputError, Outputs
@@ -257,6 +257,20 @@ def test_what_a_killed_process_kept_is_removed_when_it_is_old(tmp_path, monkeypa
     monkeypatch.setattr("thermocorr.files.drafts._OLD", 0.0)
     Draft(tmp_path / "a.txt").close()
     assert not kept.exists() and foreign.exists()
+
+
+@unix
+def test_a_signal_before_the_first_line_is_no_empty_log(lab, monkeypatch, capsys):
+    def at_once(*given):
+        os.kill(os.getpid(), signal.SIGTERM)
+        return open_lines(*given)
+
+    monkeypatch.setattr(correcting, "open_lines", at_once)
+    reading, writing = os.pipe()
+    assert cli.main(["correct", "--model", str(lab[0]), f"/dev/fd/{reading}"]) == 143
+    assert capsys.readouterr().err == "thermocorr: stopped before the first line; nothing was written\n"
+    os.close(reading)
+    os.close(writing)
 
 
 @unix

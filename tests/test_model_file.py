@@ -108,6 +108,14 @@ def test_a_long_record_is_thinned_and_repeated_and_followed_exactly(tmp_path):
     same(model, whole, X[1234:1300], y[1234:1300])
 
 
+def test_a_washout_below_a_second_comes_back(tmp_path):
+    X = log(200, seed=3)
+    model = DynamicBiasRegressor(time_constants=[300.0], washout=0.5).fit(X, readings(X))
+    again = there_and_back(model, tmp_path)
+    same(model, again, X, readings(X))
+    assert again.washout_ == 0.5
+
+
 def test_a_loaded_model_learns_anew(tmp_path):
     X = log(800, seed=3)
     y = readings(X)
