@@ -104,7 +104,7 @@ def changed(node: ast.AST, rng: random.Random) -> ast.AST:
 def other_value(value: object, rng: random.Random) -> object:
     """Another constant of the same kind."""
     if value is None:
-        return 0
+        return False  # Python warns of a number after `is`
     if isinstance(value, bool):
         return not value
     if value == 0.0 and isinstance(value, float):
