@@ -124,8 +124,8 @@ def killer(copy: Path, touched: Touched, first: list[str], skipped: list[str], r
     return None if status in (0, pytest.ExitCode.NO_TESTS_COLLECTED) else last
 
 
-def judged(mutant: Mutant, touched: Touched, copies: Queue[Path], near: bool) -> str | None:
-    """The test that kills the mutant: a quick one that touches its line, or one of all the others; None if it lives."""
+def judged(mutant: Mutant, touched: Touched, copies: Queue[Path], near: bool) -> tuple[bool, str]:
+    """Whether the mutant lives through the quick tests that touch its line, or through all others; what is said."""
     copy = copies.get()
     target = copy / mutant.path
     before = target.read_text()
@@ -134,9 +134,11 @@ def judged(mutant: Mutant, touched: Touched, copies: Queue[Path], near: bool) ->
     quick = touched.within(touching, NEAR)
     try:
         target.write_text(mutant.source)
-        if near:
-            return killer(copy, touched, quick, [], False) if quick else None
-        return killer(copy, touched, touching, quick, True)  # as far as they have not run
+        if not near:
+            found = killer(copy, touched, touching, quick, True)
+            return found is None, found or "survives"
+        found = killer(copy, touched, quick, [], False) if quick else None
+        return found is None, found or f"lives through {len(quick)} of {len(touching)} tests that touch it"
     finally:
         target.write_text(before)
         copies.put(copy)
@@ -182,14 +184,13 @@ def main() -> None:
         for near in (True, False)[: 1 if options.near else 2]:
             alive = []
 
-            def outcome(mutant: Mutant, near: bool = near) -> str | None:
-                return judged(mutant, touched, copies, near) if time.monotonic() < end else LATE
+            def outcome(mutant: Mutant, near: bool = near) -> tuple[bool, str]:
+                return judged(mutant, touched, copies, near) if time.monotonic() < end else (not near, LATE)
 
             with ThreadPoolExecutor(options.jobs) as pool:
-                for mutant, found in zip(left, pool.map(outcome, left), strict=True):
-                    tried += near and found != LATE
-                    alive += [mutant] * (found is None or (found == LATE and not near))
-                    said = found or ("lives so far" if near else "SURVIVES")
+                for mutant, (lives, said) in zip(left, pool.map(outcome, left), strict=True):
+                    tried += near and said != LATE
+                    alive += [mutant] * lives
                     print(f"{said}: {mutant.path}:{mutant.line}: {mutant.what}", flush=True)
             left = alive
     print(f"{tried} mutants, {len(left)} live, {1 - len(left) / max(tried, 1):.1%} killed")

@@ -57,7 +57,7 @@ def test_record_too_long_to_keep_is_repeated_and_followed_all_the_same(kind, mon
 
 
 def test_a_row_that_the_fitted_record_lacks_makes_another_record():
-    """It follows on the fitted rows, like any other one without times; a thermometer that stands still hides the row."""
+    """It follows on the fitted rows, as others without times do; a thermometer that stands still hides the row."""
     X, layout = log("15 s")
     X.iloc[890:910] = X.iloc[890]
     fitted, again = X[:2000].copy(), X[600:900]

@@ -70,6 +70,15 @@ def test_cuts_and_restarts_change_nothing(default, cuts, seed):
         np.testing.assert_allclose(got[column], whole[column], rtol=0, atol=5e-14)
 
 
+def test_a_state_from_before_the_first_sample_begins_afresh(default):
+    """In 1960 too, which is before the zero of dates."""
+    model, X, y = default
+    early = X.index - pd.Timedelta("30000 days")
+    for part, values in ((X[900:910], y[900:910]), (X[:10].set_axis(early[:10]), y[:10].set_axis(early[:10]))):
+        again = OnlineCorrector.from_state(model, json.loads(json.dumps(OnlineCorrector(model).state())))
+        assert str(one_by_one(again, part, values)) == str(one_by_one(OnlineCorrector(model), part, values))
+
+
 # --------------------------------------------------------------------------------------------------------------- flags
 
 

@@ -51,18 +51,9 @@ def places(tree: ast.Module) -> list[ast.AST]:
                     id(inner) for inner in ast.walk(part) if inner is not node or isinstance(node, ast.JoinedStr)
                 )
     kinds = (
-        ast.Compare,
-        ast.BinOp,
-        ast.BoolOp,
-        ast.UnaryOp,
-        ast.Constant,
-        ast.If,
-        ast.Raise,
-        ast.Return,
-        ast.Expr,
-        ast.Assign,
-        ast.AugAssign,
-    )
+        ast.Compare, ast.BinOp, ast.BoolOp, ast.UnaryOp, ast.Constant, ast.If, ast.Raise, ast.Return, ast.Expr,
+        ast.Assign, ast.AugAssign,
+    )  # fmt: skip
     return [node for node in ast.walk(tree) if isinstance(node, kinds) and id(node) not in skipped and changeable(node)]
 
 
