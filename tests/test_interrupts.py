@@ -21,7 +21,7 @@ from thermocorr.__main__ import start
 from thermocorr.command import cli
 from thermocorr.command.lines import FileLines, open_lines
 from thermocorr.command.results import Drafted
-from thermocorr.command.stopping import StopSignal, Terminated
+from thermocorr.command.stopping import Endings, StopSignal, Terminated
 from thermocorr.files import OutputError, Outputs
 from thermocorr.files.drafts import Draft
 from thermocorr.files.marks import TEXT_MARK
@@ -119,6 +119,20 @@ def test_a_signal_in_a_destructor_ends_the_command_all_the_same(number, status, 
     assert cli.main(["correct", "--model", str(lab[0])]) == status
     assert capsys.readouterr().err == "thermocorr: stopped\n"
     assert (sys.unraisablehook, signal.getsignal(signal.SIGTERM)) == (hook, handler)
+
+
+@unix
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_a_destructor_does_not_come_again_when_the_command_has_ended(number, monkeypatch):
+    monkeypatch.setattr("thermocorr.command.stopping.AGAIN", 0.2)
+    with Endings():
+        one = Last(number)
+        del one
+    came = []
+    before = signal.signal(number, lambda *given: came.append(given[0]))
+    time.sleep(0.4)
+    signal.signal(number, before)
+    assert came == []
 
 
 @unix
