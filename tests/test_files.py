@@ -168,6 +168,13 @@ def test_everything_is_brought_to_the_disk_before_it_takes_its_place(old, monkey
     assert done == ["file", "rename", "folder"]
 
 
+@pytest.mark.skipif(not os.path.isdir("/dev/fd"), reason="no names for descriptors here")
+def test_nothing_stays_open(old):
+    before = len(os.listdir("/dev/fd"))
+    write_file(old, "new")
+    assert len(os.listdir("/dev/fd")) == before
+
+
 def test_drafts_of_killed_processes_are_removed_and_living_ones_stay(tmp_path):
     target = tmp_path / "f.txt"
     dead = draft_name(target)

@@ -93,6 +93,23 @@ def test_an_interrupt_while_a_draft_is_made_leaves_none(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@unix
+@pytest.mark.parametrize("swept", [False, True])
+def test_a_draft_that_cannot_resemble_its_target_leaves_nothing(swept, tmp_path, monkeypatch):
+    """Another process may have swept it away in the meantime."""
+
+    def interrupted(descriptor, target):
+        for path in tmp_path.iterdir() if swept else ():
+            path.unlink()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("thermocorr.files.drafts._resemble", interrupted)
+    before = len(os.listdir("/dev/fd"))
+    with pytest.raises(KeyboardInterrupt):
+        Draft(tmp_path / "a.txt")
+    assert list(tmp_path.iterdir()) == [] and len(os.listdir("/dev/fd")) == before
+
+
 class Last:
     """Sends a signal where no exception can be raised: while it is destroyed."""
 
@@ -180,6 +197,23 @@ def test_a_signal_at_the_last_moment_says_that_all_is_written(lab, tmp_path, mon
     assert cli.main(["correct", "--model", str(lab[0]), str(tmp_path / "log.csv"), "--out", str(out)]) == 143
     assert capsys.readouterr().err == f"thermocorr: stopped after row 100, {out} is written\n"
     assert len(rows_of(out)) == 100
+
+
+@unix
+def test_a_stopped_command_leaves_no_draft(lab, tmp_path, monkeypatch):
+    """The results' draft goes when the command does, not when the process does."""
+    (tmp_path / "log.csv").write_text("".join(lab[1][:11]))
+    write, kept = Drafted.write, []
+
+    def stopped(results, rows):
+        kept.append(results)
+        os.kill(os.getpid(), signal.SIGTERM)
+        return write(results, rows)
+
+    monkeypatch.setattr(Drafted, "write", stopped)
+    command = ["correct", "--model", str(lab[0]), str(tmp_path / "log.csv"), "--out", str(tmp_path / "o.csv")]
+    assert cli.main(command) == 143
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
 
 
 # ------------------------------------------------------------------------------------------------- lines being written
