@@ -6,6 +6,7 @@ import itertools
 import json
 import math
 import time
+from datetime import date
 
 import numpy as np
 import pandas as pd
@@ -224,7 +225,7 @@ def test_bad_settings_are_named(default, bad):
 def test_bad_calls_say_what_is_wrong(default):
     model, X, y = default
     live = OnlineCorrector(model)
-    for bad in (None, 5.0, "soon", pd.NaT, "2024-01-01T00:00:00+01:00", [1]):
+    for bad in (None, 5.0, 2024, date(2024, 1, 1), "soon", pd.NaT, "2024-01-01T00:00:00+01:00", [1]):
         with pytest.raises(RecordError, match="must be a date without a time zone"):
             live.update(bad, 23.0, 1.0)
     with pytest.raises((TypeError, ValueError)):
