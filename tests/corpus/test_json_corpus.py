@@ -185,6 +185,13 @@ def test_a_forged_state_is_refused(name, model_path):
         OnlineCorrector.from_state(model, state)
 
 
+def test_a_forged_state_of_an_average_over_no_samples_is_refused(model_path):
+    """Before the first sample too, when it has no values."""
+    model = load_model(model_path)
+    with pytest.raises(ModelFileError, match=r"cannot go on .*\$\.average holds 0"):
+        OnlineCorrector.from_state(model, {**OnlineCorrector(model).state(), "average": 0})
+
+
 def test_a_state_that_was_saved_is_a_state_that_goes_on(correct, tmp_path):
     """The largest temperature that is one makes large averages."""
     rows = [list(row) for row in CLEAN]
