@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sys
 import warnings
@@ -324,6 +325,9 @@ def test_provenance_knows_the_record(tmp_path):
         save_model(model, tmp_path / "m.json", data=(X[:400], y[:400]))
     kept = there_and_back(model, tmp_path).provenance_
     assert kept["data"]["sha256_of"].endswith("the model keeps") and kept["versions"]["numpy"] == np.__version__
+    numbers = [X.index.as_unit("ns").asi8.astype("<i8"), X["temperature"].astype("<f8"), X["humidity"].astype("<f8")]
+    content = b"".join(np.asarray(values).tobytes() for values in numbers)
+    assert kept["data"]["sha256"] == hashlib.sha256(content).hexdigest()
 
 
 def test_a_draft_of_version_0_is_brought_up_to_date(tmp_path):

@@ -86,7 +86,9 @@ class Watch:
 
         self._copy, self._folder, self._name = copy, folder, ""
         settings = folder / "settings"
-        settings.write_text(f"[run]\nsource = {copy / PACKAGE}\nparallel = true\ndata_file = {folder / 'child'}\n")
+        settings.write_text(
+            f"[run]\nsource = {copy / PACKAGE}\nparallel = true\npatch = _exit\ndata_file = {folder / 'child'}\n"
+        )
         os.environ["COVERAGE_PROCESS_START"] = str(settings)
         self._coverage = coverage.Coverage(data_file=None, source=[str(copy / PACKAGE)], config_file=False)
         self._coverage.start()
