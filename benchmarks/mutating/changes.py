@@ -28,33 +28,33 @@ class Mutant:
     source: str
 
 
-def places(tree: ast.Module) -> list[ast.AST]:
-    """Nodes that can be changed: no annotations, docstrings, messages of errors."""
+def places(tree: ast.Module, source: str) -> list[ast.AST]:
+    """Nodes that can be changed, where a test could notice."""
+    elsewhere = {k for k, row in enumerate(source.splitlines(), 1) if "pragma: no cover" in row}  # on other systems
     skipped: set[int] = set()
     for node in ast.walk(tree):
-        hidden: list[ast.AST | None] = []
-        if isinstance(node, ast.FunctionDef):
-            hidden += [
-                node.returns,
-                *node.decorator_list,
-                *(a.annotation for a in ast.walk(node.args) if isinstance(a, ast.arg)),
-            ]
-        if isinstance(node, ast.AnnAssign):
-            hidden.append(node.annotation)
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            hidden.append(node)
-        if isinstance(node, ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom):
-            hidden.append(node)
-        for part in hidden:
-            if part is not None:
-                skipped.update(
-                    id(inner) for inner in ast.walk(part) if inner is not node or isinstance(node, ast.JoinedStr)
-                )
+        parts = [node] if getattr(node, "lineno", 0) in elsewhere else hidden(node)
+        skipped.update(id(inner) for part in parts if part is not None for inner in ast.walk(part))
     kinds = (
         ast.Compare, ast.BinOp, ast.BoolOp, ast.UnaryOp, ast.Constant, ast.If, ast.Raise, ast.Return, ast.Expr,
         ast.Assign, ast.AugAssign,
     )  # fmt: skip
     return [node for node in ast.walk(tree) if isinstance(node, kinds) and id(node) not in skipped and changeable(node)]
+
+
+def hidden(node: ast.AST) -> list[ast.AST | None]:
+    """Parts that tests need not see: types and assertions about them, decorators, imports, words of messages."""
+    if isinstance(node, ast.FunctionDef):
+        arguments = [part.annotation for part in ast.walk(node.args) if isinstance(part, ast.arg)]
+        return [node.returns, *node.decorator_list, *arguments]
+    if isinstance(node, ast.ClassDef):
+        return [*node.decorator_list]
+    if isinstance(node, ast.AnnAssign):
+        return [node.annotation]
+    if isinstance(node, ast.Raise):
+        return [*ast.iter_child_nodes(node)]
+    for_checkers = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+    return [node] if for_checkers or isinstance(node, ast.Assert | ast.JoinedStr | ast.Import | ast.ImportFrom) else []
 
 
 def changeable(node: ast.AST) -> bool:
@@ -136,13 +136,15 @@ def draw(count: int, rng: random.Random, root: Path, rooms: list[str]) -> list[M
     files = sorted(
         p for room in rooms for p in ([root / room] if room.endswith(".py") else (root / room).rglob("*.py"))
     )
-    everywhere = [(path, k) for path in files for k in range(len(places(ast.parse(path.read_text()))))]
+    texts = {path: path.read_text() for path in files}
+    everywhere = [(path, k) for path, text in texts.items() for k in range(len(places(ast.parse(text), text)))]
     mutants = []
     for path, k in rng.sample(everywhere, min(count, len(everywhere))):
-        tree = ast.parse(path.read_text())
-        old = places(tree)[k]
+        text = texts[path]
+        tree = ast.parse(text)
+        old = places(tree, text)[k]
         new = changed(old, rng)
         before, after = (ast.unparse(ast.fix_missing_locations(node)).splitlines()[0][:70] for node in (old, new))
-        source, lines = spliced(path.read_text(), old, new), touching(tree, old.lineno)
+        source, lines = spliced(text, old, new), touching(tree, old.lineno)
         mutants.append(Mutant(str(path.relative_to(root)), old.lineno, lines, f"{before}  ->  {after}", source))
     return mutants
