@@ -5,7 +5,7 @@ tests that touch its line run first, quickest first. Mutants that these let live
 suite, after all others have been tried; examples are drawn alike each time. Each mutant is listed with its line and the
 test that killed it. Survivors are to be judged: some change nothing (a tolerance, a speed).
 
-Which tests touch which line is measured by one run of the suite under coverage.py (`pip install 'coverage>=7.10'`), and
+Which tests touch which line is measured by one run of the suite under coverage.py (`pip install 'coverage>=7.14'`), and
 kept with `--map` for later calls with the same code and tests.
 
     python benchmarks/mutants.py --mutants 200 --seed 0 --jobs 2 --map map.json
@@ -148,7 +148,7 @@ def map_of(copy: Path, path: Path) -> Touched:
     """The map that is kept at the path; made if there is none."""
     if not path.exists():
         if find_spec("coverage") is None:
-            raise SystemExit("which tests touch which line is measured by coverage.py: pip install 'coverage>=7.10'")
+            raise SystemExit("which tests touch which line is measured by coverage.py: pip install 'coverage>=7.14'")
         process = FORKS.Process(target=run_map, args=(copy, path))
         process.start()
         process.join()
