@@ -137,14 +137,15 @@ class Watch:
         from coverage.exceptions import CoverageException
 
         for path in self._folder.glob("child.*"):
+            data = CoverageData(str(path))
             try:
-                data = CoverageData(str(path))
                 data.read()
                 for file in data.measured_files():
                     self._note(file, name, data.lines(file) or [])
-                data.close()
             except CoverageException:
                 continue  # being written, or killed while it was
+            finally:
+                data.close()
             path.unlink(missing_ok=True)
 
     def _note(self, file: str, name: str, lines: list[int]) -> None:
