@@ -1,28 +1,38 @@
 """How much of the code the tests hold: small random changes, and whether the suite notices.
 
 Each mutant changes one operator, constant, condition or statement of the named rooms in a copy of the checkout. The
-nearest tests run first; a mutant that these let live has to live through the whole suite, examples drawn alike each
-time. Survivors are listed with their line, to be judged: some change nothing (a tolerance, a speed).
+tests that touch its line run first, quickest first. Mutants that these let live have to live through the rest of the
+suite, after all others have been tried; examples are drawn alike each time. Each mutant is listed with its line and the
+test that killed it. Survivors are to be judged: some change nothing (a tolerance, a speed).
 
-    python benchmarks/mutants.py --mutants 200 --seed 0 --jobs 2
+Which tests touch which line is measured by one run of the suite under coverage.py (`pip install 'coverage>=7.14'`), and
+kept with `--map` for later calls with the same code and tests.
+
+    python benchmarks/mutants.py --mutants 200 --seed 0 --jobs 2 --map map.json
     python benchmarks/mutants.py --mutants 200 --seed 0 --near     # quicker; a survivor may not live through them all
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
+import contextlib
 import multiprocessing
 import os
 import random
 import shutil
+import signal
 import sys
 import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from importlib.util import find_spec
+from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import Queue
+
+import pytest
+from mutating.changes import Mutant, draw
+from mutating.touched import SUITE, Touched, Watch
 
 ROOT = Path(__file__).parents[1]
 ROOMS = (
@@ -31,181 +41,44 @@ ROOMS = (
     "thermocorr/command/correct.py", "thermocorr/command/log_rows.py", "thermocorr/command/results.py",
     "thermocorr/command/lines.py", "thermocorr/command/stopping.py",
 )  # fmt: skip
-NEAR = {
-    "records/": ("test_records", "test_bad_input", "test_tables", "test_fuzz_corpus", "test_parquet", "corpus"),
-    "records/h": ("test_later_rows", "test_online", "test_model_file", "test_live_cases"),
-    "records/re": ("test_records", "test_later_rows", "test_bad_input", "test_online", "test_samples"),
-    "records/p": ("test_parquet", "corpus/test_parquet_corpus", "test_tables"),
-    "records/l": ("corpus", "test_records", "test_parquet"),
-    "files/": ("test_files", "test_interrupts", "test_crash"),
-    "files/codec": ("corpus/test_json_corpus", "test_hostile_model_files", "test_model_file"),
-    "files/effect_nodes": ("corpus/test_json_corpus", "test_hostile_model_files", "test_model_file"),
-    "files/model": ("corpus/test_json_corpus", "test_hostile_model_files", "test_model_file"),
-    "live/": ("test_online", "test_online_kinds", "test_averages", "test_live_cases", "corpus/test_json_corpus"),
-    "command/": ("test_correct", "test_resuming", "test_interrupts", "test_fuzz_corpus", "test_cli"),
-}
-"""Beginning of a path -> test files that know the room best; the longest beginning counts."""
-NEXT = (
-    "test_records", "test_later_rows", "test_bad_input", "test_tables", "test_files", "test_parquet", "test_averages",
-    "test_online", "test_online_kinds", "test_interrupts", "test_resuming", "test_model_file",
-    "test_hostile_model_files", "corpus", "test_fuzz_corpus", "test_correct", "test_absurd_fits", "test_ecosystem",
-    "test_cli", "test_live_cases", "test_small_doors", "test_crash",
-)  # fmt: skip
-"""Test files that run then."""
-ALL = ["--ignore=tests/test_notebooks.py"]
-LONGEST = 900.0
-"""Tests that take longer hang [s]."""
+NEAR = 75.0
+"""Tests that touch the line run as long as this before all others do [s]."""
+LONGEST = 60.0
+"""A test hangs that takes so much longer than ten times its time without a mutant; so does what loads the tests [s]."""
+LATE = "not tried"
+"""Said of mutants for which no time was left."""
 FORKS = multiprocessing.get_context("forkserver")
 PACKAGES = [
     "pytest", "pandas", "pyarrow.parquet", "scipy.signal", "scipy.optimize", "scipy.interpolate", "sklearn.pipeline",
     "sklearn.preprocessing", "sklearn.linear_model", "sklearn.model_selection", "sklearn.compose",
 ]  # fmt: skip
 """What is loaded once for all mutants; nothing of this package."""
-SWAPS: dict[type, tuple[type, ...]] = {
-    ast.Lt: (ast.LtE, ast.GtE), ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.LtE), ast.GtE: (ast.Gt, ast.Lt),
-    ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,), ast.Is: (ast.IsNot,), ast.IsNot: (ast.Is,), ast.In: (ast.NotIn,),
-    ast.NotIn: (ast.In,), ast.Add: (ast.Sub,), ast.Sub: (ast.Add,), ast.Mult: (ast.Div,), ast.Div: (ast.Mult,),
-    ast.FloorDiv: (ast.Mult,), ast.And: (ast.Or,), ast.Or: (ast.And,), ast.BitOr: (ast.BitAnd,),
-    ast.BitAnd: (ast.BitOr,),
-}  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Mutant:
-    """One change."""
+class Chosen:
+    """A plugin of pytest that runs some tests in an order of ours, then the rest, and tells which one it runs."""
 
-    path: str
-    line: int
-    what: str
-    source: str
+    def __init__(self, first: list[str], skipped: list[str], rest: bool, tell: Connection):
+        self._place = {name: k for k, name in enumerate(first)}
+        self._skipped, self._rest, self._tell = set(skipped), rest, tell
 
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Choose and sort."""
+        chosen = [item for item in items if item.nodeid in self._place or self._rest]
+        last = len(self._place)
+        items[:] = sorted(
+            (item for item in chosen if item.nodeid not in self._skipped),
+            key=lambda item: self._place.get(item.nodeid, last),
+        )
 
-def places(tree: ast.Module) -> list[ast.AST]:
-    """Nodes that can be changed: no annotations, docstrings, messages of errors."""
-    skipped: set[int] = set()
-    for node in ast.walk(tree):
-        hidden: list[ast.AST | None] = []
-        if isinstance(node, ast.FunctionDef):
-            hidden += [
-                node.returns,
-                *node.decorator_list,
-                *(a.annotation for a in ast.walk(node.args) if isinstance(a, ast.arg)),
-            ]
-        if isinstance(node, ast.AnnAssign):
-            hidden.append(node.annotation)
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            hidden.append(node)
-        if isinstance(node, ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom):
-            hidden.append(node)
-        for part in hidden:
-            if part is not None:
-                skipped.update(
-                    id(inner) for inner in ast.walk(part) if inner is not node or isinstance(node, ast.JoinedStr)
-                )
-    kinds = (
-        ast.Compare,
-        ast.BinOp,
-        ast.BoolOp,
-        ast.UnaryOp,
-        ast.Constant,
-        ast.If,
-        ast.Raise,
-        ast.Return,
-        ast.Expr,
-        ast.Assign,
-        ast.AugAssign,
-    )
-    return [node for node in ast.walk(tree) if isinstance(node, kinds) and id(node) not in skipped and changeable(node)]
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        """Tell."""
+        self._tell.send(nodeid)
 
 
-def changeable(node: ast.AST) -> bool:
-    """Whether there is a change that could matter."""
-    if isinstance(node, ast.Constant):
-        return isinstance(node.value, bool | int | float) or node.value is None
-    if isinstance(node, ast.Expr):
-        return isinstance(node.value, ast.Call)
-    if isinstance(node, ast.UnaryOp):
-        return isinstance(node.op, ast.Not | ast.USub)
-    if isinstance(node, ast.BinOp | ast.BoolOp):
-        return type(node.op) in SWAPS
-    return not isinstance(node, ast.Return) or not (node.value is None or ast.unparse(node.value) == "None")
-
-
-def changed(node: ast.AST, rng: random.Random) -> ast.AST:
-    """Another node in its place."""
-    if isinstance(node, ast.Compare):
-        ops = list(node.ops)
-        k = rng.randrange(len(ops))
-        ops[k] = rng.choice(SWAPS[type(ops[k])])()
-        return ast.Compare(node.left, ops, node.comparators)
-    if isinstance(node, ast.BinOp):
-        return ast.BinOp(node.left, rng.choice(SWAPS[type(node.op)])(), node.right)
-    if isinstance(node, ast.BoolOp):
-        return ast.BoolOp(rng.choice(SWAPS[type(node.op)])(), node.values)
-    if isinstance(node, ast.UnaryOp):
-        return node.operand
-    if isinstance(node, ast.Constant):
-        return ast.Constant(other_value(node.value, rng))
-    if isinstance(node, ast.If):
-        return ast.If(ast.Constant(rng.choice([True, False])), node.body, node.orelse)
-    if isinstance(node, ast.Return):
-        return ast.Return(ast.Constant(None))
-    return ast.Pass()
-
-
-def other_value(value: object, rng: random.Random) -> object:
-    """Another constant of the same kind."""
-    if value is None:
-        return 0
-    if isinstance(value, bool):
-        return not value
-    if value == 0.0 and isinstance(value, float):
-        return 1.0
-    return value + rng.choice([-1, 1]) if isinstance(value, int) else value * rng.choice([0.5, 2.0])  # type: ignore[operator]
-
-
-class Replace(ast.NodeTransformer):
-    """Puts one node in another's place."""
-
-    def __init__(self, old: ast.AST, new: ast.AST):
-        self.old, self.new = old, new
-
-    def visit(self, node: ast.AST) -> ast.AST:
-        return ast.copy_location(self.new, node) if node is self.old else self.generic_visit(node)
-
-
-def draw(count: int, rng: random.Random, rooms: list[str]) -> list[Mutant]:
-    """Random mutants, each place with the same chance."""
-    files = sorted(
-        p for room in rooms for p in ([ROOT / room] if room.endswith(".py") else (ROOT / room).rglob("*.py"))
-    )
-    everywhere = [(path, k) for path in files for k in range(len(places(ast.parse(path.read_text()))))]
-    mutants = []
-    for path, k in rng.sample(everywhere, min(count, len(everywhere))):
-        tree = ast.parse(path.read_text())
-        old = places(tree)[k]
-        new = changed(old, rng)
-        before, after = (ast.unparse(ast.fix_missing_locations(node)).splitlines()[0][:70] for node in (old, new))
-        what = f"{before}  ->  {after}"
-        source = ast.unparse(ast.fix_missing_locations(Replace(old, new).visit(tree)))
-        mutants.append(Mutant(str(path.relative_to(ROOT)), old.lineno, what, source))
-    return mutants
-
-
-def survives(copy: Path, tests: list[str]) -> bool:
-    """Whether the tests pass; ones that hang do not. In a process that has the packages that the tests need."""
-    process = FORKS.Process(target=run_tests, args=(copy, tests))
-    process.start()
-    process.join(LONGEST)
-    if process.exitcode is None:
-        process.kill()
-        process.join()
-    return process.exitcode == 0
-
-
-def run_tests(copy: Path, tests: list[str]) -> None:
-    """What that process does."""
-    os.environ.update(HYPOTHESIS_PROFILE="derandomized", OMP_NUM_THREADS="1", PYTHONDONTWRITEBYTECODE="1")
+def enter(copy: Path) -> None:
+    """Make this process one that runs the copy's tests."""
+    os.environ.update(HYPOTHESIS_PROFILE="derandomized", PYTHONDONTWRITEBYTECODE="1", PYTHONPATH=str(copy))
     os.chdir(copy)
     os.setpgid(0, 0)
     sys.dont_write_bytecode = True
@@ -213,29 +86,78 @@ def run_tests(copy: Path, tests: list[str]) -> None:
     nowhere = os.open(os.devnull, os.O_RDWR)
     for descriptor in (0, 1, 2):
         os.dup2(nowhere, descriptor)
-    import pytest
-
-    sys.exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", *tests])))
 
 
-def near(path: str) -> list[str]:
-    """Test files in the order in which a mutant of this file meets them."""
-    room = path.removeprefix("thermocorr/")
-    first = NEAR[max((begin for begin in NEAR if room.startswith(begin)), key=len)]
-    return [f"tests/{name}" if name == "corpus" else f"tests/{name}.py" for name in dict.fromkeys((*first, *NEXT))]
+def run_tests(copy: Path, first: list[str], skipped: list[str], rest: bool, tell: Connection) -> None:
+    """What a process does that judges a mutant."""
+    enter(copy)
+    where = SUITE if rest else list(dict.fromkeys(name.split("::")[0] for name in first))
+    options = ["-x", "-q", "-p", "no:cacheprovider", *where]
+    sys.exit(int(pytest.main(options, plugins=[Chosen(first, skipped, rest, tell)])))
 
 
-def judged(mutant: Mutant, copies: Queue[Path], whole: bool) -> bool:
-    """Whether the mutant lives through the nearest tests, and then through all if the whole suite is asked for."""
+def run_map(copy: Path, path: Path) -> None:
+    """What the process does that makes the map."""
+    enter(copy)
+    with tempfile.TemporaryDirectory() as folder:
+        watch = Watch(copy, Path(folder))
+        pytest.main(["-q", "-p", "no:cacheprovider", *SUITE], plugins=[watch])
+        watch.touched().save(path)
+
+
+def killer(copy: Path, touched: Touched, first: list[str], skipped: list[str], rest: bool) -> str | None:
+    """The test that fails or hangs first; None if all pass. In a process that has the packages that the tests need."""
+    heard, tell = FORKS.Pipe(duplex=False)
+    process = FORKS.Process(target=run_tests, args=(copy, first, skipped, rest, tell))
+    process.start()
+    tell.close()
+    last, limit = "loading the tests", LONGEST
+    with contextlib.suppress(EOFError):
+        while heard.poll(limit):
+            last = heard.recv()
+            limit = LONGEST + 10 * touched.seconds.get(last, 0.0)
+    process.join(5.0)
+    status = process.exitcode
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid or 0, signal.SIGKILL)
+    process.join()
+    return None if status in (0, pytest.ExitCode.NO_TESTS_COLLECTED) else last
+
+
+def judged(mutant: Mutant, touched: Touched, copies: Queue[Path], near: bool) -> tuple[bool, str]:
+    """Whether the mutant lives through the quick tests that touch its line, or through all others; what is said."""
     copy = copies.get()
     target = copy / mutant.path
     before = target.read_text()
+    lines = range(len(before.splitlines()) + 1) if mutant.lines is None else mutant.lines
+    touching = [name for name in touched.tests(mutant.path, lines) if name not in touched.failed]
+    quick = touched.within(touching, NEAR)
     try:
         target.write_text(mutant.source)
-        return survives(copy, near(mutant.path)) and not (whole and not survives(copy, ALL))
+        if not near:
+            found = killer(copy, touched, touching, quick, True)
+            return found is None, found or "survives"
+        found = killer(copy, touched, quick, [], False) if quick else None
+        return found is None, found or f"lives through {len(quick)} of {len(touching)} tests that touch it"
     finally:
         target.write_text(before)
         copies.put(copy)
+
+
+def map_of(copy: Path, path: Path) -> Touched:
+    """The map that is kept at the path; made if there is none."""
+    if not path.exists():
+        if find_spec("coverage") is None:
+            raise SystemExit("which tests touch which line is measured by coverage.py: pip install 'coverage>=7.14'")
+        process = FORKS.Process(target=run_map, args=(copy, path))
+        process.start()
+        process.join()
+    touched = Touched.load(path)
+    failing = killer(copy, touched, touched.failed, [], False) if touched.failed else None
+    if failing is not None:
+        raise SystemExit(f"{failing} fails without a mutant")
+    print(f"{len(touched.fixtures)} tests, {sum(touched.seconds.values()):.0f} s under coverage.py", flush=True)
+    return touched
 
 
 def main() -> None:
@@ -245,30 +167,33 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--rooms", nargs="*", default=list(ROOMS))
-    parser.add_argument("--near", action="store_true", help="only the nearest tests: survivors may be fewer")
+    parser.add_argument("--near", action="store_true", help="only tests that touch the line: survivors may be fewer")
+    parser.add_argument("--map", type=Path, help="file of which tests touch which line, made if absent")
     parser.add_argument("--minutes", type=float, default=1e9, help="begin no mutant after so long")
     options = parser.parse_args()
+    os.environ["OMP_NUM_THREADS"] = "1"
     FORKS.set_forkserver_preload(PACKAGES)
-    mutants, end = draw(options.mutants, random.Random(options.seed), options.rooms), 60 * options.minutes
-    began, tried, lives = time.monotonic(), 0, 0
+    mutants = draw(options.mutants, random.Random(options.seed), ROOT, options.rooms)
     with tempfile.TemporaryDirectory() as folder:
         copies: Queue[Path] = Queue()
         for k in range(options.jobs):
-            ignored = shutil.ignore_patterns(".git", "__pycache__", ".venv", "*.ipynb")
-            copies.put(Path(shutil.copytree(ROOT, Path(folder) / f"copy{k}" / "main", ignore=ignored)))
+            ignored = shutil.ignore_patterns(".git", "__pycache__", ".venv", ".*_cache", ".hypothesis", "*.ipynb")
+            copies.put(copy := Path(shutil.copytree(ROOT, Path(folder) / f"copy{k}" / "main", ignore=ignored)))
+        touched = map_of(copy, (options.map or Path(folder) / "map.json").absolute())
+        tried, left, end = 0, mutants, time.monotonic() + 60 * options.minutes
+        for near in (True, False)[: 1 if options.near else 2]:
+            alive = []
 
-        def outcome(mutant: Mutant) -> bool | None:
-            return judged(mutant, copies, not options.near) if time.monotonic() - began < end else None
+            def outcome(mutant: Mutant, near: bool = near) -> tuple[bool, str]:
+                return judged(mutant, touched, copies, near) if time.monotonic() < end else (not near, LATE)
 
-        with ThreadPoolExecutor(options.jobs) as pool:
-            for mutant, alive in zip(mutants, pool.map(outcome, mutants), strict=True):
-                tried += alive is not None
-                if alive:
-                    lives += 1
-                    print(f"survivor {lives} of {tried}: {mutant.path}:{mutant.line}: {mutant.what}", flush=True)
-                elif alive is not None and tried % 20 == 0:
-                    print(f"{tried} tried", flush=True)
-    print(f"{tried} mutants, {1 - lives / max(tried, 1):.1%} killed")
+            with ThreadPoolExecutor(options.jobs) as pool:
+                for mutant, (lives, said) in zip(left, pool.map(outcome, left), strict=True):
+                    tried += near and said != LATE
+                    alive += [mutant] * lives
+                    print(f"{said}: {mutant.path}:{mutant.line}: {mutant.what}", flush=True)
+            left = alive
+    print(f"{tried} mutants, {len(left)} live, {1 - len(left) / max(tried, 1):.1%} killed")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +70,15 @@ def test_a_whole_log(lab, rows, tmp_path, capsys):
     assert correct(lab, tmp_path / "part.csv", "--out", tmp_path / "out.csv") == 0
     assert (tmp_path / "out.csv").read_text() == printed.out
     assert capsys.readouterr().out == ""
+
+
+def test_a_table_whose_index_has_no_name_has_its_times_in_a_column_time(lab, tmp_path, capsys):
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    log = lab[2].assign(time=pd.to_datetime(lab[2]["time"])).set_index("time").rename_axis(None)
+    log[600:].to_parquet(tmp_path / "log.parquet")
+    assert correct(lab, tmp_path / "log.parquet") == 0
+    printed = capsys.readouterr()
+    assert printed.out.startswith("time,") and printed.err == ""
 
 
 def test_what_analyze_has_written_corrects_the_log_alike(lab, tmp_path, capsys):
@@ -232,6 +243,29 @@ def test_standard_input_line_by_line_and_an_interrupt(lab, tmp_path):
                 assert process.returncode == 0 and err == ""
             assert out == ""
     same(answers[0] + "".join(line for line in answers if line != answers[0]), model, log[600:630])
+
+
+@pytest.mark.skipif(not Path("/dev/fd").is_dir(), reason="no names for descriptors here")
+def test_a_pipe_that_is_not_followed_is_waited_for(lab, capfd, monkeypatch):
+    """Nothing comes for fifty looks; what comes then is read."""
+    _, model, log = lab
+    monkeypatch.setattr("thermocorr.command.lines.POLL", 0.001)
+    reading, writing = os.pipe()
+    header, *rows = lines_of(log[600:602])
+    os.write(writing, (header + rows[0]).encode())
+
+    def late():
+        time.sleep(0.05)
+        os.write(writing, rows[1].encode())
+        os.close(writing)
+
+    writer = threading.Thread(target=late)
+    writer.start()
+    status = correct(lab, f"/dev/fd/{reading}")
+    writer.join()
+    os.close(reading)
+    assert status == 0
+    same(capfd.readouterr().out, model, log[600:602])
 
 
 def test_a_growing_file_that_is_replaced_until_the_process_is_ended(lab, tmp_path):

@@ -148,13 +148,14 @@ def test_links_stay_links_and_modes_stay(tmp_path):
     assert dangling.is_symlink() and (tmp_path / "deep" / "made").read_text() == "new"
 
 
-def test_a_new_file_has_the_mode_that_the_process_gives(tmp_path):
-    before = os.umask(0o027)
+@pytest.mark.parametrize(("umask", "mode"), [(0o027, 0o640), (0, 0o666)])
+def test_a_new_file_has_the_mode_that_the_process_gives(umask, mode, tmp_path):
+    before = os.umask(umask)
     try:
         write_file(tmp_path / "f", "x")
     finally:
         os.umask(before)
-    assert stat.S_IMODE((tmp_path / "f").stat().st_mode) == 0o640
+    assert stat.S_IMODE((tmp_path / "f").stat().st_mode) == mode
 
 
 def test_everything_is_brought_to_the_disk_before_it_takes_its_place(old, monkeypatch):
@@ -166,6 +167,13 @@ def test_everything_is_brought_to_the_disk_before_it_takes_its_place(old, monkey
     monkeypatch.setattr(os, "replace", lambda a, b: (done.append("rename"), replace(a, b)))
     write_file(old, "new")
     assert done == ["file", "rename", "folder"]
+
+
+@pytest.mark.skipif(not os.path.isdir("/dev/fd"), reason="no names for descriptors here")
+def test_nothing_stays_open(old):
+    before = len(os.listdir("/dev/fd"))
+    write_file(old, "new")
+    assert len(os.listdir("/dev/fd")) == before
 
 
 def test_drafts_of_killed_processes_are_removed_and_living_ones_stay(tmp_path):

@@ -19,9 +19,9 @@ import thermocorr
 import thermocorr.command.correct as correcting
 from thermocorr.__main__ import start
 from thermocorr.command import cli
-from thermocorr.command.lines import FileLines
+from thermocorr.command.lines import FileLines, open_lines
 from thermocorr.command.results import Drafted
-from thermocorr.command.stopping import StopSignal, Terminated
+from thermocorr.command.stopping import Endings, StopSignal, Terminated
 from thermocorr.files import OutputError, Outputs
 from thermocorr.files.drafts import Draft
 from thermocorr.files.marks import TEXT_MARK
@@ -93,6 +93,23 @@ def test_an_interrupt_while_a_draft_is_made_leaves_none(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@unix
+@pytest.mark.parametrize("swept", [False, True])
+def test_a_draft_that_cannot_resemble_its_target_leaves_nothing(swept, tmp_path, monkeypatch):
+    """Another process may have swept it away in the meantime."""
+
+    def interrupted(descriptor, target):
+        for path in tmp_path.iterdir() if swept else ():
+            path.unlink()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("thermocorr.files.drafts._resemble", interrupted)
+    before = len(os.listdir("/dev/fd"))
+    with pytest.raises(KeyboardInterrupt):
+        Draft(tmp_path / "a.txt")
+    assert list(tmp_path.iterdir()) == [] and len(os.listdir("/dev/fd")) == before
+
+
 class Last:
     """Sends a signal where no exception can be raised: while it is destroyed."""
 
@@ -119,6 +136,20 @@ def test_a_signal_in_a_destructor_ends_the_command_all_the_same(number, status, 
     assert cli.main(["correct", "--model", str(lab[0])]) == status
     assert capsys.readouterr().err == "thermocorr: stopped\n"
     assert (sys.unraisablehook, signal.getsignal(signal.SIGTERM)) == (hook, handler)
+
+
+@unix
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_a_destructor_does_not_come_again_when_the_command_has_ended(number, monkeypatch):
+    monkeypatch.setattr("thermocorr.command.stopping.AGAIN", 0.2)
+    with Endings():
+        one = Last(number)
+        del one
+    came = []
+    before = signal.signal(number, lambda *given: came.append(given[0]))
+    time.sleep(0.4)
+    signal.signal(number, before)
+    assert came == []
 
 
 @unix
@@ -166,6 +197,23 @@ def test_a_signal_at_the_last_moment_says_that_all_is_written(lab, tmp_path, mon
     assert cli.main(["correct", "--model", str(lab[0]), str(tmp_path / "log.csv"), "--out", str(out)]) == 143
     assert capsys.readouterr().err == f"thermocorr: stopped after row 100, {out} is written\n"
     assert len(rows_of(out)) == 100
+
+
+@unix
+def test_a_stopped_command_leaves_no_draft(lab, tmp_path, monkeypatch):
+    """The results' draft goes when the command does, not when the process does."""
+    (tmp_path / "log.csv").write_text("".join(lab[1][:11]))
+    write, kept = Drafted.write, []
+
+    def stopped(results, rows):
+        kept.append(results)
+        os.kill(os.getpid(), signal.SIGTERM)
+        return write(results, rows)
+
+    monkeypatch.setattr(Drafted, "write", stopped)
+    command = ["correct", "--model", str(lab[0]), str(tmp_path / "log.csv"), "--out", str(tmp_path / "o.csv")]
+    assert cli.main(command) == 143
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
 
 
 # ------------------------------------------------------------------------------------------------- lines being written
@@ -257,6 +305,20 @@ def test_what_a_killed_process_kept_is_removed_when_it_is_old(tmp_path, monkeypa
     monkeypatch.setattr("thermocorr.files.drafts._OLD", 0.0)
     Draft(tmp_path / "a.txt").close()
     assert not kept.exists() and foreign.exists()
+
+
+@unix
+def test_a_signal_before_the_first_line_is_no_empty_log(lab, monkeypatch, capsys):
+    def at_once(*given):
+        os.kill(os.getpid(), signal.SIGTERM)
+        return open_lines(*given)
+
+    monkeypatch.setattr(correcting, "open_lines", at_once)
+    reading, writing = os.pipe()
+    assert cli.main(["correct", "--model", str(lab[0]), f"/dev/fd/{reading}"]) == 143
+    assert capsys.readouterr().err == "thermocorr: stopped before the first line; nothing was written\n"
+    os.close(reading)
+    os.close(writing)
 
 
 @unix

@@ -56,6 +56,16 @@ def test_record_too_long_to_keep_is_repeated_and_followed_all_the_same(kind, mon
     np.testing.assert_allclose(model.transform(X[700:1100])[:, 2:5], whole[700:1100, 2:5], rtol=0, atol=0.15)
 
 
+def test_a_row_that_the_fitted_record_lacks_makes_another_record():
+    """It follows on the fitted rows, as others without times do; a thermometer that stands still hides the row."""
+    X, layout = log("15 s")
+    X.iloc[890:910] = X.iloc[890]
+    fitted, again = X[:2000].copy(), X[600:900]
+    fitted.iloc[898] = np.nan
+    whole = features(**layout).fit_transform(pd.concat([fitted, again], ignore_index=True))
+    assert np.array_equal(features(**layout).fit(fitted).transform(again), whole[2000:])
+
+
 @pytest.mark.parametrize("rows", [slice(1500, 1900), slice(2000, None)])
 @pytest.mark.parametrize("digits", [2, 1, 0])
 @pytest.mark.parametrize("kind", ["dates", "15 s"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sys
 import warnings
@@ -106,6 +107,14 @@ def test_a_long_record_is_thinned_and_repeated_and_followed_exactly(tmp_path):
     )
     whole = there_and_back(model, tmp_path, history_rows=None)
     same(model, whole, X[1234:1300], y[1234:1300])
+
+
+def test_a_washout_below_a_second_comes_back(tmp_path):
+    X = log(200, seed=3)
+    model = DynamicBiasRegressor(time_constants=[300.0], washout=0.5).fit(X, readings(X))
+    again = there_and_back(model, tmp_path)
+    same(model, again, X, readings(X))
+    assert again.washout_ == 0.5
 
 
 def test_a_loaded_model_learns_anew(tmp_path):
@@ -316,6 +325,9 @@ def test_provenance_knows_the_record(tmp_path):
         save_model(model, tmp_path / "m.json", data=(X[:400], y[:400]))
     kept = there_and_back(model, tmp_path).provenance_
     assert kept["data"]["sha256_of"].endswith("the model keeps") and kept["versions"]["numpy"] == np.__version__
+    numbers = [X.index.as_unit("ns").asi8.astype("<i8"), X["temperature"].astype("<f8"), X["humidity"].astype("<f8")]
+    content = b"".join(np.asarray(values).tobytes() for values in numbers)
+    assert kept["data"]["sha256"] == hashlib.sha256(content).hexdigest()
 
 
 def test_a_draft_of_version_0_is_brought_up_to_date(tmp_path):

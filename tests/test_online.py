@@ -6,6 +6,7 @@ import itertools
 import json
 import math
 import time
+from datetime import date
 
 import numpy as np
 import pandas as pd
@@ -68,6 +69,15 @@ def test_cuts_and_restarts_change_nothing(default, cuts, seed):
     whole = OnlineCorrector(model, average=5, track="2 h").update_many(X, y)
     for column in ("corrected", "bias", "smoothed", "reference"):
         np.testing.assert_allclose(got[column], whole[column], rtol=0, atol=5e-14)
+
+
+def test_a_state_from_before_the_first_sample_begins_afresh(default):
+    """In 1960 too, which is before the zero of dates."""
+    model, X, y = default
+    early = X.index - pd.Timedelta("30000 days")
+    for part, values in ((X[900:910], y[900:910]), (X[:10].set_axis(early[:10]), y[:10].set_axis(early[:10]))):
+        again = OnlineCorrector.from_state(model, json.loads(json.dumps(OnlineCorrector(model).state())))
+        assert str(one_by_one(again, part, values)) == str(one_by_one(OnlineCorrector(model), part, values))
 
 
 # --------------------------------------------------------------------------------------------------------------- flags
@@ -215,7 +225,7 @@ def test_bad_settings_are_named(default, bad):
 def test_bad_calls_say_what_is_wrong(default):
     model, X, y = default
     live = OnlineCorrector(model)
-    for bad in (None, 5.0, "soon", pd.NaT, "2024-01-01T00:00:00+01:00", [1]):
+    for bad in (None, 5.0, 2024, date(2024, 1, 1), "soon", pd.NaT, "2024-01-01T00:00:00+01:00", [1]):
         with pytest.raises(RecordError, match="must be a date without a time zone"):
             live.update(bad, 23.0, 1.0)
     with pytest.raises((TypeError, ValueError)):

@@ -121,6 +121,15 @@ def test_same_time_twice_and_missing_times_are_refused_by_row():
         record_of(X, time="when")
 
 
+@pytest.mark.parametrize("unit", ["s", "ns"])
+@pytest.mark.parametrize("index", [DATES, DATES - DATES[0]], ids=["dates", "spans"])
+def test_an_index_without_a_time_in_a_row_is_refused_by_row(index, unit):
+    index = index.as_unit(unit)
+    X = pd.DataFrame({"temperature": temperatures()}, index=index.where(np.arange(N) != 7))
+    with pytest.raises(RecordError, match=r"no time in 1 of 60 rows, the first is row 7"):
+        record_of(X)
+
+
 @pytest.mark.parametrize("role", ["time", "run", "temperature"])
 def test_name_that_stands_over_two_columns_is_refused(role):
     X = pd.DataFrame({"temperature": temperatures(), "time": np.arange(N), "run": 1})

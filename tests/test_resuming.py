@@ -74,16 +74,17 @@ def test_rows_in_another_order_are_not_the_same_ones(lab, tmp_path):
 
 
 @unix
-def test_a_file_of_results_that_began_later_leaves_it_to_the_times(lab, tmp_path, capsys):
+@pytest.mark.parametrize("first", [1, 20])
+def test_a_file_of_results_that_began_later_leaves_it_to_the_times(first, lab, tmp_path, capsys):
     """It does not hold the rows that the state has seen: those before its last time are passed over."""
     head, *rows = lab[1]
     state, out = tmp_path / "state.json", tmp_path / "out.csv"
-    assert piped(lab, [head, *rows[:20]], "--state", state, "--out", tmp_path / "first.csv") == 0
-    assert piped(lab, [head, *rows[20:30]], "--state", state, "--out", out) == 0
+    assert piped(lab, [head, *rows[:first]], "--state", state, "--out", tmp_path / "first.csv") == 0
+    assert piped(lab, [head, *rows[first:30]], "--state", state, "--out", out) == 0
     capsys.readouterr()
     assert piped(lab, [head, *rows[:40]], "--state", state, "--out", out) == 0
     assert "30 lines were corrected before" in capsys.readouterr().err
-    assert rows_of(out) == plain(rows[20:40])
+    assert rows_of(out) == plain(rows[first:40])
 
 
 def test_a_file_that_grows_goes_on_with_a_false_time(lab, tmp_path, capsys):

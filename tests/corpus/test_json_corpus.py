@@ -185,6 +185,13 @@ def test_a_forged_state_is_refused(name, model_path):
         OnlineCorrector.from_state(model, state)
 
 
+def test_a_forged_state_of_an_average_over_no_samples_is_refused(model_path):
+    """Before the first sample too, when it has no values."""
+    model = load_model(model_path)
+    with pytest.raises(ModelFileError, match=r"cannot go on .*\$\.average holds 0"):
+        OnlineCorrector.from_state(model, {**OnlineCorrector(model).state(), "average": 0})
+
+
 def test_a_state_that_was_saved_is_a_state_that_goes_on(correct, tmp_path):
     """The largest temperature that is one makes large averages."""
     rows = [list(row) for row in CLEAN]
@@ -213,6 +220,7 @@ FORGED = {
         ("history", "columns", 0, "values"),
         {"$array": [1.7e308, *map(float, range(FITTED - 1))]},
     ),
+    "a first time that is another one": (("history", "zero"), 5),
     "a period beyond all ages": (("history", "period"), 1.7e308),
     "a usual step beyond all ages": (("history", "usual_step"), 1.7e308),
     "a record without columns": (("history", "columns"), []),
@@ -239,6 +247,20 @@ def test_a_forged_model_with_a_digest_that_fits_is_refused_in_a_short_sentence(n
     with pytest.raises(ModelFileError) as caught:
         load_model(tmp_path / "f.json")
     assert len(str(caught.value)) < 700
+
+
+@pytest.mark.parametrize("forged", [1e300, 1, "1", None], ids=repr)
+@pytest.mark.parametrize("place", ["first_tick", "ticks"])
+def test_seconds_that_are_none_are_refused(place, forged, tmp_path):
+    frame = frame_of(CLEAN).assign(time=60.0 * np.arange(len(CLEAN)))
+    model = DynamicBiasRegressor("temperature", [600.0], time="time").fit(frame[HEADER[:2]], frame["reading"])
+    node = json.loads(save_model(model, tmp_path / "m.json").read_text())
+    history = node["model"]["history"]
+    history[place] = [*history[place][:-1], forged] if place == "ticks" else forged
+    rest = {key: part for key, part in node.items() if key not in ("format", "version", "digest")}
+    (tmp_path / "f.json").write_bytes(signed(rest))
+    with pytest.raises(ModelFileError, match=r"ticks\[.* where seconds belong"):
+        load_model(tmp_path / "f.json")
 
 
 def test_labels_of_several_parts_are_labels():
