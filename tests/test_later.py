@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermocorr import DynamicBiasRegressor, compare_variants
+from thermocorr import DynamicBiasRegressor, compare_variants, later_errors
 from thermocorr.datasets import make_record
-from thermocorr.estimators import later_errors
 from thermocorr.estimators.later import BEFORE
 
 
@@ -55,9 +54,23 @@ def test_what_has_no_memory_is_not_said_to_need_one():
 
 def test_too_short_a_record_says_so():
     record = make_record(40, seed=1)
-    X, y = record[["temperature"]], record["reading"].where(np.arange(40) > 30)
-    found = later_errors(variants(X, y, ["5 min"]), X, y)
-    assert found.helps("dynamic") is None and "too short" in found.advice("dynamic")
+    X, y = record[["temperature"]], record["reading"]
+    for kept in (slice(30, None), slice(33, None)):
+        late = y.where(np.isin(np.arange(40), np.arange(40)[kept]))
+        found = later_errors(variants(X, late, ["5 min"]), X, late)
+        assert found.helps("dynamic") is None and "too short" in found.advice("dynamic")
+        assert "later blocks" in str(found)
+
+
+def test_blocks_that_some_variant_cannot_foretell_count_for_none(device):
+    X, y = device
+    y = y.where(np.arange(4000) >= 2004)  # none before the first block
+    found = later_errors(variants(X, y), X, y, n_blocks=4)
+    known = list(found.blocks.columns)
+    assert known == [2, 3, 4]
+    for row in found.table.itertuples():
+        errors = found.blocks.loc[row.Index].to_numpy()
+        assert found.table.loc[row.Index, "all"] == pytest.approx(np.sqrt(np.mean(errors**2)), rel=1e-3)
 
 
 def test_variants_of_a_comparison_are_taken_as_they_are(device):

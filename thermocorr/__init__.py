@@ -9,11 +9,13 @@ if TYPE_CHECKING:
     from .estimators import (
         DiffusiveFeatures,
         DynamicBiasRegressor,
+        LaterErrors,
         MergedRidge,
         TimeConstantSearch,
         VariantComparison,
         compare_variants,
         held_out_residuals,
+        later_errors,
     )
     from .files.codec import ModelFileError
     from .files.model_file import load_model, save_model
@@ -35,8 +37,8 @@ if TYPE_CHECKING:
 
 _ROOMS = {
     "estimators": (
-        "DiffusiveFeatures", "DynamicBiasRegressor", "MergedRidge", "TimeConstantSearch", "VariantComparison",
-        "compare_variants", "held_out_residuals",
+        "DiffusiveFeatures", "DynamicBiasRegressor", "LaterErrors", "MergedRidge", "TimeConstantSearch",
+        "VariantComparison", "compare_variants", "held_out_residuals", "later_errors",
     ),
     "files.codec": ("ModelFileError",),
     "files.model_file": ("load_model", "save_model"),
@@ -56,6 +58,7 @@ __all__ = [
     "Diagnosis",
     "DiffusiveFeatures",
     "DynamicBiasRegressor",
+    "LaterErrors",
     "MergedRidge",
     "ModelFileError",
     "OnlineCorrector",
@@ -77,6 +80,7 @@ __all__ = [
     "compare_variants",
     "diagnose",
     "held_out_residuals",
+    "later_errors",
     "load_model",
     "refine",
     "save_model",

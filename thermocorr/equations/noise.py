@@ -70,14 +70,18 @@ class Bands:
         return np.diff([*self.starts, len(self.segment)])
 
     @cached_property
+    def middle(self) -> np.ndarray:
+        """Mean angular frequency of each band [rad per row]."""
+        return np.asarray(self.sums(self.angle[self.order]) / self.sizes)
+
+    @cached_property
     def parts(self) -> np.ndarray:
         """Power of each part of the noise in each band, shape (bands, parts): white first, unit variance each."""
         n = len(self.segment)
-        angle = np.add.reduceat(self.angle[self.order], self.starts) / self.sizes
         count = max(0, int(np.log(LONGEST * n) / np.log(RATIO)) + 1)
         kept = np.exp(-1 / RATIO ** np.arange(count))  # correlation of neighbouring rows
-        wandering = (1 - kept**2) / (1 - 2 * kept * np.cos(angle)[:, None] + kept**2)
-        return np.column_stack((np.ones(len(angle)), wandering))
+        wandering = (1 - kept**2) / (1 - 2 * kept * np.cos(self.middle)[:, None] + kept**2)
+        return np.column_stack((np.ones(len(self.middle)), wandering))
 
     def sums(self, rows: np.ndarray) -> np.ndarray:
         """Sums over each band of rows in order of frequency."""

@@ -70,6 +70,12 @@ def held_out_residuals(
     return result
 
 
+def rms(values: np.ndarray) -> float:
+    """Root mean square of what is known; NaN where nothing is."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else np.nan
+
+
 def _unknown_start(fitted: Any, block: slice, n_rows: int) -> np.ndarray:
     """Rows of a left-out block that still feel a start-up whose decay columns had no readings to learn from."""
     record = fitted.features_.history_.record

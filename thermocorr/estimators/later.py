@@ -14,6 +14,7 @@ from sklearn.base import clone
 from ..records import RecordError, read_record
 from ..records.numbers import numeric_reading
 from ..records.text import printable
+from .holdout import rms
 from .regressor import DynamicBiasRegressor
 
 BEFORE = "before correction"
@@ -29,13 +30,13 @@ class LaterErrors:
 
     table: pd.DataFrame
     """Rms error, offset included, in the unit of the reading: a row for each variant, `BEFORE` first, a column for each
-    block and "all"."""
+    block, and "all", which are the blocks that every variant could foretell."""
     unit: str
 
     @property
     def best(self) -> str:
-        """The variant with the least error on all blocks together."""
-        return str(self.table["all"].idxmin())
+        """The variant with the least error on all blocks together; "" where there is none."""
+        return min(self._all, key=self._all.__getitem__) if self.blocks.shape[1] else ""
 
     @property
     def blocks(self) -> pd.DataFrame:
@@ -54,9 +55,10 @@ class LaterErrors:
 
     def advice(self, variant: str) -> str:
         """A sentence on a dynamic variant: use it, or not."""
-        helps, blocks, rival = self.helps(variant), self.blocks, self._rival()
+        helps, blocks = self.helps(variant), self.blocks
         if helps is None:
             return "Whether a correction helps on later data cannot be told: the record is too short."
+        rival = self._rival()
         error = f"{self._figure(variant)} rms ({blocks.loc[variant].min():.2g} to {blocks.loc[variant].max():.2g})"
         other = f"{self._figure(rival)} {'uncorrected' if rival == BEFORE else 'static'}"
         count = f"{round(self._wins(variant) * blocks.shape[1])} of {blocks.shape[1]}"
@@ -75,7 +77,7 @@ class LaterErrors:
 
     def _rival(self) -> str:
         """The best of what has no memory."""
-        return str(self.table.loc[[not name.startswith("dynamic") for name in self.table.index], "all"].idxmin())
+        return min((name for name in self._all if not name.startswith("dynamic")), key=self._all.__getitem__)
 
     def _wins(self, variant: str) -> float:
         return float(np.mean(self.blocks.loc[variant] < self.blocks.loc[self._rival()]))
@@ -119,9 +121,8 @@ def later_errors(
 
     Examples
     --------
-    >>> from thermocorr import DynamicBiasRegressor
+    >>> from thermocorr import DynamicBiasRegressor, later_errors
     >>> from thermocorr.datasets import make_record
-    >>> from thermocorr.estimators import later_errors
     >>> record = make_record(4000, seed=1)
     >>> X, y = record[["temperature"]], record["reading"]
     >>> variants = {"static": DynamicBiasRegressor("temperature", ()).fit(X, y),
@@ -143,10 +144,11 @@ def later_errors(
             if progress is not None:
                 progress(f"later block {number} of {n_blocks}: {name}")
             missed[name].append(_missed(variant, X, known, reading, block))
-    table = {name: [_rms(part) for part in (*parts, np.concatenate(parts))] for name, parts in missed.items()}
-    columns = [*range(1, n_blocks + 1), "all"]
-    unit = next(iter(variants.values())).reading_.unit
-    return LaterErrors(table=pd.DataFrame.from_dict(table, orient="index", columns=columns), unit=unit)
+    blocks = pd.DataFrame({name: [rms(part) for part in parts] for name, parts in missed.items()}).T
+    common = np.flatnonzero(blocks.notna().all())
+    together = [rms(np.concatenate([np.zeros(0), *(parts[k] for k in common)])) for parts in missed.values()]
+    table = blocks.set_axis(range(1, n_blocks + 1), axis=1).assign(all=together)
+    return LaterErrors(table=table, unit=next(iter(variants.values())).reading_.unit)
 
 
 def _missed(
@@ -157,8 +159,3 @@ def _missed(
         return np.asarray(reading[block] - clone(variant).fit(X, known).predict(X)[block])
     except RecordError:
         return np.full(len(block), np.nan)
-
-
-def _rms(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else np.nan

@@ -16,7 +16,7 @@ from ..equations import moving_average, reduction_db
 from ..records import Record, read_record
 from ..records.numbers import numeric_reading
 from ..records.text import printable
-from .holdout import held_out_residuals, time_blocks
+from .holdout import held_out_residuals, rms, time_blocks
 from .regressor import DynamicBiasRegressor
 
 _TITLES = {
@@ -230,7 +230,7 @@ def _figures(
         "std": _std(inside[name]),
         "std_smoothed": std,
         "reduction_db": reduction_db(std, before),
-        "held_out_rms": _rms(outside[name]),
+        "held_out_rms": rms(outside[name]),
         "held_out_std_smoothed": held,
         "held_out_reduction_db": reduction_db(held, before),
     }
@@ -244,12 +244,8 @@ def _figures(
 def _within(blocks: list[np.ndarray]) -> float:
     """Standard deviation about each block's own mean."""
     centred = [block - np.nanmean(block) for block in blocks if np.isfinite(block).any()]
-    return _rms(np.concatenate(centred))
+    return rms(np.concatenate(centred))
 
 
 def _std(values: np.ndarray) -> float:
     return float(np.nanstd(values))
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.nanmean(values**2)))

@@ -11,7 +11,7 @@ from ..effects import LaggedCovariate
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..effects.wrap import as_effects
-from ..estimators.holdout import held_out_residuals, time_blocks
+from ..estimators.holdout import held_out_residuals, rms, time_blocks
 from ..estimators.regressor import DynamicBiasRegressor
 
 N_BLOCKS = 5
@@ -27,8 +27,7 @@ def held_out_blocks(model: DynamicBiasRegressor, X: Any, y: Any) -> np.ndarray:
     """Rms residual of each held-out block, then of all blocks together; NaN for a block without readings."""
     residual = held_out_residuals(model, X, y, n_blocks=N_BLOCKS)
     parts = [residual[block] for block in time_blocks(len(residual), N_BLOCKS)]
-    known = [part[np.isfinite(part)] for part in (*parts, residual)]
-    return np.array([np.sqrt(np.mean(part**2)) if len(part) else np.nan for part in known])
+    return np.array([rms(part) for part in (*parts, residual)])
 
 
 def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:

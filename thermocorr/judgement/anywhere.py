@@ -10,10 +10,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 
+from .levels import LEAST_OWN, NYQUIST
 from .likelihood import Comparison
-
-LEAST_OWN = 0.1
-"""Share of a wave outside the base, below which its gain is not told."""
 
 
 def step_gains(judged: Comparison, theta: np.ndarray, weight: np.ndarray) -> np.ndarray:
@@ -58,12 +56,11 @@ def best_period(judged: Comparison, theta: np.ndarray, place: np.ndarray, most: 
     even = np.zeros((next_fast_len(2 * int(place.max() + 1), real=True), weighted.shape[1]))
     np.add.at(even, place, weighted)
     angle = 2 * np.pi * np.arange(len(even) // 2 + 1) / len(even)
-    tried = (angle >= 2 * np.pi / most) & (angle < 0.98 * np.pi)
+    tried = (angle >= 2 * np.pi / most) & (angle < NYQUIST * np.pi)
     if not tried.any():
         return None
     angle, moments = angle[tried], rfft(even, axis=0)[tried]
-    middle = np.add.reduceat(bands.angle[bands.order], bands.starts) / bands.sizes
-    own = judged.n / 2 / np.interp(angle, middle, S)
+    own = judged.n / 2 / np.interp(angle, bands.middle, S)
     x, y = moments[:, 0].real, moments[:, 0].imag
     a, b = own - judged.taken(theta, moments[:, 1:].real), own - judged.taken(theta, moments[:, 1:].imag)
     alive = np.minimum(a, b) > LEAST_OWN * own  # what is taken by both together is little where each keeps most

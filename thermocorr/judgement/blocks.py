@@ -34,6 +34,11 @@ class Averages:
     seconds: np.ndarray
     """Middle of each stretch [s]."""
 
+    @property
+    def steps(self) -> np.ndarray:
+        """Times from each stretch to the next of its segment [s]."""
+        return np.asarray(np.diff(self.seconds)[np.diff(self.segment) == 0])
+
 
 def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARSE) -> Averages:
     """Average the readings and all effects' columns over stretches of equal numbers of rows.

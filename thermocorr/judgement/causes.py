@@ -30,7 +30,6 @@ from .levels import (
     MOST_STEPS,
     SCATTER,
     SHARES,
-    SIZEABLE,
     THERMAL,
     TUNED,
     USUAL,
@@ -52,9 +51,11 @@ class Search:
     pool : Pool
     anywhere : collection of str
         Kinds that are looked for at every row or period.
+    small : float
+        Twice the log likelihood up to which what a better thermal part could do without is too small for a word.
     """
 
-    def __init__(self, pool: Pool, anywhere: Collection[str] = ("step", "periodic")):
+    def __init__(self, pool: Pool, anywhere: Collection[str] = ("step", "periodic"), small: float = 0.0):
         self.pool, self.record = pool, pool.record
         self.tried = list(pool.explanations)
         self.judged = Comparison(pool.reading, pool.base, pool.span)
@@ -68,23 +69,16 @@ class Search:
         self.sizes = {key: keys.count(key) for key in dict.fromkeys(keys)}
         tests = LOOKS * sum(min(size, DIFFERENT) for size in self.sizes.values())
         self.sizes |= {(kind, None): self.judged.n for kind in anywhere}  # every row, every period
-        self.anywhere = anywhere
+        self.anywhere, self.small = anywhere, small
         self.tests = {key: max(tests, float(size)) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
 
         self._chance: tuple[HeldOut, dict[Key, float], float] | None = None
         """For a base: usual help of noise to each kind and column [dB], and the multiple of it that is rare in all."""
 
-    @property
-    def too_small(self) -> float:
-        """Twice the log likelihood that something too small for a word gains on the average, in white noise."""
-        return self.judged.n * float(np.median(self.pool.data.counts)) * SIZEABLE**2
-
     def causes(self) -> tuple[list[Cause], list[Tried]]:
         """The causes, and what was tried last without being one."""
         found: list[Cause] = []
-        if self.pool.exact:
-            return [], []
         while True:
             steps = sum(cause.tried.key == STEP for cause in found)
             tried = [t for t in self.look() if steps < MOST_STEPS or t.key != STEP]
@@ -134,7 +128,7 @@ class Search:
         """
         explanation = self.tried[i]
         tests, width = self.tests.get(explanation.key, 1.0), explanation.columns.shape[1]
-        small = self.too_small if explanation.effect.kind in THERMAL and not self.anywhere else 0.0
+        small = self.small if explanation.effect.kind in THERMAL else 0.0
         return float(min(1.0, tests * stats.ncx2.sf(2 * max(gain, 0.0), width, small)))
 
     def look(self) -> list[Tried]:
@@ -217,6 +211,7 @@ class Search:
 
     def _weighed(self, which: Sequence[int], worths: dict[int, Worth]) -> list[Tried]:
         fits = self.judged.refit(which)
+        plain = [fit.level - self.judged.base.level for fit in fits]
         gains = [self._even(i, fit) for i, fit in zip(which, fits, strict=True)]
         return [
             Tried(
@@ -225,8 +220,9 @@ class Search:
                 score=gain - self.price(i),
                 p_value=self._p_value(gain, i),
                 worth=worths[i],
+                uneven=self._p_value(gain, i) > LEVEL >= self._p_value(full, i),
             )
-            for i, gain in zip(which, gains, strict=True)
+            for i, gain, full in zip(which, gains, plain, strict=True)
         ]
 
     def _even(self, i: int, fit: Fit) -> float:

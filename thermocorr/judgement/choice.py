@@ -24,6 +24,8 @@ class Tried:
     p_value: float
     """Error probability, the whole family having been tried."""
     worth: Worth
+    uneven: bool
+    """Whether the likelihood alone would prove it, but a few stretches of time decide."""
 
     @property
     def proven(self) -> bool:

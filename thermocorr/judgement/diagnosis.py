@@ -83,9 +83,11 @@ def diagnose(
         ]
         pool = Pool(model, record, [*candidates, *further_candidates(suspects, record)])
         search = Search(pool, [kind for kind in ("step", "periodic") if kind not in exclude])
+        if pool.exact:
+            return _conclude(model, X, y, search, [], [])
         causes, last = search.causes()
         missing = [cause for cause in causes if not cause.tried.explanation.in_model]
-        missing = missing or lacking(model, search, missing, exclude)
+        missing = missing or lacking(model, search, exclude)
         missing.sort(key=_worth_to_the_user)
         return _conclude(model, X, y, search, missing, last)
 
@@ -97,7 +99,8 @@ def _conclude(
     seen = as_fitted(model, X)
     residual = np.asarray(model.residuals(seen, y), float)
     rms = float(np.sqrt(np.nanmean(residual**2)))
-    rest = what_is_left(search.pool, search.judged)
+    uneven = first_of_each([tried for tried in last if tried.uneven])
+    rest = what_is_left(search.pool, search.judged, [tried.explanation.effect.label() for tried in uneven])
     floor = rms if search.pool.exact else min(rest.floor, rms)
     found = _steps_together([_cause(cause) for cause in causes])
     named = {cause.tried.key for cause in causes}
@@ -106,7 +109,7 @@ def _conclude(
     if causes:
         verdict = "ambiguous" if found[0].confusable_with else "missing"
     else:
-        verdict = "unexplained" if rest.structured else "nothing missing"
+        verdict = "unexplained" if rest.structured or rest.uneven else "nothing missing"
     ranked = [*found, *(_other(tried, search) for tried in listed[: RANKED - len(found)])]
     beside = dict.fromkeys(ranked[0].effect.inputs() if ranked else ())
     return Diagnosis(

@@ -1,7 +1,8 @@
 """What the model's own lags lack: a lag, a delay or a rate, judged beside them alone.
 
-Other causes are judged beside many lags, so that a poor thermal part makes none of them look guilty. Here the many lags
-make room for the model's few, with the causes that were found, and what these few leave is looked at.
+Other causes are judged beside many lags, so that a poor thermal part makes none of them look guilty. Where none was
+found, the many lags make room for the model's few, and what these leave is looked at. Beside a cause that is missing,
+the model's lags made up for it as well as they could: they would be found wanting without need.
 """
 
 from __future__ import annotations
@@ -17,26 +18,24 @@ from ..estimators.regressor import DynamicBiasRegressor
 from .blocks import averaged
 from .causes import Search
 from .choice import Cause, first_of_each
-from .levels import FINE, THERMAL, TIE
+from .levels import FINE, SIZEABLE, THERMAL, TIE
 from .likelihood import Comparison
 
 
-def lacking(model: DynamicBiasRegressor, search: Search, causes: list[Cause], exclude: Collection[str]) -> list[Cause]:
-    """At most one more cause: what the model's lags lack most, if it is proven and worth a word."""
+def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str]) -> list[Cause]:
+    """At most one cause: what the model's lags lack most, if it is proven and worth a word."""
     pool = search.pool
-    if pool.exact:
-        return []
+    small = search.judged.n * float(np.median(pool.data.counts)) * SIZEABLE**2  # twice what it gains in white noise
     own = [clone(effect) for effect in model.features_.effect_list()]
     for effect in own:
         effect.learn(pool.record)
-    columns = map(pool.weighed, averaged(pool.record, own, FINE).columns)
-    thin = np.column_stack([pool.weight, *columns, *(cause.tried.explanation.columns for cause in causes)])
+    thin = np.column_stack([pool.weight, *map(pool.weighed, averaged(pool.record, own, FINE).columns)])
     most = search.judged.total - Comparison(pool.reading, thin, pool.span).total
-    if most < search.too_small / 2:  # the many lags themselves gain no more than that
+    if most < small / 2:  # the many lags themselves gain no more than that
         return []
     kinds = [kind for kind in THERMAL if kind not in exclude]
     candidates: list[Effect] = [effect for kind in kinds for effect in CATALOGUE[kind].candidates(pool.record)]
-    beside = Search(pool.beside(thin, pool.of(candidates)), anywhere=())
+    beside = Search(pool.beside(thin, pool.of(candidates)), anywhere=(), small=small)
     tried = [t for t in beside.look() if t.proven]
     if not tried:
         return []

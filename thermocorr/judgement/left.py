@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,8 @@ class Left:
     """For how long that part remembers [s]; 0 where nothing wanders."""
     colour: float
     """Variance over innovation variance: 1 for white noise."""
+    uneven: tuple[str, ...]
+    """Labels of effects that a few stretches of the record follow, and the rest does not."""
     spikes: tuple[float, ...]
     """Times since the record began at which readings jump far out of the noise [s], at most ten: left out."""
     smallest_drift: float
@@ -34,8 +37,8 @@ class Left:
     """Step in the middle of the record that it could have shown, in the unit of y."""
 
 
-def what_is_left(pool: Pool, judged: Comparison) -> Left:
-    """Describe the noise beside the last base."""
+def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = ()) -> Left:
+    """Describe the noise beside the last base, and name what is `uneven`."""
     theta, counts = judged.base.theta, float(np.median(pool.data.counts))
     innovation = judged.innovation
     total = float(np.average(judged.S(theta), weights=judged.bands.sizes))  # slow parts have not had their time
@@ -53,6 +56,7 @@ def what_is_left(pool: Pool, judged: Comparison) -> Left:
         wandering=wandering if structured else 0.0,
         correlation_time=float(np.exp(np.average(np.log(times), weights=theta[1:]))) if structured else 0.0,
         colour=total / innovation,
+        uneven=tuple(uneven),
         spikes=_spikes(pool),
         smallest_drift=judged.smallest(drift, PROVABLE),
         smallest_step=judged.smallest(middle, PROVABLE),

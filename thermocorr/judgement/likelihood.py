@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 import numpy as np
-from scipy.linalg import lapack, solve_triangular
+from scipy.linalg import cho_solve, lapack, solve_triangular
 
 from ..equations.noise import Bands, fitted_parts, whittle
 from .levels import ALIVE, PIECES, QUIET, TURNS
@@ -233,14 +233,17 @@ class Comparison:
         one, other = self.explanations[i], self.explanations[j]
         if one is None or other is None:
             return 0.0
-        root = 1 / np.sqrt(self.bands.each_row(self.S(self.base.theta)))[:, None]
-        base = np.linalg.qr(self.Q * root)[0]
-        own, rival, reading = (
-            part - base @ (base.T @ part) for part in (one.rows * root, other.rows * root, self.z[:, None] * root)
-        )
+        theta = self.base.theta
+        own, rival, reading = (self._white_beside(theta, part) for part in (one.rows, other.rows, self.z[:, None]))
         made = own @ np.linalg.lstsq(own, reading, rcond=1e-8)[0]
         again = rival @ np.linalg.lstsq(rival, made, rcond=1e-8)[0]
         return float(np.sum(again**2) / max(float(np.sum(made**2)), 1e-300))
+
+    def _white_beside(self, theta: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Columns as they are where the noise is white, less what the base holds of them, rows of the transform."""
+        W = 1 / self.bands.each_row(self.S(theta))[:, None]
+        held = cho_solve((self._half(theta), True), self.Q.T @ (W * rows))
+        return np.asarray(np.sqrt(W) * (rows - self.Q @ held))
 
     def scatter(self, i: int, theta: np.ndarray) -> float:
         """Variance of the sums that an explanation's coefficient is made of, over what noise that is as it seems gives.
@@ -250,14 +253,10 @@ class Comparison:
         """
         found = self.explanations[i]
         assert found is not None
-        coef, p = self._solved(i, theta)[0], self.Q.shape[1]
-        root = 1 / np.sqrt(self.bands.each_row(self.S(theta)))
-        made = found.rows @ coef[p:]
-        left = self.z - self.Q @ coef[:p] - made
-        half = self._half(theta)
-        inner = solve_triangular(half, self.Q.T @ (root**2 * made), lower=True)
-        made -= self.Q @ solve_triangular(half, inner, lower=True, trans=1)
-        beside, left = self.bands.back(np.column_stack((root * made, root * left))).T
+        coef = self._solved(i, theta)[0]
+        made = found.rows @ coef[self.Q.shape[1] :]
+        both = self._white_beside(theta, np.column_stack((made, self.z - made)))
+        beside, left = self.bands.back(both).T
         sums = np.add.reduceat(beside * left, np.linspace(0, self.n, PIECES + 1).astype(int)[:-1])
         return float(np.sum(sums**2) / max(float(np.sum(beside**2)), 1e-300))
 

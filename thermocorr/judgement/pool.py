@@ -117,8 +117,7 @@ class Pool:
     @cached_property
     def spacing(self) -> float:
         """Usual time from one averaged row to the next [s]."""
-        steps = np.diff(self.data.seconds)[np.diff(self.data.segment) == 0]
-        return float(np.median(steps)) if len(steps) else 1.0
+        return float(np.median(self.data.steps)) if len(self.data.steps) else 1.0
 
     @cached_property
     def place(self) -> np.ndarray:

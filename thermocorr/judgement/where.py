@@ -93,10 +93,9 @@ def against_white(record: Record, residual: np.ndarray, floor: float) -> pd.Data
     """
     data = averaged(replace(record, reading=residual), [])
     pieces = [data.reading[data.segment == segment] for segment in np.unique(data.segment)]
-    steps = np.diff(data.seconds)[np.diff(data.segment) == 0]
-    if len(data.reading) < 3 or not len(steps):
+    if len(data.reading) < 3 or not len(data.steps):
         return pd.DataFrame(columns=ALLAN_COLUMNS)
-    found = allan_deviation(pieces, float(np.median(steps)))
+    found = allan_deviation(pieces, float(np.median(data.steps)))
     white = floor / np.sqrt(np.median(data.counts) * found.averaging_times / found.averaging_times[0])
     excess = found.deviation / np.maximum(white, 1e-300)
     values = (found.averaging_times, found.deviation, found.low, found.high, white, excess)

@@ -116,8 +116,13 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
         if verdict in ("unexplained", "ambiguous"):
             to_log = next(text for limit, text in _TO_LOG if left.correlation_time <= limit)
             said.append(f"To learn its cause, log what changes as slowly: {to_log}.")
-    else:
+    elif not left.uneven:
         said.append("What is left looks like white noise.")
+    if left.uneven and verdict == "unexplained":
+        said.append(
+            f"A few stretches of the record follow {', '.join(left.uneven[:3])}; the rest does not. A short "
+            "disturbance, or an effect that comes and goes: look at these stretches alone."
+        )
     if left.spikes:
         said.append(
             f"{'At least ' if len(left.spikes) == MANY_SPIKES else ''}{len(left.spikes)} readings jump far out of the "
