@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -132,13 +132,8 @@ def later_errors(
     ('dynamic', True)
     """
     reading = np.array(numeric_reading(y, X), float)
-    record = read_record(X, next(iter(variants.values())).features_.layout(), y=reading, quiet=True)
-    rows = np.arange(len(reading))[record.rows(0, record.n_used)]
-    edges = np.linspace(len(rows) // 2, len(rows), n_blocks + 1).astype(int)
     missed: dict[str, list[np.ndarray]] = {name: [] for name in (BEFORE, *variants)}
-    for number, (low, high) in enumerate(pairwise(edges.tolist()), 1):
-        known, block = np.full(len(reading), np.nan), rows[low:high]
-        known[rows[:low]] = reading[rows[:low]]
+    for number, (known, block) in enumerate(later_blocks(next(iter(variants.values())), X, y, n_blocks), 1):
         missed[BEFORE].append(reading[block] - (np.nanmean(known) if np.isfinite(known).any() else np.nan))
         for name, variant in variants.items():
             if progress is not None:
@@ -151,11 +146,33 @@ def later_errors(
     return LaterErrors(table=table, unit=next(iter(variants.values())).reading_.unit)
 
 
+def later_rms(model: DynamicBiasRegressor, X: Any, y: Any, n_blocks: int = 5) -> float:
+    """Rms error of a fitted model on the later half of its record, each block foretold from everything before it.
+
+    NaN for records that are too short.
+    """
+    reading = np.array(numeric_reading(y, X), float)
+    parts = [_missed(model, X, known, reading, block) for known, block in later_blocks(model, X, y, n_blocks)]
+    return rms(np.concatenate(parts))
+
+
+def later_blocks(model: DynamicBiasRegressor, X: Any, y: Any, n_blocks: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Blocks of the later half in the order of time: readings before each (NaN from there on), and its rows."""
+    reading = np.array(numeric_reading(y, X), float)
+    record = read_record(X, model.features_.layout(), y=reading, quiet=True)
+    rows = np.arange(len(reading))[record.rows(0, record.n_used)]
+    edges = np.linspace(len(rows) // 2, len(rows), n_blocks + 1).astype(int)
+    for low, high in pairwise(edges.tolist()):
+        known = np.full(len(reading), np.nan)
+        known[rows[:low]] = reading[rows[:low]]
+        yield known, rows[low:high]
+
+
 def _missed(
-    variant: DynamicBiasRegressor, X: Any, known: np.ndarray, reading: np.ndarray, block: np.ndarray
+    model: DynamicBiasRegressor, X: Any, known: np.ndarray, reading: np.ndarray, block: np.ndarray
 ) -> np.ndarray:
     """What a model of the known readings misses in a block; NaN where these are too few."""
     try:
-        return np.asarray(reading[block] - clone(variant).fit(X, known).predict(X)[block])
+        return np.asarray(reading[block] - clone(model).fit(X, known).predict(X)[block])
     except RecordError:
         return np.full(len(block), np.nan)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,56 @@ from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..effects.wrap import as_effects
 from ..estimators.holdout import held_out_residuals, rms, time_blocks
+from ..estimators.later import later_rms
 from ..estimators.regressor import DynamicBiasRegressor
+from .levels import GAIN, HELPS, SAME, SUPERFLUOUS
 
 N_BLOCKS = 5
 """Blocks of time that are held out."""
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Rms errors of a model on data that it was not learned from, offset included, in the unit of y."""
+
+    held_out: float
+    """On blocks of time, each under a model fitted without it."""
+    later: float
+    """On blocks of the later half, each foretold from everything before it; NaN for short records."""
+
+    @classmethod
+    def of(cls, model: DynamicBiasRegressor, X: Any, y: Any) -> Errors:
+        """Errors of a fitted model on its record."""
+        return cls(held_out_rms(model, X, y), later_rms(model, X, y))
+
+    def better_than(self, other: Errors) -> bool:
+        """Whether one error falls by more than the other rises; held-out blocks decide where later ones cannot."""
+        held_out, later = self.held_out / other.held_out, self.later / other.later
+        if not abs(np.log(later)) > np.log(SAME):  # a step in the last block; or the record is too short
+            return held_out <= HELPS
+        return held_out * later <= HELPS**2
+
+    def worth(self, effect: Effect, named: bool, other: Errors) -> bool:
+        """Whether a model with one effect more is to be kept.
+
+        What diagnosis does not name must lower both errors clearly. What depends on time alone promises nothing for
+        later data: it must not raise either.
+        """
+        held_out, later = self.held_out / other.held_out, self.later / other.later
+        if not named:
+            return max(held_out, later) <= 10 ** (-GAIN / 20)
+        return self.better_than(other) and not (effect.of_time_alone and max(held_out, later) > SAME)
+
+    def least(self, other: Errors) -> Errors:
+        """The lesser of each."""
+        return Errors(min(self.held_out, other.held_out), min(self.later, other.later))
+
+    def __str__(self) -> str:
+        return f"{self.held_out:.4g} held out, {self.later:.4g} on later blocks"
+
+    def as_good_as(self, other: Errors) -> bool:
+        """Whether a simpler model is to be preferred."""
+        return self.held_out <= SUPERFLUOUS * other.held_out and not self.later > SUPERFLUOUS * other.later
 
 
 def held_out_rms(model: DynamicBiasRegressor, X: Any, y: Any) -> float:

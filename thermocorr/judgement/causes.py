@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from functools import cached_property
 
 import numpy as np
 from scipy import stats
 
-from ..effects import Periodic
+from ..effects import Delay, Periodic
 from ..effects.grids import longest_segment
 from .anywhere import best_period, step_gains
 from .choice import Cause, Tried, chosen, first_of_each
@@ -37,8 +38,11 @@ from .levels import (
 )
 from .likelihood import Comparison, Fit
 from .pool import Explanation, Key, Pool
+from .shifts import Shifts
 from .worth import HeldOut, Worth
 
+ANYWHERE = ("step", "periodic", "delay")
+"""Kinds that are looked for at every row, at every period and at every delay of whole rows."""
 STEP: Key = ("step", None)
 """Kind and column of steps, which come in numbers."""
 
@@ -50,12 +54,12 @@ class Search:
     ----------
     pool : Pool
     anywhere : collection of str
-        Kinds that are looked for at every row or period.
+        Kinds that are looked for at every row, period or delay.
     small : float
         Twice the log likelihood up to which what a better thermal part could do without is too small for a word.
     """
 
-    def __init__(self, pool: Pool, anywhere: Collection[str] = ("step", "periodic"), small: float = 0.0):
+    def __init__(self, pool: Pool, anywhere: Collection[str] = ANYWHERE, small: float = 0.0):
         self.pool, self.record = pool, pool.record
         self.tried = list(pool.explanations)
         self.judged = Comparison(pool.reading, pool.base, pool.span)
@@ -68,7 +72,9 @@ class Search:
         keys = [explanation.key for explanation in self.tried]
         self.sizes = {key: keys.count(key) for key in dict.fromkeys(keys)}
         tests = LOOKS * sum(min(size, DIFFERENT) for size in self.sizes.values())
-        self.sizes |= {(kind, None): self.judged.n for kind in anywhere}  # every row, every period
+        self.sizes |= {(kind, None): self.judged.n for kind in anywhere if kind != "delay"}  # every row, every period
+        if "delay" in anywhere:
+            self.sizes["delay", None] = self.sizes.get(("delay", None), 0) + self.shifts.most
         self.anywhere, self.small = anywhere, small
         self.tests = {key: max(tests, float(size)) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
@@ -103,7 +109,7 @@ class Search:
         """Steps one after the other, as long as each is proven and better than any other explanation was."""
         found: list[Cause] = []
         while len(found) < most:
-            i = self._add(self._steps(self.judged.base.theta))
+            i = self._add(self._best_anywhere("step", self.judged.base.theta))
             tried = self._weighed(i, dict(zip(i, self.held.worth([self.coarse[k] for k in i]), strict=True)))
             if not tried or not tried[0].proven or tried[0].score < least:
                 break
@@ -133,8 +139,10 @@ class Search:
 
     def look(self) -> list[Tried]:
         """The best of each kind and column beside the present base, best first."""
-        self._add(self._anywhere())
         white = self.judged.only_white()
+        for theta in (self.judged.base.theta, white):
+            for kind in self.anywhere:
+                self._add(self._best_anywhere(kind, theta))
         alive = [i for i in range(len(self.tried)) if self.judged.width(i)]
         screened = [self.judged.screen(self.judged.base.theta), self.judged.screen(white, profiled=True)]
         worths = dict(zip(alive, self.held.worth([self.coarse[i] for i in alive]), strict=True))
@@ -184,24 +192,23 @@ class Search:
             best[key] = np.maximum(best[key], values) if key in best else values
         return best
 
-    def _anywhere(self) -> list[Explanation]:
-        """The best step of all rows and the best wave of all periods, under wandering and under white noise."""
-        judged = self.judged
-        found: list[Explanation] = []
-        for theta in (judged.base.theta, judged.only_white()):
-            if "step" in self.anywhere:
-                found += self._steps(theta)
-            if "periodic" in self.anywhere:
-                most = longest_segment(self.record) / self.pool.spacing / 3
-                rows = best_period(judged, theta, self.pool.place, most)
-                period = [] if rows is None else [float(f"{rows * self.pool.spacing:.6g}")]
-                found += self.pool.of([Periodic(seconds, 1) for seconds in period])
-        return found
+    def _best_anywhere(self, kind: str, theta: np.ndarray) -> list[Explanation]:
+        """The best step of all rows, wave of all periods or delay under a given noise; none where none gains."""
+        judged, pool = self.judged, self.pool
+        if kind == "step":
+            gains = step_gains(judged, theta, pool.weight)
+            return [pool.step_at(int(gains.argmax()))] if gains.max() > 0 else []
+        if kind == "periodic":
+            period = best_period(judged, theta, pool.place, longest_segment(self.record) / pool.spacing / 3)
+            return [] if period is None else pool.of([Periodic(_six_digits(period * pool.spacing), 1)])
+        if not self.shifts.most:
+            return []
+        return pool.of([Delay(_six_digits((1 + int(self.shifts.gains(judged, theta).argmax())) * pool.spacing))])
 
-    def _steps(self, theta: np.ndarray) -> list[Explanation]:
-        """The best step of all rows under a given noise; none where none gains anything."""
-        gains = step_gains(self.judged, theta, self.pool.weight)
-        return [self.pool.step_at(int(gains.argmax()))] if gains.max() > 0 else []
+    @cached_property
+    def shifts(self) -> Shifts:
+        """The temperature at every delay."""
+        return Shifts(self.judged, self.pool.temperature, self.pool.data.segment, self.pool.weight)
 
     def _add(self, explanations: Sequence[Explanation]) -> list[int]:
         self.judged.add([explanation.columns for explanation in explanations])
@@ -264,3 +271,7 @@ class Search:
     def _forget(self, which: Sequence[int]) -> None:
         for i in which:
             self.judged.explanations[i] = None
+
+
+def _six_digits(seconds: float) -> float:
+    return float(f"{seconds:.6g}")

@@ -15,7 +15,7 @@ from ..estimators.threads import one_blas_thread
 from ..pages import PageData
 from ..records import Record
 from .candidates import as_fitted, further_candidates, given_effects, suspect_record
-from .causes import Search
+from .causes import ANYWHERE, Search
 from .choice import Cause, Tried, first_of_each
 from .found import Diagnosis, FoundSuspect
 from .lacking import lacking
@@ -82,7 +82,7 @@ def diagnose(
             for effect in effects.candidates(record, names)
         ]
         pool = Pool(model, record, [*candidates, *further_candidates(suspects, record)])
-        search = Search(pool, [kind for kind in ("step", "periodic") if kind not in exclude])
+        search = Search(pool, [kind for kind in ANYWHERE if kind not in exclude])
         if pool.exact:
             return _conclude(model, X, y, search, [], [])
         causes, last = search.causes()

@@ -34,6 +34,8 @@ LEAST_OWN = 0.1
 """Share of a wave outside the base, below which its gain is not told."""
 NYQUIST = 0.98
 """Fastest wave that is tried, over half the sampling frequency: at it, sine and cosine are one column."""
+LATEST = 0.01
+"""Longest delay that is looked for, as a share of the longest segment. Longer ones are much like slow lags."""
 SHORT_PAUSE = 0.01
 """Share of the record that a pause may last for noise to go on over it, wherever it lies."""
 ROUNDING = 1e-14
@@ -105,7 +107,8 @@ ALIKE = 0.5
 """Share of what a cause makes of the reading that a rival could make as well, above which the two are not told apart.
 Explanations that are as good but say something else are further causes."""
 MOST = 8
-"""Causes that are looked for, one after the other, steps not counted."""
+"""Causes that are looked for, one after the other, steps not counted. Twelve find hardly more on soil and take half as
+long again; waves without number find no more of what was planted there, and are tried one by one in refinement."""
 MOST_STEPS = 40
 """Steps that are looked for: soil on which rain falls has twenty in three years, a random telegraph one a switch."""
 THERMAL = ("thermal_lag", "delay", "rate")
@@ -132,6 +135,21 @@ TUNED = 4
 WITHIN = 0.3
 """Share of the best score from which a kind's parameters are tuned. A hinge between the points of the grid had two
 thirds of its score there."""
+
+# Refinement
+
+HELPS = 0.9995
+"""Held-out error over what it was before, up to which an effect is kept where later data cannot tell."""
+SAME = 1.002
+"""Ratio of errors on later data within which these cannot tell: a step in the last block of a record."""
+TRIES = 4
+"""Causes that are tried in a step: beyond, on soil, nothing helped that had not before."""
+SUPERFLUOUS = 1.001
+"""Errors over those before, up to which a model with an effect less, or a plainer one, is preferred."""
+UNNAMED = 2
+"""Suspects that are tried though the diagnosis names them not, where structure is left."""
+JOINTLY = (0.1, 0.03)
+"""Steps of the joint search around the parameters of the effects at the end."""
 
 # What is left
 

@@ -115,6 +115,14 @@ class Pool:
         return Explanation(effect, self.weighed(np.arange(len(self.reading)) >= row)[:, None])
 
     @cached_property
+    def temperature(self) -> np.ndarray:
+        """Temperature of each averaged row, from that of the first [K], shape (n,)."""
+        linear = StaticPolynomial(1)
+        linear.learn(self.record)
+        T = averaged(self.record, [linear], FINE).columns[0][:, 0]
+        return np.asarray(T - T[0])
+
+    @cached_property
     def spacing(self) -> float:
         """Usual time from one averaged row to the next [s]."""
         return float(np.median(self.data.steps)) if len(self.data.steps) else 1.0

@@ -16,19 +16,10 @@ from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..pages import RefinementPage
 from ..records.text import printable
-from .adding import held_out_rms, with_missing
+from .adding import Errors, with_missing
 from .diagnosis import diagnose
-from .found import Diagnosis
-from .levels import GAIN
-
-HELPS = 0.9995
-"""An effect is kept if it lowers the held-out error at least to this share of what it was before."""
-UNNAMED = 2
-"""Suspects that are tried though the diagnosis names them not, where structure is left."""
-SUPERFLUOUS = 1.001
-"""An effect leaves again if the held-out error without it is at most this share of the error with it."""
-TUNING = (0.1, 0.03)
-"""Steps of the joint search around the parameters of the effects at the end."""
+from .found import Diagnosis, FoundSuspect
+from .levels import GAIN, JOINTLY, TRIES, UNNAMED
 
 
 @dataclass(frozen=True, repr=False)
@@ -36,8 +27,9 @@ class Refinement(RefinementPage):
     """What `refine` did, step by step. Prints as a table."""
 
     steps: pd.DataFrame
-    """One row a step: step, effect, rms (in sample), held_out_rms, db (held out, against step 0), verdict (of the
-    diagnosis of that step's model). Step 0 is the given model."""
+    """One row a step: step, effect, rms (in sample), held_out_rms, later_rms (on blocks of the later half, each
+    foretold from everything before it), db (held out, against step 0), verdict (of the diagnosis of that step's model).
+    Step 0 is the given model."""
     model_: DynamicBiasRegressor
     """The final model, fitted."""
     diagnoses: tuple[Diagnosis, ...] = field(repr=False)
@@ -72,8 +64,9 @@ def refine(
 ) -> Refinement:
     """Add the best missing effect, fit, diagnose again, until nothing supportable is missing.
 
-    An effect is kept only if the error on held-out blocks of time falls; one that a later effect makes superfluous
-    leaves again; at the end the effects' parameters are tuned together.
+    An effect is kept only if the error on later blocks of time falls, each foretold from everything before it, and
+    held-out blocks agree; where later blocks cannot tell, held-out ones decide. One that a later effect makes
+    superfluous leaves again; at the end the effects' parameters are tuned together.
 
     Parameters
     ----------
@@ -109,96 +102,102 @@ def refine(
     if model.temperature is None and hasattr(model, "pipeline_"):  # X may hold more columns than the fitted frame
         current.set_params(temperature=model.features_.history_.record.temperature_name)
     current.fit(X, y)
-    best_rms = held_out_rms(current, X, y)
+    start = best = Errors.of(current, X, y)
     diagnoses = [diagnose(current, X, y, **wanted)]
-    rows = [_step(0, "", current, best_rms, best_rms, diagnoses[0], X, y)]
-    start = best_rms
+    rows = [_step(0, "", current, best, start, diagnoses[0], X, y)]
     try:
         for number in range(1, max_steps + 1):
             added: Effect | None = None
-            for effect in worth_trying(diagnoses[-1]):
+            for effect, named in worth_trying(diagnoses[-1]):
                 say(f"step {number}: adding {effect.label()}")
                 extended = with_missing(current, effect)
                 extended.fit(X, y)
-                rms = held_out_rms(extended, X, y)
-                if rms <= best_rms * HELPS:
+                errors = Errors.of(extended, X, y)
+                if errors.worth(effect, named, best):
                     added = effect
                     break
-                say(f"{effect.label()} does not help on held-out blocks: {rms:.4g} after {best_rms:.4g}")
+                say(f"{effect.label()} does not help on data that it was not learned from: {errors} after {best}")
             if added is None:
                 break
-            current, best_rms, gone = _without_superfluous(extended, X, y, rms)
+            current, best, gone = _without_superfluous(extended, X, y, errors)
             diagnoses.append(diagnose(current, X, y, **wanted))
-            rows.append(_step(number, added.label(), current, best_rms, start, diagnoses[-1], X, y))
+            rows.append(_step(number, added.label(), current, best, start, diagnoses[-1], X, y))
             for label in gone:
-                rows.append(_step(number, f"without {label}", current, best_rms, start, diagnoses[-1], X, y))
-        simpler, simpler_rms = _simpler(current, X, y, best_rms)
-        if simpler is not current:
-            current, best_rms = simpler, simpler_rms
+                rows.append(_step(number, f"without {label}", current, best, start, diagnoses[-1], X, y))
+        current, best = _simpler(current, X, y, best)
         if len(diagnoses) > 1:
             say("tuning the effects' parameters together")
             tuned = _tuned(current, X, y)
-            if tuned is not current:
-                rms = held_out_rms(tuned, X, y)
-                if rms < best_rms:
-                    current = tuned
-                    diagnoses.append(diagnose(current, X, y, **wanted))
-                    rows.append(_step(len(rows), "parameters tuned together", current, rms, start, diagnoses[-1], X, y))
+            errors = best if tuned is current else Errors.of(tuned, X, y)
+            if errors.better_than(best):
+                current = tuned
+                diagnoses.append(diagnose(current, X, y, **wanted))
+                rows.append(_step(len(rows), "parameters tuned together", current, errors, start, diagnoses[-1], X, y))
     except KeyboardInterrupt:
         say("stopped")
     return Refinement(pd.DataFrame(rows), current, tuple(diagnoses))
 
 
-def worth_trying(found: Diagnosis) -> list[Effect]:
-    """The causes, then suspects that lowered the error on later data, though nothing proves them."""
-    others = [s for s in found.suspects[found.n_causes :] if min(s.gain_db, s.later_db) >= GAIN]
-    others.sort(key=lambda s: -min(s.gain_db, s.later_db))
-    tried = [*found.causes, *(others[:UNNAMED] if found.verdict != "nothing missing" else [])]
-    return [suspect.effect for suspect in tried]
+def worth_trying(found: Diagnosis) -> list[tuple[Effect, bool]]:
+    """Effects to try and whether diagnosis names them: causes by what they are worth, then what helped unproven."""
+
+    def worth(suspect: FoundSuspect) -> float:
+        return -round(min(suspect.gain_db, suspect.later_db), 1)
+
+    named = sorted(found.causes, key=worth)[:TRIES]
+    others = [s for s in found.suspects[found.n_causes :] if -worth(s) >= GAIN and found.verdict != "nothing missing"]
+    return [(s.effect, True) for s in named] + [(s.effect, False) for s in sorted(others, key=worth)[:UNNAMED]]
 
 
 def _step(
-    number: int, effect: str, model: DynamicBiasRegressor, rms: float, start: float, found: Diagnosis, X: Any, y: Any
+    number: int,
+    effect: str,
+    model: DynamicBiasRegressor,
+    errors: Errors,
+    start: Errors,
+    found: Diagnosis,
+    X: Any,
+    y: Any,
 ) -> dict[str, Any]:
     inside = float(np.sqrt(np.nanmean(np.asarray(model.residuals(X, y), float) ** 2)))
     return {
         "step": number,
         "effect": effect,
         "rms": inside,
-        "held_out_rms": rms,
-        "db": float(20 * np.log10(rms / start)) if rms > 0 else -np.inf,
+        "held_out_rms": errors.held_out,
+        "later_rms": errors.later,
+        "db": float(20 * np.log10(errors.held_out / start.held_out)) if errors.held_out > 0 else -np.inf,
         "verdict": found.verdict,
     }
 
 
 def _without_superfluous(
-    model: DynamicBiasRegressor, X: Any, y: Any, rms: float
-) -> tuple[DynamicBiasRegressor, float, list[str]]:
-    """Take out effects, all but the last one added, that are not missed on held-out blocks."""
+    model: DynamicBiasRegressor, X: Any, y: Any, errors: Errors
+) -> tuple[DynamicBiasRegressor, Errors, list[str]]:
+    """Take out effects, all but the last one added, that are not missed on data that were not learned from."""
     gone: list[str] = []
     effects = [effect for _, effect in as_effects(model.effects)]
     for effect in effects[:-1]:
         fewer = clone(model).set_params(effects=[clone(other) for other in effects if other is not effect])
-        fewer.fit(X, y)
-        without = held_out_rms(fewer, X, y)
-        if without <= rms * SUPERFLUOUS:
-            model, rms = fewer, min(rms, without)
+        without = Errors.of(fewer.fit(X, y), X, y)
+        if without.as_good_as(errors):
+            model, errors = fewer, errors.least(without)
             effects = [other for other in effects if other is not effect]
             gone.append(effect.label())
-    return model, rms, gone
+    return model, errors, gone
 
 
-def _simpler(model: DynamicBiasRegressor, X: Any, y: Any, rms: float) -> tuple[DynamicBiasRegressor, float]:
-    """The model with lagged columns acting at once, where the held-out blocks do not miss the lag."""
+def _simpler(model: DynamicBiasRegressor, X: Any, y: Any, errors: Errors) -> tuple[DynamicBiasRegressor, Errors]:
+    """The model with lagged columns acting at once, where the lag is not missed on data that were not learned from."""
     effects = [effect for _, effect in as_effects(model.effects)]
     for i, effect in enumerate(effects):
         if isinstance(effect, LaggedCovariate):
             plain = [*effects[:i], Covariate(effect.column, effect.power), *effects[i + 1 :]]
             other = clone(model).set_params(effects=[clone(effect) for effect in plain]).fit(X, y)
-            without = held_out_rms(other, X, y)
-            if without <= rms * SUPERFLUOUS:
-                model, rms, effects = other, min(rms, without), plain
-    return model, rms
+            without = Errors.of(other, X, y)
+            if without.as_good_as(errors):
+                model, errors, effects = other, errors.least(without), plain
+    return model, errors
 
 
 def _tuned(model: DynamicBiasRegressor, X: Any, y: Any) -> DynamicBiasRegressor:
@@ -208,7 +207,7 @@ def _tuned(model: DynamicBiasRegressor, X: Any, y: Any) -> DynamicBiasRegressor:
     best, start = fixed.fit(X, y), model.residual_std_
     least = best.residual_std_
     record = best.features_.history_.record
-    for share in TUNING:
+    for share in JOINTLY:
         for i in range(len(effects)):
             for near in effects[i].nearby(record, share):
                 tried = [*effects[:i], near, *effects[i + 1 :]]

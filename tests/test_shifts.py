@@ -1,0 +1,54 @@
+"""Every delay of whole rows at once: against columns written out, and a delay that only its own neighbourhood shows."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr.judgement.likelihood import Comparison
+from thermocorr.judgement.shifts import Shifts
+
+
+def delayed(T, segment, rows):
+    """The temperature of some rows ago less that of now; before a segment began it was that of its first row."""
+    parts = []
+    for number in np.unique(segment):
+        own = T[segment == number]
+        parts.append(np.concatenate((np.full(min(rows, len(own)), own[0]), own[: max(len(own) - rows, 0)])) - own)
+    return np.concatenate(parts)
+
+
+def test_all_delays_at_once_gain_what_each_does_alone():
+    rng = np.random.default_rng(1)
+    segment, span = np.repeat([0, 1, 4], [1500, 6, 700]), np.repeat([0, 1], [1506, 700])
+    T, n = np.cumsum(rng.standard_normal(2206)) + 300, 2206
+    weight = np.where(np.arange(n) < 900, 1.0, 0.4)
+    base = np.column_stack((np.ones(n), T, rng.standard_normal(n))) * weight[:, None]
+    reading = (rng.standard_normal(n) + 0.3 * delayed(T, segment, 11)) * weight
+    judged = Comparison(reading, base, span)
+    judged.add([(delayed(T, segment, rows) * weight)[:, None] for rows in range(1, 16)])
+    shifts = Shifts(judged, T, segment, weight)
+    assert shifts.most == 15
+    for theta in (judged.base.theta, judged.only_white()):
+        np.testing.assert_allclose(shifts.gains(judged, theta), judged.screen(theta), rtol=1e-6, atol=1e-8)
+    assert shifts.gains(judged, judged.base.theta).argmax() == 10
+
+
+def test_no_delay_is_tried_where_segments_are_short():
+    segment = np.repeat(np.arange(30), 60)
+    T = np.random.default_rng(2).standard_normal(1800)
+    judged = Comparison(T, np.ones((1800, 1)), segment)
+    assert Shifts(judged, T, segment, np.ones(1800)).gains(judged, judged.base.theta).shape == (0,)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_delay_between_the_points_of_the_grid_is_named_where_noise_wanders(seed):
+    """A room that jitters: what a delay of 37 rows leaves beside many lags has nothing to do with one of 34 or 40."""
+    rng, n = np.random.default_rng(seed), 6000
+    T = 23 + pd.Series(rng.standard_normal(n)).ewm(alpha=0.3).mean().to_numpy() + np.sin(np.arange(n) / 500)
+    wander = np.cumsum(rng.standard_normal(n)) * 0.02
+    reading = 2 * T + 0.15 * np.concatenate((np.full(37, T[0]), T[:-37])) + 0.5 * rng.standard_normal(n) + wander
+    times = pd.to_datetime("2026-01-01") + pd.to_timedelta(10 * np.arange(n), unit="s")
+    X = pd.DataFrame({"temperature": T}, index=times)
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, reading), X, reading)
+    assert found.causes[0].effect.kind == "delay" and found.causes[0].effect.delay == pytest.approx(370, rel=0.02)
