@@ -37,7 +37,7 @@ class Errors:
 
     def better_than(self, other: Errors) -> bool:
         """Whether one error falls by more than the other rises; held-out blocks decide where later ones cannot."""
-        held_out, later = self.held_out / other.held_out, self.later / other.later
+        held_out, later = _ratio(self.held_out, other.held_out), _ratio(self.later, other.later)
         if not abs(np.log(later)) > np.log(SAME):  # a step in the last block; or the record is too short
             return held_out <= HELPS
         return held_out * later <= HELPS**2
@@ -48,7 +48,7 @@ class Errors:
         What diagnosis does not name must lower both errors clearly. What depends on time alone promises nothing for
         later data: it must not raise either.
         """
-        held_out, later = self.held_out / other.held_out, self.later / other.later
+        held_out, later = _ratio(self.held_out, other.held_out), _ratio(self.later, other.later)
         if not named:
             return max(held_out, later) <= 10 ** (-GAIN / 20)
         return self.better_than(other) and not (effect.of_time_alone and max(held_out, later) > SAME)
@@ -63,6 +63,10 @@ class Errors:
     def as_good_as(self, other: Errors) -> bool:
         """Whether a simpler model is to be preferred."""
         return self.held_out <= SUPERFLUOUS * other.held_out and not self.later > SUPERFLUOUS * other.later
+
+
+def _ratio(now: float, before: float) -> float:
+    return now / before if before else 1.0  # an exact record
 
 
 def held_out_rms(model: DynamicBiasRegressor, X: Any, y: Any) -> float:

@@ -13,6 +13,7 @@ from ..effects import CATALOGUE, SeveralSteps
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
 from ..pages import PageData
+from ..pictures.words import effect_text
 from ..records import Record
 from .candidates import as_fitted, further_candidates, given_effects, suspect_record
 from .causes import ANYWHERE, Search
@@ -100,7 +101,7 @@ def _conclude(
     residual = np.asarray(model.residuals(seen, y), float)
     rms = float(np.sqrt(np.nanmean(residual**2)))
     uneven = first_of_each([tried for tried in last if tried.uneven])
-    rest = what_is_left(search.pool, search.judged, [tried.explanation.effect.label() for tried in uneven])
+    rest = what_is_left(search.pool, search.judged, [effect_text(tried.explanation.effect) for tried in uneven])
     floor = rms if search.pool.exact else min(rest.floor, rms)
     found = _steps_together([_cause(cause) for cause in causes])
     named = {cause.tried.key for cause in causes}
@@ -146,6 +147,7 @@ def _cause(cause: Cause) -> FoundSuspect:
         later_db=tried.worth.later,
         p_value=tried.p_value,
         confusable_with=tuple(alike),
+        in_model=len(alike) < len(cause.alike),
     )
 
 

@@ -41,6 +41,8 @@ class FoundSuspect:
     """Error probability, corrected for the number of candidates tried."""
     confusable_with: tuple[Effect, ...] = ()
     """Effects that this record cannot tell it apart from."""
+    in_model: bool = False
+    """Whether this record cannot tell it apart from slow lags that the model has: a slow body."""
 
     @property
     def label(self) -> str:

@@ -83,6 +83,8 @@ def suspect_sentence(suspect: Any) -> str:
     tie = ""
     if suspect.confusable_with:
         tie = f"; cannot be told apart from {', '.join(effect_text(effect) for effect in suspect.confusable_with)}"
+    if suspect.in_model:
+        tie += "; slow lags of the model have taken it for a slow body, and this record cannot tell which it is"
     physics = suspect.effect.info.physics if suspect.effect.info is not None else ""
     return (
         f"{suspect.effect.label()}: {STANDINGS[suspect.standing]}; explains {suspect.share:.0%} of the structured "
