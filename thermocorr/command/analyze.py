@@ -16,6 +16,7 @@ from ..files import Outputs
 from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..pages import Findings
 from ..pages.report import report_text
+from ..pictures.added_noise import added_noise
 from ..pictures.words import aspect_text, each_row, interval_text
 from ..records import RecordError, RecordWarning
 from ..records.files import TIME_NAMES, read_table, require_column
@@ -115,6 +116,9 @@ def _run(
     say(f"Time constants of the last model: {', '.join(f'{tau:.4g} s' for tau in best.time_constants_)}\n")
     judged = _judge(best, X, y, options, say, progress)
     best = judged.model
+    noise = added_noise(best, X, y)
+    if noise:
+        say(f"{noise}\n")
     if folder is not None:
         written = [
             write_corrected(outputs, folder, log, _evaluated(best, X, y, say), index),
@@ -125,7 +129,7 @@ def _run(
             diagnosis=judged.diagnosis,
             refinement=judged.refinement,
             comparison=comparison,
-            advice=later.advice(kept),
+            advice=f"{later.advice(kept)} {noise}".strip(),
             unjudged=judged.reason,
             source=options.log or "the built-in voltage reference with a hidden effect",
             command=options.as_written,

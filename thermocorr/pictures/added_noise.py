@@ -1,0 +1,72 @@
+"""Where a correction adds noise: at short averaging times the thermometer's own noise comes in through fast lags."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..equations import allan_deviation
+from ..records.text import printable
+from .allan_deviation import LOOKED_AT, AllanDisplay
+from .timeline import time_text
+from .walk import regressor_of
+
+WORTH_A_WORD = 1.05
+"""Allan deviation after over before, from which the correction adds noise: ten per cent of the variance."""
+KNOWN = 30
+"""Degrees of freedom from which the two are compared: their ratio is known far better than either, since they share
+their noise."""
+
+
+def added_noise(model: Any, X: Any, y: Any) -> str:
+    """A sentence on the averaging times at which a correction adds noise, and the column that does it; "" for none.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+        Fitted; or a search with a ``best_estimator_``.
+    X, y : as for `DynamicBiasRegressor.evaluate`
+        A frame or an array, with the record's first rows in front.
+
+    Examples
+    --------
+    >>> from thermocorr import DynamicBiasRegressor
+    >>> from thermocorr.datasets import make_record
+    >>> record = make_record(2000, seed=1)
+    >>> X, y = record[["temperature"]], record["reading"]
+    >>> added_noise(DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y), X, y)
+    ''
+    """
+    fitted = regressor_of(model)
+    display = AllanDisplay.from_estimator(fitted, X, y)
+    before, after = display.before, display.after
+    n = min(len(before.deviation), len(after.deviation))
+    ratio = after.deviation[:n] / np.maximum(before.deviation[:n], 1e-300)
+    worse = (ratio > WORTH_A_WORD) & (np.minimum(before.degrees_of_freedom, after.degrees_of_freedom)[:n] >= KNOWN)
+    if not worse.any():
+        return ""
+    at = int(np.argmax(np.where(worse, ratio, 0.0)))
+    tau, last = float(after.averaging_times[at]), float(after.averaging_times[:n][worse].max())
+    unit = f" {display.unit}" if display.unit else ""
+    through = _loudest(fitted, X, tau / float(after.averaging_times[0]))
+    return printable(
+        f"At averaging times up to {_times(last, display)} the correction adds noise: Allan deviation "
+        f"{after.deviation[at]:.2g}{unit} after and {before.deviation[at]:.2g}{unit} before at {_times(tau, display)}, "
+        f"most of it through {through}, which passes on the noise of its input."
+    )
+
+
+def _times(seconds: float, display: AllanDisplay) -> str:
+    return f"{seconds:.0f} samples" if display.samples else time_text(seconds)
+
+
+def _loudest(model: Any, X: Any, rows: float) -> str:
+    """Name of the column whose contribution has the largest Allan deviation at an averaging time [rows]."""
+    columns = np.asarray(model.features_.transform(X[:LOOKED_AT]), float)
+    removed = np.concatenate(
+        [np.full(len(effect.names()), effect.removed_by_correct) for effect in model.features_.effect_list()]
+    )
+    made = columns * model.coef_ * removed
+    sizes = [allan_deviation(part[np.isfinite(part)], 1.0, [round(rows)]).deviation for part in made.T]
+    return str(model.features_.get_feature_names_out()[int(np.argmax([s[0] if len(s) else 0.0 for s in sizes]))])
