@@ -317,3 +317,19 @@ def test_a_column_that_matters_in_one_stretch_alone_is_not_proven_but_said(seed,
     assert "white noise" not in str(found)
     monkeypatch.setattr("thermocorr.judgement.causes.SCATTER", 1e9)
     assert diagnose(model, X, y).causes[0].label == "covariate: fan"  # without the rule it is
+
+
+def test_the_spectrum_of_what_is_left_is_that_of_the_noise():
+    """White noise of 0.3 every 30 s: 0.3 sqrt(2 x 30 s); a random walk of 0.02 a row falls into it as 1 / frequency."""
+    rng, n = np.random.default_rng(8), 8000
+    T = 23 + np.sin(np.arange(n) / 900) + 0.1 * np.sin(np.arange(n) / 90)
+    times = pd.to_datetime("2026-01-01") + pd.to_timedelta(30 * np.arange(n), unit="s")
+    X = pd.DataFrame({"temperature": T}, index=times)
+    y = 2 * T + 0.3 * rng.standard_normal(n) + 0.02 * np.cumsum(rng.standard_normal(n))
+    spectrum = diagnose(DynamicBiasRegressor("temperature", ["10 min"]).fit(X, y), X, y).left.spectrum
+    f = spectrum["frequency"].to_numpy()
+    expected = np.sqrt(2 * 30 * (0.3**2 + 0.02**2 / (2 * np.sin(np.pi * f * 30)) ** 2))
+    middle = f > 10 / (n * 30)
+    np.testing.assert_allclose(spectrum["noise"][middle], expected[middle], rtol=0.2)
+    np.testing.assert_allclose(spectrum["residual"][f > 1e-3], expected[f > 1e-3], rtol=0.15)
+    assert f[-1] < 0.5 / 30 and spectrum["white"].iloc[-1] == pytest.approx(0.3 * np.sqrt(60), rel=0.1)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+import pandas as pd
 
 from ..equations.noise import RATIO
-from .levels import PROVABLE, RANKED, STRUCTURE, WANDERS
+from .levels import PROVABLE, RANKED, STRUCTURE, TO_A_DECADE, WANDERS
 from .likelihood import Comparison
 from .pool import Pool
 
@@ -35,6 +36,9 @@ class Left:
     """Drift over the record that it could have shown, in the unit of y; infinite where it could have shown none."""
     smallest_step: float
     """Step in the middle of the record that it could have shown, in the unit of y."""
+    spectrum: pd.DataFrame = field(compare=False)
+    """Amplitude spectral densities by frequency [Hz], in the unit of y over sqrt(Hz): ``residual`` beside all causes,
+    ``noise`` as the judgement takes it, and its ``white`` part."""
 
 
 def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = ()) -> Left:
@@ -60,7 +64,29 @@ def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = ()) -> 
         spikes=_spikes(pool),
         smallest_drift=judged.smallest(drift, PROVABLE),
         smallest_step=judged.smallest(middle, PROVABLE),
+        spectrum=_spectrum(pool, judged),
     )
+
+
+def _spectrum(pool: Pool, judged: Comparison) -> pd.DataFrame:
+    """Means of neighbouring bands, `TO_A_DECADE` of them, in which the power of a few rows would jump about."""
+    bands, theta = judged.bands, judged.base.theta
+    kept = bands.middle > 0
+    frequency = bands.middle[kept] / (2 * np.pi * pool.spacing)
+    rows = pd.DataFrame(
+        {
+            "rows": judged.share,
+            "frequency": judged.share * np.maximum(bands.middle, 0.0) / (2 * np.pi * pool.spacing),
+            "residual": bands.sums(judged.left(theta) ** 2),
+            "noise": judged.share * judged.S(theta),
+            "white": judged.share * theta[0],
+        }
+    )[kept]
+    sums = rows.groupby(np.floor(TO_A_DECADE * np.log10(frequency / frequency.min())), sort=True).sum()
+    means = sums.drop(columns="rows").div(sums["rows"], axis=0).reset_index(drop=True)
+    densities = means[["residual", "noise", "white"]] * (2 * pool.spacing)  # one-sided
+    means[["residual", "noise", "white"]] = judged.unit * np.sqrt(densities)
+    return means
 
 
 def _spikes(pool: Pool) -> tuple[float, ...]:

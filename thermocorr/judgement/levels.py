@@ -156,5 +156,7 @@ JOINTLY = (0.1, 0.03)
 PROVABLE = 12.0
 """Log likelihood that a drift or step gains on the average where it is proven half of the time: the level, for a family
 of seven hundred tests (chi-square, one degree of freedom)."""
+TO_A_DECADE = 8
+"""Points that a spectrum has to a factor of ten in frequency."""
 RANKED = 10
 """Suspects that are listed at most, causes among them."""

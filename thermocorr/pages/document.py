@@ -57,7 +57,7 @@ def page(data: PageData, findings: Findings) -> str:
     if diagnosis is not None:
         first = diagnosis.data or data
         series = figures.series(first, diagnosis.noise_floor, stretches(diagnosis, first.timeline))
-        noise = [chart for chart in (figures.stability(first),) if chart is not None]
+        noise = [chart for chart in (figures.stability(first), figures.spectrum(diagnosis)) if chart is not None]
         time = [chart for chart in (series, figures.loop(first)) if chart is not None]
         charts += [*noise, *time]
         body += judged(diagnosis, first, [chart.html() for chart in noise], [chart.html() for chart in time])

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..estimators.time_constants.resolution import CONFIDENCE_95
+from ..pictures.protocols import DiagnosisLike
 from ..pictures.timeline import SECONDS_OF, elapsed_unit, time_text
 from ..records.units import difference_unit
 from .charts import Chart, Line, Panel
@@ -143,6 +144,30 @@ def placed(data: PageData, low: float, high: float) -> tuple[float, float] | Non
         return None
     first, last = data.timeline.interval(low, high)
     return time_axis(data).at(first), time_axis(data).at(last)
+
+
+def spectrum(found: DiagnosisLike) -> Chart | None:
+    """Spectrum of what no cause explains, and of the noise that explanations were weighed against."""
+    frame = found.left.spectrum
+    if len(frame) < FEW:
+        return None
+    lines = [
+        Line("noise as judged", frame["noise"].to_numpy(float), "model"),
+        Line("white part of it", frame["white"].to_numpy(float), "floor", dash=True),
+        Line("what no cause explains", frame["residual"].to_numpy(float), "residual", dots=True, joined=False),
+    ]
+    return Chart(
+        "spectrum",
+        "frequency",
+        frame["frequency"].to_numpy(float),
+        (Panel("amplitude spectral density", f"{found.unit}/√Hz", tuple(lines), log=True, height=260),),
+        caption=(
+            "Causes were weighed against this noise: white, and parts that remember. Where what no cause explains "
+            "stands far out of it, something is left."
+        ),
+        x_unit="Hz",
+        x_log=True,
+    )
 
 
 def stability(data: PageData) -> Chart | None:
