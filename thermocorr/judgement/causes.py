@@ -14,8 +14,9 @@ from scipy import stats
 
 from ..effects import Periodic
 from ..effects.grids import longest_segment
-from .anywhere import best_period, step_gains
+from .anywhere import best_period, filtered
 from .choice import Cause, Tried, chosen, first_of_each
+from .dated import DATED, MANY, dated, tries
 from .levels import (
     ALIKE,
     BY_CHANCE,
@@ -39,8 +40,8 @@ from .likelihood import Comparison, Fit
 from .pool import Explanation, Key, Pool
 from .worth import HeldOut, Worth
 
-STEP: Key = ("step", None)
-"""Kind and column of steps, which come in numbers."""
+ANYWHERE = (*DATED, "periodic")
+"""Kinds that are looked for at every row or period."""
 
 
 class Search:
@@ -55,7 +56,7 @@ class Search:
         Twice the log likelihood up to which what a better thermal part could do without is too small for a word.
     """
 
-    def __init__(self, pool: Pool, anywhere: Collection[str] = ("step", "periodic"), small: float = 0.0):
+    def __init__(self, pool: Pool, anywhere: Collection[str] = ANYWHERE, small: float = 0.0):
         self.pool, self.record = pool, pool.record
         self.tried = list(pool.explanations)
         self.judged = Comparison(pool.reading, pool.base, pool.span)
@@ -67,8 +68,9 @@ class Search:
         self.coarse = [pool.coarse(explanation.columns) for explanation in self.tried]
         keys = [explanation.key for explanation in self.tried]
         self.sizes = {key: keys.count(key) for key in dict.fromkeys(keys)}
+        every = {("periodic", None): self.judged.n, **tries(self.judged.n)}  # every row, every period
+        self.sizes |= {key: size for key, size in every.items() if key[0] in anywhere}
         tests = LOOKS * sum(min(size, DIFFERENT) for size in self.sizes.values())
-        self.sizes |= {(kind, None): self.judged.n for kind in anywhere}  # every row, every period
         self.anywhere, self.small = anywhere, small
         self.tests = {key: max(tests, float(size)) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
@@ -80,8 +82,8 @@ class Search:
         """The causes, and what was tried last without being one."""
         found: list[Cause] = []
         while True:
-            steps = sum(cause.tried.key == STEP for cause in found)
-            tried = [t for t in self.look() if steps < MOST_STEPS or t.key != STEP]
+            steps = sum(cause.tried.key in MANY for cause in found)
+            tried = [t for t in self.look() if steps < MOST_STEPS or t.key not in MANY]
             best, rivals = chosen(tried, self.by_chance)
             if best is None or len(found) - steps == MOST:
                 return self._needed(found), tried
@@ -89,25 +91,30 @@ class Search:
             same = [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
             alike, others = first_of_each(same), [t for t in tried if t.key != best.key]
             found.append(self._taken_in(best, alike, others))
-            if best.key == STEP and "step" in self.anywhere:
-                found += self._further_steps(MOST_STEPS - steps - 1, max((t.score for t in others), default=0.0))
+            if best.key in MANY:
+                least = max((t.score for t in others if t.key not in MANY), default=0.0)
+                found += self._further_steps(MOST_STEPS - steps - 1, least)
 
     def _taken_in(self, best: Tried, alike: Sequence[Tried] = (), others: Sequence[Tried] = ()) -> Cause:
         """What was chosen, as a cause; it is part of the base from now on."""
-        cause = Cause(tried=best, alike=tuple(alike), others=tuple(others), share=self.share(best))
+        number, share = len(self.judged.causes), self.share(best)
+        cause = Cause(tried=best, alike=tuple(alike), others=tuple(others), share=share, adopted=number)
         self.judged.adopt(best.number)
         self.held = self.held.with_columns(self.coarse[best.number])
         return cause
 
     def _further_steps(self, most: int, least: float) -> list[Cause]:
-        """Steps one after the other, as long as each is proven and better than any other explanation was."""
+        """Steps and disturbances one after the other, as long as each is proven and better than any other kind was."""
         found: list[Cause] = []
+        kinds = [kind for kind, _ in MANY if kind in self.anywhere]
         while len(found) < most:
-            i = self._add(self._steps(self.judged.base.theta))
+            theta = self.judged.base.theta
+            i = self._add(dated(self.pool, self.judged, theta, filtered(self.judged, theta), kinds))
             tried = self._weighed(i, dict(zip(i, self.held.worth([self.coarse[k] for k in i]), strict=True)))
-            if not tried or not tried[0].proven or tried[0].score < least:
+            best = max(tried, key=lambda t: t.score, default=None)
+            if best is None or not best.proven or best.score < least:
                 break
-            found.append(self._taken_in(tried[0]))
+            found.append(self._taken_in(best))
         return found
 
     def _needed(self, found: list[Cause]) -> list[Cause]:
@@ -185,23 +192,18 @@ class Search:
         return best
 
     def _anywhere(self) -> list[Explanation]:
-        """The best step of all rows and the best wave of all periods, under wandering and under white noise."""
+        """The best moments of all rows and the best wave of all periods, under wandering and under white noise."""
         judged = self.judged
         found: list[Explanation] = []
-        for theta in (judged.base.theta, judged.only_white()):
-            if "step" in self.anywhere:
-                found += self._steps(theta)
+        for theta in (judged.base.theta, judged.only_white()) if self.anywhere else ():
+            rows = filtered(judged, theta)
+            found += dated(self.pool, judged, theta, rows, self.anywhere)
             if "periodic" in self.anywhere:
                 most = longest_segment(self.record) / self.pool.spacing / 3
-                rows = best_period(judged, theta, self.pool.place, most)
-                period = [] if rows is None else [float(f"{rows * self.pool.spacing:.6g}")]
-                found += self.pool.of([Periodic(seconds, 1) for seconds in period])
+                period = best_period(judged, theta, self.pool.place, most, rows)
+                waves = [] if period is None else [Periodic(float(f"{period * self.pool.spacing:.6g}"), 1)]
+                found += self.pool.of(waves)
         return found
-
-    def _steps(self, theta: np.ndarray) -> list[Explanation]:
-        """The best step of all rows under a given noise; none where none gains anything."""
-        gains = step_gains(self.judged, theta, self.pool.weight)
-        return [self.pool.step_at(int(gains.argmax()))] if gains.max() > 0 else []
 
     def _add(self, explanations: Sequence[Explanation]) -> list[int]:
         self.judged.add([explanation.columns for explanation in explanations])

@@ -41,6 +41,9 @@ class FoundSuspect:
     """Error probability, corrected for the number of candidates tried."""
     confusable_with: tuple[Effect, ...] = ()
     """Effects that this record cannot tell it apart from."""
+    when: tuple[tuple[Any, Any], ...] = ()
+    """Interval (95 %) of each moment at which a step, another law or a disturbance begins or ends, in order of time:
+    dates where the record has dates, else seconds since it began. Empty for other kinds."""
 
     @property
     def label(self) -> str:
