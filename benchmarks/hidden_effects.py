@@ -40,6 +40,7 @@ DEVICES = ("slab", "plate", "layered", "box")
 NOISE = 0.2
 NOTHING = ("none", "coloured")
 UNKNOWN = ("random_telegraph", "random_walk")
+NAMES = ("column", "fast", "slow")
 PAIRS = (
     ("hysteresis", "drift"),
     ("periodic", "step"),
@@ -74,7 +75,7 @@ def make_case(setting: str, seed: int, effects: dict[str, float], coloured: floa
     )
     labels = []
     for kind, planted in zip(effects, truth.attrs.get("effects", {}).values(), strict=False):
-        column = planted["parameters"].get("column")
+        column = next((planted["parameters"][name] for name in NAMES if planted["parameters"].get(name)), None)
         labels.append(kind if column is None else f"{kind}:{column}")
     X, y = record.drop(columns="reading"), record["reading"]
     return Case(X, y, truth, labels, DynamicBiasRegressor("temperature").fit(X, y))

@@ -6,8 +6,10 @@ import inspect
 import pickle
 
 import numpy as np
+import pandas as pd
 import pytest
 from effect_records import EXAMPLES, NAMES, columns_of, learned, log, read, whole
+from scipy.signal import lfilter
 from sklearn.base import clone
 
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
@@ -15,16 +17,20 @@ from thermocorr.effects import (
     CATALOGUE,
     Covariate,
     Delay,
+    Disturbance,
     Drift,
     Hinge,
     Hysteresis,
     InitialTransient,
     LaggedCovariate,
+    LaggedModulation,
     LagProducts,
     LogAgeing,
     Periodic,
     Rate,
+    SaturatingCovariate,
     SensitivityDrift,
+    SensitivityStep,
     StaticPolynomial,
     Step,
     ThermalLag,
@@ -79,7 +85,9 @@ def test_every_kind_knows_what_to_try(kind):
 def test_a_local_search_finds_neighbours(effect):
     record = read(log(500, seed=1))
     around = effect.nearby(record)
-    tunable = {"knee": 2, "time": 2} if isinstance(effect, Hinge | Step) else {}
+    tunable = {}
+    if isinstance(effect, Hinge | Step | SensitivityStep | Disturbance):
+        tunable = dict.fromkeys(("knee", "time", "start", "end"), 2)
     params = effect.get_params()
     expected = sum(tunable.get(name, 0) for name in params)
     for name in effect.info.tuned:
@@ -112,10 +120,15 @@ def test_a_record_of_two_rows_breaks_no_search_range(kind):
 
 
 def test_squares_are_tried_where_they_are_no_copies():
-    X = log(500).assign(current=np.random.default_rng(0).uniform(0, 1, 500), mains=230 + np.arange(500) / 1000)
-    record = read_record(X, Layout(), needed=["current", "mains"], quiet=True)
-    tried = [(effect.column, effect.power) for effect in Covariate.candidates(record, ["current", "mains"])]
-    assert tried == [("current", 1), ("current", 2), ("mains", 1)]
+    rng = np.random.default_rng(0)
+    X = log(500).assign(
+        current=rng.uniform(0, 1, 500), mains=230 + np.arange(500) / 1000, heater=rng.integers(0, 2, 500) * 1.7
+    )
+    record = read_record(X, Layout(), needed=["current", "mains", "heater"], quiet=True)
+    tried = [(effect.column, effect.power) for effect in Covariate.candidates(record, ["current", "mains", "heater"])]
+    assert tried == [("current", 1), ("current", 2), ("mains", 1), ("heater", 1)]  # on or off, it is its own square
+    assert {effect.power for effect in LaggedCovariate.candidates(record, ["heater"])} == {1}
+    assert not SaturatingCovariate.candidates(record, ["heater"])
 
 
 # --------------------------------------------------------------------------------------------- contracts
@@ -190,6 +203,14 @@ BAD = [
     (Step(None), "The 'time' parameter of Step must be .* Got None instead"),
     (Step(float("inf")), "The 'time' parameter of Step .* Got inf instead"),
     (Step("2024-03-04 02:00+01:00"), "The 'time' parameter of Step must be a date without a time zone"),
+    (
+        SensitivityStep("breakfast"),
+        "The 'time' parameter of SensitivityStep must be seconds .* Got 'breakfast'",
+    ),
+    (Disturbance(0.0, "breakfast"), "The .end. parameter of Disturbance must be seconds .* Got .breakfast. instead"),
+    (Disturbance(60.0, 60.0), "The 'end' parameter of Disturbance must lie after its start, 60.0. Got 60.0 instead"),
+    (LaggedModulation(), "LaggedModulation needs a column as 'fast' or 'slow'"),
+    (LaggedModulation(slow="humidity", time_constant=0), "must be a positive time"),
     (Periodic(0), "The 'period' parameter must be a positive time"),
     (Periodic(harmonics=0), r"The 'harmonics' parameter of Periodic must be an int in the range \[1, 10000\]. Got 0"),
     (Hinge("warm"), "The 'knee' parameter of Hinge must be a float .* Got 'warm' instead"),
@@ -210,6 +231,32 @@ def test_bad_parameters_are_named_in_one_sentence(effect, words):
         learned(effect, log(50))
     with pytest.raises(ValueError, match=words):
         DiffusiveFeatures((), effects=[effect]).fit(log(50))
+
+
+def test_another_law_and_a_disturbance_are_what_their_formulas_say():
+    X = log(500, seed=4)
+    seconds = (X.index - X.index[0]).total_seconds().to_numpy()
+    T = X["temperature"].to_numpy()
+    later = (seconds >= 7200.0).astype(float)
+    np.testing.assert_allclose(columns_of(SensitivityStep("2 h"), X), np.column_stack((later, later * (T - T.mean()))))
+    date = X.index[0] + pd.Timedelta("2 h")
+    np.testing.assert_array_equal(columns_of(SensitivityStep(date), X), columns_of(SensitivityStep(7200), X))
+    inside = ((seconds >= 5000) & (seconds < 7200)).astype(float)
+    np.testing.assert_array_equal(columns_of(Disturbance(5000.0, date), X)[:, 0], inside)
+    assert learned(Disturbance(60.0, 120.0), X)[0].label() == "disturbance: 2024-03-04 01:24:45 to 2024-03-04 01:25:45"
+    assert Disturbance(60.0, "2 h").label() == "disturbance: 60 s to 2 h"
+
+
+def test_a_modulation_is_a_product_with_what_was():
+    """The lagged column by scipy's own integration of tau d(lagged)/dt = slow - lagged, on an even grid."""
+    X = log(400, seed=5, irregular=0.0)
+    humidity, T = X["humidity"].to_numpy(), X["temperature"].to_numpy()
+    fine = np.interp(np.arange(0, 399, 0.01), np.arange(400), humidity)
+    kept = np.exp(-0.01 * 60 / 900)
+    lagged = lfilter([1 - kept], [1, -kept], fine, zi=[kept * fine[0]])[0][::100]
+    found = columns_of(LaggedModulation(slow="humidity", time_constant=900), X)[:-1, 0]
+    expected = (T - T.mean())[:399] * (lagged - humidity.mean())
+    np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(expected).max())
 
 
 def test_a_date_needs_dates():

@@ -138,6 +138,25 @@ def _step(run: Run, scene: Scene, p: Parameters, *_: Any) -> Array:
     return np.where(run.began + run.time < p["time"], 0.0, 1.0)
 
 
+def _disturbance(run: Run, scene: Scene, p: Parameters, *_: Any) -> Array:
+    now = run.began + run.time
+    return np.asarray(((now >= p["start"]) & (now < p["end"])).astype(float))
+
+
+def _sensitivity_step(
+    run: Run, scene: Scene, p: Parameters, shared: np.random.Generator, own: np.random.Generator
+) -> Array:
+    spread = max(float(scene.columns["temperature"].std()), 1e-300)
+    law = shared.uniform(-1.0, 1.0) + shared.uniform(0.5, 1.0) * _temperature(run, scene)[1] / spread
+    return np.where(run.began + run.time < p["time"], 0.0, law)
+
+
+def _lagged_modulation(run: Run, scene: Scene, p: Parameters, *_: Any) -> Array:
+    fast, slow = (run.columns[p[name] or "temperature"] for name in ("fast", "slow"))
+    means = [scene.columns[p[name] or "temperature"].mean() for name in ("fast", "slow")]
+    return np.asarray((fast - means[0]) * (follow(run.time, slow, p["time_constant"]) - means[1]))
+
+
 def _hysteresis(run: Run, scene: Scene, p: Parameters, *_: Any) -> Array:
     air, half, lag = run.columns["temperature"], p["width"] / 2, 0.0
     result = np.zeros(air.size)
@@ -200,6 +219,18 @@ def _draw_step(scene: Scene, rng: np.random.Generator) -> Parameters:
     return {"time": float(np.round(scene.times[row] - 0.4 * scene.step, 3))}
 
 
+def _draw_disturbance(scene: Scene, rng: np.random.Generator) -> Parameters:
+    length = scene.log_uniform(rng, 20 * scene.step, scene.span / 40)
+    start = float(np.round(rng.uniform(0.1, 0.85) * scene.span - 0.4 * scene.step, 3))
+    return {"start": start, "end": start + length}
+
+
+def _draw_modulation(scene: Scene, rng: np.random.Generator) -> Parameters:
+    column, late = str(rng.choice(COLUMNS)), scene.log_uniform(rng, scene.span / 100, scene.span / 15)
+    fast, slow = (None, column) if rng.integers(2) else (column, None)
+    return {"fast": fast, "slow": slow, "time_constant": late}
+
+
 def _draw_hysteresis(scene: Scene, rng: np.random.Generator) -> Parameters:
     swing = _quantile(scene, 0.95) - _quantile(scene, 0.05)
     return {"width": scene.log_uniform(rng, 0.05 * swing, 0.4 * swing)}
@@ -233,6 +264,9 @@ PLANTS: dict[str, Plant] = {
     ),
     "sensitivity_drift": Plant(lambda scene, rng: {}, _sensitivity_drift),
     "step": Plant(_draw_step, _step),
+    "disturbance": Plant(_draw_disturbance, _disturbance),
+    "sensitivity_step": Plant(_draw_step, _sensitivity_step),
+    "lagged_modulation": Plant(_draw_modulation, _lagged_modulation),
     "hysteresis": Plant(_draw_hysteresis, _hysteresis),
     "hinge": Plant(_draw_hinge, _hinge),
     "periodic": Plant(_draw_period, _periodic),

@@ -17,6 +17,8 @@ from ._propagate import Array
 
 _WHO = "make_record"
 _SPANS = ("time_constant", "delay", "onset", "period", "dwell")
+_COLUMNS = ("column", "fast", "slow")
+_MOMENTS = ("time", "start", "end")
 _INTERVALS = {"width": "(0.0, inf)", "knee": "(-inf, inf)"}
 _CHOICES = {"side": ("above", "below")}
 _COUNTS = ("degree", "harmonics", "power")
@@ -95,8 +97,8 @@ def _checked(kind: str, name: str, value: Any, start: pd.Timestamp) -> Any:
         return [seconds_of(tau, name) for tau in values]
     if name in _SPANS and value is not None:
         return seconds_of(value, name)
-    if name == "time" and isinstance(value, str | pd.Timestamp):
-        return (pd.Timestamp(value) - start).total_seconds()
+    if name in _MOMENTS and isinstance(value, str | pd.Timestamp):
+        return _since(start, value)
     said = f"effects[{kind!r}][{name!r}]"
     if name in _CHOICES:
         check_choice(_WHO, said, value, _CHOICES[name])
@@ -104,9 +106,17 @@ def _checked(kind: str, name: str, value: Any, start: pd.Timestamp) -> Any:
         return bool(value)
     if name in _COUNTS:
         return check_int(_WHO, said, value, 1)
-    if name in _INTERVALS or name == "time":
+    if name in _INTERVALS or name in _MOMENTS:
         return check_float(_WHO, said, value, _INTERVALS.get(name, "(-inf, inf)"))
     return value
+
+
+def _since(start: pd.Timestamp, moment: str | pd.Timestamp) -> float:
+    """Seconds from the record's start to a date, or a span such as "2 days"."""
+    try:
+        return float(pd.Timedelta(moment).total_seconds())  # type: ignore[arg-type]  # a Timestamp raises TypeError
+    except (TypeError, ValueError):
+        return float((pd.Timestamp(moment) - start).total_seconds())
 
 
 def plant(
@@ -139,9 +149,10 @@ def plant(
         return contributions, truth
     scene = _scene(runs, step)
     for planting in plantings:
-        column = planting.given.get("column")
-        if column is not None:
-            check_choice(_WHO, f"effects[{planting.kind!r}]['column']", column, tuple(runs[0].columns))
+        for name in _COLUMNS:
+            column = planting.given.get(name)
+            if column is not None:
+                check_choice(_WHO, f"effects[{planting.kind!r}][{name!r}]", column, tuple(runs[0].columns))
         shared = _stream(planting, seed, 0, 0)
         sign = float(shared.choice((-1.0, 1.0)))
         parameters = {**PLANTS[planting.kind].draw(scene, shared), **planting.given}

@@ -2,12 +2,15 @@
 
 from .catalogue import CATALOGUE
 from .covariates import Covariate, Interaction, LaggedCovariate
+from .disturbance import Disturbance
 from .hinge import Hinge
 from .hysteresis import Hysteresis
+from .modulation import LaggedModulation
 from .periodic import Periodic
 from .products import LagProducts
 from .protocol import Effect, EffectInfo
 from .rates import Delay, Rate
+from .sensitivity_step import SensitivityStep
 from .several_steps import SeveralSteps
 from .signals import Signals
 from .thermal import StaticPolynomial, ThermalLag
@@ -19,6 +22,7 @@ __all__ = [
     "CATALOGUE",
     "Covariate",
     "Delay",
+    "Disturbance",
     "Drift",
     "Effect",
     "EffectInfo",
@@ -28,10 +32,12 @@ __all__ = [
     "Interaction",
     "LagProducts",
     "LaggedCovariate",
+    "LaggedModulation",
     "LogAgeing",
     "Periodic",
     "Rate",
     "SensitivityDrift",
+    "SensitivityStep",
     "SeveralSteps",
     "Signals",
     "StaticPolynomial",

@@ -204,10 +204,11 @@ def _powers(record: Record, column: Any) -> tuple[int, ...]:
 
 
 def swings(record: Record, column: Any) -> bool:
-    """Whether a column swings by more than a tenth of its mean, so that bent copies of it are no copies."""
-    count, total, squares = 0, 0.0, 0.0
-    for block in record.blocks():
-        values = block[column]
-        count, total, squares = count + len(values), total + float(values.sum()), squares + float(values @ values)
-    mean, square = total / count, squares / count
-    return bool(square - mean**2 > (_CURVED * mean) ** 2)
+    """Whether bent copies of a column are no copies: it swings by more than a tenth of its mean, and is not on or off.
+
+    A column that knows two values only is a copy of any function of it.
+    """
+    known = record.moments(column)
+    if not known.std > _CURVED * abs(known.mean):
+        return False
+    return any(bool(((block[column] > known.low) & (block[column] < known.high)).any()) for block in record.blocks())

@@ -7,16 +7,14 @@ on the fitted rows, so that U0 stays the reading of the record's middle; the coe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from numbers import Real
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from sklearn.base import clone
-from sklearn.utils._param_validation import Interval
 
 from ..records import Record, seconds_of
 from .grids import longest_segment, mean_seconds, time_grid, time_quantiles
+from .moments import MOMENT, moment_text, shown, since_start
 from .protocol import Effect, EffectInfo, time_text
 from .signals import BlockSignals, Signals
 from .thermal import column_text
@@ -203,10 +201,7 @@ class Step(Effect):
         parameters={"time": "s"},
         place=3.3,
     )
-    _parameter_constraints = {
-        "time": [Interval(Real, None, None, closed="neither"), str, pd.Timestamp, pd.Timedelta, np.datetime64],
-        "removed_by_correct": ["boolean"],
-    }
+    _parameter_constraints = {"time": MOMENT, "removed_by_correct": ["boolean"]}
 
     def __init__(self, time: Any, removed_by_correct: bool = False):
         self.time = time
@@ -222,17 +217,14 @@ class Step(Effect):
 
     def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
         """Moments `share` of the way to the next candidate."""
-        spacing = longest_segment(record) / (_STEP_TIMES + 1)
-        moment = _since_start(self.time, record)
-        return [clone(self).set_params(time=moment + side * share * spacing) for side in (-1, 1)]
+        moment, reach = since_start(self.time, record), share * longest_segment(record) / (_STEP_TIMES + 1)
+        return [clone(self).set_params(time=moment + side * reach) for side in (-1, 1)]
 
     def learn(self, record: Record) -> None:
         """Convert the moment to seconds since the record began, and to a date where there are dates."""
         self._validate_params()
-        self.seconds_ = _since_start(self.time, record)
-        self.moment_ = f"{self.seconds_:.10g} s"
-        if record.times.kind.startswith("datetime"):
-            self.moment_ = str(pd.Timestamp(int(record.first_stamp())) + pd.Timedelta(self.seconds_, unit="s"))
+        self.seconds_ = since_start(self.time, record)
+        self.moment_ = moment_text(self.seconds_, record)
 
     def names(self) -> list[str]:
         """``step[86400 s]`` or ``step[2024-03-05 00:00:00]``."""
@@ -244,32 +236,4 @@ class Step(Effect):
 
     def label(self) -> str:
         """``step: 2024-03-05 00:00:00``."""
-        return f"step: {getattr(self, 'moment_', self.time)}"
-
-
-def _since_start(time: Any, record: Record) -> float:
-    """A moment as seconds since the record began; raises ValueError for what is no moment of this record."""
-    if isinstance(time, Real):
-        return float(time)
-    try:
-        return pd.Timedelta(time).total_seconds()
-    except (ValueError, TypeError):
-        pass
-    kind = record.times.kind
-    try:
-        date: Any = pd.Timestamp(time)
-    except (ValueError, TypeError):
-        date = pd.NaT
-    if not kind.startswith("datetime") or date is pd.NaT:
-        raise ValueError(
-            "The 'time' parameter of Step must be seconds since the record began, a span such as '3 days', or a date "
-            f"where the record has dates (this one has {kind}). Got {time!r} instead."
-        )
-    zoned = kind == "datetime with time zone"
-    if (date.tzinfo is not None) != zoned:
-        raise ValueError(
-            f"The 'time' parameter of Step must be a date {'with' if zoned else 'without'} a time zone, as the "
-            f"record's times are. Got {time!r} instead."
-        )
-    date = date.tz_convert("UTC").tz_localize(None) if zoned else date
-    return record.times.between(date.as_unit("ns").value, record.first_stamp())
+        return f"step: {getattr(self, 'moment_', shown(self.time))}"

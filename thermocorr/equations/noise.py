@@ -131,3 +131,24 @@ def fitted_parts(parts: np.ndarray, share: np.ndarray, power: np.ndarray, start:
 def whittle(share: np.ndarray, power: np.ndarray, S: np.ndarray) -> np.ndarray:
     """Log likelihood of sums of squares of bands under powers S, both of shape (bands, records)."""
     return np.asarray(-0.5 * np.sum(share[:, None] * np.log(S) + power / S, axis=0))
+
+
+def inverse_kernel(theta: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """White part, sizes and ratios of the inverse covariance of a noise: white (1[k = 0] - sum of size ratio^|k|).
+
+    The inverse of white noise under Ornstein-Uhlenbeck parts is white noise less as many decaying exponentials: with
+    s = 1 - cos(angle), each part is a/(b + s), so that the power is a rank-one matrix's resolvent, and its inverse
+    follows by Sherman & Morrison (Ann. Math. Statist. 21, 1950).
+
+    Parameters
+    ----------
+    theta : array of shape (parts,)
+        Variances, the white part first.
+    """
+    kept = np.exp(-1 / RATIO ** np.arange(len(theta) - 1))
+    white = max(float(theta[0]), 1e-6 * float(np.sum(theta)))
+    b, a = (1 - kept) ** 2 / (2 * kept), theta[1:] * (1 - kept**2) / (2 * kept)
+    half = np.sqrt(a / white)
+    z, vectors = np.linalg.eigh(np.diag(b) + np.outer(half, half))
+    root = np.sqrt(z * (z + 2))
+    return 1 / white, (vectors.T @ half) ** 2 / root, 1 + z - root

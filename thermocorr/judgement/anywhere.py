@@ -14,14 +14,21 @@ from .levels import LEAST_OWN, NYQUIST
 from .likelihood import Comparison
 
 
-def step_gains(judged: Comparison, theta: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def filtered(judged: Comparison, theta: np.ndarray) -> np.ndarray:
+    """What the base leaves of the reading, and the base, times the inverse covariance of a noise, shape (n, 1 + p)."""
+    W = 1 / judged.bands.each_row(judged.S(theta))
+    return judged.bands.back(np.column_stack((judged.left(theta), judged.Q)) * W[:, None])
+
+
+def step_gains(judged: Comparison, theta: np.ndarray, weight: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
     """Log likelihood that a step at each row gains under a given noise; 0 at the first row.
 
-    `weight` is what rows are weighted with, shape (n,); where it is not 1, the result is an approximation.
+    `weight` is what rows are weighted with, shape (n,); where it is not 1, the result is an approximation. `rows` is
+    what `filtered` has said already.
     """
-    bands, W = judged.bands, 1 / judged.bands.each_row(judged.S(theta))
-    weighted = bands.back(np.column_stack((judged.left(theta), judged.Q)) * W[:, None]) * weight[:, None]
-    sums = np.cumsum(weighted[::-1], axis=0)[::-1]
+    W = 1 / judged.bands.each_row(judged.S(theta))
+    rows = filtered(judged, theta) if rows is None else rows
+    sums = np.cumsum((rows * weight[:, None])[::-1], axis=0)[::-1]
     full = _squares(judged, W) * np.cumsum(weight[::-1] ** 2)[::-1] / np.arange(judged.n, 0, -1)
     own = full - judged.taken(theta, sums[:, 1:])
     alive = own > 1e-8 * full
@@ -44,15 +51,17 @@ def _squares(judged: Comparison, W: np.ndarray) -> np.ndarray:
     return result
 
 
-def best_period(judged: Comparison, theta: np.ndarray, place: np.ndarray, most: float) -> float | None:
+def best_period(
+    judged: Comparison, theta: np.ndarray, place: np.ndarray, most: float, rows: np.ndarray | None = None
+) -> float | None:
     """Period of the wave that gains most under a given noise, at most `most`; None where none can be told.
 
     `place`, shape (n,), is where the rows lie on an even grid, in whole steps; periods are in these steps. Moments of
     waves of all periods with reading and base are Fourier transforms. A wave's own weighted square is that of one that
-    fits into the record.
+    fits into the record. `rows` is what `filtered` has said already.
     """
     bands, S = judged.bands, judged.S(theta)
-    weighted = bands.back(np.column_stack((judged.left(theta), judged.Q)) / bands.each_row(S)[:, None])
+    weighted = filtered(judged, theta) if rows is None else rows
     even = np.zeros((next_fast_len(2 * int(place.max() + 1), real=True), weighted.shape[1]))
     np.add.at(even, place, weighted)
     angle = 2 * np.pi * np.arange(len(even) // 2 + 1) / len(even)

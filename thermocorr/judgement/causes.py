@@ -15,8 +15,9 @@ from scipy import stats
 
 from ..effects import Delay, Periodic
 from ..effects.grids import longest_segment
-from .anywhere import best_period, step_gains
+from .anywhere import best_period, filtered
 from .choice import Cause, Tried, chosen, first_of_each
+from .dated import DATED, MANY, dated, tries
 from .levels import (
     ALIKE,
     BY_CHANCE,
@@ -41,10 +42,8 @@ from .pool import Explanation, Key, Pool
 from .shifts import Shifts
 from .worth import HeldOut, Worth
 
-ANYWHERE = ("step", "periodic", "delay")
+ANYWHERE = (*DATED, "periodic", "delay")
 """Kinds that are looked for at every row, at every period and at every delay of whole rows."""
-STEP: Key = ("step", None)
-"""Kind and column of steps, which come in numbers."""
 
 
 class Search:
@@ -71,8 +70,9 @@ class Search:
         self.coarse = [pool.coarse(explanation.columns) for explanation in self.tried]
         keys = [explanation.key for explanation in self.tried]
         self.sizes = {key: keys.count(key) for key in dict.fromkeys(keys)}
+        every = {("periodic", None): self.judged.n, **tries(self.judged.n)}  # every row, every period
+        self.sizes |= {key: size for key, size in every.items() if key[0] in anywhere}
         tests = LOOKS * sum(min(size, DIFFERENT) for size in self.sizes.values())
-        self.sizes |= {(kind, None): self.judged.n for kind in anywhere if kind != "delay"}  # every row, every period
         if "delay" in anywhere:
             self.sizes["delay", None] = self.sizes.get(("delay", None), 0) + self.shifts.most
         self.anywhere, self.small = anywhere, small
@@ -86,8 +86,8 @@ class Search:
         """The causes, and what was tried last without being one."""
         found: list[Cause] = []
         while True:
-            steps = sum(cause.tried.key == STEP for cause in found)
-            tried = [t for t in self.look() if steps < MOST_STEPS or t.key != STEP]
+            steps = sum(cause.tried.key in MANY for cause in found)
+            tried = [t for t in self.look() if steps < MOST_STEPS or t.key not in MANY]
             best, rivals = chosen(tried, self.by_chance)
             if best is None or len(found) - steps == MOST:
                 return self._needed(found), tried
@@ -95,25 +95,30 @@ class Search:
             same = [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
             alike, others = first_of_each(same), [t for t in tried if t.key != best.key]
             found.append(self._taken_in(best, alike, others))
-            if best.key == STEP and "step" in self.anywhere:
-                found += self._further_steps(MOST_STEPS - steps - 1, max((t.score for t in others), default=0.0))
+            if best.key in MANY:
+                least = max((t.score for t in others if t.key not in MANY), default=0.0)
+                found += self._further_steps(MOST_STEPS - steps - 1, least)
 
     def _taken_in(self, best: Tried, alike: Sequence[Tried] = (), others: Sequence[Tried] = ()) -> Cause:
         """What was chosen, as a cause; it is part of the base from now on."""
-        cause = Cause(tried=best, alike=tuple(alike), others=tuple(others), share=self.share(best))
+        number, share = len(self.judged.causes), self.share(best)
+        cause = Cause(tried=best, alike=tuple(alike), others=tuple(others), share=share, adopted=number)
         self.judged.adopt(best.number)
         self.held = self.held.with_columns(self.coarse[best.number])
         return cause
 
     def _further_steps(self, most: int, least: float) -> list[Cause]:
-        """Steps one after the other, as long as each is proven and better than any other explanation was."""
+        """Steps and disturbances one after the other, as long as each is proven and better than any other kind was."""
         found: list[Cause] = []
+        kinds = [kind for kind, _ in MANY if kind in self.anywhere]
         while len(found) < most:
-            i = self._add(self._best_anywhere("step", self.judged.base.theta))
+            theta = self.judged.base.theta
+            i = self._add(dated(self.pool, self.judged, theta, filtered(self.judged, theta), kinds))
             tried = self._weighed(i, dict(zip(i, self.held.worth([self.coarse[k] for k in i]), strict=True)))
-            if not tried or not tried[0].proven or tried[0].score < least:
+            best = max(tried, key=lambda t: t.score, default=None)
+            if best is None or not best.proven or best.score < least:
                 break
-            found.append(self._taken_in(tried[0]))
+            found.append(self._taken_in(best))
         return found
 
     def _needed(self, found: list[Cause]) -> list[Cause]:
@@ -139,10 +144,8 @@ class Search:
 
     def look(self) -> list[Tried]:
         """The best of each kind and column beside the present base, best first."""
+        self._add(self._anywhere())
         white = self.judged.only_white()
-        for theta in (self.judged.base.theta, white):
-            for kind in self.anywhere:
-                self._add(self._best_anywhere(kind, theta))
         alive = [i for i in range(len(self.tried)) if self.judged.width(i)]
         screened = [self.judged.screen(self.judged.base.theta), self.judged.screen(white, profiled=True)]
         worths = dict(zip(alive, self.held.worth([self.coarse[i] for i in alive]), strict=True))
@@ -192,18 +195,21 @@ class Search:
             best[key] = np.maximum(best[key], values) if key in best else values
         return best
 
-    def _best_anywhere(self, kind: str, theta: np.ndarray) -> list[Explanation]:
-        """The best step of all rows, wave of all periods or delay under a given noise; none where none gains."""
+    def _anywhere(self) -> list[Explanation]:
+        """The best moments of all rows, wave of all periods and delay, under wandering and under white noise."""
         judged, pool = self.judged, self.pool
-        if kind == "step":
-            gains = step_gains(judged, theta, pool.weight)
-            return [pool.step_at(int(gains.argmax()))] if gains.max() > 0 else []
-        if kind == "periodic":
-            period = best_period(judged, theta, pool.place, longest_segment(self.record) / pool.spacing / 3)
-            return [] if period is None else pool.of([Periodic(_six_digits(period * pool.spacing), 1)])
-        if not self.shifts.most:
-            return []
-        return pool.of([Delay(_six_digits((1 + int(self.shifts.gains(judged, theta).argmax())) * pool.spacing))])
+        found: list[Explanation] = []
+        for theta in (judged.base.theta, judged.only_white()) if self.anywhere else ():
+            rows = filtered(judged, theta)
+            found += dated(pool, judged, theta, rows, self.anywhere)
+            if "periodic" in self.anywhere:
+                most = longest_segment(self.record) / pool.spacing / 3
+                period = best_period(judged, theta, pool.place, most, rows)
+                found += [] if period is None else pool.of([Periodic(_six_digits(period * pool.spacing), 1)])
+            if "delay" in self.anywhere and self.shifts.most:
+                delay = 1 + int(self.shifts.gains(judged, theta, rows).argmax())
+                found += pool.of([Delay(_six_digits(delay * pool.spacing))])
+        return found
 
     @cached_property
     def shifts(self) -> Shifts:

@@ -54,6 +54,8 @@ class Cause:
     """What else was tried in its place, best first."""
     share: float
     """Share of the structured variance that it explains."""
+    adopted: int = -1
+    """Number among the explanations that the comparison has adopted; -1 for none."""
 
 
 def first_of_each(ranked: Iterable[Tried]) -> list[Tried]:

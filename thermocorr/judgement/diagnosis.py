@@ -18,11 +18,13 @@ from ..records import Record
 from .candidates import as_fitted, further_candidates, given_effects, suspect_record
 from .causes import ANYWHERE, Search
 from .choice import Cause, Tried, first_of_each
+from .dated import DATED
 from .found import Diagnosis, FoundSuspect
 from .lacking import lacking
 from .left import what_is_left
 from .levels import GAIN, RANKED, SEVERAL
 from .pool import Pool
+from .when import Interval, intervals
 from .where import against_white, where_it_fails
 
 
@@ -79,7 +81,7 @@ def diagnose(
         candidates = [
             effect
             for kind, effects in CATALOGUE.items()
-            if kind not in exclude
+            if kind not in (*exclude, *DATED, "several_steps")
             for effect in effects.candidates(record, names)
         ]
         pool = Pool(model, record, [*candidates, *further_candidates(suspects, record)])
@@ -103,7 +105,8 @@ def _conclude(
     uneven = first_of_each([tried for tried in last if tried.uneven])
     rest = what_is_left(search.pool, search.judged, [effect_text(tried.explanation.effect) for tried in uneven])
     floor = rms if search.pool.exact else min(rest.floor, rms)
-    found = _steps_together([_cause(cause) for cause in causes])
+    moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, causes)]
+    found = _steps_together([_cause(cause, when) for cause, when in zip(causes, moments, strict=True)])
     named = {cause.tried.key for cause in causes}
     others = causes[0].others if causes else last
     listed = [t for t in first_of_each(others) if t.key not in named and not t.explanation.in_model]
@@ -135,7 +138,17 @@ def _worth_to_the_user(cause: Cause) -> tuple[bool, float]:
     return not helps, -(tried.worth.both if helps else tried.score)
 
 
-def _cause(cause: Cause) -> FoundSuspect:
+def _dates(record: Record, ends: Sequence[Interval]) -> tuple[tuple[Any, Any], ...]:
+    """Intervals as dates where the record has dates, in UTC where it has a time zone."""
+    kind = record.times.kind
+    if not kind.startswith("datetime"):
+        return tuple(ends)
+    zero = pd.Timestamp(int(record.first_stamp()), tz="UTC" if kind == "datetime with time zone" else None)
+    low, high = ([(zero + pd.Timedelta(end[i], unit="s")).round("ms") for end in ends] for i in (0, 1))
+    return tuple(zip(low, high, strict=True))
+
+
+def _cause(cause: Cause, when: tuple[tuple[Any, Any], ...]) -> FoundSuspect:
     """A cause as the reader sees it."""
     tried = cause.tried
     alike = [clone(other.explanation.effect) for other in cause.alike if not other.explanation.in_model]
@@ -148,21 +161,24 @@ def _cause(cause: Cause) -> FoundSuspect:
         p_value=tried.p_value,
         confusable_with=tuple(alike),
         in_model=len(alike) < len(cause.alike),
+        when=when,
     )
 
 
 def _steps_together(found: list[FoundSuspect]) -> list[FoundSuspect]:
-    """Many steps as one cause, several steps, in the place of the first."""
-    steps = [cause for cause in found if cause.effect.kind == "step"]
+    """Many steps and disturbances as one cause, several steps, in the place of the first."""
+    steps = [cause for cause in found if cause.effect.kind in ("step", "disturbance")]
     if len(steps) < SEVERAL:
         return found
+    ends = [cause.effect.get_params().get(name) for cause in steps for name in ("time", "start", "end")]
     together = FoundSuspect(
-        effect=SeveralSteps(sorted(cause.effect.time for cause in steps)),
+        effect=SeveralSteps(sorted({time for time in ends if time is not None})),
         standing="proven",
         share=min(sum(cause.share for cause in steps), 1.0),
         gain_db=sum(cause.gain_db for cause in steps),  # each was judged beside those before it
         later_db=sum(cause.later_db for cause in steps),
         p_value=max(cause.p_value for cause in steps),
+        when=tuple(sorted(interval for cause in steps for interval in cause.when)),
     )
     return [together if cause is steps[0] else cause for cause in found if cause is steps[0] or cause not in steps]
 

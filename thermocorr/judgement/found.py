@@ -43,6 +43,9 @@ class FoundSuspect:
     """Effects that this record cannot tell it apart from."""
     in_model: bool = False
     """Whether this record cannot tell it apart from slow lags that the model has: a slow body."""
+    when: tuple[tuple[Any, Any], ...] = ()
+    """Interval (95 %) of each moment at which a step, another law or a disturbance begins or ends, in order of time:
+    dates where the record has dates, else seconds since it began. Empty for other kinds."""
 
     @property
     def label(self) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ..effects import StaticPolynomial, Step, ThermalLag
+from ..effects import StaticPolynomial, ThermalLag
 from ..effects.grids import longest_segment
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
@@ -108,19 +108,12 @@ class Pool:
         columns = averaged(self.record, effects, FINE).columns
         return [Explanation(e, self.weighed(c)) for e, c in zip(effects, columns, strict=True)]
 
-    def step_at(self, row: int) -> Explanation:
-        """A step between an averaged row and the one before it."""
-        effect = Step(float(np.mean(self.data.seconds[row - 1 : row + 1])))
-        effect.learn(self.record)
-        return Explanation(effect, self.weighed(np.arange(len(self.reading)) >= row)[:, None])
-
     @cached_property
     def temperature(self) -> np.ndarray:
-        """Temperature of each averaged row, from that of the first [K], shape (n,)."""
-        linear = StaticPolynomial(1)
-        linear.learn(self.record)
-        T = averaged(self.record, [linear], FINE).columns[0][:, 0]
-        return np.asarray(T - T[0])
+        """Temperature less its mean over the record, averaged, shape (n,)."""
+        static = StaticPolynomial(1)
+        static.learn(self.record)
+        return np.asarray(averaged(self.record, [static], FINE).columns[0][:, 0])
 
     @cached_property
     def spacing(self) -> float:

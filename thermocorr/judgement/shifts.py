@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
+from .anywhere import filtered
 from .levels import LATEST
 from .likelihood import Comparison
 
@@ -54,20 +55,20 @@ class Shifts:
         self.squares = np.concatenate([np.zeros((len(judged.zz), 0)), *squares], axis=1)
         """Sums of squares of each delay's column in each band, shape (bands, most)."""
 
-    def gains(self, judged: Comparison, theta: np.ndarray) -> np.ndarray:
+    def gains(self, judged: Comparison, theta: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
         """Log likelihood that each delay gains under a given noise, shape (most,).
 
-        Where rows are left out as spikes, the result is an approximation.
+        Where rows are left out as spikes, the result is an approximation. `rows` is what `anywhere.filtered` has said
+        already.
         """
-        bands, S = judged.bands, judged.S(theta)
-        weighted = bands.back(np.column_stack((judged.left(theta), judged.Q)) / bands.each_row(S)[:, None])
+        weighted = filtered(judged, theta) if rows is None else rows
         moments = np.empty((self.most, weighted.shape[1]))
         for j, column in enumerate((weighted * self.weight[:, None]).T):
             even = np.zeros(self.size)
             even[self.place] = column
             together = irfft(rfft(even) * self.T.conj(), self.size)
             moments[:, j] = together[1 : self.most + 1] - together[0]
-        full = self.squares.T @ (1 / S)
+        full = self.squares.T @ (1 / judged.S(theta))
         own = full - judged.taken(theta, moments[:, 1:])
         alive = own > 1e-8 * full
         return np.asarray(np.where(alive, 0.5 * moments[:, 0] ** 2 / np.where(alive, own, 1.0), 0.0))

@@ -16,6 +16,8 @@ YEARLY = 200 * 86_400.0
 """Span of a record above which dates are written with their year [s]."""
 MANY_SPIKES = 10
 """Spikes that are listed at most."""
+MANY_MOMENTS = 6
+"""Moments of a cause that are listed at most."""
 _HEADS = {"rate": "rate [K/h]", "hour": "hour of day (UTC)", "frequency": "frequency"}
 
 
@@ -87,10 +89,30 @@ def suspect_sentence(suspect: Any) -> str:
         tie += "; slow lags of the model have taken it for a slow body, and this record cannot tell which it is"
     physics = suspect.effect.info.physics if suspect.effect.info is not None else ""
     return (
-        f"{suspect.effect.label()}: {STANDINGS[suspect.standing]}; explains {suspect.share:.0%} of the structured "
-        f"variance, gain {suspect.gain_db:.2f} dB on held-out blocks and {suspect.later_db:.2f} dB on later data, "
-        f"error probability {probability_text(suspect.p_value)}{tie}. {physics}"
-    ).strip()
+        (
+            f"{suspect.effect.label()}: {STANDINGS[suspect.standing]}; explains {suspect.share:.0%} of the structured "
+            f"variance, gain {suspect.gain_db:.2f} dB on held-out blocks and {suspect.later_db:.2f} dB on later data, "
+            f"error probability {probability_text(suspect.p_value)}{tie}. {when_text(suspect)} {physics}"
+        )
+        .replace(".  ", ". ")
+        .strip()
+    )
+
+
+def moment_text(moment: Any) -> str:
+    """A date to the second, or a time since the record began."""
+    return str(moment.round("s")) if isinstance(moment, pd.Timestamp) else f"{moment:.6g} s"
+
+
+def when_text(suspect: Any) -> str:
+    """Within which limits the record knows a suspect's moments: a sentence, or nothing where it has none."""
+    spans = [f"between {moment_text(low)} and {moment_text(high)}" for low, high in suspect.when]
+    if not spans:
+        return ""
+    if suspect.effect.kind == "disturbance":
+        return f"It began {spans[0]} and ended {spans[1]} (95 %)."
+    more = f" and {len(spans) - MANY_MOMENTS} more" if len(spans) > MANY_MOMENTS else ""
+    return f"It happened {', '.join(spans[:MANY_MOMENTS])}{more} (95 %{', each' if len(spans) > 1 else ''})."
 
 
 _TO_LOG = (

@@ -1,0 +1,55 @@
+"""Moments of a record, as users write them: seconds since it began, spans, dates."""
+
+from __future__ import annotations
+
+from numbers import Real
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.utils._param_validation import Interval
+
+from ..records import Record
+
+MOMENT: list[Any] = [Interval(Real, None, None, closed="neither"), str, pd.Timestamp, pd.Timedelta, np.datetime64]
+"""What a moment may be, in scikit-learn's words."""
+
+
+def since_start(time: Any, record: Record, name: str = "time", effect: str = "Step") -> float:
+    """A moment as seconds since the record began; raises ValueError for what is no moment of this record."""
+    if isinstance(time, Real):
+        return float(time)
+    try:
+        return pd.Timedelta(time).total_seconds()
+    except (ValueError, TypeError):
+        pass
+    kind = record.times.kind
+    try:
+        date: Any = pd.Timestamp(time)
+    except (ValueError, TypeError):
+        date = pd.NaT
+    if not kind.startswith("datetime") or date is pd.NaT:
+        raise ValueError(
+            f"The {name!r} parameter of {effect} must be seconds since the record began, a span such as '3 days', or a "
+            f"date where the record has dates (this one has {kind}). Got {time!r} instead."
+        )
+    zoned = kind == "datetime with time zone"
+    if (date.tzinfo is not None) != zoned:
+        raise ValueError(
+            f"The {name!r} parameter of {effect} must be a date {'with' if zoned else 'without'} a time zone, as the "
+            f"record's times are. Got {time!r} instead."
+        )
+    date = date.tz_convert("UTC").tz_localize(None) if zoned else date
+    return record.times.between(date.as_unit("ns").value, record.first_stamp())
+
+
+def moment_text(seconds: float, record: Record) -> str:
+    """A moment in a column's name: a date where the record has dates, else seconds since it began."""
+    if record.times.kind.startswith("datetime"):
+        return str(pd.Timestamp(int(record.first_stamp())) + pd.Timedelta(seconds, unit="s"))
+    return f"{seconds:.10g} s"
+
+
+def shown(moment: Any) -> str:
+    """A moment as it was given: seconds to ten digits, anything else as it is."""
+    return f"{float(moment):.10g} s" if isinstance(moment, Real) else str(moment)

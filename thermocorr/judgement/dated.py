@@ -1,0 +1,64 @@
+"""Explanations that begin at a row: a step, another law, a short disturbance. The best of all rows of each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+
+import numpy as np
+
+from ..effects import Disturbance, SensitivityStep, Step
+from .anywhere import step_gains
+from .cuts import change_gains
+from .levels import STRETCHES
+from .likelihood import Comparison
+from .pool import Explanation, Key, Pool
+from .stretches import best_stretch
+
+DATED = ("step", "sensitivity_step", "disturbance")
+"""Kinds that are looked for at every row, not on a grid of candidates."""
+MANY: tuple[Key, ...] = (("step", None), ("disturbance", None))
+"""Kinds and columns that come in numbers."""
+
+
+def tries(n: int) -> dict[Key, int]:
+    """How many different moments or stretches each kind is tried at, on a record of n rows."""
+    return {("step", None): n, ("sensitivity_step", None): n, ("disturbance", None): STRETCHES * n}
+
+
+def dated(
+    pool: Pool, judged: Comparison, theta: np.ndarray, rows: np.ndarray, kinds: Collection[str] = DATED
+) -> list[Explanation]:
+    """The best of each kind under a given noise; none where none gains anything.
+
+    `rows` is what `anywhere.filtered` says. Another law is left out where a step alone does as well.
+    """
+    found: list[Explanation] = []
+    steps = step_gains(judged, theta, pool.weight, rows) if {"step", "sensitivity_step"} & {*kinds} else np.zeros(1)
+    if "step" in kinds and steps.max() > 0:
+        found.append(_from(pool, Step, int(steps.argmax())))
+    if "sensitivity_step" in kinds:
+        changes = change_gains(judged, theta, pool.weight, pool.temperature, rows)
+        if changes.max() > steps.max() + 0.5 * math.log(judged.n):
+            found.append(_from(pool, SensitivityStep, int(changes.argmax())))
+    if "disturbance" in kinds and (stretch := best_stretch(judged, theta, pool.weight)) is not None:
+        effect = Disturbance(moment(pool, stretch.start), moment(pool, stretch.stop))
+        effect.learn(pool.record)
+        row = np.arange(judged.n)
+        inside = (row >= stretch.start) & (row < stretch.stop)
+        found.append(Explanation(effect, pool.weighed(inside.astype(float)[:, None])))
+    return found
+
+
+def moment(pool: Pool, row: int) -> float:
+    """Time between an averaged row and the one before it, since the record began [s]."""
+    return float(np.mean(pool.data.seconds[row - 1 : row + 1]))
+
+
+def _from(pool: Pool, kind: type[Step] | type[SensitivityStep], row: int) -> Explanation:
+    """What begins between an averaged row and the one before it."""
+    effect = kind(moment(pool, row))
+    effect.learn(pool.record)
+    later = (np.arange(len(pool.reading)) >= row).astype(float)
+    columns = [later] if kind is Step else [later, later * pool.temperature]
+    return Explanation(effect, pool.weighed(np.column_stack(columns)))
