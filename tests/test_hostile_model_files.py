@@ -191,6 +191,10 @@ def test_800_forged_files_with_a_fitting_digest_are_refused_or_still_compute(vic
         (b"\xff\xfe", "UTF-8"),
         (b"\x80\x04cposix\nsystem", "UTF-8"),
         (b'{"format": "thermocorr model", "version": 99}', "later version.*Update"),
+        (
+            b'{"format": "thermocorr model", "version": 99, "digest": "sha256:' + b"0" * 64 + b'",\nof another kind}',
+            "later version.*Update",
+        ),
         (b"[" * 200_000, "too deeply"),
         (b'{"format": "thermocorr model", "version": 1}', "digest"),
         (b'{"a": 1, "a": 2}', "'a' stands twice"),

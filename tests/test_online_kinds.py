@@ -11,7 +11,7 @@ import pytest
 from effect_records import EXAMPLES, NAMES
 from streams import agree, one_by_one, stream
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError
 from thermocorr.effects import Effect
 from thermocorr.equations import lag_differences
 
@@ -107,6 +107,19 @@ def test_dates_may_come_in_any_form(form):
     rows = zip(X.index[150:], X["temperature"][150:], y[150:], strict=True)
     got = [live.update(form(t), T, U) for t, T, U in rows]
     agree(model, X[150:], y[150:], [s.corrected for s in got], [s.flag for s in got])
+
+
+@pytest.mark.parametrize("zone", [None, "UTC"])
+def test_dates_of_the_other_kind_are_refused_in_any_form(zone):
+    """Whoever leaves out the zone may mean any hour."""
+    X, y = stream(200, 5, holes=False)
+    index = X.index.round("1s").tz_localize(zone)
+    model = DynamicBiasRegressor(time_constants=[300.0]).fit(X.set_axis(index), y.to_numpy())
+    other = (index[-1] + pd.Timedelta("1 min")).tz_localize("UTC" if zone is None else None)
+    live = OnlineCorrector(model)
+    for form in (other, other.to_pydatetime(), other.isoformat()):
+        with pytest.raises(RecordError, match=f"must be a date with{'out' if zone is None else ''} a time zone"):
+            live.update(form, 23.0, 1.0)
 
 
 def test_zoned_dates_and_spans_may_come_in_any_form():
