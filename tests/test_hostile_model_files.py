@@ -13,6 +13,7 @@ from effect_records import log
 
 from thermocorr import DynamicBiasRegressor, ModelFileError, RecordError, load_model, save_model
 from thermocorr.effects import Delay, Hysteresis, LaggedCovariate, ThermalLag
+from thermocorr.files import codec, model_file
 from thermocorr.files.codec import parse
 from thermocorr.files.model_file import signed as sign
 
@@ -210,6 +211,21 @@ def test_foreign_files_are_refused_with_a_sentence(content, words, tmp_path):
     with pytest.raises(ModelFileError, match=words) as caught:
         load_model(tmp_path / "m.json")
     assert isinstance(caught.value, ValueError) and "m.json" in str(caught.value)
+
+
+def test_a_model_is_saved_as_long_as_its_file_can_be_read(victim, tmp_path, monkeypatch):
+    path, model, *_ = victim
+    size = path.stat().st_size
+    for room in (model_file, codec):
+        monkeypatch.setattr(room, "LARGEST_FILE", size)
+    load_model(save_model(model, tmp_path / "m.json"))
+    for room in (model_file, codec):
+        monkeypatch.setattr(room, "LARGEST_FILE", size - 1)
+    with pytest.raises(ModelFileError, match=f"would have {size} bytes.*at most {size - 1}.*history_rows"):
+        save_model(model, tmp_path / "larger.json")
+    assert not (tmp_path / "larger.json").exists()
+    with pytest.raises(ModelFileError, match=f"has {size} bytes, and at most {size - 1} are read"):
+        load_model(path)
 
 
 def test_missing_files_are_refused(tmp_path):
