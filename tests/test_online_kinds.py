@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -120,6 +121,18 @@ def test_dates_of_the_other_kind_are_refused_in_any_form(zone):
     for form in (other, other.to_pydatetime(), other.isoformat()):
         with pytest.raises(RecordError, match=f"must be a date with{'out' if zone is None else ''} a time zone"):
             live.update(form, 23.0, 1.0)
+
+
+@pytest.mark.parametrize("bad", ["soon", None, math.nan, -math.inf, 1e41, [1], pd.Timestamp("2024")])
+def test_what_is_no_number_of_seconds_is_refused_where_the_record_counts_them(bad):
+    X, y = stream(200, 5, holes=False)
+    X = X.assign(s=60.0 * np.arange(200)).reset_index(drop=True)
+    live = OnlineCorrector(DynamicBiasRegressor(time="s", time_constants=[300.0]).fit(X, y.to_numpy()))
+    with pytest.raises(RecordError, match="A sample's time must be a number of seconds"):
+        live.update(bad, 23.0, 1.0)
+    assert (
+        live.update("12000", 23.0, 1.0).corrected == OnlineCorrector(live.model).update(12_000.0, 23.0, 1.0).corrected
+    )
 
 
 def test_zoned_dates_and_spans_may_come_in_any_form():
