@@ -224,15 +224,16 @@ class Stream:
                 yield step
 
         measured = reading[rows]
-        for block, parts in self.model.weighed(noted()):
-            into = rows[block.rows]
-            bias = parts[:, self._removed].sum(axis=1)
-            flags = self.model.block_flags(block, measured[block.rows])
-            absurd = ~np.isfinite(bias)
-            bias[absurd], flags[absurd & (flags == "")] = np.nan, "outside fitted range"
-            flags[(flags == "") & (steps[block.rows] > self.gap)] = "gap"
-            flags[steps[block.rows] > SUSPECT_GAPS * self.gap] = "suspect time"
-            out.bias[into], out.flags[into] = bias, flags
+        with np.errstate(over="ignore", invalid="ignore"):  # powers of a temperature far outside: a flag says it
+            for block, parts in self.model.weighed(noted()):
+                into = rows[block.rows]
+                bias = parts[:, self._removed].sum(axis=1)
+                flags = self.model.block_flags(block, measured[block.rows])
+                absurd = ~np.isfinite(bias)
+                bias[absurd], flags[absurd & (flags == "")] = np.nan, "outside fitted range"
+                flags[(flags == "") & (steps[block.rows] > self.gap)] = "gap"
+                flags[steps[block.rows] > SUSPECT_GAPS * self.gap] = "suspect time"
+                out.bias[into], out.flags[into] = bias, flags
         self._open, self._until = bool(valid[-1]), -math.inf
         if self._open:
             assert walked is not None
