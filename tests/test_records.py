@@ -145,6 +145,12 @@ def test_dates_without_a_zone_may_be_as_late_as_the_clock_counts(form):
         given(dates.tz_localize("Europe/Berlin"))
 
 
+def test_a_record_without_two_consecutive_rows_has_a_usual_step_all_the_same():
+    T = pd.Series(temperatures()).where(np.arange(N) % 2 == 1)
+    record = record_of(pd.DataFrame({"temperature": T.to_numpy()}, index=DATES))
+    assert len(record.segments) == N // 2 and record.usual_step() == 1.0
+
+
 def test_rows_without_times_may_be_taken_in_any_order():
     times = Times(9, "rows", period=15.0)
     np.testing.assert_array_equal(times.steps(np.array([1, 2, 8])), [15.0, 15.0, 90.0])

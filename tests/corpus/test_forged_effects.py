@@ -102,6 +102,12 @@ def test_a_file_of_version_1_is_read_as_long_as_its_digest_fits(saved, tmp_path)
         ({"$state": "LagState", "values": [{"$array": [0.0]}, 23]}, r"x\.temperature holds 23 where a float"),
         ({"$state": "LagState", "values": [{"$array": [0.0], "shape": [1, 1]}, 23.0]}, "lag_difference.* a ndarray"),
         ({"$state": "LagState", "values": [0.0, 23.0]}, "lag_difference.* a ndarray"),
+        ({"$array": [1.0], "shape": [-1, -1]}, r"x\.shape holds .* the shape of 1 numbers"),
+        ({"$dict": [[1, 2], [1, 3]]}, r"x\[1\] holds .* a key that stands once"),
+        *(
+            ({"$dict": [pair]}, r"x\[0\] holds .* a key")
+            for pair in ([1], [1, 2, 3], "ab", [1.5, 2], [[1], 2], [True, 1])
+        ),
         ({"$state": "LagState", "values": [{"$array": [0.0]}]}, "the values of a LagState"),
     ],
 )
@@ -110,7 +116,9 @@ def test_arrays_and_states_that_none_can_be_are_refused(node, words):
         unpack(node, "x")
 
 
-@pytest.mark.parametrize("value", [object(), {1, 2}, b"x", 1j, np.array(["a"]), np.datetime64("NaT")], ids=repr)
+@pytest.mark.parametrize(
+    "value", [object(), {1, 2}, b"x", 1j, np.array(["a"]), np.datetime64("NaT")], ids=lambda value: type(value).__name__
+)
 def test_what_has_no_form_in_a_file_is_named(value):
     with pytest.raises(ModelFileError, match=f"x is a {type(value).__name__}, which has no place in a model file"):
         pack(value, "x")

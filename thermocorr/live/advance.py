@@ -109,10 +109,6 @@ class Stream:
             return not self._since_fit <= self.gap
         return bool(stamp > before.last)
 
-    def refused_by(self, before: StreamState, stamp: Any, run: Any) -> bool:
-        """Whether a sample does not even lie after `before`, and so tells nothing about what came since."""
-        return before.last is not None and run == before.run == self._run and bool(stamp <= before.last)
-
     # ------------------------------------------------------------------------------------------------- one by one
 
     def advance(self, stamp: Any, run: Any, values: dict[Any, float], known: bool) -> Advanced:
