@@ -185,6 +185,14 @@ def test_rows_that_all_differ_from_the_header_are_no_index_in_front(change, corr
         read(text_of(rows))
 
 
+def test_a_time_that_is_none_behind_the_lines_that_are_named_is_counted(correct, model_path):
+    rows = [[row[0] + "+01:00" * (5 <= k < 35), *row[1:]] for k, row in enumerate(CLEAN)]
+    rows[40][0] = "2024-W10-1"
+    shown = correct(text_of(rows))
+    assert shown.status == 1 and shown.named == list(range(7, 27)) and "31 lines left out" in shown.err
+    check(shown, [*rows[:5], *rows[35:40], *rows[41:]], model_path)
+
+
 GOOD_FILES = {
     "line ends of Windows": lambda text: text.replace(b"\n", b"\r\n"),
     "a byte-order mark": lambda text: b"\xef\xbb\xbf" + text,
