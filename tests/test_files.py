@@ -40,6 +40,22 @@ def test_a_file_appears_at_the_end_and_not_before(old, tmp_path):
     assert names(tmp_path) == ["a.txt", "sub"] and names(tmp_path / "sub") == ["b.txt"]
 
 
+def test_a_foreign_file_is_overwritten_where_that_is_asked_for_and_nowhere_else(tmp_path):
+    path = tmp_path / "notes.txt"
+    for write in (
+        lambda: Outputs().write(path, "new"),
+        lambda: write_file(path, "new"),
+        lambda: AppendedFile.new(path),
+    ):
+        path.write_text("mine")
+        with pytest.raises(OutputError, match="was not written by thermocorr"):
+            write()
+        assert path.read_text() == "mine"
+    with Outputs(force=True) as outputs:
+        outputs.write(path, "new")
+    assert path.read_text() == "new"
+
+
 def test_whatever_goes_wrong_leaves_no_trace(old, tmp_path):
     def interrupted():
         with Outputs() as outputs:

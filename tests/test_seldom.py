@@ -138,6 +138,15 @@ def test_a_log_and_a_state_that_cannot_be_read_are_said(lab, tmp_path, monkeypat
     assert "state.json cannot be read: Permission denied. Remove it" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("more", [(), ("--follow", "--idle", "0")])
+def test_a_reader_that_has_gone_ends_the_command_as_one_of_standard_output_does(more, lab, capsys):
+    reading, writing = os.pipe()
+    os.close(reading)
+    assert correct(lab, lab / "log.csv", "--out", f"/dev/fd/{writing}", *more) == 0
+    os.close(writing)
+    assert capsys.readouterr().err == ""
+
+
 def test_a_table_that_cannot_be_read_is_said(lab, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr(type(lab), "read_bytes", refusing())
