@@ -343,6 +343,18 @@ def test_a_damaged_year_at_the_end_of_a_file_does_not_swallow_the_next(correct, 
     assert len(shown.rows) == ROWS - 31
 
 
+def test_a_first_time_of_all_seconds_there_are_does_not_end_a_stream(correct, tmp_path):
+    """1e40 less one is 1e40: the first row was called stale, and the second ended the command."""
+    frame = frame_of(CLEAN).assign(time=60.0 * np.arange(ROWS))
+    model = DynamicBiasRegressor("temperature", [600.0], time="time").fit(frame[HEADER[:2]][:40], frame["reading"][:40])
+    path = save_model(model, tmp_path / "s.json")
+    rows = [[str(60 * k), *row[1:]] for k, row in enumerate(CLEAN)]
+    shown = correct(text_of([["1e40", *rows[40][1:]], *rows[41:]]), model=path)
+    assert (shown.status, [row[-1] for row in shown.rows][:2]) == (0, ["suspect time", ""])
+    expected = model.correct(frame[HEADER[:2]][41:], frame["reading"][41:])
+    np.testing.assert_allclose([float(row[4]) for row in shown.rows[1:]], expected, rtol=1e-12)
+
+
 def test_spans_in_a_column_of_seconds_are_seconds(correct, tmp_path):
     """A model whose times are spans, and a log that counts seconds."""
     frame = frame_of(CLEAN).assign(time=pd.to_timedelta(60.0 * np.arange(ROWS), unit="s"))

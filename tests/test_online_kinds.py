@@ -110,6 +110,23 @@ def test_dates_may_come_in_any_form(form):
     agree(model, X[150:], y[150:], [s.corrected for s in got], [s.flag for s in got])
 
 
+@pytest.mark.parametrize("first", [1e40, -1e40, 2.0**53])
+def test_a_first_time_so_large_that_a_second_less_is_the_same(first):
+    """A damaged one: it is doubted until the next sample tells, in blocks as one by one."""
+    X, y = stream(200, 5, holes=False)
+    X = X.assign(s=60.0 * np.arange(200)).reset_index(drop=True)
+    model = DynamicBiasRegressor(time="s", time_constants=[300.0]).fit(X[:150], y[:150].to_numpy())
+    X, y = X[150:].assign(s=X["s"].where(X.index > 150, first)), y[150:].to_numpy()
+    live = OnlineCorrector(model)
+    single = [live.update(s, T, U) for s, T, U in zip(X["s"], X["temperature"], y, strict=True)]
+    for cut in (0, 1, 20):
+        live = OnlineCorrector(model)
+        blocks = pd.concat([live.update_many(X[:cut], y[:cut]), live.update_many(X[cut:], y[cut:])])
+        np.testing.assert_allclose(blocks["corrected"], [sample.corrected for sample in single], rtol=1e-12)
+        assert blocks["flag"].tolist() == [sample.flag for sample in single]
+    assert "stale time" not in {sample.flag for sample in single}
+
+
 @pytest.mark.parametrize("zone", [None, "UTC"])
 def test_dates_of_the_other_kind_are_refused_in_any_form(zone):
     """Whoever leaves out the zone may mean any hour."""

@@ -196,8 +196,9 @@ class Stream:
         """Go on by many samples of one run at once; rows as they came."""
         out = AdvancedBlock.empty(len(stamps))
         same_run = self.last is not None and run == self._run
-        before = np.maximum.accumulate(np.concatenate(([self.last if same_run else stamps[0] - 1], stamps)))[:-1]
+        before = np.maximum.accumulate(np.concatenate(([self.last if same_run else stamps[0]], stamps)))[:-1]
         late = stamps <= before
+        late[0] &= same_run  # the first of a run has none before it
         out.flags[late] = np.where(stamps[late] == before[late], STALE[0], BACKWARD[0])
         rows = np.flatnonzero(~late)
         if not len(rows):
