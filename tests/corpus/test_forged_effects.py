@@ -9,7 +9,7 @@ import pytest
 from effect_records import log
 
 from thermocorr import DynamicBiasRegressor, ModelFileError, load_model, save_model
-from thermocorr.effects import Effect, SeveralSteps
+from thermocorr.effects import CATALOGUE, Effect, SeveralSteps
 from thermocorr.files.codec import pack, unpack
 from thermocorr.files.model_file import digest_of, signed
 
@@ -63,6 +63,11 @@ def test_what_an_effect_cannot_have_learned_is_refused_with_its_place(name, save
     ("place", "value", "words"),
     [
         ("segments", [], "at least one segment"),
+        (
+            "columns",
+            2 * [{"name": "temperature", "values": {"$array": [20.0] * 90}}],
+            "'temperature' where another name",
+        ),
         ("ticks_per_second", 999_999_999, "1, 1000, 1000000 or 1000000000"),
     ],
 )
@@ -71,6 +76,30 @@ def test_a_history_that_none_can_be_is_refused(place, value, words, saved, tmp_p
     node["model"]["history"][place] = value
     (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
     with pytest.raises(ModelFileError, match=rf"history\.{place}.*{words}"):
+        load_model(tmp_path / "f.json")
+
+
+@pytest.mark.parametrize(
+    ("kind", "column"),
+    [("covariate", 1.5), ("covariate", None), ("covariate", ["humidity"]), ("lagged_covariate", {"$tuple": [1, 2]})],
+)
+def test_a_column_is_a_name_or_a_number(kind, column, saved, tmp_path):
+    node = json.loads(json.dumps(saved))
+    parameters = {"column": column, "power": 1, "removed_by_correct": True, "time_constants": [60.0]}
+    effect = CATALOGUE[kind]("humidity", *([[60.0]] if kind == "lagged_covariate" else []))
+    given = {**effect.get_params(deep=False), **{k: v for k, v in parameters.items() if k in effect.get_params()}}
+    node["model"]["effects"].append({"kind": kind, "parameters": given, "learned": {}})
+    (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
+    with pytest.raises(ModelFileError, match=r"effects\[\d\]\.parameters\.column"):
+        load_model(tmp_path / "f.json")
+
+
+@pytest.mark.parametrize("ends", [[30.0, 20.0], [20.0], "20"])
+def test_a_range_goes_from_the_lower_end_to_the_higher(ends, saved, tmp_path):
+    node = json.loads(json.dumps(saved))
+    node["model"]["reading"]["temperature_range"] = ends
+    (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
+    with pytest.raises(ModelFileError, match="temperature_range"):
         load_model(tmp_path / "f.json")
 
 
