@@ -6,7 +6,8 @@ suite, after all others have been tried; examples are drawn alike each time. Eac
 test that killed it. Survivors are to be judged: some change nothing (a tolerance, a speed).
 
 Which tests touch which line is measured by one run of the suite under coverage.py (`pip install 'coverage>=7.14'`), and
-kept with `--map` for later calls with the same code and tests.
+kept with `--map` for later calls. A map of older code and tests costs time and nothing else: what it does not know runs
+with the rest of the suite, where `--near` calls it a survivor.
 
     python benchmarks/mutants.py --mutants 200 --seed 0 --jobs 2 --map map.json
     python benchmarks/mutants.py --mutants 200 --seed 0 --near     # quicker; a survivor may not live through them all
@@ -152,7 +153,7 @@ def map_of(copy: Path, path: Path) -> Touched:
         process = FORKS.Process(target=run_map, args=(copy, path))
         process.start()
         process.join()
-    touched = Touched.load(path)
+    touched = Touched.load(path).there(copy)
     failing = killer(copy, touched, touched.failed, [], False) if touched.failed else None
     if failing is not None:
         raise SystemExit(f"{failing} fails without a mutant")

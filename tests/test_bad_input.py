@@ -82,6 +82,9 @@ CASES = {
     "time column absent": (lambda: plain(X, time="when"), "no time column 'when'.*Name one"),
     "time column for an array": (lambda: plain(X.to_numpy(), time="t"), "array has no named columns"),
     "run column absent": (lambda: plain(X, run="run"), "no run column 'run'.*Name one"),
+    "run number an array lacks": (lambda: plain(X.to_numpy(), run=2, sampling_period=1), "run=2 is not.*2 columns"),
+    "negative run number": (lambda: plain(X.to_numpy(), run=-1, sampling_period=1), "run=-1 is not.*2 columns"),
+    "run name for an array": (lambda: plain(X.to_numpy(), run="run", sampling_period=1), "run='run' is not.*2 columns"),
     "run label missing": (lambda: plain(X.assign(run=[None] + ["a"] * (N - 1)), run="run"), "empty in row 0.*Label"),
     "runs interleaved without times": (
         lambda: plain(untimed(run=[k % 2 for k in range(N)]), run="run", sampling_period=1),

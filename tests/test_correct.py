@@ -171,17 +171,21 @@ def test_a_saved_state_goes_on(lab, tmp_path, capsys):
     assert "Remove the file to start afresh" in capsys.readouterr().err
 
 
-def test_a_log_without_times_goes_on_by_its_rows(tmp_path, capsys):
+@pytest.mark.parametrize("to", ["a file", "standard output"])
+def test_a_log_without_times_goes_on_by_its_rows(to, tmp_path, capfd):
     log = make_record(700, seed=6).reset_index(drop=True)[["temperature", "reading"]]
     model = DynamicBiasRegressor(time_constants=[600.0], sampling_period=60.0)
     save_model(model.fit(log[["temperature"]][:400], log["reading"][:400]), tmp_path / "model.json")
     log = log[400:].reset_index(drop=True)
-    options = ("--state", tmp_path / "state.json", "--out", tmp_path / "out.csv")
+    options = ("--state", tmp_path / "state.json", *(("--out", tmp_path / "out.csv") if to == "a file" else ()))
+    texts = []
     for n in (100, 300):
         log[:n].to_csv(tmp_path / "log.csv", index=False)
         assert correct((tmp_path,), tmp_path / "log.csv", *options) == 0
-    assert "100 lines were corrected before" in capsys.readouterr().err
-    got = pd.read_csv(tmp_path / "out.csv")
+        texts.append(capfd.readouterr())
+    assert "100 lines were corrected before" in texts[1].err
+    text = texts[0].out + texts[1].out.partition("\n")[2]  # the header comes each time
+    got = pd.read_csv(tmp_path / "out.csv" if to == "a file" else io.StringIO(text))
     np.testing.assert_allclose(got["corrected"], model.correct(log[["temperature"]], log["reading"]), rtol=1e-13)
 
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import stat
 import threading
+import time
 
 import pytest
 
 from thermocorr import RecordError
-from thermocorr.files import AppendedFile, OutputError, Outputs, write_file
+from thermocorr.files import AppendedFile, OutputError, Outputs, drafts, write_file
 from thermocorr.files.appending import Position
 from thermocorr.files.drafts import Draft, draft_name
 from thermocorr.files.marks import TEXT_MARK, bears_mark
 
+named_pipes = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
 OURS = f"{TEXT_MARK}\nold\n"
 
 
@@ -35,6 +38,22 @@ def test_a_file_appears_at_the_end_and_not_before(old, tmp_path):
         assert old.read_text() == OURS and not (tmp_path / "sub" / "b.txt").exists()
     assert old.read_text() == "new" and (tmp_path / "sub" / "b.txt").read_bytes() == b"more"
     assert names(tmp_path) == ["a.txt", "sub"] and names(tmp_path / "sub") == ["b.txt"]
+
+
+def test_a_foreign_file_is_overwritten_where_that_is_asked_for_and_nowhere_else(tmp_path):
+    path = tmp_path / "notes.txt"
+    for write in (
+        lambda: Outputs().write(path, "new"),
+        lambda: write_file(path, "new"),
+        lambda: AppendedFile.new(path),
+    ):
+        path.write_text("mine")
+        with pytest.raises(OutputError, match="was not written by thermocorr"):
+            write()
+        assert path.read_text() == "mine"
+    with Outputs(force=True) as outputs:
+        outputs.write(path, "new")
+    assert path.read_text() == "new"
 
 
 def test_whatever_goes_wrong_leaves_no_trace(old, tmp_path):
@@ -176,6 +195,15 @@ def test_nothing_stays_open(old):
     assert len(os.listdir("/dev/fd")) == before
 
 
+@pytest.mark.skipif(not os.path.isdir("/dev/fd"), reason="no names for descriptors here")
+def test_a_draft_that_another_process_swept_away_is_made_again(old, monkeypatch):
+    answers = iter([False, True])
+    monkeypatch.setattr(drafts, "lock", lambda descriptor: next(answers))
+    before = len(os.listdir("/dev/fd"))
+    write_file(old, "new")
+    assert old.read_text() == "new" and len(os.listdir("/dev/fd")) == before and next(answers, None) is None
+
+
 def test_drafts_of_killed_processes_are_removed_and_living_ones_stay(tmp_path):
     target = tmp_path / "f.txt"
     dead = draft_name(target)
@@ -292,3 +320,69 @@ def test_two_processes_do_not_write_one_file(tmp_path):
     with pytest.raises(OutputError, match="is being written by another process"):
         AppendedFile.resumed(tmp_path / "rows.csv", file.commit())
     file.close()
+
+
+@pytest.fixture
+def pipe(tmp_path):
+    """A named pipe, and what its readers got: each reads to the end, then the next one comes."""
+    path, got = tmp_path / "pipe", []
+    os.mkfifo(path)
+
+    def read():
+        while path.exists():
+            got.append(path.read_bytes())
+
+    threading.Thread(target=read, daemon=True).start()
+    yield path, got
+    os.rename(path, tmp_path / "over")
+    os.close(os.open(tmp_path / "over", os.O_RDWR))  # the last reader finds the end
+
+
+@named_pipes
+def test_a_named_pipe_is_opened_once(pipe, monkeypatch):
+    """Who reads it takes the first closing for the end, and may be gone before it is opened again."""
+    path, got = pipe
+    opened = os.open
+
+    def slowly(*given, **more):
+        time.sleep(0.1)
+        return opened(*given, **more)
+
+    monkeypatch.setattr(os, "open", slowly)
+    file = AppendedFile.new(path, first=b"head\n")
+    file.write(b"1\n")
+    assert file.commit() is None
+    file.close()
+    end = time.monotonic() + 10.0
+    while not got and time.monotonic() < end:
+        time.sleep(0.001)
+    assert got[:1] == [b"head\n1\n"]
+
+
+@named_pipes
+def test_a_pipe_that_nobody_reads_any_more_is_broken(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    file = AppendedFile.new(tmp_path / "pipe", first=b"head\n")
+    assert os.read(reader, 100) == b"head\n"
+    os.close(reader)
+    with pytest.raises(BrokenPipeError):
+        file.write(b"1\n")
+    file.close()
+
+
+@pytest.mark.skipif(not os.path.isdir("/dev/fd"), reason="no names for descriptors here")
+def test_a_pipe_without_a_name_in_a_folder_is_written_to():
+    """As /dev/stdout, and as what a shell's >(...) stands for: the links there lead to no path."""
+    reading, writing = os.pipe()
+    write_file(f"/dev/fd/{writing}", "one\n")
+    file = AppendedFile.new(f"/dev/fd/{writing}", first=b"head\n")
+    file.close()
+    assert os.read(reading, 100) == b"one\nhead\n"
+    os.close(reading)
+    os.close(writing)
+
+
+def test_several_processes_may_write_to_one_device():
+    with contextlib.closing(AppendedFile.new(os.devnull)), contextlib.closing(AppendedFile.new(os.devnull)) as second:
+        second.write(b"1\n")

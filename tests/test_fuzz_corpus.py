@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from corpus.clean_log import CLEAN, FITTED, HEADER, ROWS, Shown, check, frame_of, save_fitted, text_of
+from corpus.clean_log import CLEAN, HEADER, ROWS, Shown, check, frame_of, save_fitted, text_of
 
 from thermocorr import DynamicBiasRegressor, RecordError, RecordWarning, load_model, save_model
 from thermocorr.command.cli import main
@@ -185,6 +185,14 @@ def test_rows_that_all_differ_from_the_header_are_no_index_in_front(change, corr
         read(text_of(rows))
 
 
+def test_a_time_that_is_none_behind_the_lines_that_are_named_is_counted(correct, model_path):
+    rows = [[row[0] + "+01:00" * (5 <= k < 35), *row[1:]] for k, row in enumerate(CLEAN)]
+    rows[40][0] = "2024-W10-1"
+    shown = correct(text_of(rows))
+    assert shown.status == 1 and shown.named == list(range(7, 27)) and "31 lines left out" in shown.err
+    check(shown, [*rows[:5], *rows[35:40], *rows[41:]], model_path)
+
+
 GOOD_FILES = {
     "line ends of Windows": lambda text: text.replace(b"\n", b"\r\n"),
     "a byte-order mark": lambda text: b"\xef\xbb\xbf" + text,
@@ -335,6 +343,18 @@ def test_a_damaged_year_at_the_end_of_a_file_does_not_swallow_the_next(correct, 
     assert len(shown.rows) == ROWS - 31
 
 
+def test_a_first_time_of_all_seconds_there_are_does_not_end_a_stream(correct, tmp_path):
+    """1e40 less one is 1e40: the first row was called stale, and the second ended the command."""
+    frame = frame_of(CLEAN).assign(time=60.0 * np.arange(ROWS))
+    model = DynamicBiasRegressor("temperature", [600.0], time="time").fit(frame[HEADER[:2]][:40], frame["reading"][:40])
+    path = save_model(model, tmp_path / "s.json")
+    rows = [[str(60 * k), *row[1:]] for k, row in enumerate(CLEAN)]
+    shown = correct(text_of([["1e40", *rows[40][1:]], *rows[41:]]), model=path)
+    assert (shown.status, [row[-1] for row in shown.rows][:2]) == (0, ["suspect time", ""])
+    expected = model.correct(frame[HEADER[:2]][41:], frame["reading"][41:])
+    np.testing.assert_allclose([float(row[4]) for row in shown.rows[1:]], expected, rtol=1e-12)
+
+
 def test_spans_in_a_column_of_seconds_are_seconds(correct, tmp_path):
     """A model whose times are spans, and a log that counts seconds."""
     frame = frame_of(CLEAN).assign(time=pd.to_timedelta(60.0 * np.arange(ROWS), unit="s"))
@@ -345,28 +365,6 @@ def test_spans_in_a_column_of_seconds_are_seconds(correct, tmp_path):
     if shown.status == 0:  # or the rows are left out
         expected = model.correct(frame[HEADER[:2]], frame["reading"])
         np.testing.assert_allclose([float(row[4]) for row in shown.rows], expected, rtol=1e-12)
-
-
-# --------------------------------------------------------------------------------------------- logs without any times
-
-
-@pytest.fixture(scope="module")
-def untimed_path(tmp_path_factory):
-    frame = frame_of(CLEAN[:FITTED])
-    model = DynamicBiasRegressor("temperature", [600.0], sampling_period=60.0)
-    return save_model(model.fit(frame[["temperature"]], frame["reading"]), tmp_path_factory.mktemp("rows") / "m.json")
-
-
-def test_a_torn_line_in_a_log_without_times_is_said_in_our_words(correct, untimed_path):
-    shown = correct(text_of(CLEAN[40:])[:-5], model=untimed_path)
-    assert shown.status == 1 and shown.named == [ROWS - 40 + 1] and len(shown.rows) == ROWS - 41
-
-
-def test_a_header_that_comes_again_leaves_rows_without_times_in_their_place(correct, untimed_path):
-    """These rows repeat fitted ones: a header between them must not make new rows of them."""
-    whole = correct(text_of(CLEAN[:30]), model=untimed_path)
-    again = correct(text_of(CLEAN[:10]) + text_of(CLEAN[10:30]), model=untimed_path)
-    assert again.status == 0 and again.rows == whole.rows
 
 
 # -------------------------------------------------------------------------------------------------------------- pipes

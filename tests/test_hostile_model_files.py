@@ -13,6 +13,7 @@ from effect_records import log
 
 from thermocorr import DynamicBiasRegressor, ModelFileError, RecordError, load_model, save_model
 from thermocorr.effects import Delay, Hysteresis, LaggedCovariate, ThermalLag
+from thermocorr.files import codec, model_file
 from thermocorr.files.codec import parse
 from thermocorr.files.model_file import signed as sign
 
@@ -191,6 +192,10 @@ def test_800_forged_files_with_a_fitting_digest_are_refused_or_still_compute(vic
         (b"\xff\xfe", "UTF-8"),
         (b"\x80\x04cposix\nsystem", "UTF-8"),
         (b'{"format": "thermocorr model", "version": 99}', "later version.*Update"),
+        (
+            b'{"format": "thermocorr model", "version": 99, "digest": "sha256:' + b"0" * 64 + b'",\nof another kind}',
+            "later version.*Update",
+        ),
         (b"[" * 200_000, "too deeply"),
         (b'{"format": "thermocorr model", "version": 1}', "digest"),
         (b'{"a": 1, "a": 2}', "'a' stands twice"),
@@ -206,6 +211,21 @@ def test_foreign_files_are_refused_with_a_sentence(content, words, tmp_path):
     with pytest.raises(ModelFileError, match=words) as caught:
         load_model(tmp_path / "m.json")
     assert isinstance(caught.value, ValueError) and "m.json" in str(caught.value)
+
+
+def test_a_model_is_saved_as_long_as_its_file_can_be_read(victim, tmp_path, monkeypatch):
+    path, model, *_ = victim
+    size = path.stat().st_size
+    for room in (model_file, codec):
+        monkeypatch.setattr(room, "LARGEST_FILE", size)
+    load_model(save_model(model, tmp_path / "m.json"))
+    for room in (model_file, codec):
+        monkeypatch.setattr(room, "LARGEST_FILE", size - 1)
+    with pytest.raises(ModelFileError, match=f"would have {size} bytes.*at most {size - 1}.*history_rows"):
+        save_model(model, tmp_path / "larger.json")
+    assert not (tmp_path / "larger.json").exists()
+    with pytest.raises(ModelFileError, match=f"has {size} bytes, and at most {size - 1} are read"):
+        load_model(path)
 
 
 def test_missing_files_are_refused(tmp_path):

@@ -64,6 +64,16 @@ def test_a_signal_waits_for_the_end_of_the_block(number):
         signal.signal(number, before)
 
 
+def test_a_handler_that_is_not_of_python_stays(monkeypatch):
+    """Python cannot name a handler that the process has from elsewhere, so it could not bring it back."""
+    changed = []
+    monkeypatch.setattr(signal, "getsignal", lambda number: None)
+    monkeypatch.setattr(signal, "signal", lambda *given: changed.append(given))
+    with uninterrupted():
+        pass
+    assert changed == []
+
+
 def test_other_threads_have_no_signals_to_wait_for():
     before, seen = signal.getsignal(signal.SIGINT), []
 

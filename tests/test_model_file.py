@@ -137,7 +137,8 @@ def test_a_loaded_model_learns_anew(tmp_path):
         5e-324,
         1.7976931348623157e308,
         2**53 + 1,
-        -(2**62),
+        2**63 - 1,
+        1 - 2**63,
         float("inf"),
         float("-inf"),
         True,
@@ -157,6 +158,14 @@ def test_a_loaded_model_learns_anew(tmp_path):
 def test_values_come_back_as_they_were(value):
     again = unpack(parse(render({"x": pack(value, "x")}).encode())["x"], "$.x")
     assert type(again) is type(value) and repr(again) == repr(value)
+
+
+@pytest.mark.parametrize("value", [2**63, -(2**63), 10**30])
+def test_an_integer_that_could_not_be_read_again_is_not_written(value):
+    with pytest.raises(ModelFileError, match=f"x is the integer {value}, which is too large"):
+        pack(value, "x")
+    with pytest.raises(ModelFileError, match="too large"):
+        parse(b'{"x": %d}' % value)
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32", "int64", "int32", "bool"])

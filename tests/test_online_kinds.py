@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from effect_records import EXAMPLES, NAMES
 from streams import agree, one_by_one, stream
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError
 from thermocorr.effects import Effect
 from thermocorr.equations import lag_differences
 
@@ -107,6 +108,48 @@ def test_dates_may_come_in_any_form(form):
     rows = zip(X.index[150:], X["temperature"][150:], y[150:], strict=True)
     got = [live.update(form(t), T, U) for t, T, U in rows]
     agree(model, X[150:], y[150:], [s.corrected for s in got], [s.flag for s in got])
+
+
+@pytest.mark.parametrize("first", [1e40, -1e40, 2.0**53])
+def test_a_first_time_so_large_that_a_second_less_is_the_same(first):
+    """A damaged one: it is doubted until the next sample tells, in blocks as one by one."""
+    X, y = stream(200, 5, holes=False)
+    X = X.assign(s=60.0 * np.arange(200)).reset_index(drop=True)
+    model = DynamicBiasRegressor(time="s", time_constants=[300.0]).fit(X[:150], y[:150].to_numpy())
+    X, y = X[150:].assign(s=X["s"].where(X.index > 150, first)), y[150:].to_numpy()
+    live = OnlineCorrector(model)
+    single = [live.update(s, T, U) for s, T, U in zip(X["s"], X["temperature"], y, strict=True)]
+    for cut in (0, 1, 20):
+        live = OnlineCorrector(model)
+        blocks = pd.concat([live.update_many(X[:cut], y[:cut]), live.update_many(X[cut:], y[cut:])])
+        np.testing.assert_allclose(blocks["corrected"], [sample.corrected for sample in single], rtol=1e-12)
+        assert blocks["flag"].tolist() == [sample.flag for sample in single]
+    assert "stale time" not in {sample.flag for sample in single}
+
+
+@pytest.mark.parametrize("zone", [None, "UTC"])
+def test_dates_of_the_other_kind_are_refused_in_any_form(zone):
+    """Whoever leaves out the zone may mean any hour."""
+    X, y = stream(200, 5, holes=False)
+    index = X.index.round("1s").tz_localize(zone)
+    model = DynamicBiasRegressor(time_constants=[300.0]).fit(X.set_axis(index), y.to_numpy())
+    other = (index[-1] + pd.Timedelta("1 min")).tz_localize("UTC" if zone is None else None)
+    live = OnlineCorrector(model)
+    for form in (other, other.to_pydatetime(), other.isoformat()):
+        with pytest.raises(RecordError, match=f"must be a date with{'out' if zone is None else ''} a time zone"):
+            live.update(form, 23.0, 1.0)
+
+
+@pytest.mark.parametrize("bad", ["soon", None, math.nan, -math.inf, 1e41, [1], pd.Timestamp("2024")])
+def test_what_is_no_number_of_seconds_is_refused_where_the_record_counts_them(bad):
+    X, y = stream(200, 5, holes=False)
+    X = X.assign(s=60.0 * np.arange(200)).reset_index(drop=True)
+    live = OnlineCorrector(DynamicBiasRegressor(time="s", time_constants=[300.0]).fit(X, y.to_numpy()))
+    with pytest.raises(RecordError, match="A sample's time must be a number of seconds"):
+        live.update(bad, 23.0, 1.0)
+    assert (
+        live.update("12000", 23.0, 1.0).corrected == OnlineCorrector(live.model).update(12_000.0, 23.0, 1.0).corrected
+    )
 
 
 def test_zoned_dates_and_spans_may_come_in_any_form():

@@ -8,7 +8,8 @@ import pytest
 from effect_records import temperatures
 
 from thermocorr import DiffusiveFeatures, RecordError
-from thermocorr.records import BLOCK_ROWS, Layout, read_record
+from thermocorr.records import BLOCK_ROWS, Layout, read, read_record
+from thermocorr.records.times import Times
 
 N = 60
 
@@ -128,6 +129,49 @@ def test_an_index_without_a_time_in_a_row_is_refused_by_row(index, unit):
     X = pd.DataFrame({"temperature": temperatures()}, index=index.where(np.arange(N) != 7))
     with pytest.raises(RecordError, match=r"no time in 1 of 60 rows, the first is row 7"):
         record_of(X)
+
+
+@pytest.mark.parametrize("form", ["column", "index"])
+def test_dates_without_a_zone_may_be_as_late_as_the_clock_counts(form):
+    """With a zone they end a day earlier: their local date must be one too."""
+    dates = pd.date_range("2262-04-11T20:00", periods=N, freq="1min", unit="us")
+
+    def given(dates):
+        X = pd.DataFrame({"temperature": temperatures()}, index=dates)
+        return record_of(X) if form == "index" else record_of(X.reset_index(names="when"), time="when")
+
+    assert given(dates).stamp(N - 1) == dates[-1].as_unit("ns").value
+    with pytest.raises(RecordError, match="2262-04-11T18:00:00 in row 0"):
+        given(dates.tz_localize("Europe/Berlin"))
+
+
+@pytest.mark.parametrize("chunk", [1, 7, N // 2, N - 1, N, N + 1])
+@pytest.mark.parametrize("runs", [False, True])
+def test_a_record_that_is_looked_at_in_pieces_is_the_same(chunk, runs, monkeypatch):
+    """Steps reach over the pieces' ends, and no piece is empty."""
+    gaps = np.where(np.isin(np.arange(N), [20, 30, 31, N - 1]), 3600.0, 15.0)
+    X = pd.DataFrame({"temperature": temperatures(), "t": np.cumsum(gaps), "run": np.arange(N) % 2 if runs else 0})
+    X.loc[[7, 29, 40], "temperature"] = np.nan
+    layout = {"time": "t", "max_gap": 60.0, "run": "run" if runs else None}
+    whole = record_of(X, **layout)
+    monkeypatch.setattr(read, "_CHUNK", chunk)
+    pieces = record_of(X, **layout)
+    assert spans(pieces) == spans(whole) and len(spans(whole)) > 5
+    X.loc[N // 2, "t"] = X.loc[N // 2 - 1 - runs, "t"]
+    with pytest.raises(RecordError, match=f"same time.*rows {N // 2 - 1 - runs} and {N // 2}"):
+        record_of(X, **layout)
+
+
+def test_a_record_without_two_consecutive_rows_has_a_usual_step_all_the_same():
+    T = pd.Series(temperatures()).where(np.arange(N) % 2 == 1)
+    record = record_of(pd.DataFrame({"temperature": T.to_numpy()}, index=DATES))
+    assert len(record.segments) == N // 2 and record.usual_step() == 1.0
+
+
+def test_rows_without_times_may_be_taken_in_any_order():
+    times = Times(9, "rows", period=15.0)
+    np.testing.assert_array_equal(times.steps(np.array([1, 2, 8])), [15.0, 15.0, 90.0])
+    np.testing.assert_array_equal(times.steps(slice(1, 4)), [15.0, 15.0, 15.0])
 
 
 @pytest.mark.parametrize("role", ["time", "run", "temperature"])

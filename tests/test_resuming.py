@@ -32,6 +32,20 @@ def piped(lab, lines, *more):
         os.close(reading)
 
 
+@unix
+def test_a_pipe_for_the_results_begins_with_the_header_each_time(lab, tmp_path):
+    """It holds no rows that could come twice."""
+    head, *rows = lab[1]
+    options = ("--state", tmp_path / "state.json", "--out")
+    for part in (rows[:10], rows[10:15]):
+        reading, writing = os.pipe()
+        assert piped(lab, [head, *part], *options, f"/dev/fd/{writing}") == 0
+        os.close(writing)
+        with open(reading) as results:
+            named, *lines = results.read().splitlines()
+        assert named.startswith(head.rstrip()) and [line.rsplit(",", 3)[0] for line in lines] == plain(part)
+
+
 def back(line):
     """The row with a year that damages its time."""
     return "1924" + line[4:]

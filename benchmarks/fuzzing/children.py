@@ -21,15 +21,18 @@ import resource, sys, time
 from thermocorr.command.cli import main
 usage = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 import thermocorr.pages.report, pyarrow.parquet
-before, begin = usage(), time.perf_counter()
+before, begin = usage(), time.process_time()
 sys.stdout = open({out!r}, "w")
 status = main(sys.argv[1:])
-print(f"THE END {{status}} {{usage() - before:.0f}} {{time.perf_counter() - begin:.3f}}", file=sys.stderr)
+print(f"THE END {{status}} {{usage() - before:.0f}} {{time.process_time() - begin:.3f}}", file=sys.stderr)
 """
 
 
 def in_child(room: Room, *arguments: object, limit: float = 100.0) -> tuple[int, float, float, str]:
-    """A command in a process of its own: exit status, memory that it took [MB], time [s], standard error."""
+    """A command in a process of its own: exit status, memory that it took [MB], time [s], standard error.
+
+    Its time is the processor's, so that a busy machine makes no finding; waiting ends at `limit` [s].
+    """
     code = _CHILD.format(out=str(room.folder / "stdout"))
     command = [sys.executable, "-c", code, *map(str, arguments)]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}

@@ -27,6 +27,7 @@ from .outcomes import NAMED, REFUSED, REFUSED_GOOD, RIGHT, WRONG, Done, Found, R
 from .subjects import ROWS, Subject, times_of
 
 _LEFT_OUT = re.compile(r"thermocorr: line (\d+) is left out: ")
+_COUNTED = re.compile(r"got no result: (\d+) lines left out")
 KINDS = ("dates", "zoned", "seconds", "runs", "numbered", "rows")
 KINDS_WITH_TIMES = KINDS[:-1]
 _NAMED = 20
@@ -91,8 +92,8 @@ def _same_rows(subject: Subject, log: oracle.Log, done: Done, exact: bool) -> st
         if log.header is not None and "has a line of more than" not in done.said[-1]:
             raise Found(REFUSED_GOOD, done.said[-1])
         return REFUSED
-    used = _used(log, done)
     shown = list(csv.reader(io.StringIO(done.out.decode("utf-8"), newline="")))
+    used = _used(log, done, [row[: len(log.header)] for row in shown[1:]])
     if shown[0][: len(log.header)] != log.header:
         raise _wrong(f"header {shown[0]}")
     if [row[: len(log.header)] for row in shown[1:]] != [row.fields for row in used]:
@@ -105,8 +106,12 @@ def _same_rows(subject: Subject, log: oracle.Log, done: Done, exact: bool) -> st
     return NAMED if done.status else RIGHT
 
 
-def _used(log: oracle.Log, done: Done) -> list[oracle.Row]:
-    """Rows that must be in the output; Found where other lines were left out than should be."""
+def _used(log: oracle.Log, done: Done, shown: list[list[str]]) -> list[oracle.Row]:
+    """Rows that must be in the output; Found where other lines were left out than should be.
+
+    Where not all of these are named, a row that may be left out was used if it stands next in what is `shown`, and
+    their count must be the one that is said at the end.
+    """
     named = {int(found[1]) for line in done.said if (found := _LEFT_OUT.match(line))}
     torn = len(log.rows) + 2
     out = {row.number for row in log.rows if row.verdict == "out"} | ({torn} if log.torn else set())
@@ -124,7 +129,17 @@ def _used(log: oracle.Log, done: Done) -> list[oracle.Row]:
         raise Found(REFUSED_GOOD, why)
     if (done.status == 1) != bool(out or named) and not _late(done):
         raise _wrong(f"exit status {done.status} where {len(out)} lines are left out")
-    return [row for row in log.rows if row.verdict in ("row", "may") and row.number not in named]
+    rows = [row for row in log.rows if row.verdict in ("row", "may") and row.number not in named]
+    if len(named) < _NAMED:
+        return rows
+    used: list[oracle.Row] = []
+    for row in rows:
+        if row.verdict == "row" or shown[len(used) : len(used) + 1] == [row.fields]:
+            used.append(row)
+    left_out = len(out | named) - sum(row.number in out for row in used)
+    if (said := _COUNTED.search(done.said[-1])) is None or int(said[1]) != left_out:
+        raise _wrong(f"{left_out} lines are left out, and said is: {done.said[-1]}")
+    return used
 
 
 def _late(done: Done) -> bool:

@@ -185,6 +185,27 @@ def test_a_forged_state_is_refused(name, model_path):
         OnlineCorrector.from_state(model, state)
 
 
+LONG = "[" * 3000
+LONG_NAMES = {
+    "a key that is none": {f"${LONG}": 1, "x": 2},
+    "a tag that is none": {f"${LONG}": 1},
+    "a long name above": {LONG: {"$x": 1}},
+    "a long label above": {"$dict": [[LONG, {"$x": 1}]]},
+}
+
+
+@pytest.mark.parametrize("name", LONG_NAMES)
+def test_a_forged_state_is_not_quoted_at_length(name, correct, tmp_path):
+    """As one came from random bytes: a name of three thousand brackets."""
+    options = ("--state", tmp_path / "state.json")
+    assert correct(text_of(CLEAN[:50]), *options).status == 0
+    node = json.loads((tmp_path / "state.json").read_text())
+    node["stream"]["state"]["states"][0] = LONG_NAMES[name]
+    (tmp_path / "state.json").write_text(json.dumps(node))
+    shown = correct(text_of(CLEAN[50:]), *options)
+    assert shown.status == 2 and "cannot go on" in shown.err and len(shown.err) < 500
+
+
 def test_a_forged_state_of_an_average_over_no_samples_is_refused(model_path):
     """Before the first sample too, when it has no values."""
     model = load_model(model_path)

@@ -7,6 +7,7 @@ import io
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from corpus.clean_log import CLEAN, ROWS, frame_of
@@ -14,6 +15,7 @@ from thermocorr import DynamicBiasRegressor, RecordError, save_model
 from thermocorr.command.cli import main
 from thermocorr.effects import Covariate
 from thermocorr.records.files import read_table
+from thermocorr.records.read import Layout, read_record
 
 
 def parquet_of(tmp_path, rows=7, **columns):
@@ -191,6 +193,18 @@ def test_days_out_of_reach_label_no_run(tmp_path):
     assert both_refuse(
         *parquet_of(tmp_path, run=lambda pa, frame: pa.array(days, pa.int32()).view(pa.date32())), run="run"
     )
+
+
+@pytest.mark.parametrize("kind", ["timestamp", "timestamp in a zone", "days", "span"])
+def test_labels_that_pandas_cannot_hand_over_are_out_of_reach(kind):
+    """A frame whose columns are those of Arrow: Python has no such date."""
+    pa = pytest.importorskip("pyarrow", reason="labels of Arrow")
+    ticks = pa.array([0, 0, 86_400_000 << 35, 86_400_000 << 35], pa.int64())
+    kinds = {"timestamp": pa.timestamp("s"), "timestamp in a zone": pa.timestamp("us", "UTC"), "days": pa.date64()}
+    labels = pd.arrays.ArrowExtensionArray(ticks.view(kinds.get(kind, pa.duration("s"))))
+    X = pd.DataFrame({"temperature": [1.0, 2.0, 3.0, 4.0], "run": labels})
+    with pytest.raises(RecordError, match=r"column 'run' holds dates out of reach\. Times may lie 292 years"):
+        read_record(X, Layout("temperature", run="run", sampling_period=1.0))
 
 
 @pytest.mark.parametrize("kind", ["duration", "timestamp"])

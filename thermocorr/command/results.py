@@ -230,10 +230,13 @@ class Appended(Results):
         self.file.close()
 
     def begin(self, header: bytes, saved: Saved | None) -> None:
-        """Open the file, or take it up where the state was saved, with the rows that came behind."""
+        """Open the file, or take it up where the state was saved, with the rows that came behind.
+
+        A pipe or a device begins anew: it holds no rows that could come twice.
+        """
         options = self.options
         at_place = saved is not None and self.resume(saved)
-        if saved is None or not os.path.exists(options.out) or (saved.out is None and options.force):
+        if saved is None or not os.path.isfile(options.out) or (saved.out is None and options.force):
             others = [options.state] if options.state else []
             self.file = AppendedFile.new(options.out, [*self.inputs, *others], options.force, header)
             return

@@ -63,18 +63,24 @@ class AppendedFile:
         self.path = Path(path)
         self._descriptor = descriptor
         self._regular = os.path.isfile(self.path)
-        if not lock(descriptor):
+        if self._regular and not lock(descriptor):  # a terminal and /dev/null are for all
             os.close(descriptor)
             raise OutputError(f"{path} is being written by another process. Wait for it, or name another file.")
         self._length = os.fstat(descriptor).st_size if self._regular else 0
 
     @classmethod
     def new(cls, path: Name, inputs: Iterable[Name] = (), force: bool = False, first: bytes = b"") -> AppendedFile:
-        """A file with its first row in its place, under the rules of `Outputs`."""
+        """A file with its first row in its place, under the rules of `Outputs`.
+
+        A device is opened once: who reads a named pipe would take the first closing for the end.
+        """
         device = os.path.exists(path) and not os.path.isfile(path)
         with Outputs(inputs, force) as outputs:
-            outputs.write(path, b"" if device else first)
-        file = cls._opened(path)
+            if device:
+                outputs.claim(path)
+            else:
+                outputs.write(path, first)
+        file = cls._opened(path, os.O_WRONLY if device else os.O_RDWR)
         if device:
             file.write(first)
         return file
@@ -90,9 +96,10 @@ class AppendedFile:
         return cls._opened(path)
 
     @classmethod
-    def _opened(cls, path: Name) -> AppendedFile:
+    def _opened(cls, path: Name, access: int = os.O_RDWR) -> AppendedFile:
+        """Open it; a pipe for writing alone, else it would read itself and never break."""
         try:
-            return cls(path, os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0)))
+            return cls(path, os.open(path, access | getattr(os, "O_BINARY", 0)))
         except OutputError:
             raise
         except OSError as error:

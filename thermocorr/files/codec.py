@@ -117,11 +117,11 @@ def unpack(node: Any, where: str, effect: Callable[[Any, str], Any] | None = Non
     assert isinstance(node, dict)
     tags = [key for key in node if key.startswith("$")]
     if not tags:
-        return {key: unpack(item, f"{where}.{key}", effect) for key, item in node.items()}
+        return {key: unpack(item, f"{where}.{key:.60}", effect) for key, item in node.items()}
     tag = tags[0]
     allowed = {"$array": {"$array", "dtype", "shape"}, "$state": {"$state", "values"}}.get(tag, {tag})
     if set(node) - allowed:
-        raise unexpected(where, f"the keys {sorted(node)}")
+        raise unexpected(where, f"the keys {_shown(sorted(node))}")
     content = node[tag]
     if tag == "$float" and isinstance(content, str) and content in ("nan", "inf", "-inf"):
         return float(content)
@@ -141,7 +141,7 @@ def unpack(node: Any, where: str, effect: Callable[[Any, str], Any] | None = Non
         return pd.Timedelta(content, unit="ns")
     if tag == "$effect" and effect is not None:
         return effect(content, f"{where}.$effect")
-    raise unexpected(where, f"{tag} with {_shown(content)}")
+    raise unexpected(where, f"{tag:.60} with {_shown(content)}")
 
 
 def _unpack_dict(pairs: list[Any], where: str, effect: Callable[[Any, str], Any] | None) -> dict[Any, Any]:
@@ -149,7 +149,7 @@ def _unpack_dict(pairs: list[Any], where: str, effect: Callable[[Any, str], Any]
     for i, pair in enumerate(pairs):
         if not (isinstance(pair, list) and len(pair) == 2 and type(pair[0]) in (str, int)) or pair[0] in result:
             raise unexpected(f"{where}[{i}]", _shown(pair), "a key that stands once and its value")
-        result[pair[0]] = unpack(pair[1], f"{where}[{pair[0]!r}]", effect)
+        result[pair[0]] = unpack(pair[1], f"{where}[{pair[0]!r:.60}]", effect)
     return result
 
 

@@ -76,7 +76,7 @@ class Outputs:
         """
         path = Path(path)
         with _said(path):
-            target = Path(os.path.realpath(path))
+            target = _target(path)
             self._refuse_same(path, target)
             if target.is_dir():
                 raise OutputError(f"{path} is a directory and cannot be written. Name a file in it.")
@@ -94,7 +94,7 @@ class Outputs:
     def open(self, path: Name) -> BinaryIO:
         """A file to write to; it takes its place at `commit`. Devices and pipes are written to at once."""
         with _said(Path(path)):
-            target = Path(os.path.realpath(path))
+            target = _target(path)
             if target not in self._claimed:
                 self.claim(path)
             elif target in self._opened:
@@ -212,6 +212,12 @@ def _kept(target: Path) -> Path | None:
             kept.unlink(missing_ok=True)
             raise
     return kept
+
+
+def _target(path: Name) -> Path:
+    """Where a file stands or will, through links. A device keeps its name: the pipe behind /dev/stdout has no other."""
+    path = Path(path)
+    return path if path.exists() and not _regular(path) else Path(os.path.realpath(path))
 
 
 def _regular(path: Path) -> bool:

@@ -109,10 +109,6 @@ class Stream:
             return not self._since_fit <= self.gap
         return bool(stamp > before.last)
 
-    def refused_by(self, before: StreamState, stamp: Any, run: Any) -> bool:
-        """Whether a sample does not even lie after `before`, and so tells nothing about what came since."""
-        return before.last is not None and run == before.run == self._run and bool(stamp <= before.last)
-
     # ------------------------------------------------------------------------------------------------- one by one
 
     def advance(self, stamp: Any, run: Any, values: dict[Any, float], known: bool) -> Advanced:
@@ -200,8 +196,9 @@ class Stream:
         """Go on by many samples of one run at once; rows as they came."""
         out = AdvancedBlock.empty(len(stamps))
         same_run = self.last is not None and run == self._run
-        before = np.maximum.accumulate(np.concatenate(([self.last if same_run else stamps[0] - 1], stamps)))[:-1]
+        before = np.maximum.accumulate(np.concatenate(([self.last if same_run else stamps[0]], stamps)))[:-1]
         late = stamps <= before
+        late[0] &= same_run  # the first of a run has none before it
         out.flags[late] = np.where(stamps[late] == before[late], STALE[0], BACKWARD[0])
         rows = np.flatnonzero(~late)
         if not len(rows):
@@ -224,15 +221,16 @@ class Stream:
                 yield step
 
         measured = reading[rows]
-        for block, parts in self.model.weighed(noted()):
-            into = rows[block.rows]
-            bias = parts[:, self._removed].sum(axis=1)
-            flags = self.model.block_flags(block, measured[block.rows])
-            absurd = ~np.isfinite(bias)
-            bias[absurd], flags[absurd & (flags == "")] = np.nan, "outside fitted range"
-            flags[(flags == "") & (steps[block.rows] > self.gap)] = "gap"
-            flags[steps[block.rows] > SUSPECT_GAPS * self.gap] = "suspect time"
-            out.bias[into], out.flags[into] = bias, flags
+        with np.errstate(over="ignore", invalid="ignore"):  # powers of a temperature far outside: a flag says it
+            for block, parts in self.model.weighed(noted()):
+                into = rows[block.rows]
+                bias = parts[:, self._removed].sum(axis=1)
+                flags = self.model.block_flags(block, measured[block.rows])
+                absurd = ~np.isfinite(bias)
+                bias[absurd], flags[absurd & (flags == "")] = np.nan, "outside fitted range"
+                flags[(flags == "") & (steps[block.rows] > self.gap)] = "gap"
+                flags[steps[block.rows] > SUSPECT_GAPS * self.gap] = "suspect time"
+                out.bias[into], out.flags[into] = bias, flags
         self._open, self._until = bool(valid[-1]), -math.inf
         if self._open:
             assert walked is not None

@@ -50,14 +50,12 @@ class Clock:
         return difference(later, earlier) * self._times / self._per
 
     def stamps(self, times: Times) -> np.ndarray:
-        """Stamps of many times, shape (n,)."""
+        """Stamps of many times, shape (n,); rows without times have those of `next_rows`."""
         if times.kind != self.kind:
             raise RecordError(
                 f"The fitted record has times of kind {self.kind!r}, these rows have {times.kind!r}. Give both the "
                 "same kind of time (dates with or without zone, time spans, seconds, or none at all)."
             )
-        if times.ticks is None:
-            return self.next_rows(times.n)
         return times.stamps()
 
     def next_rows(self, n: int) -> np.ndarray:

@@ -15,7 +15,7 @@ from ..estimators import DynamicBiasRegressor
 from ..records import RecordError, read_record
 from ..records.numbers import from_polars, is_frame
 from ..records.read import times_of
-from .advance import BACKWARD, NO_TEMPERATURE, Advanced, Stream
+from .advance import NO_TEMPERATURE, Advanced, Stream
 from .given import Columns, checked_label, column_of, one_number, readings, stretches
 from .smoothing import MovingAverage, Tracker
 from .state import Place, Settings, StreamState, from_json, to_json
@@ -203,9 +203,8 @@ class OnlineCorrector:
             if not self._placed and not self._found(values):
                 return self._accompanied(math.nan, Advanced(math.nan, NO_TEMPERATURE, False), stream.clock.next_row)
             stamp = stream.clock.stamp(None)
-        jumps = self._doubt is not None or stream.step_to(stamp, run) > stream.gap
-        if jumps and not self._consider(stamp, run):
-            return self._accompanied(math.nan, Advanced(math.nan, BACKWARD, False), stamp)
+        if self._doubt is not None or stream.step_to(stamp, run) > stream.gap:
+            self._consider(stamp, run)
         known = U - U == 0.0
         done = stream.advance(stamp, run, values, known)
         corrected = U - done.bias if known else math.nan
@@ -219,21 +218,14 @@ class OnlineCorrector:
         reference = math.nan if self.track is None else self.track.one(seconds, corrected, done.counts)
         return Corrected(corrected, done.bias, done.flags, smoothed, reference)
 
-    def _consider(self, stamp: Any, run: Any) -> bool:
-        """Before a sample: forget the last one if its time was false; doubt this one if it jumps.
-
-        False for one that is refused whether the last one's time is right or not; the doubt stays.
-        """
+    def _consider(self, stamp: Any, run: Any) -> None:
+        """Before a sample: forget the last one if its time was false; doubt this one if it jumps."""
         stream = self._stream
-        if self._doubt is not None:
-            if stream.refused_by(self._doubt, stamp, run):
-                return False
-            if stream.returns_behind(self._doubt, stamp, run):
-                self._put(self._doubt)
+        if self._doubt is not None and stream.returns_behind(self._doubt, stamp, run):
+            self._put(self._doubt)
         step = stream.step_to(stamp, run)
-        if step > 0.0:  # one that repeats the last time does not confirm it
+        if step > 0.0:  # one that repeats the last time does not confirm it, and one that is refused tells nothing
             self._doubt = self._state() if step > stream.gap else None
-        return True
 
     # -------------------------------------------------------------------------------------------------- in blocks
 
@@ -302,17 +294,11 @@ class OnlineCorrector:
                 if stop - at < short:
                     self._singly(rows, stamps, run, values, reading, out)
                 else:
-                    if jumps and not self._consider(first, run):
-                        self._refuse(at, out)
-                    else:
-                        self._together(rows, stamps, run, values, reading, out)
+                    if jumps:
+                        self._consider(first, run)
+                    self._together(rows, stamps, run, values, reading, out)
                 at = stop
         return out
-
-    def _refuse(self, row: int, out: Columns) -> None:
-        out.flags[row] = BACKWARD[0]
-        if self.track is not None:
-            out.reference[row] = self.track.value
 
     def _together(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, out: Columns) -> None:
         some = {name: column[rows] for name, column in values.items()}

@@ -1,0 +1,33 @@
+"""Logs without any times that random ones have led to."""
+
+from __future__ import annotations
+
+import pytest
+
+from corpus.clean_log import CLEAN, FITTED, ROWS, Shown, frame_of, text_of
+from thermocorr import DynamicBiasRegressor, save_model
+
+
+@pytest.fixture
+def correct(tmp_path, capsys):
+    """Function that gives a log to `correct`."""
+    return lambda content, model: Shown(tmp_path, content, (), model, capsys)
+
+
+@pytest.fixture(scope="module")
+def untimed_path(tmp_path_factory):
+    frame = frame_of(CLEAN[:FITTED])
+    model = DynamicBiasRegressor("temperature", [600.0], sampling_period=60.0)
+    return save_model(model.fit(frame[["temperature"]], frame["reading"]), tmp_path_factory.mktemp("rows") / "m.json")
+
+
+def test_a_torn_line_in_a_log_without_times_is_said_in_our_words(correct, untimed_path):
+    shown = correct(text_of(CLEAN[40:])[:-5], model=untimed_path)
+    assert shown.status == 1 and shown.named == [ROWS - 40 + 1] and len(shown.rows) == ROWS - 41
+
+
+def test_a_header_that_comes_again_leaves_rows_without_times_in_their_place(correct, untimed_path):
+    """These rows repeat fitted ones: a header between them must not make new rows of them."""
+    whole = correct(text_of(CLEAN[:30]), model=untimed_path)
+    again = correct(text_of(CLEAN[:10]) + text_of(CLEAN[10:30]), model=untimed_path)
+    assert again.status == 0 and again.rows == whole.rows

@@ -1,0 +1,189 @@
+"""What seldom comes: types at their edges, times of other kinds, samples far beyond the fit."""
+
+from __future__ import annotations
+
+import json
+import math
+from datetime import datetime
+from decimal import Decimal
+
+import numpy as np
+import pandas as pd
+import pytest
+from streams import one_by_one, stream
+
+from thermocorr import (
+    DiffusiveFeatures,
+    DynamicBiasRegressor,
+    OnlineCorrector,
+    ParquetLog,
+    RecordError,
+    RecordWarning,
+)
+from thermocorr.records import Layout, read_record
+from thermocorr.records.files import read_table
+from thermocorr.records.numbers import as_numbers
+from thermocorr.records.times import Times
+
+# ------------------------------------------------------------------------------------------------- types at their edges
+
+
+def test_whole_numbers_beyond_all_floats_are_infinite_and_text_beside_them_is_none():
+    with pytest.raises(RecordError, match="infinity in row 1"):
+        as_numbers(np.array([1, 10**400, "3"], dtype=object), "It", "temperature")
+    with pytest.raises(RecordError, match=r"not a number in row 2: 'warm' \(1 such row"):
+        as_numbers(np.array([1, 10**400, "warm", None], dtype=object), "It", "temperature")
+
+
+def test_bytes_are_no_times():
+    X = pd.DataFrame({"temperature": [1.0, 2.0], "t": [b"2024-01-01", b"2024-01-02"]})
+    with pytest.raises(RecordError, match="holds a bytes in row 0"):
+        read_record(X, Layout("temperature", time="t"))
+
+
+def test_a_sampling_period_beside_times_is_not_used():
+    X = stream(60, 1, holes=False)[0]
+    with pytest.warns(RecordWarning, match="times of their own: sampling_period is not used"):
+        record = read_record(X, Layout("temperature", sampling_period=7.0))
+    assert record.usual_step() == read_record(X, Layout("temperature")).usual_step() != 7.0
+
+
+def test_a_guessed_temperature_is_said_where_the_user_called():
+    X, y = stream(60, 1, holes=False)
+    for fit in (DynamicBiasRegressor(time_constants=[60.0]).fit, DiffusiveFeatures([60.0]).fit):
+        with pytest.warns(RecordWarning, match="No column is called 'temperature'") as caught:
+            fit(X.rename(columns={"temperature": "oven"}), y)
+        assert {warning.filename for warning in caught if "No column" in str(warning.message)} == {__file__}
+
+
+def test_a_record_of_more_than_three_centuries_is_refused():
+    index = pd.date_range("1700-01-01", "2100-01-01", periods=60, unit="s")
+    X = pd.DataFrame({"temperature": np.arange(60.0)}, index=index)
+    with pytest.raises(RecordError, match=r"more than 292 years: from 1700-01-01.* in row 0 to 2100-01-01.* in row 59"):
+        read_record(X, Layout("temperature"))
+    read_record(X[:40], Layout("temperature"))
+
+
+def test_rows_without_times_are_counted_in_seconds():
+    assert Times(5, "rows", period=15.0).label(2) == "30 s"
+
+
+def test_decimals_of_parquet_are_the_nearest_numbers(tmp_path):
+    pa = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    from pyarrow import parquet
+
+    values = [Decimal("0.1"), None, Decimal("123456789012345678.90123456789"), Decimal("-7.3")]
+    texts = pa.array(["a", "b", "c", "d"])
+    table = pa.table({"x": pa.array(values, pa.decimal128(38, 11)), "t": texts})
+    parquet.write_table(table, tmp_path / "t.parquet")
+    log = ParquetLog(tmp_path / "t.parquet")
+    expected = [math.nan if value is None else float(value) for value in values]
+    np.testing.assert_array_equal(log["x"][:], expected)
+    np.testing.assert_array_equal(as_numbers(read_table(tmp_path / "t.parquet")["x"], "x"), expected)
+    assert log["x"].shape == (4,)
+    with pytest.raises(RecordError, match=r"column 't' holds string\. Write dates, spans or seconds, not"):
+        log.times("t")
+
+
+# ----------------------------------------------------------------------------------------------------- live corrections
+
+
+@pytest.mark.parametrize("T", [1e39, -1e39])
+def test_a_temperature_whose_powers_are_no_numbers_has_no_result(T):
+    X, y = stream(300, 3, holes=False)
+    model = DynamicBiasRegressor(time_constants=[300.0], degree=9).fit(X[:200], y[:200])
+    X = X.assign(temperature=X["temperature"].where(X.index != X.index[250], T))
+    together = OnlineCorrector(model).update_many(X[200:], y[200:])
+    single = one_by_one(OnlineCorrector(model), X[200:], y[200:])
+    for k, sample in enumerate(single):
+        assert (sample.flag, math.isnan(sample.corrected)) == (
+            together["flag"].iloc[k], math.isnan(together["corrected"].iloc[k]),
+        )  # fmt: skip
+    assert (
+        single[50].flag == "outside fitted range" and math.isnan(single[50].corrected) and math.isnan(single[50].bias)
+    )
+
+
+@pytest.mark.parametrize("track", [None, "1 h"])
+def test_a_block_without_any_temperature_takes_up_its_rows(track):
+    """In a record without times: what comes then has the place that it has in one block or sample by sample."""
+    X, y = stream(300, 4, holes=False)
+    X, y = X[["temperature"]].reset_index(drop=True), y.reset_index(drop=True)
+    X.loc[100:104] = math.nan
+    model = DynamicBiasRegressor(time_constants=[300.0], sampling_period=60.0).fit(X[:200], y[:200])
+    X, y = X[100:], y[100:]
+    live, single = OnlineCorrector(model, track=track), OnlineCorrector(model, track=track)
+    parts = [live.update_many(X[:3], y[:3]), live.update_many(X[3:], y[3:])]
+    together = pd.concat(parts)
+    samples = [single.update(None, T, U) for T, U in zip(X["temperature"], y, strict=True)]
+    assert parts[0]["flag"].eq("no temperature").all() and parts[0]["corrected"].isna().all()
+    assert together["flag"].tolist() == [sample.flag for sample in samples]
+    np.testing.assert_allclose(together["corrected"], [sample.corrected for sample in samples], rtol=1e-12)
+    assert live.state()["next_row"] == single.state()["next_row"]
+    if track is not None:
+        np.testing.assert_allclose(together["reference"], [sample.reference for sample in samples], rtol=1e-12)
+
+
+def test_a_first_row_is_for_records_without_times():
+    X, y = stream(200, 5, holes=False)
+    model = DynamicBiasRegressor(time_constants=[300.0]).fit(X, y)
+    with pytest.raises(ValueError, match="'first_row' parameter is for records without times"):
+        OnlineCorrector(model, first_row=3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "bad", "wanted"),
+    [
+        ("rows", 5, r"None \(the next row\)"),
+        ("rows", "2024-01-01", r"None \(the next row\)"),
+        ("spans", "soon", "a time span or a number of seconds"),
+        ("spans", None, "a time span or a number of seconds"),
+        ("spans", [1], "a time span or a number of seconds"),
+    ],
+)
+def test_times_of_no_kind_are_refused(kind, bad, wanted):
+    X, y = stream(200, 5, holes=False)
+    X = X.reset_index(drop=True) if kind == "rows" else X.set_axis(X.index - X.index[0])
+    more = {"sampling_period": 60.0} if kind == "rows" else {}
+    live = OnlineCorrector(DynamicBiasRegressor(time_constants=[300.0], **more).fit(X, y.to_numpy()))
+    with pytest.raises(RecordError, match=f"A sample's time must be {wanted}"):
+        live.update(bad, 23.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    "far",
+    [
+        datetime(8024, 1, 1), pd.Timestamp("8024-01-01"), np.datetime64("8024-01-01"), "8024-01-01T00:00:00",
+        np.datetime64("800024-01-01T00:00:00"),
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_dates_that_no_clock_reaches_are_refused_in_a_sentence(far):
+    X, y = stream(200, 5, holes=False)
+    live = OnlineCorrector(DynamicBiasRegressor(time_constants=[300.0]).fit(X, y))
+    with pytest.raises(RecordError, match=r"A sample's time is .*8\d*024-01-01.*\. Times may lie 292 years"):
+        live.update(far, 23.0, 1.0)
+
+
+def test_an_open_stream_without_a_last_time_is_no_state():
+    X, y = stream(200, 5, holes=False)
+    model = DynamicBiasRegressor(time_constants=[300.0]).fit(X[:150], y[:150])
+    live = OnlineCorrector(model)
+    live.update_many(X[150:], y[150:])
+    state = json.loads(json.dumps(live.state()))
+    state["state"]["last"] = None
+    with pytest.raises(ValueError, match=r"\.last holds null where a time belongs"):
+        OnlineCorrector.from_state(model, state)
+
+
+def test_rows_between_the_fitted_ones_are_not_taken_for_theirs():
+    """A log of another sensor, half a step later: what the model knows of its own rows tells nothing of these."""
+    X, y = stream(200, 5, holes=False)
+    X = X.set_axis(pd.date_range("2024-01-01", periods=200, freq="60s"))
+    y = y.set_axis(X.index)
+    model = DynamicBiasRegressor(time_constants=[300.0]).fit(X[:150], y[:150])
+    late = X.index + pd.Timedelta("30s")
+    found = model.evaluate(X[20:60].set_axis(late[20:60]), y[20:60].set_axis(late[20:60]))
+    assert found["flag"].iloc[0] == "washout"
+    fresh = model.evaluate(X[20:60].set_axis(late[20:60] - pd.Timedelta("90D")), y[20:60].to_numpy())
+    np.testing.assert_allclose(found["corrected"], fresh["corrected"], rtol=1e-12)
