@@ -12,10 +12,10 @@ import pandas as pd
 from sklearn.base import clone
 
 from ..records import RecordError, read_record
-from ..records.numbers import numeric_reading
 from ..records.text import printable
 from .holdout import rms
 from .regressor import DynamicBiasRegressor
+from .screening import believed_readings
 
 BEFORE = "before correction"
 FEWEST = 3
@@ -131,7 +131,7 @@ def later_errors(
     >>> later.best, later.helps("dynamic")
     ('dynamic', True)
     """
-    reading = np.array(numeric_reading(y, X), float)
+    reading = believed_readings(next(iter(variants.values())), X, y)
     record = read_record(X, next(iter(variants.values())).features_.layout(), y=reading, quiet=True)
     rows = np.arange(len(reading))[record.rows(0, record.n_used)]
     edges = np.linspace(len(rows) // 2, len(rows), n_blocks + 1).astype(int)
