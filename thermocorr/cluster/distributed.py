@@ -9,7 +9,7 @@ in one process to rounding.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import Any
 from uuid import uuid4
@@ -19,6 +19,7 @@ import numpy as np
 from ..effects.protocol import Effect
 from ..effects.signals import joined
 from ..equations import LagState, TriangularFactor, lag_differences
+from ..equations.spikes import HALO, Scanned, Usual
 from ..estimators.fitting import Swept, decays_first
 from ..records import Layout, Log, ParquetLog, Record, RecordError, Segment, SegmentStart
 from ..records.errors import listing
@@ -36,6 +37,7 @@ from .parts import (
     names_of,
     opened,
     rows_of,
+    scan_part,
     sweep_part,
 )
 
@@ -220,6 +222,36 @@ class DistributedRecord(Record):
         """Moments of the readings, without the missing ones."""
         return reduce(Moments.merged, (part.reading_moments or Moments() for part in self.looks))
 
+    def scanned(self, what: str, usual: Usual) -> Scanned:
+        """Codes and peaks of the temperature or the reading, found by the workers; a part knows its neighbours."""
+        column: Any = self.reading if what == "reading" else self.columns[self.temperature_name]
+        edges, n = self._starts, len(self.log)
+        before = [column[np.arange(max(edge - HALO, 0), edge)] for edge in edges[:-1]]
+        behind = [column[np.arange(edge, min(edge + HALO, n))] for edge in edges[1:]]
+        parts = self.log.each(scan_part, list(self.tasks), what, usual, before, behind)
+        return Scanned.together(part.moved(edge) for part, edge in zip(parts, edges, strict=False))
+
+    def told(self) -> DistributedRecord:
+        """A record whose workers know what is refused."""
+        edges = np.array(self._starts)
+        gone = np.concatenate([found.rows for found in self.refused if found.what == "temperature"] or [self.skipped])
+        at_end = gone[np.isin(gone, np.concatenate((edges[:-1], edges[1:] - 1)))]
+        if len(at_end) or len(self.segments) > 1:
+            row = int(at_end[0]) if len(at_end) else self.segments[0].stop
+            raise RecordError(
+                f"The temperature in row {row} is refused as a spike or a sentinel, and a part of a distributed log "
+                "neither begins nor ends there, nor has a gap. Cut the log elsewhere (n_parts), fill the temperature "
+                "first, or pass screen=False."
+            )
+        left = [found.rows for found in self.refused if found.what == "reading"]
+        readings, token = np.sort(np.concatenate([np.zeros(0, np.intp), *left])), uuid4().hex
+        tasks = [
+            replace(task, skipped=_inside(gone, low, high), left_out=_inside(readings, low, high), token=token)
+            for task, low, high in zip(self.tasks, edges[:-1], edges[1:], strict=True)
+        ]
+        record = DistributedRecord.of(self.log, tasks, self.log.each(look, tasks))
+        return replace(record, reading=self.reading, notes=self.notes, skipped=self.skipped, refused=self.refused)
+
     def sweep_effects(self, effects: Sequence[Effect], edges: np.ndarray) -> Swept:
         """Factors of ``[1 | Q | U]`` for each stretch between two `edges`, swept by the workers."""
         order, columns = decays_first(effects)
@@ -275,6 +307,11 @@ class DistributedRecord(Record):
             known = (signal.state(lags) for signal, lags in zip(every, before, strict=True) if lags is not None)
             states.append([joined([next(known) for _ in of_effect]) for of_effect in signals])
         return states
+
+
+def _inside(rows: np.ndarray, low: int, high: int) -> tuple[int, ...]:
+    """Rows ``low:high`` of some, counted from `low`."""
+    return tuple(int(row - low) for row in np.sort(rows) if low <= row < high)
 
 
 def _after_first(signal: Signal, value: float, state: LagState | None, step: float) -> np.ndarray:

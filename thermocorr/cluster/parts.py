@@ -17,10 +17,12 @@ from ..effects.protocol import Effect
 from ..effects.signals import BlockSignals
 from ..effects.stream import walk
 from ..equations import LagState, TriangularFactor, lags_at_end
+from ..equations.spikes import Scanned, Usual
 from ..estimators.fitting import block_rows, reading_offset, sweep
 from ..estimators.threads import one_blas_thread
 from ..records import BLOCK_ROWS, Block, Layout, ParquetLog, Record, RecordError, Segment, SegmentStart, read_record
 from ..records.record import Moments
+from ..records.screen import LeftOut, scan_stretch
 
 Part = Any
 """A `ParquetLog` or a DataFrame."""
@@ -116,6 +118,10 @@ class Task:
     """Number of the part in the log."""
     token: str
     """Name of the log, by which a worker finds a part that it has validated before."""
+    skipped: tuple[int, ...] = ()
+    """Rows of the part that are passed over."""
+    left_out: tuple[int, ...] = ()
+    """Rows of the part whose readings are left out."""
 
     def record(self, part: Part, first_row: int = 0) -> Record:
         """The part as a record of one segment."""
@@ -141,7 +147,9 @@ class Task:
                 "distributed log is one stretch: fill missing temperatures first, fit longer stretches as devices of a "
                 "fleet, or fit in one process."
             )
-        return record
+        if self.left_out:
+            record = replace(record, reading=LeftOut(record.reading, np.array(self.left_out)))  # type: ignore[arg-type]
+        return replace(record, skipped=np.array(self.skipped, np.intp), known_moments={})
 
 
 def look(part: Part, task: Task) -> Look:
@@ -170,6 +178,19 @@ def moments_of(part: Part, task: Task, column: Any, power: int) -> Moments:
     return task.record(part).moments(column, power)
 
 
+def scan_part(part: Part, task: Task, what: str, usual: Usual, before: np.ndarray, behind: np.ndarray) -> Scanned:
+    """Codes and peaks of a part's temperature or reading; values `before` and `behind` it are its neighbours."""
+    record = task.record(part)
+    column: Any = record.reading if what == "reading" else record.columns[record.temperature_name]
+    n = record.n_rows
+
+    def read(low: int, high: int) -> np.ndarray:
+        inside = np.asarray(column[max(low, 0) : min(high, n)], float)
+        return np.concatenate((before[len(before) + min(low, 0) :], inside, behind[: max(high - n, 0)]))
+
+    return Scanned.together(scan_stretch(read, 0, n, -len(before), n + len(behind), usual))
+
+
 def ends_from_rest(part: Part, task: Task, signals: Sequence[Signal]) -> list[LagState]:
     """State of each signal's lags at the end of a part, had they been at rest at its first sample.
 
@@ -179,10 +200,10 @@ def ends_from_rest(part: Part, task: Task, signals: Sequence[Signal]) -> list[La
     slowest = max(signal.lag.memory for signal in signals)
     first = _first_felt(record, FORGOTTEN * slowest)
     states = [LagState(np.zeros(len(signal.time_constants)), np.nan) for signal in signals]
-    for block in replace(record, segments=(Segment(first, record.n_rows),)).blocks():
+    for number, block in enumerate(replace(record, segments=(Segment(first, record.n_rows),)).blocks()):
         for i, signal in enumerate(signals):
             values = signal.values(block)
-            state = LagState(states[i].lag_difference, float(values[0])) if block.start == first else states[i]
+            state = states[i] if number else LagState(states[i].lag_difference, float(values[0]))
             states[i] = lags_at_end(values, block.steps, signal.time_constants, state, hold=signal.lag.hold)  # type: ignore[arg-type]
     return states
 

@@ -55,6 +55,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     model.add_argument("--degree", type=int, default=2, metavar="N", help="degree of the static law (default 2)")
     model.add_argument("--products", action="store_true", help="add the products of lags, eq. (21)")
+    model.add_argument(
+        "--no-screen", action="store_true", help="keep readings and temperatures that look like spikes and sentinels"
+    )
     model.add_argument("--window", type=int, default=25, metavar="N", help="samples of the moving average (default 25)")
     model.add_argument(
         "--blocks", type=int, default=5, metavar="N", help="blocks of time for held-out figures (default 5)"
@@ -209,7 +212,8 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
         if options.reading or options.temperature or options.time or options.run:
             raise RecordError("Columns are named but no log is given. Put the log's file name after 'analyze'.")
         log = load_voltage_reference(hidden="moisture")
-        return log, True, DynamicBiasRegressor("temperature", time_constants, options.degree), "voltage"
+        model = DynamicBiasRegressor("temperature", time_constants, options.degree, screen=not options.no_screen)
+        return log, True, model, "voltage"
     log = read_table(options.log)
     reading = require_column(log.columns, options.reading, "reading", ("reading",))
     temperature = require_column(log.columns, options.temperature, "temperature", ("temperature",))
@@ -231,6 +235,7 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
         "run": run,
         "sampling_period": options.sampling_period,
         "max_gap": options.max_gap,
+        "screen": not options.no_screen,
     }
     return log, stamped, DynamicBiasRegressor(temperature, time_constants, options.degree, **layout), reading
 

@@ -94,7 +94,13 @@ def _replay(effects: Sequence[Effect], history: History, key: int, row: int) -> 
     """States after the kept rows of fitted segment `key` that come before `row`."""
     kept = history.record
     segment = kept.segments[key]
-    part = Record(kept.times, kept.temperature_name, kept.columns, (Segment(segment.start, row, segment.run),))
+    part = Record(
+        kept.times,
+        kept.temperature_name,
+        kept.columns,
+        (Segment(segment.start, row, segment.run),),
+        skipped=kept.skipped[kept.skipped < row],
+    )
     start = {0: SegmentStart(key, kept.stamp(segment.start), None)}
     states: list[Any] = []
     for step in walk(effects, part, zero=history.zero, starts=start):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from numbers import Integral, Real
 from typing import Any
@@ -16,9 +17,10 @@ from ..effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLa
 from ..effects.protocol import Effect
 from ..effects.stream import Walked, needed_columns, own_starts, resume, walk
 from ..effects.wrap import EffectsParameters, as_effects
-from ..records import History, Layout, Log, Record, RecordError, read_record, seconds_of
+from ..records import History, Layout, Log, Record, RecordError, RecordWarning, read_record, seconds_of
 from ..records.numbers import from_polars
 from ..records.record import SegmentStart
+from ..records.screen import Screen, screened
 
 LAYOUT_CONSTRAINTS: dict[str, Any] = {
     "temperature": "no_validation",
@@ -34,6 +36,7 @@ THERMAL_CONSTRAINTS: dict[str, Any] = {
     "initial_state": [StrOptions({"equilibrium", "zero", "fit"})],
     "hold": [StrOptions({"first_order", "zero_order"})],
     "longest_decay_share": [Interval(Real, 0, 1, closed="both")],
+    "screen": ["boolean"],
     "effects": ["array-like", Effect],
     **LAYOUT_CONSTRAINTS,
 }
@@ -68,6 +71,8 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         ageing and would swallow them without a word.
     form : {"unit_gain", "paper"}, default "unit_gain"
         "paper" gives eqs. (17) (19) (25) as printed, with psi in K s, for comparison.
+    screen : bool, default True
+        Pass over temperatures that are none, see `DynamicBiasRegressor`; their rows get NaN.
     temperature : str or int, optional
         Column of the ambient temperature; by default the one called "temperature", else the first.
     time : str, optional
@@ -126,6 +131,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         hold: str = "first_order",
         longest_decay_share: float = 1.0,
         form: str = "unit_gain",
+        screen: bool = True,
         temperature: Any = None,
         time: Any = None,
         run: Any = None,
@@ -141,6 +147,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         self.hold = hold
         self.longest_decay_share = longest_decay_share
         self.form = form
+        self.screen = screen
         self.temperature = temperature
         self.time = time
         self.run = run
@@ -167,7 +174,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         return columns
 
     def transform(self, X: Any) -> np.ndarray:
-        """Columns for a record, shape (n_rows, n_columns_out); NaN in rows without a temperature."""
+        """Columns for a record, shape (n_rows, n_columns_out); NaN in rows without a temperature, or a refused one."""
         record, starts, states = self.resume(X)
         return self._collect(record, self.walk_resumed(record, starts, states))[0]
 
@@ -185,6 +192,12 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         further = as_effects(self.effects)
         needed = needed_columns([effect for _, effect in further])
         record = read_record(X, self.layout(), y=y, needed=needed, quiet=quiet)
+        self._screen: Screen | None = None
+        if self.screen:
+            known = len(record.notes)
+            record, self._screen = screened(record, self.longest_step())
+            for note in () if quiet else record.notes[known:]:
+                warnings.warn(note, RecordWarning, stacklevel=3)
         self.effects_ = [*self._thermal_part(), *((name, _copy(effect)) for name, effect in further)]
         for _, effect in self.effects_:
             effect.learn(record)
@@ -214,8 +227,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
 
     def remember(self, record: Record, end_states: list[list[Any]]) -> None:
         """Keep what ties later rows to this record."""
-        max_gap = None if self.max_gap is None else seconds_of(self.max_gap, "max_gap")
-        self.history_ = History.of(record, end_states, max_gap)
+        self.history_ = History.of(record, end_states, self.longest_step(), screen=self._screen)
 
     def effect_list(self) -> list[Effect]:
         """The learned effects without their names."""
@@ -224,6 +236,10 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     def memory(self) -> float:
         """Longest time constant of any effect [s]."""
         return max((effect.memory() for effect in self.effect_list()), default=0.0)
+
+    def longest_step(self) -> float | None:
+        """Longest step that does not start a new segment [s]."""
+        return None if self.max_gap is None else seconds_of(self.max_gap, "max_gap")
 
     def _thermal_part(self) -> list[tuple[str, Effect]]:
         parts: list[tuple[str, Effect]] = [

@@ -150,7 +150,25 @@ class FittedModel:
             flags[block.elapsed < self.washout_] = "washout"
         if reading is not None:
             flags[np.isnan(reading)] = "no reading"
+            for rows, reason in self._refused(block, reading):
+                flags[rows] = reason
         return flags
+
+    def believed(self, block: Block, reading: np.ndarray) -> np.ndarray:
+        """Readings of a block's rows without those that the screen refuses, shape (n,)."""
+        refused = self._refused(block, reading)
+        if refused:
+            reading = reading.copy()
+            for rows, _ in refused:
+                reading[rows] = np.nan
+        return reading
+
+    def _refused(self, block: Block, reading: np.ndarray) -> list[tuple[np.ndarray, str]]:
+        """Numbers of a block's readings that are none, by reason."""
+        screen = self.features_.history_.screen
+        if screen is None:
+            return []
+        return screen.reading.reasons(reading, lambda k: block.record.stamp(block.start + k))
 
 
 def _weighted(columns: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ..records.numbers import numeric_reading
+from .screening import believed_readings
 
 MIN_BLOCK = 8
 """Rows below which a block of time says nothing."""
@@ -27,7 +27,7 @@ def held_out_residuals(
     """Residuals of each block of time under a model that was fitted, time constants and all, without its readings.
 
     The lags run through the whole record (temperature is known everywhere), so no block starts with unknown states.
-    Rows that the model flags (no reading, washout of an unknown start) are NaN.
+    Rows that the model flags (no reading, a refused one, washout of an unknown start) are NaN.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def held_out_residuals(
     >>> print(f"{np.nanstd(residuals):.1f} ppm, noise {record.attrs['noise']:.1f} ppm")
     0.2 ppm, noise 0.2 ppm
     """
-    reading = np.array(numeric_reading(y, X), float)
+    reading = believed_readings(model, X, y)
     result = np.full(len(reading), np.nan)
     blocks = time_blocks(len(reading), n_blocks)
     for number, block in enumerate(blocks):

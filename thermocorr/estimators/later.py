@@ -12,10 +12,10 @@ import pandas as pd
 from sklearn.base import clone
 
 from ..records import RecordError, read_record
-from ..records.numbers import numeric_reading
 from ..records.text import printable
 from .holdout import rms
 from .regressor import DynamicBiasRegressor
+from .screening import believed_readings
 
 BEFORE = "before correction"
 FEWEST = 3
@@ -131,9 +131,9 @@ def later_errors(
     >>> later.best, later.helps("dynamic")
     ('dynamic', True)
     """
-    reading = np.array(numeric_reading(y, X), float)
+    reading = believed_readings(next(iter(variants.values())), X, y)
     missed: dict[str, list[np.ndarray]] = {name: [] for name in (BEFORE, *variants)}
-    for number, (known, block) in enumerate(later_blocks(next(iter(variants.values())), X, y, n_blocks), 1):
+    for number, (known, block) in enumerate(later_blocks(next(iter(variants.values())), X, reading, n_blocks), 1):
         missed[BEFORE].append(reading[block] - (np.nanmean(known) if np.isfinite(known).any() else np.nan))
         for name, variant in variants.items():
             if progress is not None:
@@ -151,14 +151,15 @@ def later_rms(model: DynamicBiasRegressor, X: Any, y: Any, n_blocks: int = 5) ->
 
     NaN for records that are too short.
     """
-    reading = np.array(numeric_reading(y, X), float)
-    parts = [_missed(model, X, known, reading, block) for known, block in later_blocks(model, X, y, n_blocks)]
+    reading = believed_readings(model, X, y)
+    parts = [_missed(model, X, known, reading, block) for known, block in later_blocks(model, X, reading, n_blocks)]
     return rms(np.concatenate(parts))
 
 
-def later_blocks(model: DynamicBiasRegressor, X: Any, y: Any, n_blocks: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def later_blocks(
+    model: DynamicBiasRegressor, X: Any, reading: np.ndarray, n_blocks: int
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Blocks of the later half in the order of time: readings before each (NaN from there on), and its rows."""
-    reading = np.array(numeric_reading(y, X), float)
     record = read_record(X, model.features_.layout(), y=reading, quiet=True)
     rows = np.arange(len(reading))[record.rows(0, record.n_used)]
     edges = np.linspace(len(rows) // 2, len(rows), n_blocks + 1).astype(int)

@@ -59,6 +59,10 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
         search's (at most 1e-4 per reading), and 0 for given time constants.
     longest_decay_share : float, default 0.04
         Start-up decays slower than this share of their segment are left out, see `DiffusiveFeatures`.
+    screen : bool, default True
+        Leave out readings that are none, and pass over temperatures that are none: codes for "no value" (9.9E37, -999,
+        85.0 of a thermometer at power-on) and isolated spikes, see `thermocorr.equations.spikes`. They are named in a
+        warning and in `notes_`, and flagged "sentinel" or "spike" wherever they are met again.
     reference_temperature, initial_state, hold, time, run, sampling_period, max_gap : see `DiffusiveFeatures`
     washout : float, time span or "auto", default "auto"
         How long rows are flagged after a start that the fit does not know [s]; "auto" is three times the longest time
@@ -118,6 +122,7 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
         initial_state: str = "fit",
         hold: str = "first_order",
         longest_decay_share: float = DECAY_SHARE,
+        screen: bool = True,
         time: Any = None,
         run: Any = None,
         sampling_period: Any = None,
@@ -134,6 +139,7 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
         self.initial_state = initial_state
         self.hold = hold
         self.longest_decay_share = longest_decay_share
+        self.screen = screen
         self.time = time
         self.run = run
         self.sampling_period = sampling_period
@@ -192,28 +198,29 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
         return self
 
     def predict(self, X: Any) -> np.ndarray:
-        """Modelled reading, eq. (22), shape (n_rows,); NaN in rows without a temperature."""
+        """Modelled reading, eq. (22), shape (n_rows,); NaN in rows without a temperature, or a refused one."""
         return np.asarray(self._contributions(X).sum(axis=1) + self.intercept_)
 
     def bias(self, X: Any) -> Any:
         """What `correct` takes away: modelled reading less U0 (and less effects that are to be kept)."""
-        parts = self._contributions(X)
-        removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
-        return like(X, parts[:, removed].sum(axis=1), "bias")
+        return like(X, self._removed_from(self._contributions(X)), "bias")
 
     def correct(self, X: Any, y: Any) -> Any:
         """Corrected reading: reading minus bias, eq. (24). A Series where X is a DataFrame.
 
-        Warns (`RecordWarning`) where it leaves all readings far behind.
+        NaN where a reading or a temperature is missing or refused, see `screen`. Warns (`RecordWarning`) where it
+        leaves all readings far behind.
         """
         reading = numeric_reading(y, X)
-        corrected = reading - np.asarray(self.bias(X))
+        parts, believed = self._parts(X, reading)
+        corrected = believed - self._removed_from(parts)
         check_corrected(self.reading_, corrected, reading, self._level_asked_for())
         return like(X, corrected, "corrected")
 
     def residuals(self, X: Any, y: Any) -> Any:
-        """Measured minus modelled reading. A Series where X is a DataFrame."""
-        return like(X, numeric_reading(y, X) - self.predict(X), "residual")
+        """Measured minus modelled reading, NaN as in `correct`. A Series where X is a DataFrame."""
+        parts, believed = self._parts(X, numeric_reading(y, X))
+        return like(X, believed - (parts.sum(axis=1) + self.intercept_), "residual")
 
     def contributions(self, X: Any) -> pd.DataFrame:
         """What each effect adds to U0, in the unit of y: one column per effect."""
@@ -222,10 +229,14 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
         return pd.DataFrame(parts, columns=labels, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     def flags(self, X: Any, y: Any = None) -> Any:
-        """Why a row deserves no trust: "no temperature", "no reading", "washout", "outside fitted range", or ""."""
+        """Why a row deserves no trust, or "".
+
+        "no temperature", "no reading", "sentinel" or "spike" (of the temperature or the reading, see `screen`),
+        "washout", "outside fitted range".
+        """
         reading = None if y is None else numeric_reading(y, X)
         record, starts, _ = self.features_.resume(X)
-        flags = np.full(record.n_rows, "no temperature", dtype=object)
+        flags = no_flags(record)
         for block in record.blocks(starts=starts, zero=self.features_.history_.zero):
             flags[block.rows] = self.block_flags(block, None if reading is None else reading[block.rows])
         return like(X, flags, "flag")
@@ -238,8 +249,8 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
         reading = numeric_reading(y, X)
         n_rows = len(reading)
         columns: dict[str, np.ndarray] = {name: np.full(n_rows, np.nan) for name in ("corrected", "model", "residual")}
-        columns["flag"] = np.full(n_rows, "no temperature", dtype=object)
         for block, values in self.evaluated_blocks(X, y):
+            columns.setdefault("flag", no_flags(block.record))
             for name, part in values.items():
                 columns[name][block.rows] = part
         check_corrected(self.reading_, columns["corrected"], reading, self._level_asked_for())
@@ -248,7 +259,8 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
     def evaluate_blocks(self, X: Any, y: Any) -> Iterator[pd.DataFrame]:
         """The rows of `evaluate` in blocks of some thousand, in time order, for records larger than memory.
 
-        Rows without a temperature are left out. The index is X's, or row numbers where it has none.
+        Rows without a temperature, or with a refused one, are left out. The index is X's, or row numbers where it has
+        none.
         """
         for block, values in self.evaluated_blocks(X, y):
             rows = block.rows
@@ -318,20 +330,33 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
 
     def _contributions(self, X: Any) -> np.ndarray:
         """Contribution of each effect at each row, shape (n_rows, n_effects)."""
+        return self._parts(X)[0]
+
+    def _parts(self, X: Any, reading: Any = None) -> tuple[np.ndarray, np.ndarray]:
+        """`_contributions`, and the readings that the screen believes, shape (n_rows,)."""
         parts: np.ndarray | None = None
+        believed = np.array([] if reading is None else reading[:], float)
         for block, values in self.contribution_blocks(X):
             if parts is None:
                 parts = np.full((block.record.n_rows, values.shape[1]), np.nan)
             parts[block.rows] = values
+            if reading is not None:
+                believed[block.rows] = self.believed(block, believed[block.rows])
         assert parts is not None  # a record has at least one block
-        return parts
+        return parts, believed
+
+    def _removed_from(self, parts: np.ndarray) -> np.ndarray:
+        """The bias that is removed, from the contributions, shape (n_rows,)."""
+        removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
+        return np.asarray(parts[:, removed].sum(axis=1))
 
     def evaluated_blocks(self, X: Any, y: Any) -> Iterator[tuple[Block, dict[str, np.ndarray]]]:
         """The columns of `evaluate` as arrays, each with the block (times, segment, temperature) that it belongs to."""
         reading = numeric_reading(y, X)
         removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
         for block, parts in self.contribution_blocks(X):
-            measured = np.asarray(reading[block.rows], float)
+            given = np.asarray(reading[block.rows], float)
+            measured = self.believed(block, given)
             model = parts.sum(axis=1) + self.intercept_
             yield (
                 block,
@@ -339,7 +364,7 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
                     "corrected": measured - parts[:, removed].sum(axis=1),
                     "model": model,
                     "residual": measured - model,
-                    "flag": self.block_flags(block, measured),
+                    "flag": self.block_flags(block, given),
                 },
             )
 
@@ -348,6 +373,14 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
         tags.input_tags.allow_nan = True  # NaN in the temperature ends a segment
         tags.regressor_tags.poor_score = True  # of many columns it uses one, unless effects name others
         return tags
+
+
+def no_flags(record: Record) -> np.ndarray:
+    """Flags of rows that belong to no block: why they have no temperature, shape (n_rows,)."""
+    flags = np.full(record.n_rows, "no temperature", dtype=object)
+    for refused in record.refused:
+        flags[refused.rows] = refused.reason
+    return flags
 
 
 def like(X: Any, values: np.ndarray, name: str) -> Any:

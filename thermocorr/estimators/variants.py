@@ -14,10 +14,10 @@ from sklearn.base import clone
 
 from ..equations import moving_average, reduction_db
 from ..records import Record, read_record
-from ..records.numbers import numeric_reading
 from ..records.text import printable
 from .holdout import held_out_residuals, rms, time_blocks
 from .regressor import DynamicBiasRegressor
+from .screening import believed_readings
 
 _TITLES = {
     "std": "std",
@@ -159,7 +159,7 @@ def compare_variants(
     }
     if products:
         variants["dynamic nonlinear with products"] = clone(dynamic).set_params(degree=degree, products=True)
-    reading = np.array(numeric_reading(y, X), float)
+    reading = believed_readings(dynamic, X, y)
     blocks = time_blocks(len(reading), n_blocks)
     inside: dict[str, np.ndarray] = {}
     outside: dict[str, np.ndarray] = {}

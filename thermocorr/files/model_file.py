@@ -29,7 +29,7 @@ from .effect_nodes import EffectCodec
 from .model_nodes import pack_model, unpack_model
 
 FORMAT = "thermocorr model"
-VERSION = 2
+VERSION = 3
 LONGEST_MESSAGE = 400
 """Characters of what is said about a file's content, which may be anything."""
 HISTORY_ROWS = 4096
@@ -207,7 +207,22 @@ def _from_digest_inside(node: dict[str, Any]) -> dict[str, Any]:
     return {**node, "version": 2, "digest": ""}
 
 
-MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {0: _from_draft, 1: _from_digest_inside}
+def _without_screen(node: dict[str, Any]) -> dict[str, Any]:
+    """Version 2: nothing was screened."""
+    model = node.get("model")
+    parameters, history = (model.get(name) if isinstance(model, dict) else None for name in ("parameters", "history"))
+    if not (isinstance(model, dict) and isinstance(parameters, dict) and isinstance(history, dict)):
+        raise ModelFileError("$.model has no parameters, or no history")
+    model = {**model, "parameters": {"screen": False, **parameters}}
+    model["history"] = {"skipped": [], "screen": None, **history}
+    return {**node, "version": 3, "model": model}
+
+
+MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
+    0: _from_draft,
+    1: _from_digest_inside,
+    2: _without_screen,
+}
 """Version -> what makes of its content that of the next version."""
 
 

@@ -34,6 +34,7 @@ from .codec import (
     vector,
 )
 from .effect_nodes import EffectCodec, check_state
+from .screen_nodes import pack_screen, unpack_screen
 
 KINDS = ("datetime", "datetime with time zone", "timedelta", "seconds", "rows")
 MOST_ROWS = 1 << 24
@@ -66,6 +67,8 @@ def pack_history(history: History, effects: list[Any], codec: EffectCodec) -> di
         "period": float(times.period),
         "temperature": pack(record.temperature_name, "the temperature's name"),
         "segments": segments,
+        "skipped": record.skipped.tolist(),
+        "screen": None if history.screen is None else pack_screen(history.screen),
         "first_tick": int(ticks[0]) if whole else float(ticks[0]),
         "ticks": np.diff(ticks).tolist() if whole else ticks[1:].tolist(),
         "columns": [
@@ -77,7 +80,7 @@ def pack_history(history: History, effects: list[Any], codec: EffectCodec) -> di
 
 _HISTORY = (
     "kind", "zero", "rows", "stride", "usual_step", "max_gap", "ticks_per_second", "period", "temperature", "segments",
-    "first_tick", "ticks", "columns",
+    "skipped", "screen", "first_tick", "ticks", "columns",
 )  # fmt: skip
 
 
@@ -122,16 +125,32 @@ def unpack_history(node: Any, where: str, effects: list[Any], codec: EffectCodec
     zero = times.stamp(0)
     if type(node["zero"]) is not type(zero) or node["zero"] != zero:
         raise unexpected(f"{where}.zero", repr(node["zero"])[:60], f"the first row's time {zero!r}")
+    skipped = _unpack_skipped(node["skipped"], f"{where}.skipped", segments)
     return History(
         kind=kind,
         zero=zero,
-        record=Record(times, temperature, columns, tuple(segments)),
+        record=Record(times, temperature, columns, tuple(segments), skipped=skipped),
         end_states=tuple(ends),
         n_fitted=integer(node["rows"], f"{where}.rows", at),
         stride=integer(node["stride"], f"{where}.stride", 1),
         usual_step=positive(node["usual_step"], f"{where}.usual_step"),
         max_gap=None if node["max_gap"] is None else positive(node["max_gap"], f"{where}.max_gap"),
+        screen=None if node["screen"] is None else unpack_screen(node["screen"], f"{where}.screen"),
     )
+
+
+def _unpack_skipped(node: Any, where: str, segments: list[Segment]) -> np.ndarray:
+    """Rows inside segments that are passed over, in order; no segment begins or ends with one."""
+    rows: list[int] = []
+    at = 0
+    for i, row in enumerate(items(node, where)):
+        row = integer(row, f"{where}[{i}]", rows[-1] + 1 if rows else 1)
+        while at < len(segments) and segments[at].stop <= row:
+            at += 1
+        if at == len(segments) or not segments[at].start < row < segments[at].stop - 1:
+            raise unexpected(f"{where}[{i}]", str(row), "a row inside a segment")
+        rows.append(row)
+    return np.array(rows, np.intp)
 
 
 def _unpack_ticks(node: dict[str, Any], where: str, kind: str, n: int, starts: list[int]) -> np.ndarray:

@@ -16,7 +16,7 @@ import pandas as pd
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts
 from ..records import BLOCK_ROWS, Record
-from .levels import ABSURD, COARSE, MOST_SPIKES, MOST_UNEVEN, NEARBY, SHORT_PAUSE, SPIKE, UNEVEN
+from .levels import COARSE, MOST_UNEVEN, NEARBY, SHORT_PAUSE, UNEVEN
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,22 +113,6 @@ def evenness(residual: np.ndarray, segment: np.ndarray) -> np.ndarray:
     if not high > UNEVEN * low or usual == 0:
         return np.ones(len(residual))
     return np.asarray(1 / np.clip(size / usual, 1 / MOST_UNEVEN, MOST_UNEVEN))
-
-
-def spikes(values: np.ndarray, rounding: float = 0.0) -> np.ndarray:
-    """Which rows stand far out of their neighbours, alone or in pairs, or out of everything; shape (n,), booleans.
-
-    Distances are measured in robust standard deviations of the noise (Hampel, JASA 69, 1974), from its steps. Noise
-    that is no more than `rounding` has no spikes.
-    """
-    low, middle, high = np.quantile(values, (0.05, 0.5, 0.95))
-    absurd = np.abs(values - middle) > ABSURD * (high - low) if high > low else np.zeros(len(values), bool)
-    known = np.where(absurd, middle, values)
-    near = pd.Series(known).rolling(5, center=True, min_periods=1).median().to_numpy()
-    steps = np.abs(np.diff(known))
-    usual = (1.4826 * float(np.median(steps)) or float(np.mean(steps))) / np.sqrt(2)  # the mean where it is quantised
-    found = absurd | (np.abs(known - near) > SPIKE * usual) if usual > rounding else absurd
-    return np.asarray(found) if found.mean() < MOST_SPIKES else np.asarray(absurd)
 
 
 def filled(record: Record, used: Collection[Any], most_missing: float = 0.05) -> Record:

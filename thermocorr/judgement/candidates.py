@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Log, Record, RecordError, read_record
 from ..records.grammar import LARGEST
 from ..records.numbers import from_polars, is_frame, numeric_reading
+from ..records.screen import screened
 from .blocks import filled
 from .levels import TIME_LIKE
 
@@ -22,7 +24,10 @@ from .levels import TIME_LIKE
 def suspect_record(
     model: DynamicBiasRegressor, X: Any, y: Any, columns: Sequence[Any] | None, further: Sequence[Effect] = ()
 ) -> Record:
-    """The record with every suspect column beside those that the model and further effects use."""
+    """The record with every suspect column beside those that the model and further effects use.
+
+    Its `refused` rows are left out as the model leaves them out in its fit, or only named.
+    """
     X = from_polars(X)
     if isinstance(X, Log):
         raise RecordError("Diagnosis works on a frame or an array. Pass a part of the log that fits in memory.")
@@ -34,22 +39,20 @@ def suspect_record(
         frame = X.select_dtypes("number") if is_frame(X) else pd.DataFrame(np.asarray(X))
         columns = [name for name in frame.columns if name not in special and frame[name].nunique() > 1]
     read = read_record(X, layout, y=numeric_reading(y, X), needed=list(dict.fromkeys(own)), quiet=True)
+    told = screened(read, model.features_.longest_step())[0]
+    read = told if model.screen else replace(read, refused=told.refused)
     suspects = {name: (X[name] if is_frame(X) else np.asarray(X)[:, name]) for name in columns if name not in own}
     values = {name: np.asarray(column, float) for name, column in suspects.items()}
     sound = {name: np.abs(column) <= LARGEST for name, column in values.items()}
     known = {n: column for n, column in values.items() if sound[n].mean() > 0.95 and not _clock(column, sound[n], read)}
     return filled(
-        Record(
-            times=read.times,
-            temperature_name=read.temperature_name,
+        replace(
+            read,
             columns={
                 **read.columns,
                 **{name: np.where(sound[name], column, np.nan) for name, column in known.items()},
             },
-            segments=read.segments,
-            order=read.order,
-            reading=read.reading,
-            notes=read.notes,
+            known_moments={},
         ),
         used=read.columns,
     )

@@ -100,7 +100,10 @@ def _conclude(
 ) -> Diagnosis:
     """Verdict, causes and other suspects, and what is left."""
     seen = as_fitted(model, X)
-    residual = np.asarray(model.residuals(seen, y), float)
+    residual = np.array(model.residuals(seen, y), float)
+    refused = search.pool.record.refused
+    for rows in (found.rows for found in refused if model.screen):
+        residual[rows] = np.nan
     rms = float(np.sqrt(np.nanmean(residual**2)))
     uneven = first_of_each([tried for tried in last if tried.uneven])
     rest = what_is_left(search.pool, search.judged, [effect_text(tried.explanation.effect) for tried in uneven])
@@ -112,8 +115,9 @@ def _conclude(
     listed = [t for t in first_of_each(others) if t.key not in named and not t.explanation.in_model]
     if causes:
         verdict = "ambiguous" if found[0].confusable_with else "missing"
-    else:
-        verdict = "unexplained" if rest.structured or rest.uneven else "nothing missing"
+    else:  # readings that are none and were learned from spoil any model
+        spoiled = bool(refused) and not model.screen
+        verdict = "unexplained" if rest.structured or rest.uneven or spoiled else "nothing missing"
     ranked = [*found, *(_other(tried, search) for tried in listed[: RANKED - len(found)])]
     beside = dict.fromkeys(ranked[0].effect.inputs() if ranked else ())
     return Diagnosis(

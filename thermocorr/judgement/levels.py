@@ -59,13 +59,6 @@ SHORT_PAUSE = 0.01
 """Share of the record that a pause may last for noise to go on over it, wherever it lies."""
 ROUNDING = 1e-14
 """Size of what the base leaves of the reading, over the usual reading, that is arithmetic: nothing is looked for."""
-SPIKE = 8.0
-"""Distance from the neighbours, in robust standard deviations, of a reading that is no noise: 1e-12 in Gaussian noise.
-Such readings are left out of the judgement; at 4, the tails of ordinary noise are."""
-ABSURD = 50.0
-"""Distance from the median, in ranges of nine tenths of the readings, of a reading that is none: a sentinel."""
-MOST_SPIKES = 0.02
-"""Share of the readings from which spikes are the noise itself."""
 NEARBY = 100
 """Rows over which the size of the noise is measured where it changes with time: known to 7 %."""
 UNEVEN = 2.0

@@ -15,9 +15,10 @@ from ..effects import StaticPolynomial, ThermalLag
 from ..effects.grids import longest_segment
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
+from ..equations.spikes import spikes
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record, RecordError
-from .blocks import Averages, averaged, evenness, spans, spikes
+from .blocks import Averages, averaged, evenness, spans
 from .levels import COARSE, FASTEST, FEWEST, FINE, LAGS, MOST_EMPTY, ROUNDING, SLOWEST
 from .likelihood import orthonormal
 

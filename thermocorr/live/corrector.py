@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,8 +15,9 @@ from ..estimators import DynamicBiasRegressor
 from ..records import RecordError, read_record
 from ..records.numbers import from_polars, is_frame
 from ..records.read import times_of
+from ..records.screen import Screen
 from .advance import NO_TEMPERATURE, Advanced, Stream
-from .given import Columns, checked_label, column_of, one_number, readings, stretches
+from .given import Columns, Corrected, checked_label, column_of, one_number, readings, refused_rows, stretches
 from .smoothing import MovingAverage, Tracker
 from .state import Place, Settings, StreamState, from_json, to_json
 
@@ -24,26 +25,6 @@ _SHORT = 16
 """Fewer rows are faster one by one than in a block."""
 _PIECE = 1 << 16
 """Rows of one block at most."""
-
-
-class Corrected(NamedTuple):
-    """What is known about one sample."""
-
-    corrected: float
-    """Reading less bias, eq. (24); NaN without a reading."""
-    bias: float
-    """What was taken away; NaN without a temperature."""
-    flags: tuple[str, ...]
-    """Every reason for distrust, the weightiest first; empty where there is none."""
-    smoothed: float = math.nan
-    """Moving average of the corrected reading, eq. (26); NaN unless asked for."""
-    reference: float = math.nan
-    """Tracked U0; NaN unless asked for."""
-
-    @property
-    def flag(self) -> str:
-        """The weightiest reason for distrust, as in `DynamicBiasRegressor.flags`; "" where there is none."""
-        return self.flags[0] if self.flags else ""
 
 
 class OnlineCorrector:
@@ -103,6 +84,7 @@ class OnlineCorrector:
         self.track = None if track is None else Tracker(track, model.intercept_)
         self.continues, self.first_row = bool(continues), first_row
         self._stream = Stream(model, self.continues)
+        self._screen = self._stream.history.screen or Screen()
         self.columns = tuple(self._stream.inputs)
         """Recorded columns that the model needs beside the temperature."""
         self._given = [column_text(column) for column in self.columns]
@@ -133,16 +115,17 @@ class OnlineCorrector:
         clock, history = self._stream.clock, self._stream.history
         try:
             record = read_record(X, self.model.features_.layout(), needed=self.columns, quiet=True)
+            row = history.first_row(self._screen.without_codes(record, history.max_gap))
         except RecordError:
             return False
-        row = history.first_row(record)
         self.place(clock.next_row if row == history.n_fitted else row)
         return True
 
     def _found(self, values: dict[Any, float]) -> bool:
         """Place the first sample that has all it needs; one that has not takes a row, wherever that is."""
         clock, history = self._stream.clock, self._stream.history
-        if not all(math.isfinite(value) for value in values.values()):
+        coded = self._screen.temperature.reason(values[self._stream.temperature], None)
+        if coded or not all(map(math.isfinite, values.values())):
             clock.next_row += 1
             return False
         row = history.row_of(values)
@@ -203,10 +186,16 @@ class OnlineCorrector:
             if not self._placed and not self._found(values):
                 return self._accompanied(math.nan, Advanced(math.nan, NO_TEMPERATURE, False), stream.clock.next_row)
             stamp = stream.clock.stamp(None)
+        refused = self._screen.temperature.reason(values[stream.temperature], stamp)
+        if refused and all(map(math.isfinite, values.values())):  # as if it had not come
+            return self._accompanied(math.nan, Advanced(math.nan, (refused,), False), stamp)
         if self._doubt is not None or stream.step_to(stamp, run) > stream.gap:
             self._consider(stamp, run)
-        known = U - U == 0.0
+        doubted = self._screen.reading.reason(U, stamp)
+        known = U - U == 0.0 and not doubted
         done = stream.advance(stamp, run, values, known)
+        if doubted:
+            done = done._replace(flags=tuple(doubted if flag == "no reading" else flag for flag in done.flags))
         corrected = U - done.bias if known else math.nan
         if self.average is None and self.track is None:
             return Corrected(corrected, done.bias, done.flags)
@@ -250,14 +239,15 @@ class OnlineCorrector:
         reading = np.full(n, np.nan) if y is None else readings(y, n)
         values = {stream.temperature: column_of(X, stream.temperature, "temperature")}
         values |= {name: column_of(X, name, "column") for name in self.columns}
+        more = self.average is not None, self.track is not None
         if not n:
-            return self._frame(Columns(0), X)
+            return Columns(0).frame(X, *more)
         times = times_of(X, self.model.features_.layout())
         labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run])
         short = n + 1 if n < _SHORT else 1
         untimed = stream.clock.kind == times.kind == "rows"
         stamps = None if untimed else stream.clock.stamps(times)
-        return self._frame(self.update_stamps(stamps, values, reading, labels, short), X)
+        return self.update_stamps(stamps, values, reading, labels, short).frame(X, *more)
 
     def update_stamps(
         self,
@@ -283,6 +273,9 @@ class OnlineCorrector:
                 self._stream.clock.next_rows(len(reading))
                 return out
             stamps = self._stream.clock.next_rows(len(reading))
+        why = refused_rows(self._screen.temperature, self._stream.temperature, stamps, values)
+        if why is not None:
+            return self._passed_over(why, stamps, values, reading, runs, short)
         for low, high, run in stretches(runs, len(stamps)):
             at = low
             while at < high:
@@ -300,10 +293,21 @@ class OnlineCorrector:
                 at = stop
         return out
 
+    def _passed_over(self, why: Any, stamps: Any, values: Any, reading: Any, runs: Any, short: int) -> Columns:
+        """`update_stamps` without the rows that the screen refuses, `why` not being "": as if they had not come."""
+        kept = why == ""
+        before, inner = math.nan if self.track is None else self.track.value, Columns(0)
+        if kept.any():
+            some = {name: column[kept] for name, column in values.items()}
+            inner = self.update_stamps(stamps[kept], some, reading[kept], None if runs is None else runs[kept], short)
+        return inner.spread(why, before)
+
     def _together(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, out: Columns) -> None:
         some = {name: column[rows] for name, column in values.items()}
         block = self._stream.advance_block(stamps[rows], run, some, reading[rows])
         corrected = reading[rows] - block.bias
+        for doubted, _ in self._screen.reading.reasons(reading[rows], lambda k: stamps[rows.start + k].item()):
+            corrected[doubted] = np.nan
         out.corrected[rows], out.bias[rows], out.flags[rows] = corrected, block.bias, block.flags
         if self.average is not None:
             out.smoothed[rows] = self.average.many(corrected)
@@ -317,14 +321,6 @@ class OnlineCorrector:
             done = self.update_stamp(stamps[k].item(), run, one, float(reading[k]))
             out.corrected[k], out.bias[k], out.flags[k] = done.corrected, done.bias, done.flag
             out.smoothed[k], out.reference[k] = done.smoothed, done.reference
-
-    def _frame(self, out: Columns, X: Any) -> pd.DataFrame:
-        result = {"corrected": out.corrected, "bias": out.bias, "flag": out.flags}
-        if self.average is not None:
-            result["smoothed"] = out.smoothed
-        if self.track is not None:
-            result["reference"] = out.reference
-        return pd.DataFrame(result, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     # ------------------------------------------------------------------------------------------------ stop and go on
 

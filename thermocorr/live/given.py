@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,28 @@ import pandas as pd
 from ..records import RecordError
 from ..records.labels import check_dates, out_of_reach
 from ..records.numbers import from_polars, is_frame, numeric_column
+from ..records.screen import Limits
 from ..records.times import BEYOND
+
+
+class Corrected(NamedTuple):
+    """What is known about one sample."""
+
+    corrected: float
+    """Reading less bias, eq. (24); NaN without a reading."""
+    bias: float
+    """What was taken away; NaN without a temperature."""
+    flags: tuple[str, ...]
+    """Every reason for distrust, the weightiest first; empty where there is none."""
+    smoothed: float = math.nan
+    """Moving average of the corrected reading, eq. (26); NaN unless asked for."""
+    reference: float = math.nan
+    """Tracked U0; NaN unless asked for."""
+
+    @property
+    def flag(self) -> str:
+        """The weightiest reason for distrust, as in `DynamicBiasRegressor.flags`; "" where there is none."""
+        return self.flags[0] if self.flags else ""
 
 
 class Columns:
@@ -21,6 +42,23 @@ class Columns:
     def __init__(self, n: int):
         self.corrected, self.bias, self.smoothed, self.reference = (np.full(n, np.nan) for _ in range(4))
         self.flags = np.full(n, "", dtype=object)
+
+    def frame(self, X: Any, smoothed: bool, reference: bool) -> pd.DataFrame:
+        """What was asked for, beside the rows of X."""
+        result = {"corrected": self.corrected, "bias": self.bias, "flag": self.flags}
+        result |= {"smoothed": self.smoothed} if smoothed else {}
+        result |= {"reference": self.reference} if reference else {}
+        return pd.DataFrame(result, index=X.index if isinstance(X, pd.DataFrame) else None)
+
+    def spread(self, why: np.ndarray, reference: float) -> Columns:
+        """Columns with rows between that got nothing, for a reason; `reference` was tracked before them."""
+        out, kept = Columns(len(why)), why == ""
+        for name, column in vars(self).items():
+            getattr(out, name)[kept] = column
+        out.flags[~kept] = why[~kept]
+        last = np.maximum.accumulate(np.where(kept, np.arange(len(kept)), -1))
+        out.reference = np.where(last < 0, reference, out.reference[last])
+        return out
 
 
 def one_number(value: Any) -> float:
@@ -52,6 +90,18 @@ def column_of(X: Any, name: Any, role: Any) -> np.ndarray:
         return _floats(X[name][:] if is_frame(X) else X[:, name])
     except (KeyError, IndexError, TypeError, ValueError):
         return _floats(numeric_column(X, name, role))  # the same, or a sentence about what is wrong
+
+
+def refused_rows(limits: Limits, temperature: Any, stamps: np.ndarray, values: Any) -> np.ndarray | None:
+    """Why the temperature of each row is refused, "" where it is not; None where all are believed.
+
+    A row that lacks another column is not among them: it ends a segment, as ever.
+    """
+    found = limits.reasons(values[temperature], lambda k: stamps[k].item())
+    why = np.full(len(stamps) if found else 0, "", dtype=object)
+    for rows, reason in found:
+        why[rows[np.isfinite([column[rows] for column in values.values()]).all(axis=0)]] = reason
+    return why if (why != "").any() else None
 
 
 def checked_label(label: Any, column: Any) -> Any:

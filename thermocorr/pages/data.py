@@ -91,7 +91,7 @@ class PageData:
             timeline=walk.timeline,
             span=" to ".join(record.times.label(record.row(k)) for k in (record.segments[0].start, last)),
             n_rows=record.n_rows,
-            n_readings=record.n_used - traces.flags.get("no reading", 0),
+            n_readings=record.n_used - sum(traces.flags.get(why, 0) for why in ("no reading", "sentinel", "spike")),
             step=record.usual_step(),
             segments=tuple(
                 (

@@ -69,7 +69,10 @@ class Traces:
             flagged, counts = np.unique(values["flag"].astype(str), return_counts=True)
             for name, count in zip(flagged, counts, strict=True):
                 flags[str(name)] = flags.get(str(name), 0) + int(count)
-            columns = {"temperature": block.temperature, "reading": np.asarray(reading[block.rows], float)}
+            columns = {
+                "temperature": block.temperature,
+                "reading": model.believed(block, np.asarray(reading[block.rows], float)),
+            }
             columns |= {name: values[name] for name in ("model", "corrected", "residual")}
             columns |= {column_key(name): recorded(X, name, block.rows) for name in beside}
             residual = values["residual"][np.isfinite(values["residual"])]

@@ -72,9 +72,10 @@ class Walk:
             yield self._part(block, contributions)
 
     def _part(self, block: Block, contributions: np.ndarray) -> Part:
-        measured = (
-            np.full(len(block), np.nan) if self._reading is None else np.asarray(self._reading[block.rows], float)
-        )
+        if self._reading is None:
+            measured = np.full(len(block), np.nan)
+        else:
+            measured = self.model.believed(block, np.asarray(self._reading[block.rows], float))
         return Part(block.segment, block.seconds - self._shift, block.temperature, measured, contributions)
 
 

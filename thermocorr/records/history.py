@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .errors import RecordError
 from .record import Record, Segment, SegmentStart
+from .screen import Screen
 from .times import Kind, Times
 
 HISTORY_ROWS = 1 << 17
@@ -34,10 +35,17 @@ class History:
     stride: int
     usual_step: float
     max_gap: float | None
+    screen: Screen | None = None
+    """What is refused of later rows; None for nothing."""
 
     @classmethod
     def of(
-        cls, record: Record, end_states: Sequence[State], max_gap: float | None, limit: int | None = None
+        cls,
+        record: Record,
+        end_states: Sequence[State],
+        max_gap: float | None,
+        limit: int | None = None,
+        screen: Screen | None = None,
     ) -> History:
         """Keep what later rows need of a record that has just been walked through, thinned beyond `limit` rows."""
         stride = max(1, -(-record.n_used // (HISTORY_ROWS if limit is None else limit)))
@@ -57,7 +65,8 @@ class History:
         else:
             thin = replace(times, n=len(rows), ticks=ticks[rows].copy())
         columns = {name: np.array(values[rows], np.float64) for name, values in record.columns.items()}
-        small = Record(thin, record.temperature_name, columns, tuple(segments))
+        skipped = np.flatnonzero(np.isin(order, record.skipped))
+        small = Record(thin, record.temperature_name, columns, tuple(segments), skipped=skipped)
         return cls(
             kind=times.kind,
             zero=record.first_stamp(),
@@ -67,13 +76,14 @@ class History:
             stride=stride,
             usual_step=record.usual_step(),
             max_gap=max_gap,
+            screen=screen,
         )
 
     def thinned(self, limit: int) -> History:
         """History with at most about `limit` kept rows, first and last rows of segments among them."""
         if self.record.n_rows <= limit:
             return self
-        fewer = History.of(self.record, self.end_states, self.max_gap, limit)
+        fewer = History.of(self.record, self.end_states, self.max_gap, limit, self.screen)
         return replace(self, record=fewer.record, stride=self.stride * fewer.stride)
 
     def between(self, later: float, earlier: float) -> float:
@@ -89,7 +99,8 @@ class History:
         Returns
         -------
         record : Record
-            The same, with row numbers that follow on the fitted ones where rows have no times of their own.
+            The same without what the screen refuses, with row numbers that follow on the fitted ones where rows have no
+            times of their own.
         starts : dict
             Segment number -> `SegmentStart`; segments that start afresh are not in it.
         replay : dict
@@ -101,8 +112,12 @@ class History:
                 f"The fitted record has times of kind {self.kind!r}, these rows have {record.times.kind!r}. Give both "
                 "the same kind of time (dates with or without zone, time spans, seconds, or none at all)."
             )
+        if self.screen is not None:
+            record = self.screen.without_codes(record, self.max_gap)
         if self.kind == "rows":
             record = self._place_rows(record)
+        if self.screen is not None:
+            record = self.screen.without_spikes(record, self.max_gap)
         starts: dict[int, SegmentStart] = {}
         replay: dict[int, int | None] = {}
         seen: set[object] = set()
@@ -150,8 +165,8 @@ class History:
                 return None
             if row == start:
                 return SegmentStart(key, zero, None), None
-            return SegmentStart(key, zero, self.between(stamp, self.record.stamp(row - 1))), row
-        step = self.between(stamp, self.record.stamp(row - 1))
+            return SegmentStart(key, zero, self.between(stamp, self._stamp_before(row))), row
+        step = self.between(stamp, self._stamp_before(row))
         hole = self.between(self.record.stamp(row), self.record.stamp(row - 1))
         if self.stride > 1 or hole > 1.5 * self.usual_step:  # rows that were left out of the fit
             return SegmentStart(key, zero, step), row
@@ -177,27 +192,16 @@ class History:
                 high = middle
         return low
 
+    def _stamp_before(self, row: int) -> float:
+        """Stamp of the last kept row before `row` that is not passed over."""
+        row -= 1
+        while np.isin(row, self.record.skipped):  # a segment does not begin with one
+            row -= 1
+        return self.record.stamp(row)
+
     def _place_rows(self, record: Record) -> Record:
         """Rows without times: those that repeat fitted rows are these, others follow directly on the fitted ones."""
-        first_row = self.first_row(record)
-        times = record.times
-        placed = Times(
-            n=times.n,
-            kind=times.kind,
-            ticks=None,
-            per_second=times.per_second,
-            period=times.period,
-            first_row=first_row,
-        )
-        return Record(
-            times=placed,
-            temperature_name=record.temperature_name,
-            columns=record.columns,
-            segments=record.segments,
-            order=record.order,
-            reading=record.reading,
-            notes=record.notes,
-        )
+        return replace(record, times=replace(record.times, ticks=None, first_row=self.first_row(record)))
 
     def first_row(self, record: Record) -> int:
         """Number of a record's first row: that of the fitted rows which it repeats, else it follows on them."""

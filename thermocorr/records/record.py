@@ -24,6 +24,19 @@ class Segment(NamedTuple):
     run: object = None
 
 
+class Refused(NamedTuple):
+    """Rows whose reading or temperature is none."""
+
+    what: str
+    """ "reading" or "temperature"."""
+    reason: str
+    """ "spike" or "sentinel"."""
+    rows: NDArray[np.intp]
+    """Rows of the user's record, shape (n,)."""
+    values: Floats
+    """What stands there, shape (n,)."""
+
+
 class Moments(NamedTuple):
     """Number, mean, sum of squared deviations and range of some values."""
 
@@ -131,6 +144,11 @@ class Record:
     """What the user should know about the record's quality, one sentence each."""
     known_moments: dict[tuple[object, int], Moments] = field(default_factory=dict, repr=False)
     """Moments computed so far."""
+    skipped: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp), repr=False)
+    """Rows in time order, sorted, inside segments, that are passed over as if they had not been recorded; a segment
+    neither begins nor ends with one."""
+    refused: tuple[Refused, ...] = ()
+    """What the screen left out of this record."""
 
     @property
     def n_rows(self) -> int:
@@ -139,8 +157,17 @@ class Record:
 
     @property
     def n_used(self) -> int:
-        """Rows inside segments."""
-        return sum(segment.stop - segment.start for segment in self.segments)
+        """Rows inside segments, without those passed over."""
+        return sum(segment.stop - segment.start for segment in self.segments) - len(self.skipped)
+
+    def stretches(self, segment: Segment) -> Iterator[tuple[int, int]]:
+        """The rows of a segment, first and behind the last, between those that are passed over."""
+        low = segment.start
+        inside = np.searchsorted(self.skipped, (segment.start, segment.stop))
+        for cut in (*self.skipped[inside[0] : inside[1]].tolist(), segment.stop):
+            if low < cut:
+                yield low, cut
+            low = cut + 1
 
     def rows(self, start: int, stop: int) -> Rows:
         """The user's rows for a stretch in time order."""
@@ -184,9 +211,9 @@ class Record:
 
     def _moments(self, column: NDArray[Any], power: int = 1) -> Moments:
         result = Moments()
-        for segment in self.segments:
-            for start in range(segment.start, segment.stop, BLOCK_ROWS):
-                rows = self.rows(start, min(start + BLOCK_ROWS, segment.stop))
+        for low, high in (stretch for segment in self.segments for stretch in self.stretches(segment)):
+            for start in range(low, high, BLOCK_ROWS):
+                rows = self.rows(start, min(start + BLOCK_ROWS, high))
                 result = result.merged(Moments.of(np.asarray(column[rows], float) ** power))
         return result
 
@@ -209,10 +236,11 @@ class Record:
         for number, segment in enumerate(self.segments):
             known = (starts or {}).get(number)
             segment_zero = self.stamp(segment.start) if known is None else known.segment_zero
-            for start in range(segment.start, segment.stop, size):
-                stop = min(start + size, segment.stop)
+            before = None
+            for start, stop in self._pieces(segment, size):
                 begins = start == segment.start
-                steps = self.times.steps(self.rows(start, stop), None if begins else self.row(start - 1))
+                steps = self.times.steps(self.rows(start, stop), before)
+                before = self.row(stop - 1)
                 if known is not None and begins and known.step is not None:
                     steps[0] = known.step
                 yield Block(
@@ -226,6 +254,12 @@ class Record:
                     segment_zero=segment_zero,
                     segment_key=None if known is None else known.key,
                 )
+
+    def _pieces(self, segment: Segment, size: int) -> Iterator[tuple[int, int]]:
+        """The stretches of a segment, in pieces of at most `size` rows."""
+        for low, high in self.stretches(segment):
+            for start in range(low, high, size):
+                yield start, min(start + size, high)
 
 
 class SegmentStart(NamedTuple):

@@ -53,6 +53,8 @@ class Times:
             steps = np.full(count, self.period)
             if not isinstance(rows, slice):
                 steps[1:] = np.diff(rows) * self.period
+            if before is not None and count:
+                steps[0] = ((rows.start if isinstance(rows, slice) else int(rows[0])) - before) * self.period
             return steps
         ticks = self.ticks[rows]
         steps = np.empty(len(ticks))

@@ -1,0 +1,311 @@
+"""Readings that are none: isolated spikes by robust increments, and codes that stand for "no value".
+
+A spike is told from what a device really does by three things. It is alone or one of a pair, and what comes after it
+agrees with what came before: a step, a pulse that decays, a warm-up do not return. It is far beyond the record's own
+increments, whose tail is foretold from its bulk by a power law: noise with heavy tails has no spikes. And no fewer of
+the record's jumps of that size return than stay: a random telegraph has no spikes either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+SPIKE = 8.0
+"""Distance from the neighbours, in robust standard deviations of the noise, below which no reading is a spike. White
+Gaussian noise reaches it once in 1e11 rows; at 4, the tails of ordinary noise would be cut."""
+DECADES = 1.0
+"""Decades beyond the largest peak that is expected of the whole record, out to which the tail of its peaks is foretold.
+Of 40 records of Student's t with three degrees, 20 000 rows each, 6 lose a row; at 0 27
+do, at 2 one, but of spikes of 12 standard deviations in white noise 15 % are kept then."""
+RETURN = 0.2
+"""Difference between the readings after and before a spike, over its height, up to which it has returned."""
+LONGEST = 2
+"""Rows of a spike at most."""
+NEARBY = 25
+"""Rows to either side on which the noise near a spike is measured: what is usual where noise comes and goes."""
+FEWEST = 50
+"""Readings below which no noise is estimated, so that nothing is a spike."""
+MOST = 0.02
+"""Share of the readings from which spikes are the noise itself."""
+ABSURD = 50.0
+"""Distance from the median, in ranges of nine tenths of the readings, of a code that is met for the first time."""
+UNHEARD = 1000.0
+"""Distance [ranges] of a number that is none of these codes, from which it is one if it repeats itself exactly."""
+OVERLOAD = 1e30
+"""Size beyond which a number is a code wherever it stands: 9.9E37 is "overload" in SCPI (1999, vol. 1, 7.2.1.5)."""
+CODES = (85.0, -127.0, -273.15, 327.67, -327.68, 999.0, 999.9, 999.99, 9999.0, 9999.9, 9999.99, 99999.0, 99999.9,
+         999999.0, 32767.0, -32768.0, 65535.0)  # fmt: skip
+"""Numbers that stand for "no value", those of nines with either sign: DS18B20 at power-on (85) and unplugged (-127),
+ends of integers, and what loggers write."""
+ALL_CODES = np.unique([sign * code for code in CODES for sign in (1.0, -1.0 if "999" in str(code) else 1.0)])
+HALO = 64
+"""Rows to either side that decide on a row, missing ones included."""
+_BINS, _PER_OCTAVE = 512, 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Usual:
+    """What readings usually do."""
+
+    middle: float
+    low: float
+    """5 % of the readings are below."""
+    high: float
+    """5 % of the readings are above."""
+    noise: float
+    """Standard deviation of the noise of one reading, robust."""
+    reach: float
+    """Height that the largest peak of the whole record may have; infinite where nothing tells."""
+
+    @property
+    def range(self) -> float:
+        """Range of nine tenths of the readings."""
+        return self.high - self.low
+
+    def overloads(self, values: Floats) -> Booleans:
+        """Which are too large for a number."""
+        return np.asarray(np.abs(values) >= OVERLOAD)
+
+    def outside(self, values: Floats, ranges: float = 1.0) -> Booleans:
+        """Which lie so many ranges beyond nine tenths of the readings."""
+        return np.asarray((values < self.low - ranges * self.range) | (values > self.high + ranges * self.range))
+
+
+def usual_of(stretches: Sequence[Floats], n_rows: int | None = None) -> Usual:
+    """What is usual, from stretches of consecutive readings (NaN where there is none) of a record of `n_rows`."""
+    known = [part[np.abs(part) < OVERLOAD] for part in stretches]  # NaN is not
+    values = np.sort(np.concatenate([np.zeros(0), *known]))
+    if len(values) < FEWEST:
+        return Usual(middle=0.0, low=-np.inf, high=np.inf, noise=np.inf, reach=np.inf)
+    low, middle, high = (_share(values, share) for share in (0.05, 0.5, 0.95))
+    line = np.concatenate([np.concatenate(([np.nan], part)) for part in known])
+    steps = line[1:] - line[:-1]
+    noise = _noise(steps)
+    if noise == 0.0:
+        return Usual(middle=middle, low=low, high=high, noise=0.0, reach=np.inf)  # it stands still: no jump is unusual
+    peaks = np.sort(peak_heights(steps))
+    rare = max(1e-3, 10 / len(values))
+    often = min(10 * rare, 0.3)
+    q_rare, q_often = _share(peaks, 1 - rare), _share(peaks, 1 - often)
+    growth = max(q_rare / max(q_often, noise), 1.0) ** (1 / np.log10(often / rare))
+    decades = max(np.log10(rare * max(n_rows or 0, len(values))) + DECADES, 0.0)
+    reach = max(SPIKE * noise, q_rare * growth**decades)
+    return Usual(middle=middle, low=low, high=high, noise=noise, reach=float(reach))
+
+
+def _share(ordered: Floats, share: float) -> float:
+    """The value below which a share of the sorted ones lies."""
+    return float(ordered[int(share * (len(ordered) - 1))])
+
+
+def _noise(steps: Floats) -> float:
+    """Standard deviation of white noise with these steps, from their median; 0 where nothing moves."""
+    sizes = np.abs(steps)
+    moved = np.sort(sizes[sizes > 0])  # a quantised reading stands still most of the time
+    return 1.4826 * _share(moved, 0.5) / np.sqrt(2) if len(moved) else 0.0
+
+
+def peak_heights(steps: Floats) -> Floats:
+    """Heights of peaks of one row over the nearer neighbour, 0 where there is none; from the steps, shape (n - 1,)."""
+    up, down = steps[:-1], steps[1:]
+    heights = np.minimum(np.abs(up), np.abs(down))
+    heights[~(up * down < 0)] = 0.0  # nor where one is missing
+    return heights
+
+
+class Jumps:
+    """How often heights of each size occur, in 8 classes an octave."""
+
+    def __init__(self, counts: NDArray[np.int64] | None = None):
+        self.counts = np.zeros(_BINS, np.int64) if counts is None else counts
+
+    def add(self, sizes: Floats, reach: float) -> None:
+        """Count heights, measured in `reach`."""
+        self.counts += np.bincount(self._classes(sizes, reach), minlength=_BINS)
+
+    def alike(self, sizes: Floats, reach: float) -> NDArray[np.int64]:
+        """How many are about as high as each of `sizes`, within a factor of 2."""
+        at_least = np.append(np.cumsum(self.counts[::-1])[::-1], 0)
+        classes = self._classes(sizes, reach)
+        low = np.maximum(classes - _PER_OCTAVE, 0)
+        return np.asarray(at_least[low] - at_least[np.minimum(classes + _PER_OCTAVE + 1, _BINS)])
+
+    @staticmethod
+    def _classes(sizes: Floats, reach: float) -> NDArray[np.intp]:
+        octaves = np.log2(np.maximum(sizes / max(reach, 1e-300), 1.0))
+        return np.asarray(np.minimum((_PER_OCTAVE * octaves).astype(int), _BINS - 1))
+
+
+@dataclass
+class Scanned:
+    """What was found in some rows."""
+
+    codes: NDArray[np.intp]
+    """Rows that hold codes."""
+    spikes: NDArray[np.intp]
+    """Rows of peaks beyond the reach, alone or in pairs."""
+    heights: Floats
+    """Their heights."""
+    staying: Jumps
+    """Jumps that do not return."""
+    low: float = np.inf
+    """The lowest value of what is left."""
+    high: float = -np.inf
+    """The highest."""
+
+    @classmethod
+    def together(cls, parts: Iterable[Scanned]) -> Scanned:
+        """Those of several stretches of rows."""
+        parts = list(parts)
+        staying = Jumps(np.sum([part.staying.counts for part in parts], axis=0)) if parts else Jumps()
+        none = np.zeros(0, np.intp)
+        return cls(
+            np.concatenate([none, *(part.codes for part in parts)]),
+            np.concatenate([none, *(part.spikes for part in parts)]),
+            np.concatenate([np.zeros(0), *(part.heights for part in parts)]),
+            staying,
+            min((part.low for part in parts), default=np.inf),
+            max((part.high for part in parts), default=-np.inf),
+        )
+
+    def moved(self, rows: int) -> Scanned:
+        """Rows counted from so many rows earlier."""
+        if not len(self.codes) and not len(self.spikes):
+            return self
+        return replace(self, codes=self.codes + rows, spikes=self.spikes + rows)
+
+    def true_spikes(self, usual: Usual, n_rows: int) -> NDArray[np.intp]:
+        """Spikes that are none of the device's own jumps: at least half of the jumps of their size return."""
+        if not len(self.spikes) or len(self.spikes) > MOST * n_rows:
+            return np.zeros(0, np.intp)
+        returning = Jumps()
+        returning.add(self.heights, usual.reach)
+        own = self.staying.alike(self.heights, usual.reach) > returning.alike(self.heights, usual.reach)
+        return np.asarray(self.spikes[~own])
+
+
+def scan(values: Floats, low: int, high: int, usual: Usual) -> Scanned:
+    """Look at rows ``low:high`` of `values`, which holds `HALO` more to either side where there are any.
+
+    Parameters
+    ----------
+    values : array of shape (n,)
+        Consecutive readings, NaN where there is none.
+    low, high : int
+        Rows that are decided on; the others are their neighbours.
+    usual : Usual
+
+    Returns
+    -------
+    Scanned
+        Rows are numbered as in `values`.
+    """
+    nothing, jumps = np.zeros(0, np.intp), Jumps()
+    steps = values[1:] - values[:-1]
+    most = min(usual.reach, OVERLOAD / 2)
+    if not len(values) or (
+        steps.max(initial=0.0) <= most and steps.min(initial=0.0) >= -most and abs(values[0]) < OVERLOAD
+    ):  # never where a value is missing
+        return Scanned(
+            nothing, nothing, np.zeros(0), jumps, float(values.min(initial=np.inf)), float(values.max(initial=-np.inf))
+        )
+    rows = np.flatnonzero(np.isfinite(values))
+    over = usual.overloads(values[rows])
+    left, found = rows[~over], [rows[over]]
+    if np.isfinite(usual.reach):
+        coded = _coded(values[left], usual)
+        found.append(left[coded])
+        left = left[~coded]
+    codes = np.sort(np.concatenate(found))
+    spiked, heights = _peaks(values[left], usual, jumps, (left >= low) & (left < high))
+    inside = (left[spiked] >= low) & (left[spiked] < high)
+    codes = codes[(codes >= low) & (codes < high)]
+    kept = np.delete(values[left], spiked)
+    ends = float(kept.min(initial=np.inf)), float(kept.max(initial=-np.inf))
+    return Scanned(codes, left[spiked][inside], heights[inside], jumps, *ends)
+
+
+def _coded(values: Floats, usual: Usual) -> Booleans:
+    """Which are codes: entered and left by jumps to readings that are usual, or to the end."""
+    found = np.zeros(len(values), bool)
+    beyond = usual.outside(values)
+    if not beyond.any():
+        return found
+    repeated = np.zeros(len(values), bool)
+    repeated[1:] = values[1:] == values[:-1]
+    repeated[:-1] |= repeated[1:]
+    beyond &= np.isin(values, ALL_CODES) | (repeated & usual.outside(values, UNHEARD))
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], beyond, [False])).astype(int)))
+    for start, stop in edges.reshape(-1, 2).tolist():
+        ends = [abs(values[start] - values[start - 1])] if start else []
+        ends += [abs(values[stop - 1] - values[stop])] if stop < len(values) else []
+        if ends and min(ends) > max(usual.reach, usual.range):
+            found[start:stop] = True
+    return found
+
+
+def _peaks(values: Floats, usual: Usual, jumps: Jumps, inside: Booleans) -> tuple[NDArray[np.intp], Floats]:
+    """Peaks of one or two rows beyond the reach, and their heights; jumps that stay are counted."""
+    steps = np.diff(values)
+    far = np.flatnonzero(np.abs(steps) > usual.reach)
+    rows: list[int] = []
+    heights: list[float] = []
+    staying, k = [], 0
+    while k < len(far):
+        first = int(far[k]) + 1
+        ends = [m for m in range(k + 1, min(k + 1 + LONGEST, len(far))) if far[m] - far[k] <= LONGEST]
+        end = next((m for m in reversed(ends) if _returned(values, first, int(far[m]) + 1, usual)), None)
+        if end is None:
+            if inside[first]:
+                staying.append(abs(float(steps[far[k]])))
+            k += 1
+            continue
+        stop = int(far[end]) + 1
+        height = float(np.abs(values[first:stop] - (values[first - 1] + values[stop]) / 2).min())
+        rows += range(first, stop)
+        heights += [height] * (stop - first)
+        k = end + 1
+    jumps.add(np.array(staying), usual.reach)
+    return np.array(rows, np.intp), np.array(heights)
+
+
+def _returned(values: Floats, first: int, stop: int, usual: Usual) -> bool:
+    """Whether the rows ``first:stop`` are far from those before and after, which agree, and from the noise nearby."""
+    if first < 1 or stop >= len(values):
+        return False
+    before, after = values[first - 1], values[stop]
+    heights = np.abs(values[first:stop] - (before + after) / 2)
+    near = np.concatenate((values[max(first - NEARBY, 0) : first], values[stop : stop + NEARBY]))
+    noise = max(usual.noise, _noise(np.diff(near)))
+    height = float(heights.min())
+    return height > max(usual.reach, SPIKE * noise) and abs(after - before) <= max(3 * noise, RETURN * height)
+
+
+def spikes(values: Floats, rounding: float = 0.0) -> Booleans:
+    """Which of some consecutive readings are codes or spikes; shape (n,), booleans.
+
+    Noise that is no more than `rounding` has no spikes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> values = np.random.default_rng(0).normal(size=1000)
+    >>> values[[100, 500, 501]] = 9.9e37, 80.0, 90.0
+    >>> np.flatnonzero(spikes(values))
+    array([100, 500, 501])
+    """
+    values = np.asarray(values, float)
+    usual = usual_of([values])
+    found = scan(values, 0, len(values), usual)
+    mask = np.zeros(len(values), bool)
+    mask[found.codes] = True
+    if usual.noise > rounding:
+        mask[found.true_spikes(usual, len(values))] = True
+    return mask

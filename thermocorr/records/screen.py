@@ -1,0 +1,284 @@
+"""The screen: readings and temperatures that are none are left out, and said.
+
+A reading that is refused is not learned from. A temperature that is refused is passed over as if its row had not been
+recorded: the lags go straight across, and are not poisoned. What later rows are screened by is known at each row alone,
+so that blocks, live samples and the record itself agree: the codes for "no value" that the record has or could not
+hold, and the spikes of the fitted record, by time and value. A spike in new data is not known at its row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..equations.spikes import ABSURD, ALL_CODES, HALO, OVERLOAD, Scanned, Usual, scan, usual_of
+from .errors import RecordError, times_word
+from .record import Record, Refused, Segment
+from .times import Floats
+
+CHUNK = 8000
+"""Rows that are looked at together: they stay in the cache, and their memory is used again."""
+SAMPLES, SAMPLE_ROWS = 16, 256
+"""Stretches, and rows of each, from which a long record tells what is usual."""
+MOST_KEPT = 10_000
+"""Spikes that are known again in later rows at most."""
+LISTED = 10
+"""Rows that a note lists."""
+SPIKE, SENTINEL = "spike", "sentinel"
+
+Rows = NDArray[np.intp]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What is refused of one quantity, row by row."""
+
+    middle: float = 0.0
+    """A usual value."""
+    codes: tuple[float, ...] = ()
+    """Numbers that stand for "no value"; beyond 1e30 all do."""
+    spikes: dict[Any, float] = field(default_factory=dict)
+    """Time stamp and value of each spike of the fitted record."""
+
+    @cached_property
+    def _between(self) -> tuple[float, float]:
+        """The codes next to the usual value, below and above."""
+        low = max((code for code in self.codes if code < self.middle), default=-OVERLOAD)
+        high = min((code for code in self.codes if code > self.middle), default=OVERLOAD)
+        return low, high
+
+    def coded(self, values: NDArray[Any]) -> Rows:
+        """Numbers of the values that are codes."""
+        low, high = self._between
+        near = np.flatnonzero((values <= low) | (values >= high))
+        return near[np.isin(values[near], self.codes) | (np.abs(values[near]) >= OVERLOAD)] if len(near) else near
+
+    def spiked(self, values: NDArray[Any], stamp_of: Callable[[int], Any]) -> Rows:
+        """Numbers of the values that are spikes of the fitted record; `stamp_of` gives a number's time stamp."""
+        if not self.spikes:
+            return np.zeros(0, np.intp)
+        alike = np.flatnonzero(np.isin(values, list(self.spikes.values())))
+        return np.array([k for k in alike.tolist() if self.spikes.get(stamp_of(k)) == values[k]], np.intp)
+
+    def reason(self, value: float, stamp: Any) -> str:
+        """Why a value is none: "sentinel", "spike"; "" where it is one, or is missing."""
+        low, high = self._between
+        if (value <= low or value >= high) and (abs(value) >= OVERLOAD or value in self.codes):
+            return SENTINEL
+        return SPIKE if self.spikes and self.spikes.get(stamp) == value else ""
+
+    def reasons(self, values: NDArray[Any], stamp_of: Callable[[int], Any]) -> list[tuple[Rows, str]]:
+        """`reason` of many values: their numbers, by reason."""
+        found = (self.spiked(values, stamp_of), SPIKE), (self.coded(values), SENTINEL)
+        return [(rows, reason) for rows, reason in found if len(rows)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Screen:
+    """What is refused of temperature and reading."""
+
+    temperature: Limits = field(default_factory=Limits)
+    reading: Limits = field(default_factory=Limits)
+
+    def without_codes(self, record: Record, max_gap: float | None) -> Record:
+        """The record without the temperatures that are codes."""
+        values = record.columns[record.temperature_name]
+        found = [low + self.temperature.coded(values[record.rows(low, high)]) for low, high in _chunks(record)]
+        return without(record, "temperature", SENTINEL, np.concatenate(found), max_gap)
+
+    def without_spikes(self, record: Record, max_gap: float | None) -> Record:
+        """The record without the temperatures that are spikes of the fitted one."""
+        if not self.temperature.spikes:
+            return record
+        values, found = record.columns[record.temperature_name], []
+        for low, high in _chunks(record):
+            found.append(low + self.temperature.spiked(values[record.rows(low, high)], _stamps_from(record, low)))
+        return without(record, "temperature", SPIKE, np.concatenate(found), max_gap)
+
+
+def _stamps_from(record: Record, first: int) -> Callable[[int], Any]:
+    """Time stamps of the rows from `first` on, in time order."""
+    return lambda k: record.stamp(first + k)
+
+
+def _chunks(record: Record) -> Iterator[tuple[int, int]]:
+    """The rows inside segments, a chunk at a time."""
+    for segment in record.segments:
+        for start in range(segment.start, segment.stop, CHUNK):
+            yield start, min(start + CHUNK, segment.stop)
+
+
+def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Screen]:
+    """A record without what is no temperature and no reading, and what later rows are to be screened by.
+
+    Parameters
+    ----------
+    record : Record
+    max_gap : float, optional
+        A longer step starts a new segment [s], so temperatures that are refused for longer do as well.
+
+    Returns
+    -------
+    record : Record
+        `refused` and `notes` say what was left out.
+    screen : Screen
+
+    Raises
+    ------
+    RecordError
+        Where no temperature is left.
+    """
+    limits = {}
+    for what, column in (("temperature", record.columns[record.temperature_name]), ("reading", record.reading)):
+        if column is None:
+            limits[what] = Limits()
+            continue
+        usual = usual_of(_sampled(record, column), record.n_used)
+        scanned = getattr(record, "scanned", None)
+        found: Scanned = scanned(what, usual) if scanned else _scanned(record, column, usual)
+        spikes = found.true_spikes(usual, record.n_used)
+        limits[what] = _limits(record, column, usual, found, spikes)
+        for reason, positions in ((SENTINEL, found.codes), (SPIKE, spikes)):
+            if len(positions):
+                record = without(record, what, reason, positions, max_gap)
+    if record.refused:
+        notes = tuple(_note(refused) for refused in record.refused)
+        record = replace(record, notes=(*record.notes, *notes))
+        record = record.told() if hasattr(record, "told") else record
+    return record, Screen(**limits)
+
+
+def _sampled(record: Record, column: NDArray[Any]) -> list[Floats]:
+    """Stretches of consecutive values: all of them, or some of a long record."""
+    ends = np.cumsum([segment.stop - segment.start for segment in record.segments])
+    if ends[-1] <= SAMPLES * SAMPLE_ROWS:
+        parts = [np.arange(segment.start, segment.stop) for segment in record.segments]
+    else:
+        parts = []
+        for place in np.linspace(0, ends[-1] - SAMPLE_ROWS, SAMPLES).astype(int).tolist():
+            number = int(np.searchsorted(ends, place, side="right"))
+            stop = record.segments[number].stop
+            start = stop - int(ends[number]) + place
+            parts.append(np.arange(start, min(start + SAMPLE_ROWS, stop)))
+    values = np.asarray(column[_rows(record, np.concatenate(parts))], float)
+    return np.split(values, np.cumsum([len(part) for part in parts])[:-1])
+
+
+def _scanned(record: Record, column: NDArray[Any], usual: Usual) -> Scanned:
+    """Codes and peaks of a column: rows in time order.
+
+    A record that is spread over several processes has a method `scanned`, which is called instead.
+    """
+
+    def read(low: int, high: int) -> Floats:
+        return np.asarray(column[record.rows(low, high)], float)
+
+    return Scanned.together(
+        part
+        for segment in record.segments
+        for part in scan_stretch(read, segment.start, segment.stop, segment.start, segment.stop, usual)
+    )
+
+
+def scan_stretch(
+    read: Callable[[int, int], Floats], start: int, stop: int, first: int, last: int, usual: Usual
+) -> Iterator[Scanned]:
+    """Look at the rows ``start:stop``, a chunk at a time; their neighbours may lie in ``first:last``."""
+    for low in range(start, stop, CHUNK):
+        high = min(low + CHUNK, stop)
+        before, behind = max(low - HALO, first), min(high + HALO, last)
+        yield scan(read(before, behind), low - before, high - before, usual).moved(before)
+
+
+def _limits(record: Record, column: NDArray[Any], usual: Usual, found: Scanned, spikes: Rows) -> Limits:
+    """What later rows are screened by: codes that were met, or that are far from everything; the spikes."""
+    met = np.unique(np.asarray(column[_rows(record, _few(found.codes))], float)).tolist() if len(found.codes) else []
+    far = ALL_CODES[(found.low > ALL_CODES) | (found.high < ALL_CODES)]
+    far = far[usual.outside(far, ABSURD)] if usual.range > 0 else far[:0]
+    codes = sorted({code for code in (*met, *far.tolist()) if abs(code) < OVERLOAD})
+    kept = spikes[:MOST_KEPT]
+    values = np.asarray(column[_rows(record, kept)], float).tolist() if len(kept) else []
+    known = {record.stamp(k): value for k, value in zip(kept.tolist(), values, strict=True)}
+    return Limits(middle=usual.middle, codes=tuple(codes), spikes=known)
+
+
+def _few(positions: Rows) -> Rows:
+    """Some of many rows, evenly spread."""
+    return positions[:: max(1, len(positions) // MOST_KEPT)]
+
+
+def _rows(record: Record, positions: Rows) -> Rows:
+    """The user's rows at some places in time order."""
+    return positions if record.order is None else record.order[positions]
+
+
+def without(record: Record, what: str, reason: str, positions: Rows, max_gap: float | None) -> Record:
+    """A record whose temperatures, or readings, are refused in some rows (in time order)."""
+    if not len(positions):
+        return record
+    positions = np.sort(positions)
+    rows = _rows(record, positions)
+    column: Any = record.reading if what == "reading" else record.columns[record.temperature_name]
+    refused = (*record.refused, Refused(what, reason, rows, np.asarray(column[rows], float)))
+    if what == "reading":
+        reading: Any = LeftOut(record.reading, np.sort(rows))
+        return replace(record, reading=reading, refused=refused)
+    gone = np.union1d(record.skipped, positions)
+    cut = replace(record, skipped=gone, refused=refused, known_moments={})
+    segments: list[Segment] = []
+    for segment in record.segments:
+        last = None
+        for low, high in cut.stretches(segment):
+            gap = 0.0 if last is None else record.times.between(record.stamp(low), record.stamp(last))
+            if last is None or (max_gap is not None and gap > max_gap):
+                segments.append(Segment(low, high, segment.run))
+            segments[-1], last = segments[-1]._replace(stop=high), high - 1
+    if not segments:
+        raise RecordError(
+            f"No temperature in {record.temperature_name!r} is one: all {record.n_used} rows are refused as {reason}s. "
+            "Check the column, or pass screen=False."
+        )
+    number = np.searchsorted([segment.start for segment in segments], gone, side="right") - 1
+    inside = [segments[i].start < k < segments[i].stop for i, k in zip(number.tolist(), gone.tolist(), strict=True)]
+    return replace(cut, segments=tuple(segments), skipped=gone[np.array(inside, bool) & (number >= 0)])
+
+
+class LeftOut:
+    """A column in which some rows are missing; read when it is sliced."""
+
+    ndim = 1
+    dtype = np.dtype(float)
+
+    def __init__(self, column: Any, rows: Rows):
+        self.column, self.rows = column, rows
+
+    def __len__(self) -> int:
+        return len(self.column)
+
+    def __getitem__(self, rows: Any) -> Any:
+        """Rows of the column: a slice, or row numbers."""
+        values = np.array(self.column[rows], float)
+        if isinstance(rows, slice):
+            start, stop, _ = rows.indices(len(self))
+            inside = self.rows[np.searchsorted(self.rows, start) : np.searchsorted(self.rows, stop)]
+            values[inside - start] = np.nan
+        elif np.isin(rows, self.rows).any():
+            values = np.where(np.isin(rows, self.rows), np.nan, values)
+        return values
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.asarray(self[:], dtype)
+
+
+def _note(refused: Refused) -> str:
+    """One line on what was left out."""
+    count = len(refused.rows)
+    rows = [str(row) for row in refused.rows[:LISTED].tolist()]
+    more = f" and {count - LISTED} more" if count > LISTED else ""
+    said = f"{times_word(count, refused.what)} left out as {refused.reason}{'' if count == 1 else 's'}"
+    return f"{said}: row{'' if count == 1 else 's'} {', '.join(rows)}{more}."
