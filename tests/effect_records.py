@@ -18,6 +18,7 @@ from thermocorr.effects import (
     LaggedCovariate,
     LaggedModulation,
     LagProducts,
+    Lead,
     LogAgeing,
     Periodic,
     Rate,
@@ -41,6 +42,8 @@ EXAMPLES = [
     Rate("5 min"),
     Delay(7.0),
     Delay("25 min"),
+    Lead(7.0),
+    Lead("25 min", ["20 min", "2 h"]),
     Covariate("humidity"),
     Covariate("humidity", power=2),
     LaggedCovariate("humidity", ["20 min"], power=2),
@@ -61,6 +64,9 @@ EXAMPLES = [
     Periodic("3 h", harmonics=3),
 ]
 NAMES = [f"{type(effect).__name__}-{number}" for number, effect in enumerate(EXAMPLES)]
+LIVE = [effect for effect in EXAMPLES if not effect.foresees]
+LIVE_NAMES = [name for name, effect in zip(NAMES, EXAMPLES, strict=True) if not effect.foresees]
+"""Those that need no later samples."""
 
 
 def log(n=400, seed=0, irregular=0.5, holes=()):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from effect_records import EXAMPLES
+from effect_records import LIVE
 
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
 from thermocorr.effects import (
@@ -88,7 +88,7 @@ KINDS = {
 }
 """Models to export: the effect beside two lags and a slope; the first word is the kind."""
 _COVERED = {kind.split(",")[0] for kind in KINDS}
-KINDS |= {effect.kind: {"effects": [effect]} for effect in EXAMPLES if effect.kind not in _COVERED}
+KINDS |= {effect.kind: {"effects": [effect]} for effect in LIVE if effect.kind not in _COVERED}
 DRIVER = """
 #include "@.h"
 #include <stdio.h>

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
-from effect_records import EXAMPLES, NAMES, columns_of, learned, log, ramp, timed, whole
+from effect_records import EXAMPLES, LIVE, LIVE_NAMES, NAMES, columns_of, learned, log, ramp, timed, whole
 from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
@@ -88,7 +88,7 @@ def test_states_stay_small(effect):
     assert max(sizes) < 4000
 
 
-@pytest.mark.parametrize("effect", EXAMPLES, ids=NAMES)
+@pytest.mark.parametrize("effect", LIVE, ids=LIVE_NAMES)
 def test_following_rows_continue_the_fitted_record(effect):
     X = log(600, seed=2, holes=[200])
     y = X["temperature"] + np.random.default_rng(0).normal(0, 0.1, 600)

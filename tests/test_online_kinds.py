@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pandas as pd
 import pytest
-from effect_records import EXAMPLES, NAMES
+from effect_records import LIVE, LIVE_NAMES
 from streams import agree, one_by_one, stream
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError
@@ -37,7 +37,7 @@ class Fan(Effect):
         return np.column_stack((values**2, lag, block.seconds / 86_400 + block.elapsed / 3600)), state
 
 
-@pytest.mark.parametrize("effect", [*EXAMPLES, Fan()], ids=[*NAMES, "own"])
+@pytest.mark.parametrize("effect", [*LIVE, Fan()], ids=[*LIVE_NAMES, "own"])
 def test_every_kind_of_effect_lives(effect):
     X, y = stream(600, 3)
     model = DynamicBiasRegressor(time_constants=[300.0], max_gap="1 h").with_effect(effect).fit(X[:450], y[:450])

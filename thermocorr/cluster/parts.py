@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ..effects.expressions import Lag, Previous, TraceError, Word, traced
-from ..effects.protocol import Effect
+from ..effects.protocol import Effect, refuse_foresight
 from ..effects.signals import BlockSignals
 from ..effects.stream import walk
 from ..equations import LagState, TriangularFactor, lags_at_end
@@ -245,6 +245,7 @@ def sweep_part(
     offset: float,
 ) -> tuple[dict[int, TriangularFactor], list[Any]]:
     """Factors of a part's rows, by the number of their stretch, and the states at its end."""
+    refuse_foresight(effects, "a part of the log")
     keep_freed_memory()
     record = task.record(part, first_row)
     with one_blas_thread():

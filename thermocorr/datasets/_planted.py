@@ -108,6 +108,11 @@ def _delay(run: Run, scene: Scene, p: Parameters, *_: Any) -> Array:
     return np.asarray(np.interp(run.time - p["delay"], run.time, air) - air)
 
 
+def _lead(run: Run, scene: Scene, p: Parameters, *_: Any) -> Array:
+    air = run.columns["temperature"]
+    return np.asarray(np.interp(run.time + p["lead"], run.time, air) - air)
+
+
 def _covariate(run: Run, scene: Scene, p: Parameters, *_: Any) -> Array:
     power = p["power"]
     return np.asarray(run.columns[p["column"]] ** power - (scene.columns[p["column"]] ** power).mean())
@@ -255,6 +260,7 @@ PLANTS: dict[str, Plant] = {
     "lag_products": Plant(_draw_products, _lag_products),
     "rate": Plant(lambda scene, rng: {"time_constant": None}, _rate),
     "delay": Plant(lambda scene, rng: {"delay": scene.log_uniform(rng, 2 * scene.step, 60 * scene.step)}, _delay),
+    "lead": Plant(lambda scene, rng: {"lead": scene.log_uniform(rng, 2 * scene.step, 60 * scene.step)}, _lead),
     "covariate": Plant(lambda scene, rng: {"column": str(rng.choice(COLUMNS)), "power": 1}, _covariate),
     "lagged_covariate": Plant(_draw_late_column, _lagged_covariate),
     "interaction": Plant(lambda scene, rng: {"column": str(rng.choice(COLUMNS))}, _interaction),

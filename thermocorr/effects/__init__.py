@@ -5,6 +5,7 @@ from .covariates import Covariate, Interaction, LaggedCovariate
 from .disturbance import Disturbance
 from .hinge import Hinge
 from .hysteresis import Hysteresis
+from .lead import Lead
 from .modulation import LaggedModulation
 from .periodic import Periodic
 from .products import LagProducts
@@ -33,6 +34,7 @@ __all__ = [
     "LagProducts",
     "LaggedCovariate",
     "LaggedModulation",
+    "Lead",
     "LogAgeing",
     "Periodic",
     "Rate",

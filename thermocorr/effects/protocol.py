@@ -67,6 +67,8 @@ class Effect(BaseEstimator):
     (those of the parameter `time_constants`). A model file that holds anything else is refused; None: not checked."""
     of_time_alone: ClassVar[bool] = False
     """True for what needs nothing but the clock: a noise that wanders can look like it."""
+    foresees: ClassVar[bool] = False
+    """True for what looks at later samples: a record has them, a stream and a device do not, nor a part of a record."""
     removed_by_correct: bool = True
     """False for what the user wants to keep in the corrected reading, such as the drift of a standard."""
     _parameter_constraints: ClassVar[dict[str, Any]] = {}
@@ -183,6 +185,17 @@ class Effect(BaseEstimator):
     def label(self) -> str:
         """Name of the contribution in tables and plots."""
         return self.kind.replace("_", " ") + "".join(f": {name}" for name in self.inputs())
+
+
+def refuse_foresight(effects: Sequence[Effect], who: str) -> None:
+    """Raise ValueError for the first effect that looks at later samples, which `who` does not have."""
+    for effect in effects:
+        if effect.foresees:
+            raise ValueError(
+                f"The effect {effect.label()!r} looks at samples that come later, which {who} does not have. Hold each "
+                "reading back until its temperature has come (shift the column, then fit without the effect), or take "
+                "Rate() in its place."
+            )
 
 
 def suspects(record: Record, columns: Sequence[Any] | None) -> list[Any]:

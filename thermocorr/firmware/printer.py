@@ -7,6 +7,7 @@ from typing import Any
 
 from ..effects import CATALOGUE, Effect
 from ..effects.expressions import TraceError, traced
+from ..effects.protocol import refuse_foresight
 from .counter import Clock
 from .lagbank import LagBank
 from .language import Operations
@@ -18,6 +19,7 @@ from .recursions import Words
 
 def refuse(effects: Sequence[Effect]) -> None:
     """Raise ValueError that names the first effect that cannot be written in C."""
+    refuse_foresight(effects, "a device")
     for effect in effects:
         reason = ""
         try:
@@ -27,9 +29,10 @@ def refuse(effects: Sequence[Effect]) -> None:
         except TraceError as error:
             reason = str(error)
         if reason:
+            known = [kind for kind, effect in CATALOGUE.items() if not effect.foresees]
             raise ValueError(
                 f"The effect {effect.label()!r} ({type(effect).__name__}) cannot be exported to C: {reason}. It "
-                f"knows {', '.join(CATALOGUE)}, and effects of your own that say their formula in `signals`. Leave the "
+                f"knows {', '.join(known)}, and effects of your own that say their formula in `signals`. Leave the "
                 "effect out and fit again, or correct with the model itself."
             )
 

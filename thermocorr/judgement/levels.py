@@ -126,7 +126,7 @@ MOST = 8
 long again; waves without number find no more of what was planted there, and are tried one by one in refinement."""
 MOST_STEPS = 40
 """Steps that are looked for: soil on which rain falls has twenty in three years, a random telegraph one a switch."""
-THERMAL = ("thermal_lag", "delay", "rate")
+THERMAL = ("thermal_lag", "delay", "rate", "lead")
 """Kinds that a better thermal part could do without, the usual one first."""
 SIZEABLE = 0.1
 """Rms of what a missing lag, delay or rate explains, over the noise of one sample, that must clearly be exceeded beside

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
+from ..effects.protocol import refuse_foresight
 from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
 from ..records import RecordError, read_record
@@ -79,6 +80,7 @@ class OnlineCorrector:
         if not isinstance(model, DynamicBiasRegressor):
             raise TypeError(f"The model must be a DynamicBiasRegressor. Got {type(model).__name__}.")
         check_is_fitted(model, "pipeline_")
+        refuse_foresight(model.features_.effect_list(), "a stream")
         self.model = model
         self.average = None if average is None else MovingAverage(average)
         self.track = None if track is None else Tracker(track, model.intercept_)

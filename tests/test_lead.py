@@ -1,0 +1,94 @@
+"""A reading that runs ahead of its thermometer: columns, who refuses them, and what is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from effect_records import columns_of, learned, log, whole
+from scipy.signal import lfilter
+
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, diagnose
+from thermocorr.datasets import make_record
+from thermocorr.effects import CATALOGUE, Lead
+from thermocorr.equations import lag_differences
+from thermocorr.estimators import held_out_residuals
+from thermocorr.firmware import export_c
+
+
+def test_the_column_is_the_temperature_of_a_while_later():
+    X = log(500, seed=3)
+    seconds = (X.index - X.index[0]).total_seconds().to_numpy()
+    T = X["temperature"].to_numpy()
+    expected = [np.interp(t + 400.0, seconds, T) - now for t, now in zip(seconds, T, strict=True)]
+    np.testing.assert_allclose(columns_of(Lead(400.0), X)[:, 0], expected, atol=1e-9)
+    lags = lag_differences(np.array(expected), np.diff(seconds, prepend=-1.0), np.array([900.0]))[0]
+    np.testing.assert_allclose(columns_of(Lead(400.0, [900.0]), X)[:, 1:], lags, atol=1e-9)
+    effect, record = learned(Lead("1 h"), log(300, holes=[150]), max_gap="1 h")
+    column = whole(effect, record)[:, 0]
+    ends = [segment.stop - 1 for segment in record.segments]
+    assert len(ends) == 2 and (column[ends] == 0).all()  # where a segment ends nothing more is known
+
+
+def test_streams_and_devices_refuse_what_they_cannot_know(tmp_path):
+    X = log(400, seed=1)
+    model = DynamicBiasRegressor(time_constants=[300.0], effects=[Lead(60.0)]).fit(X, X["temperature"])
+    words = r"effect 'lead: 60 s' looks at samples that come later, which {} does not have. .* or take Rate\(\)"
+    with pytest.raises(ValueError, match=words.format("a stream")):
+        OnlineCorrector(model)
+    with pytest.raises(ValueError, match=words.format("a device")):
+        export_c(model, tmp_path)
+    assert [kind for kind, effect in CATALOGUE.items() if effect.foresees] == ["lead"]
+
+
+def ahead(seed, lead, noise=None):
+    """A simulated device whose thermometer's clock is `lead` seconds late: cut off where nothing is known."""
+    record = make_record(6000, coloured_noise=noise, device=("layered", "plate")[seed % 2], seed=seed)
+    seconds = (record.index - record.index[0]).total_seconds().to_numpy()
+    late = np.interp(seconds - lead, seconds, record["temperature"])
+    kept = seconds > lead
+    return record.drop(columns="reading").assign(temperature=late)[kept], record["reading"][kept]
+
+
+@pytest.mark.parametrize("noise", [None, (0.1, 1800.0)], ids=["white", "wandering"])
+@pytest.mark.parametrize(("seed", "lead"), [(401, 300.0), (402, 600.0), (403, 1500.0)])
+def test_a_late_clock_is_named_and_the_error_falls_on_data_not_seen(seed, lead, noise):
+    X, y = ahead(seed, lead, noise)
+    model = DynamicBiasRegressor("temperature").fit(X, y)
+    found = diagnose(model, X, y)
+    assert found.best.kind == "lead"
+    assert lead / 2 < found.best.lead < 2 * lead  # its lags are not the device's: how long it is, is known roughly
+    assert "runs ahead of the thermometer" in " ".join(str(found).split())
+    before, after = (np.nanstd(held_out_residuals(m, X, y)) for m in (model, model.with_effect(found.best)))
+    assert after < 0.9 * before
+
+
+def test_a_slow_thermometer_is_a_lead_or_a_rate():
+    """tau dT/dt of the recorded temperature is what a slow thermometer hides: a lead of tau, to first order."""
+    record = make_record(6000, device="plate", seed=405)
+    kept = np.exp(-60 / 400.0)
+    T = record["temperature"].to_numpy()
+    slow = lfilter([1 - kept], [1, -kept], T, zi=[kept * T[0]])[0]
+    rng = np.random.default_rng(405)
+    X = record.drop(columns="reading").assign(temperature=slow + 0.01 * rng.standard_normal(len(T)))
+    y = record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    named = {found.best.kind, *(effect.kind for effect in found.causes[0].confusable_with)}
+    assert "lead" in named
+
+
+@pytest.mark.parametrize("kind", ["rate", "delay", "thermal_lag"])
+def test_what_comes_later_is_not_blamed_for_what_came_before(kind):
+    for seed in (411, 412):
+        record = make_record(6000, effects={kind: 2.0}, seed=seed)
+        X, y = record.drop(columns="reading"), record["reading"]
+        found = diagnose(DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y), X, y)
+        assert "lead" not in {cause.effect.kind for cause in found.causes}
+
+
+def test_shifting_the_column_does_as_well():
+    """What the docstring tells those who correct live: the column shifted by the lead, and no effect at all."""
+    X, y = ahead(407, 600.0)
+    shifted = X.assign(temperature=X["temperature"].shift(-10)).iloc[:-10]
+    model = DynamicBiasRegressor("temperature").fit(shifted, y[:-10])
+    with_lead = DynamicBiasRegressor("temperature", effects=[Lead("10 min", ["4 min", "24 min", "2 h"])]).fit(X, y)
+    assert model.residual_std_ == pytest.approx(with_lead.residual_std_, rel=0.1)

@@ -1,0 +1,104 @@
+"""A reading that runs ahead of its thermometer: the only kind that looks at what comes later."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..equations import lag_differences
+from ..records import Block, Record, seconds_of
+from .grids import time_grid
+from .protocol import Effect, EffectInfo, time_text
+from .thermal import seconds_array
+
+
+class Lead(Effect):
+    """The reading runs ahead of the thermometer: T(t + d) - T(t) [K], the temperature of later less that of now.
+
+    The opposite of a `Delay`. T is a straight line between samples; after the last sample of a segment it stays as it
+    was, so the last d seconds of what is transformed at once count as if the temperature stood still.
+
+    A stream does not know what comes later, so there is no live correction with it and no C code; both refuse it. There
+    are two ways out. Shift the column (on even steps ``X["temperature"].shift(-k)`` with k steps of lead), fit without
+    this effect, and hold each reading back by the lead before it meets its temperature: corrections come late by the
+    lead. Or, for a lead of a few steps, take `Rate`, its first-order form: T(t + d) - T(t) is nearly d dT/dt.
+
+    Parameters
+    ----------
+    lead : float or time span
+        d [s].
+    time_constants : sequence, default ()
+        The lead's own lags: where the device lags behind its air, its lags run ahead of the thermometer too.
+
+    Raises
+    ------
+    ValueError
+        By `learn`, for a lead that is not a positive time.
+    """
+
+    kind = "lead"
+    foresees = True
+    learned = {"lead_": "positive", "time_constants_": "times"}
+    info = EffectInfo(
+        physics="The reading runs ahead of the thermometer: the thermometer is slow, sits deeper or farther from the "
+        "air than the instrument, or the two clocks disagree.",
+        bench_check="Set both clocks by one; put a quick thermometer beside the recorded one and step the temperature: "
+        "the reading moves with the quick one, before the recorded one does.",
+        formula="lead[d] = T(t + d) - T(t); lead[d] lag[tau] = a lag difference of it",
+        parameters={"lead": "s", "time_constants": "s"},
+        tuned=("lead",),
+        example={"lead": 300.0},
+        place=1.6,
+    )
+
+    def __init__(self, lead: Any, time_constants: Sequence[Any] = ()):
+        self.lead = lead
+        self.time_constants = time_constants
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """Leads from one step to a hundredth of the longest segment, without lags and with three from fast to slow."""
+        plain, lagged = (time_grid(record, 1.0, 0.01, ratio) for ratio in (2.5, 1.7))
+        lags = time_grid(record, 4.0, 0.05, 6.0)[:3]
+        return [*(cls(d) for d in plain), *(cls(d, lags) for d in lagged if lags)]
+
+    def learn(self, record: Record) -> None:
+        """Convert the lead and time constants to seconds."""
+        self.lead_ = seconds_of(self.lead, "lead")
+        self.time_constants_ = seconds_array(self.time_constants)
+
+    def names(self) -> list[str]:
+        """``lead[40 s]``, ``lead[40 s] lag[900 s]``, ..."""
+        name = f"lead[{time_text(self.lead_)}]"
+        return [name, *(f"{name} lag[{time_text(tau)}]" for tau in self.time_constants_)]
+
+    def units(self) -> list[str]:
+        """K."""
+        return ["K"] * len(self.names())
+
+    def memory(self) -> float:
+        """The longest time constant [s]."""
+        return float(max(self.time_constants_, default=0.0))
+
+    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
+        """Temperature of later less that of now, and its lags [K]; looks beyond the block, to its segment's end."""
+        record, elapsed = block.record, block.elapsed
+        until, stop = elapsed[-1] + self.lead_, block.stop
+        last = record.segments[block.segment].stop
+        while stop < last and self._elapsed(block, stop - 1, stop)[0] < until:
+            stop = min(stop + max(64, (stop - block.start) // 4), last)
+        later = np.asarray(record.columns[record.temperature_name][record.rows(block.start, stop)], float)
+        ahead = np.interp(elapsed + self.lead_, self._elapsed(block, block.start, stop), later) - block.temperature
+        if not len(self.time_constants_):
+            return ahead, None
+        lagged, state = lag_differences(ahead, block.steps, self.time_constants_, state)  # eq. (19)
+        return np.column_stack((ahead, lagged)), state
+
+    def _elapsed(self, block: Block, start: int, stop: int) -> np.ndarray:
+        return np.asarray(block.record.times.seconds(block.record.rows(start, stop), block.segment_zero))
+
+    def label(self) -> str:
+        """``lead: 40 s``."""
+        return f"lead: {time_text(seconds_of(self.lead, 'lead'))}"
