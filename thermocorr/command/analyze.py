@@ -19,6 +19,7 @@ from ..pages.report import report_text
 from ..pictures.words import aspect_text, each_row, interval_text
 from ..records import RecordError, RecordWarning
 from ..records.files import TIME_NAMES, read_table, require_column
+from ..records.times import dates_once
 from .outputs import write_corrected, write_model
 from .spans import number_or_span
 
@@ -94,6 +95,8 @@ def _run(
         warnings.simplefilter("always", RecordWarning)
         log, index, model, reading = _load(options)
         X, y = log.drop(columns=reading), log[reading]
+        if model.time is not None:
+            X[model.time] = dates_once(X[model.time])
         comparison = compare_variants(
             X,
             y,

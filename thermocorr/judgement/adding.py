@@ -13,6 +13,7 @@ from ..effects.thermal import seconds_array
 from ..effects.wrap import as_effects
 from ..estimators.holdout import held_out_residuals, rms, time_blocks
 from ..estimators.regressor import DynamicBiasRegressor
+from ..records.thinned import ThinnedLog
 
 N_BLOCKS = 5
 """Blocks of time that are held out."""
@@ -27,7 +28,8 @@ def held_out_blocks(model: DynamicBiasRegressor, X: Any, y: Any) -> np.ndarray:
     """Rms residual of each held-out block, then of all blocks together; NaN for a block without readings."""
     residual = held_out_residuals(model, X, y, n_blocks=N_BLOCKS)
     parts = [residual[block] for block in time_blocks(len(residual), N_BLOCKS)]
-    return np.array([rms(part) for part in (*parts, residual)])
+    unseen = X.record.unseen if isinstance(X, ThinnedLog) else 0.0  # what averages do not show is left by any model
+    return np.array([np.hypot(rms(part), np.sqrt(unseen)) for part in (*parts, residual)])
 
 
 def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:

@@ -20,6 +20,7 @@ from .adding import held_out_rms, with_missing
 from .diagnosis import diagnose
 from .found import Diagnosis
 from .levels import GAIN
+from .shorter import shorter
 
 HELPS = 0.9995
 """An effect is kept if it lowers the held-out error at least to this share of what it was before."""
@@ -108,9 +109,41 @@ def refine(
     current = clone(model)
     if model.temperature is None and hasattr(model, "pipeline_"):  # X may hold more columns than the fitted frame
         current.set_params(temperature=model.features_.history_.record.temperature_name)
+    say("fitting the model")
     current.fit(X, y)
+    say("looking for what is missing")
+    first = diagnose(current, X, y, **wanted)
+    short = shorter(current, X, y, columns, suspects)
+    if short is None:
+        return _refined(current, X, y, first, wanted, max_steps, say)
+    found = _refined(short.model.fit(short.X, short.y), short.X, short.y, first, wanted, max_steps, say)
+    if len(found.diagnoses) == 1 and not any(found.steps["effect"]):
+        return Refinement(found.steps, current, (first,))
+    say("fitting the refined model to all rows")
+    final = short.whole(found.model_, current).fit(X, y)
+    say("looking for what is still missing")
+    last = diagnose(final, X, y, **wanted)
+    row = found.steps.index[-1]
+    steps = found.steps.assign(
+        rms=found.steps["rms"].where(found.steps.index != row, last.residual_rms),
+        verdict=found.steps["verdict"].where(found.steps.index != row, last.verdict),
+    )
+    return Refinement(steps, final, (*found.diagnoses[:-1], last))
+
+
+def _refined(
+    current: DynamicBiasRegressor,
+    X: Any,
+    y: Any,
+    first: Diagnosis,
+    wanted: dict[str, Any],
+    max_steps: int,
+    say: Callable[[str], None],
+) -> Refinement:
+    """Step by step from a fitted model, whose diagnosis is known."""
+    say("measuring the error on held-out blocks")
     best_rms = held_out_rms(current, X, y)
-    diagnoses = [diagnose(current, X, y, **wanted)]
+    diagnoses = [first]
     rows = [_step(0, "", current, best_rms, best_rms, diagnoses[0], X, y)]
     start = best_rms
     try:
@@ -160,11 +193,10 @@ def worth_trying(found: Diagnosis) -> list[Effect]:
 def _step(
     number: int, effect: str, model: DynamicBiasRegressor, rms: float, start: float, found: Diagnosis, X: Any, y: Any
 ) -> dict[str, Any]:
-    inside = float(np.sqrt(np.nanmean(np.asarray(model.residuals(X, y), float) ** 2)))
     return {
         "step": number,
         "effect": effect,
-        "rms": inside,
+        "rms": found.residual_rms,
         "held_out_rms": rms,
         "db": float(20 * np.log10(rms / start)) if rms > 0 else -np.inf,
         "verdict": found.verdict,
