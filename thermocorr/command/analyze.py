@@ -20,6 +20,7 @@ from ..pictures.added_noise import added_noise
 from ..pictures.words import aspect_text, each_row, interval_text
 from ..records import RecordError, RecordWarning
 from ..records.files import TIME_NAMES, read_table, require_column
+from ..records.times import dates_once
 from .outputs import write_corrected, write_model
 from .spans import number_or_span
 
@@ -95,6 +96,8 @@ def _run(
         warnings.simplefilter("always", RecordWarning)
         log, index, model, reading = _load(options)
         X, y = log.drop(columns=reading), log[reading]
+        if model.time is not None:
+            X[model.time] = dates_once(X[model.time])
         comparison = compare_variants(
             X,
             y,

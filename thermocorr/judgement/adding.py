@@ -15,6 +15,7 @@ from ..effects.wrap import as_effects
 from ..estimators.holdout import held_out_residuals, rms, time_blocks
 from ..estimators.later import later_rms
 from ..estimators.regressor import DynamicBiasRegressor
+from ..records.thinned import ThinnedLog
 from .levels import GAIN, HELPS, SAME, SUPERFLUOUS
 
 N_BLOCKS = 5
@@ -33,7 +34,7 @@ class Errors:
     @classmethod
     def of(cls, model: DynamicBiasRegressor, X: Any, y: Any) -> Errors:
         """Errors of a fitted model on its record."""
-        return cls(held_out_rms(model, X, y), later_rms(model, X, y))
+        return cls(held_out_rms(model, X, y), float(np.hypot(later_rms(model, X, y), _unseen(X))))
 
     def better_than(self, other: Errors) -> bool:
         """Whether one error falls by more than the other rises; held-out blocks decide where later ones cannot."""
@@ -78,7 +79,12 @@ def held_out_blocks(model: DynamicBiasRegressor, X: Any, y: Any) -> np.ndarray:
     """Rms residual of each held-out block, then of all blocks together; NaN for a block without readings."""
     residual = held_out_residuals(model, X, y, n_blocks=N_BLOCKS)
     parts = [residual[block] for block in time_blocks(len(residual), N_BLOCKS)]
-    return np.array([rms(part) for part in (*parts, residual)])
+    return np.array([np.hypot(rms(part), _unseen(X)) for part in (*parts, residual)])
+
+
+def _unseen(X: Any) -> float:
+    """Rms of what averages do not show, and any model leaves."""
+    return float(np.sqrt(X.record.unseen)) if isinstance(X, ThinnedLog) else 0.0
 
 
 def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ..effects.protocol import Effect
-from ..effects.stream import own_starts
+from ..effects.stream import own_starts, walk
 from ..records import BLOCK_ROWS, Record
+from ..records.thinned import Thinned
 from .levels import COARSE, MOST_UNEVEN, NEARBY, SHORT_PAUSE, UNEVEN
 
 
@@ -58,17 +60,20 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
         reading = np.asarray(record.reading[block.rows], float)
         known = np.isfinite(reading)
         starts = np.arange(0, len(block), width)
-        count = np.add.reduceat(known.astype(float), starts)
+        share = np.where(known, record.counts[block.rows] if isinstance(record, Thinned) else 1.0, 0.0)
+        count = np.add.reduceat(share, starts)
         kept = count > 0
-        share = np.where(known, 1.0, 0.0)
-        readings.append((np.add.reduceat(np.where(known, reading, 0.0), starts) / np.maximum(count, 1))[kept])
+        readings.append((np.add.reduceat(np.where(known, reading, 0.0) * share, starts) / np.maximum(count, 1))[kept])
         seconds.append((np.add.reduceat(block.seconds * share, starts) / np.maximum(count, 1))[kept])
         counts.append(count[kept])
         segments.append(np.full(int(kept.sum()), block.segment))
         for i, effect in enumerate(effects):
-            columns, states[i] = effect.columns(block, states[i])
+            if isinstance(record, Thinned) and said(effect) in record.exact:
+                columns = record.exact[said(effect)][block.rows]
+            else:
+                columns, states[i] = effect.columns(block, states[i])
             columns = np.asarray(columns).reshape(len(block), widths[i])
-            if not known.all():
+            if not (share == 1.0).all():
                 columns = columns * share[:, None]
             parts[i].append((np.add.reduceat(columns, starts, axis=0) / np.maximum(count, 1)[:, None])[kept])
     return Averages(
@@ -78,6 +83,32 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
         segment=np.concatenate(segments),
         seconds=np.concatenate(seconds),
     )
+
+
+def said(effect: Effect) -> str:
+    """An effect with all its parameters, as text."""
+    return f"{type(effect).__name__}{sorted(effect.get_params(deep=False).items())}"
+
+
+def with_exact(short: Thinned, record: Record, effects: Sequence[Effect]) -> Thinned:
+    """A thinned record that knows the averages of these effects' columns, from one pass through the longer one.
+
+    A fast lag of averaged temperatures is not the average of the lag: it would leave an error that looks like noise.
+    """
+    assert record.reading is not None
+    for effect in effects:
+        effect.learn(record)
+    edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
+    sums, counts = np.zeros((short.n_rows, edges[-1])), np.zeros(short.n_rows)
+    for step in walk(effects, record, starts=own_starts(record)):
+        known = np.isfinite(np.asarray(record.reading[step.block.rows], float))
+        place = np.searchsorted(short.places, np.arange(step.block.start, step.block.stop), side="right") - 1
+        starts = np.flatnonzero(np.diff(place, prepend=-1))
+        sums[place[starts]] += np.add.reduceat(step.columns * known[:, None], starts, axis=0)
+        counts[place[starts]] += np.add.reduceat(known.astype(float), starts)
+    means = sums / np.maximum(counts, 1)[:, None]
+    exact = {said(effect): means[:, low:high] for effect, (low, high) in zip(effects, pairwise(edges), strict=True)}
+    return replace(short, exact=exact)
 
 
 def spans(data: Averages, record: Record) -> np.ndarray:

@@ -7,18 +7,19 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from sklearn.base import clone
 
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
-from ..records import Log, Record, RecordError, read_record
-from ..records.grammar import LARGEST
+from ..records import Log, ParquetLog, Record, read_record
+from ..records.log import SomeColumns
 from ..records.numbers import from_polars, is_frame, numeric_reading
 from ..records.screen import screened
-from .blocks import filled
-from .levels import TIME_LIKE
+from ..records.thinned import Thinned, thinned
+from .base import slowest_of_base, thermal_base
+from .blocks import filled, with_exact
+from .levels import MOST_ROWS, MOST_SOUND, TIME_LIKE
 
 
 def suspect_record(
@@ -29,40 +30,41 @@ def suspect_record(
     Its `refused` rows are left out as the model leaves them out in its fit, or only named.
     """
     X = from_polars(X)
-    if isinstance(X, Log):
-        raise RecordError("Diagnosis works on a frame or an array. Pass a part of the log that fits in memory.")
     layout = model.features_.layout()
     own = [name for effect in (*model.features_.effect_list(), *further) for name in effect.inputs()]
     temperature = model.features_.history_.record.temperature_name
-    special = {layout.time, layout.run, temperature}
+    special = {layout.time, layout.run, temperature, getattr(y, "name", None) if isinstance(X, Log) else None}
     if columns is None:
-        frame = X.select_dtypes("number") if is_frame(X) else pd.DataFrame(np.asarray(X))
-        columns = [name for name in frame.columns if name not in special and frame[name].nunique() > 1]
+        columns = [name for name in _numeric(X) if name not in special]
     read = read_record(X, layout, y=numeric_reading(y, X), needed=list(dict.fromkeys(own)), quiet=True)
     told = screened(read, model.features_.longest_step())[0]
     read = told if model.screen else replace(read, refused=told.refused)
     suspects = {name: (X[name] if is_frame(X) else np.asarray(X)[:, name]) for name in columns if name not in own}
-    values = {name: np.asarray(column, float) for name, column in suspects.items()}
-    sound = {name: np.abs(column) <= LARGEST for name, column in values.items()}
-    known = {n: column for n, column in values.items() if sound[n].mean() > 0.95 and not _clock(column, sound[n], read)}
-    return filled(
-        replace(
-            read,
-            columns={
-                **read.columns,
-                **{name: np.where(sound[name], column, np.nan) for name, column in known.items()},
-            },
-            known_moments={},
-        ),
-        used=read.columns,
-    )
+    short, sound = thinned(read, suspects, MOST_ROWS)
+    if isinstance(short, Thinned) and short is not read and not isinstance(read, Thinned):
+        base = thermal_base(model, read, slowest_of_base(read))
+        short = with_exact(short, read, [*base[0], *base[1], *map(clone, model.features_.effect_list())])
+    values = {name: short.columns[name] for name in suspects if sound[name] > MOST_SOUND}
+    known = {name: column for name, column in values.items() if not _clock(column, short)}
+    kept = {**{name: short.columns[name] for name in read.columns}, **known}
+    return filled(replace(short, columns=kept, known_moments={}), used=read.columns)
 
 
-def _clock(column: np.ndarray, sound: np.ndarray, read: Record) -> bool:
+def _numeric(X: Any) -> list[Any]:
+    """Columns that hold numbers."""
+    if isinstance(X, ParquetLog):
+        return [name for name in X.columns if X[name].kind == "number"]
+    if isinstance(X, Log):
+        return list(X.columns)
+    return list(X.select_dtypes("number").columns if is_frame(X) else range(np.shape(X)[1]))
+
+
+def _clock(column: np.ndarray, read: Record) -> bool:
     """Whether a column tells nothing but the time."""
     rows = np.arange(len(column)) if read.order is None else np.argsort(read.order)
     if len(rows) != len(column):
         return False
+    sound = np.isfinite(column)
     together = np.corrcoef(rows[sound], column[sound])
     return bool(abs(together[0, 1]) > TIME_LIKE)
 
@@ -71,7 +73,9 @@ def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:
     """The columns of a frame that the model was fitted with; it may hold more, all of them suspects."""
     X = from_polars(X)
     names = list(getattr(model, "feature_names_in_", ()))
-    return X[names] if names and is_frame(X) and set(names) < set(X.columns) else X
+    if not (names and is_frame(X) and set(names) < set(X.columns)):
+        return X
+    return SomeColumns(X, names) if isinstance(X, Log) else X[names]
 
 
 def further_candidates(further: Any, record: Record) -> list[Effect]:

@@ -15,6 +15,7 @@ from ..estimators.threads import one_blas_thread
 from ..pages import PageData
 from ..pictures.words import effect_text
 from ..records import Record
+from ..records.numbers import is_frame
 from .candidates import as_fitted, further_candidates, given_effects, suspect_record
 from .causes import ANYWHERE, Search
 from .choice import Cause, Tried, first_of_each
@@ -24,6 +25,7 @@ from .lacking import lacking
 from .left import what_is_left
 from .levels import GAIN, RANKED, SEVERAL
 from .pool import Pool
+from .residual import residuals_of
 from .when import Interval, intervals
 from .where import against_white, where_it_fails
 
@@ -100,11 +102,7 @@ def _conclude(
 ) -> Diagnosis:
     """Verdict, causes and other suspects, and what is left."""
     seen = as_fitted(model, X)
-    residual = np.array(model.residuals(seen, y), float)
-    refused = search.pool.record.refused
-    for rows in (found.rows for found in refused if model.screen):
-        residual[rows] = np.nan
-    rms = float(np.sqrt(np.nanmean(residual**2)))
+    residual, rms = residuals_of(model, seen, y, search.pool.record)
     uneven = first_of_each([tried for tried in last if tried.uneven])
     rest = what_is_left(search.pool, search.judged, [effect_text(tried.explanation.effect) for tried in uneven])
     floor = rms if search.pool.exact else min(rest.floor, rms)
@@ -116,10 +114,11 @@ def _conclude(
     if causes:
         verdict = "ambiguous" if found[0].confusable_with else "missing"
     else:  # readings that are none and were learned from spoil any model
-        spoiled = bool(refused) and not model.screen
+        spoiled = bool(search.pool.record.refused) and not model.screen
         verdict = "unexplained" if rest.structured or rest.uneven or spoiled else "nothing missing"
     ranked = [*found, *(_other(tried, search) for tried in listed[: RANKED - len(found)])]
     beside = dict.fromkeys(ranked[0].effect.inputs() if ranked else ())
+    shown = seen.columns if is_frame(seen) else range(np.shape(seen)[1])
     return Diagnosis(
         verdict=verdict,
         noise_floor=floor,
@@ -131,7 +130,7 @@ def _conclude(
         left=rest,
         residual_rms=rms,
         unit=model.reading_.unit,
-        gather=lambda: PageData.of(model, seen, y, beside=tuple(name for name in beside if name in seen)),
+        gather=lambda: PageData.of(model, seen, y, beside=tuple(n for n in beside if n in shown)),
     )
 
 

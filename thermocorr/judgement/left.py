@@ -93,8 +93,7 @@ def _spikes(pool: Pool) -> tuple[float, ...]:
     """Times of the readings that were left out, the farthest from the usual one first."""
     rows, record = np.flatnonzero(pool.spikes), pool.record
     refused = [found for found in record.refused if found.what == "reading"]
-    zero = record.first_stamp()
-    seconds = [*(record.times.seconds(found.rows, zero) for found in refused), pool.data.seconds[rows]]
+    seconds = [*(found.seconds for found in refused), pool.data.seconds[rows]]
     values = np.concatenate([*(found.values for found in refused), pool.data.reading[rows]])
     far = np.argsort(-np.abs(values - np.median(pool.data.reading)))
     return tuple(dict.fromkeys(np.concatenate(seconds)[far].tolist()))[:RANKED]

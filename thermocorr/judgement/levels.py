@@ -9,6 +9,11 @@ from __future__ import annotations
 
 # What is looked at
 
+MOST_ROWS = 200_000
+"""Rows that are looked at most: longer records are averaged over short stretches first, in one pass. The averages below
+are over eight of them then, so that what is fast is blurred no more than it would be there."""
+MOST_SOUND = 0.95
+"""Share of a recorded column's numbers that must be numbers for it to be a suspect."""
 FINE = 25_000
 """Stretches that a record is averaged over at most. A delay of a few samples is blurred in long averages: with 12 000,
 a second, neighbouring delay is named beside the true one in two of seven simulated records, not in one."""

@@ -20,6 +20,7 @@ from .adding import Errors, with_missing
 from .diagnosis import diagnose
 from .found import Diagnosis, FoundSuspect
 from .levels import GAIN, JOINTLY, TRIES, UNNAMED
+from .shorter import shorter
 
 
 @dataclass(frozen=True, repr=False)
@@ -101,9 +102,41 @@ def refine(
     current = clone(model)
     if model.temperature is None and hasattr(model, "pipeline_"):  # X may hold more columns than the fitted frame
         current.set_params(temperature=model.features_.history_.record.temperature_name)
+    say("fitting the model")
     current.fit(X, y)
+    say("looking for what is missing")
+    first = diagnose(current, X, y, **wanted)
+    short = shorter(current, X, y, columns, suspects)
+    if short is None:
+        return _refined(current, X, y, first, wanted, max_steps, say)
+    found = _refined(short.model.fit(short.X, short.y), short.X, short.y, first, wanted, max_steps, say)
+    if len(found.diagnoses) == 1 and not any(found.steps["effect"]):
+        return Refinement(found.steps, current, (first,))
+    say("fitting the refined model to all rows")
+    final = short.whole(found.model_, current).fit(X, y)
+    say("looking for what is still missing")
+    last = diagnose(final, X, y, **wanted)
+    row = found.steps.index[-1]
+    steps = found.steps.assign(
+        rms=found.steps["rms"].where(found.steps.index != row, last.residual_rms),
+        verdict=found.steps["verdict"].where(found.steps.index != row, last.verdict),
+    )
+    return Refinement(steps, final, (*found.diagnoses[:-1], last))
+
+
+def _refined(
+    current: DynamicBiasRegressor,
+    X: Any,
+    y: Any,
+    first: Diagnosis,
+    wanted: dict[str, Any],
+    max_steps: int,
+    say: Callable[[str], None],
+) -> Refinement:
+    """Step by step from a fitted model, whose diagnosis is known."""
+    say("measuring the error on held-out and on later blocks")
     start = best = Errors.of(current, X, y)
-    diagnoses = [diagnose(current, X, y, **wanted)]
+    diagnoses = [first]
     rows = [_step(0, "", current, best, start, diagnoses[0], X, y)]
     try:
         for number in range(1, max_steps + 1):
@@ -159,11 +192,10 @@ def _step(
     X: Any,
     y: Any,
 ) -> dict[str, Any]:
-    inside = float(np.sqrt(np.nanmean(np.asarray(model.residuals(X, y), float) ** 2)))
     return {
         "step": number,
         "effect": effect,
-        "rms": inside,
+        "rms": found.residual_rms,
         "held_out_rms": errors.held_out,
         "later_rms": errors.later,
         "db": float(20 * np.log10(errors.held_out / start.held_out)) if errors.held_out > 0 else -np.inf,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+from .errors import RecordError, listing
 from .times import Times
 
 
@@ -39,3 +41,35 @@ class Log:
     def times(self, name: str) -> Times:
         """Times from a column of dates, spans or seconds."""
         raise NotImplementedError
+
+
+class SomeColumns(Log):
+    """Some columns of a log, its index and column of times among them."""
+
+    def __init__(self, log: Log, names: Sequence[str]):
+        self.log, self._names = log, list(names)
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of these columns."""
+        return self._names
+
+    def __len__(self) -> int:
+        return len(self.log)
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._names:
+            raise RecordError(f"There is no column {name!r} among these: {listing(self._names)}.")
+        return self.log[name]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.log, name)
+
+    @property
+    def index_name(self) -> str | None:
+        """Column of dates or spans that was the index of the frame written."""
+        return self.log.index_name
+
+    def times(self, name: str) -> Times:
+        """Times from a column of dates, spans or seconds."""
+        return self.log.times(name)

@@ -35,6 +35,8 @@ class Refused(NamedTuple):
     """Rows of the user's record, shape (n,)."""
     values: Floats
     """What stands there, shape (n,)."""
+    seconds: Floats
+    """Time since the record began [s], shape (n,)."""
 
 
 class Moments(NamedTuple):

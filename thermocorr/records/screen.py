@@ -224,7 +224,8 @@ def without(record: Record, what: str, reason: str, positions: Rows, max_gap: fl
     positions = np.sort(positions)
     rows = _rows(record, positions)
     column: Any = record.reading if what == "reading" else record.columns[record.temperature_name]
-    refused = (*record.refused, Refused(what, reason, rows, np.asarray(column[rows], float)))
+    seconds = record.times.seconds(rows, record.first_stamp())
+    refused = (*record.refused, Refused(what, reason, rows, np.asarray(column[rows], float), seconds))
     if what == "reading":
         reading: Any = LeftOut(record.reading, np.sort(rows))
         return replace(record, reading=reading, refused=refused)

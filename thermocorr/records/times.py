@@ -194,15 +194,24 @@ def _refuse_missing(missing: NDArray[np.bool_], where: str) -> None:
         )
 
 
+def dates_once(values: pd.Series[Any]) -> pd.Series[Any]:
+    """A column of times with its text read as dates, for records that are read many times; others as they are."""
+    if values.ndim == 1 and kind_of(values) == "text":
+        try:
+            return _parse(values, "")
+        except RecordError:  # whoever reads the record says it in its words
+            pass
+    return values
+
+
 def _parse(values: pd.Series[Any], where: str) -> pd.Series[Any]:
     """Text to dates; all zones become UTC, so that summer time cannot fold an hour."""
-    for row, value in enumerate(values):  # pandas would make text of anything
+    for row, value in enumerate(values if values.dtype == object else ()):  # pandas would make text of anything
         if isinstance(value, bytes | list | dict | tuple | np.ndarray):
             raise RecordError(f"{where} holds a {type(value).__name__} in row {row}. Give dates, spans or seconds.")
     text = values.astype("string")
     text = text.str.strip()
-    numbers = pd.to_numeric(text, errors="coerce")
-    if len(values) and numbers.notna().all():
+    if len(values) and all(pd.to_numeric(part, errors="coerce").notna().all() for part in (text.iloc[:1], text)):
         raise RecordError(
             f"{where} holds numbers written as text, such as {values.iloc[0]!r}. Convert it to float (seconds) first."
         )

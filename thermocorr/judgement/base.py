@@ -1,0 +1,33 @@
+"""The thermal part that every suspect is judged beside."""
+
+from __future__ import annotations
+
+import numpy as np
+from sklearn.base import clone
+
+from ..effects import StaticPolynomial, ThermalLag
+from ..effects.grids import longest_segment
+from ..effects.protocol import Effect
+from ..effects.wrap import as_effects
+from ..estimators.regressor import DynamicBiasRegressor
+from ..records import Record
+from .levels import FASTEST, LAGS, SLOWEST
+
+
+def slowest_of_base(record: Record) -> float:
+    """Time constant of the slowest lag of the base [s]; at least a few samples long, however short the segments."""
+    return max(SLOWEST * longest_segment(record), 8 * record.usual_step())
+
+
+def thermal_base(model: DynamicBiasRegressor, record: Record, slowest: float) -> tuple[list[Effect], list[Effect]]:
+    """The base: static law, fast and middle lags, the model's further effects. And the model's slow lags."""
+    own = np.asarray(model.time_constants_, float)
+    grid = np.geomspace(FASTEST * record.usual_step(), slowest, LAGS)
+    further = [clone(effect) for _, effect in as_effects(model.effects)]
+    if model.products:
+        further += [clone(effect) for effect in model.features_.effect_list() if effect.kind == "lag_products"]
+    static = StaticPolynomial(model.degree, model.reference_temperature)
+    taus = np.unique(np.concatenate((grid, own[own <= slowest])))
+    taus = taus[np.concatenate(([True], np.diff(np.log(taus)) > 0.02))]
+    slow = [ThermalLag([tau]) for tau in own[own > slowest]]
+    return [static, ThermalLag(taus.tolist()), *further], slow

@@ -1,0 +1,217 @@
+"""Long records in fewer rows: averages over short stretches of time, made in one pass."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import RecordError, listing
+from .grammar import LARGEST
+from .log import Log
+from .record import Record, Segment
+from .times import Floats, Times
+
+CHUNK = 1 << 16
+"""Rows that are averaged together."""
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Thinned(Record):
+    """A record whose rows are averages of a longer one's. Times count from the longer one's first row."""
+
+    counts: NDArray[np.intp] = field(repr=False)
+    """Readings in each row."""
+    began: float
+    """Stamp of the longer record's first row."""
+    step: float
+    """Usual step of the longer record [s]."""
+    places: NDArray[np.intp] = field(repr=False)
+    """Where each row begins in the longer record, in time order."""
+    ends: NDArray[np.intp] = field(repr=False)
+    """Behind which row it ends."""
+    lengths: tuple[float, ...]
+    """Duration of each of its segments [s]."""
+    unseen: float = 0.0
+    """Variance of the residual inside the rows, which their averages do not show."""
+    exact: dict[str, Floats] = field(default_factory=dict, repr=False)
+    """Averages of the columns of some effects, which were computed in the longer record: shape (n, k) each."""
+
+    def first_stamp(self) -> float:
+        """Absolute time of the longer record's first row."""
+        return self.began
+
+    def duration(self, segment: Segment) -> float:
+        """First to last sample of a segment of the longer record [s]."""
+        return self.lengths[self.segments.index(segment)]
+
+    def usual_step(self) -> float:
+        """Median step of the longer record [s]: what fast effects are measured in."""
+        return self.step
+
+
+def thinned(record: Record, columns: Mapping[Any, Any], most: int) -> tuple[Record, dict[Any, float]]:
+    """A record in memory, of at most about `most` rows.
+
+    Parameters
+    ----------
+    record : Record
+    columns : mapping of name to column
+        Further columns beside the record's own; missing and absurd numbers are left out of their averages.
+    most : int
+        Up to so many rows the record stays as it is.
+
+    Returns
+    -------
+    record : Record
+        A `Thinned` one where it is longer.
+    sound : dict
+        Share of each further column that is neither missing nor absurd; 0 for one that never changes.
+    """
+    width = max(1, -(-record.n_used // most))
+    parts: dict[Any, list[Floats]] = {name: [] for name in (*record.columns, *columns)}
+    if width == 1:
+        return _in_memory(record, columns)
+    looked = {name: _Looked() for name in columns}
+    readings, counts, seconds, places, ends, segments = [], [], [], [], [], []
+    began, at = record.first_stamp(), 0
+    for segment in record.segments:
+        first = at
+        for low, high in _chunks(record, segment, width):
+            rows = record.rows(low, high)
+            starts = np.arange(0, high - low, width)
+            sizes = np.diff(np.append(starts, high - low))
+            for name, column in record.columns.items():
+                parts[name].append(np.add.reduceat(np.asarray(column[rows], float), starts) / sizes)
+            for name, column in columns.items():
+                values = looked[name].sound(np.asarray(column[rows], float))
+                parts[name].append(_known_means(values, starts)[0])
+            means, known = _known_means(np.asarray(record.reading[rows], float), starts)  # type: ignore[index]
+            readings.append(means)
+            counts.append(known)
+            seconds.append(np.add.reduceat(record.times.seconds(rows, began), starts) / sizes)
+            places.append(low + starts)
+            ends.append(low + starts + sizes)
+            at += len(starts)
+        segments.append(Segment(first, at, segment.run))
+    own = {name: np.concatenate(part) for name, part in parts.items()}
+    short = Thinned(
+        times=_times(record, np.concatenate(seconds), began),
+        temperature_name=record.temperature_name,
+        columns=own,
+        segments=tuple(segments),
+        reading=np.concatenate(readings),
+        notes=record.notes,
+        refused=record.refused,
+        counts=np.concatenate(counts),
+        began=began,
+        step=record.usual_step(),
+        lengths=tuple(record.duration(segment) for segment in record.segments),
+        places=np.concatenate(places),
+        ends=np.concatenate(ends),
+    )
+    return short, {name: each.share(record.n_used) for name, each in looked.items()}
+
+
+def _in_memory(record: Record, columns: Mapping[Any, Any]) -> tuple[Record, dict[Any, float]]:
+    """The record with all its columns as arrays."""
+    own = {name: np.asarray(column[:]) for name, column in record.columns.items()}
+    sound = {}
+    for name, column in columns.items():
+        looked, values = _Looked(), np.array(column[:], float)
+        own[name], sound[name] = looked.sound(values), looked.share(len(values))
+    times = record.times
+    if times.ticks is not None:
+        times = replace(times, ticks=np.asarray(times.ticks[:]))
+    reading = None if record.reading is None else np.asarray(record.reading[:], float)
+    return replace(record, times=times, columns=own, reading=reading, known_moments={}), sound
+
+
+class _Looked:
+    """What was seen of a column: how many of its numbers are sound, and whether they differ."""
+
+    def __init__(self) -> None:
+        self.count, self.low, self.high = 0, np.inf, -np.inf
+
+    def sound(self, values: Floats) -> Floats:
+        """The numbers, NaN for those that are none."""
+        values = np.where(np.abs(values) <= LARGEST, values, np.nan)
+        self.count += int(np.isfinite(values).sum())
+        self.low = min(self.low, float(np.fmin.reduce(values, initial=np.inf)))
+        self.high = max(self.high, float(np.fmax.reduce(values, initial=-np.inf)))
+        return values
+
+    def share(self, n: int) -> float:
+        """Share of sound numbers among `n`; 0 where they are all the same."""
+        return self.count / n if self.high > self.low else 0.0
+
+
+def _chunks(record: Record, segment: Segment, width: int) -> Iterator[tuple[int, int]]:
+    """Pieces of a segment, of many stretches of `width` rows each."""
+    size = max(CHUNK // width, 1) * width
+    for low, high in record.stretches(segment):
+        for start in range(low, high, size):
+            yield start, min(start + size, high)
+
+
+def _known_means(values: Floats, starts: NDArray[np.intp]) -> tuple[Floats, NDArray[np.intp]]:
+    """Means of what is known in each stretch, NaN where nothing is, and how much that is."""
+    known = np.isfinite(values)
+    counts = np.add.reduceat(known.astype(np.intp), starts)
+    sums = np.add.reduceat(np.where(known, values, 0.0), starts)
+    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan), counts
+
+
+def _times(record: Record, seconds: Floats, began: float) -> Times:
+    """Times of the middle of each stretch, on the record's own clock."""
+    times, n = record.times, len(seconds)
+    ticks: Any
+    if times.kind == "rows":
+        ticks, per_second = np.floor(seconds / times.period).astype(np.int64) + int(began), times.per_second
+    elif times.kind == "seconds":
+        ticks, per_second = began + seconds, 1
+    else:
+        ticks, per_second = int(began) + np.rint(seconds * _NS).astype(np.int64), _NS
+    return Times(n, times.kind, ticks, per_second, times.period)
+
+
+def row_means(record: Thinned, rows: NDArray[np.intp], values: Floats, sums: Floats, counts: Floats) -> None:
+    """Add values of rows of the longer record, in time order, to the sums and counts of the rows they fall into."""
+    place = np.searchsorted(record.places, rows, side="right") - 1
+    inside = (place >= 0) & (rows < record.ends[np.maximum(place, 0)]) & np.isfinite(values)
+    if inside.any():
+        place = place[inside]
+        low, high = int(place.min()), int(place.max()) + 1
+        sums[low:high] += np.bincount(place - low, values[inside], high - low)
+        counts[low:high] += np.bincount(place - low, minlength=high - low)
+
+
+class ThinnedLog(Log):
+    """A thinned record as the X of estimators; its readings are given as ``log.reading``."""
+
+    def __init__(self, record: Thinned, attrs: dict[str, Any] | None = None):
+        self.record, self.attrs = record, attrs or {}
+
+    @property
+    def columns(self) -> list[Any]:
+        """Names of the columns."""
+        return list(self.record.columns)
+
+    def __len__(self) -> int:
+        return self.record.n_rows
+
+    def __getitem__(self, name: Any) -> NDArray[Any]:
+        if name not in self.record.columns:
+            raise RecordError(f"There is no column {name!r} in the record. Its columns are {listing(self.columns)}.")
+        return self.record.columns[name]
+
+    def to_record(self, layout: Any, y: Any, needed: Any) -> Record:
+        """The record itself, with other readings."""
+        names = dict.fromkeys((self.record.temperature_name, *needed))
+        reading = None if y is None else np.asarray(y, float)
+        columns = {name: self[name] for name in names}
+        return replace(self.record, columns=columns, reading=reading, refused=(), known_moments={})
