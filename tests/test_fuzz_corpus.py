@@ -273,10 +273,10 @@ def test_empty_names_beside_the_names_they_get(read):
 
 def test_a_header_of_many_names_takes_no_long_time(read):
     names = [f"c{k}" for k in range(30_000)]
-    begin = time.perf_counter()
+    begin = time.process_time()
     with pytest.raises(RecordError):
         read(text_of([], [*HEADER, *names]))
-    assert time.perf_counter() - begin < 5.0  # a look at every pair of names takes longer
+    assert time.process_time() - begin < 5.0  # a look at every pair of names takes longer
 
 
 @pytest.mark.parametrize("names", [b"x," * 600_000, b"y" * 1_200_000])

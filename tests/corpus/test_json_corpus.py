@@ -33,19 +33,19 @@ def correct(model_path, tmp_path, capsys):
 
 def test_twenty_thousand_keys_with_one_of_them_twice_take_no_second():
     content = b"{" + b",".join(b'"k%d": 1' % k for k in (*range(20_000), 19_999)) + b"}"
-    begin = time.perf_counter()
+    begin = time.process_time()
     with pytest.raises(ModelFileError, match="stands twice"):
         parse(content)
-    assert time.perf_counter() - begin < 1.0
+    assert time.process_time() - begin < 1.0
 
 
 def test_thirty_megabytes_of_values_take_no_seconds():
     """A file is not read value by value before somebody counts them, nor quoted as a whole."""
     for count, words in ((15_000_000, "15000000 values"), (8_900_000, r"holds \[1, 1, .* where an object belongs")):
-        begin = time.perf_counter()
+        begin = time.process_time()
         with pytest.raises(ModelFileError, match=words):
             parse(b"[" + b"1," * count + b"1]")
-        assert time.perf_counter() - begin < 4.0
+        assert time.process_time() - begin < 4.0
 
 
 TOO_LARGE = [b"1e999", b"-1.5E+309", b"1" + b"0" * 309 + b".0", b"9" * 19, b"-9223372036854775808"]
