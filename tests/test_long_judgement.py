@@ -8,7 +8,7 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose, refine
 from thermocorr.datasets import make_record
-from thermocorr.judgement import candidates
+from thermocorr.judgement import candidates, shorter
 from thermocorr.records import Layout, read_record
 from thermocorr.records.thinned import Thinned, thinned
 
@@ -105,7 +105,7 @@ def test_a_long_record_is_refined_by_its_averages(monkeypatch):
     X, y = record_with("covariate")
     model = DynamicBiasRegressor("temperature")
     whole = refine(model, X, y)
-    monkeypatch.setattr(candidates, "MOST_ROWS", N // 6)
+    monkeypatch.setattr(shorter, "MOST_TRIED", N // 6)
     found = refine(model, X, y)
     assert found.model_.reading_.n_readings == N
     assert [effect.kind for effect in found.model_.effects] == [effect.kind for effect in whole.model_.effects]

@@ -23,9 +23,14 @@ from .levels import MOST_ROWS, MOST_SOUND, TIME_LIKE
 
 
 def suspect_record(
-    model: DynamicBiasRegressor, X: Any, y: Any, columns: Sequence[Any] | None, further: Sequence[Effect] = ()
+    model: DynamicBiasRegressor,
+    X: Any,
+    y: Any,
+    columns: Sequence[Any] | None,
+    further: Sequence[Effect] = (),
+    most: int | None = None,
 ) -> Record:
-    """The record with every suspect column beside those that the model and further effects use.
+    """The record, in at most `most` rows, with every suspect column beside those that model and further effects use.
 
     Its `refused` rows are left out as the model leaves them out in its fit, or only named.
     """
@@ -40,7 +45,7 @@ def suspect_record(
     told = screened(read, model.features_.longest_step())[0]
     read = told if model.screen else replace(read, refused=told.refused)
     suspects = {name: (X[name] if is_frame(X) else np.asarray(X)[:, name]) for name in columns if name not in own}
-    short, sound = thinned(read, suspects, MOST_ROWS)
+    short, sound = thinned(read, suspects, most or MOST_ROWS)
     if isinstance(short, Thinned) and short is not read and not isinstance(read, Thinned):
         base = thermal_base(model, read, slowest_of_base(read))
         short = with_exact(short, read, [*base[0], *base[1], *map(clone, model.features_.effect_list())])

@@ -14,6 +14,7 @@ from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records.thinned import Thinned, ThinnedLog
 from .candidates import as_fitted, given_effects, suspect_record
+from .levels import MOST_TRIED
 from .residual import residuals_of
 
 
@@ -44,7 +45,7 @@ def shorter(
     """The averages of a record that is too long to be fitted many times; None for any other."""
     if isinstance(X, ThinnedLog):
         return None
-    record = suspect_record(current, X, y, columns, given_effects(suspects))
+    record = suspect_record(current, X, y, columns, given_effects(suspects), MOST_TRIED)
     if not isinstance(record, Thinned):
         return None
     residual, rms = residuals_of(current, as_fitted(current, X), y, record)
