@@ -160,6 +160,16 @@ def test_values_come_back_as_they_were(value):
     assert type(again) is type(value) and repr(again) == repr(value)
 
 
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_a_record_to_the_last_second_of_the_clock_lives_in_a_file(unit, tmp_path):
+    """What a fit takes, a file takes: its last time in whole seconds was one too many."""
+    X = log(90, seed=9).reset_index(drop=True)
+    index = pd.to_timedelta(np.arange(9_223_372_036 - 89, 9_223_372_037), unit="s").as_unit(unit)
+    model = DynamicBiasRegressor(time_constants=[5.0]).fit(X.set_axis(index), X["humidity"].to_numpy())
+    again = load_model(save_model(model, tmp_path / "m.json"))
+    np.testing.assert_array_equal(again.predict(X.set_axis(index)), model.predict(X.set_axis(index)))
+
+
 @pytest.mark.parametrize("value", [2**63, -(2**63), 10**30])
 def test_an_integer_that_could_not_be_read_again_is_not_written(value):
     with pytest.raises(ModelFileError, match=f"x is the integer {value}, which is too large"):

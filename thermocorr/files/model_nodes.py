@@ -169,7 +169,7 @@ def _unpack_ticks(node: dict[str, Any], where: str, kind: str, n: int, starts: l
         for step in given:
             total += step
             stamps.append(total)
-        if max(map(abs, stamps)) >= LARGEST_INTEGER // (1_000_000_000 // max(_per_second(node), 1)):
+        if max(map(abs, stamps)) > (LARGEST_INTEGER - 1) // (1_000_000_000 // max(_per_second(node), 1)):
             raise unexpected(f"{where}.ticks", "times", "times within three centuries of 1970")
         ticks = np.array(stamps, np.int64)
     back = np.flatnonzero(np.diff(ticks) <= 0) + 1
