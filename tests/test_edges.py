@@ -99,9 +99,7 @@ def test_a_temperature_whose_powers_are_no_numbers_has_no_result(T):
         assert (sample.flag, math.isnan(sample.corrected)) == (
             together["flag"].iloc[k], math.isnan(together["corrected"].iloc[k]),
         )  # fmt: skip
-    assert (
-        single[50].flag == "outside fitted range" and math.isnan(single[50].corrected) and math.isnan(single[50].bias)
-    )
+    assert single[50].flag == "sentinel" and math.isnan(single[50].corrected) and math.isnan(single[50].bias)
 
 
 @pytest.mark.parametrize("track", [None, "1 h"])

@@ -87,7 +87,7 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
     if best.key[1] is None and helpful:  # a recorded column before a kind that says nearly the same
         best = max((t for t in recorded if t.score >= best.score - TIE), key=lambda t: t.score, default=best)
     if best.key[1] is not None:  # a column as it is before the same column bent or late, all else equal
-        simpler = [t for t in tried if t.key[1] == best.key[1] and t.proven and t.size < best.size]
+        simpler = [t for t in near if t.key[1] == best.key[1] and t.proven and t.size < best.size]
         best = max((t for t in simpler if t.score >= best.score - TIE), key=lambda t: t.score, default=best)
     rivals = [
         t
