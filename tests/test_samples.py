@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from effect_records import LIVE, LIVE_NAMES, learned, log, whole
 
-from thermocorr.effects import CATALOGUE, Effect, ThermalLag
+from thermocorr import DynamicBiasRegressor
+from thermocorr.datasets import make_record
+from thermocorr.effects import CATALOGUE, Effect, Hysteresis, ThermalLag
 from thermocorr.effects.expressions import Decays, Lag, Word
 from thermocorr.effects.samples import STEPPED, Sample, SteppedLag, decay_and_gain_of_step, stepper_of
 from thermocorr.effects.stream import own_starts
@@ -141,3 +143,16 @@ def test_a_jittering_clock_does_not_fill_the_memory():
     for step in np.random.default_rng(0).uniform(1, 2, 1000).tolist():
         lags.step(20.0, step)
     assert len(lags.known) <= 64
+
+
+def test_compiled_play_is_the_loop_to_the_last_bit(monkeypatch):
+    pytest.importorskip("numba", reason="numba is not installed: there is no compiled play")
+    record = make_record(5000, seed=9)
+    results = []
+    for compiled in (True, False):
+        if not compiled:
+            monkeypatch.setattr("thermocorr.effects.signals.compiled_play", lambda: None)
+        model = DynamicBiasRegressor("temperature", ["10 min"], effects=[Hysteresis(0.4)])
+        model.fit(record[["temperature"]], record["reading"])
+        results.append(model.features_.transform(record[["temperature"]]))
+    np.testing.assert_array_equal(*results)

@@ -1,4 +1,4 @@
-"""The recursion as compiled code, where numba is installed (extra "fast"); about ten times faster than LAPACK's solver.
+"""Recursions as compiled code, where numba is installed (extra "fast"); about ten times faster than LAPACK's solver.
 
 Four time constants run side by side, so that the processor works on three while it waits for one. Set the environment
 variable THERMOCORR_COMPILED=0 to do without. Results agree with the plain path to the last digit or two.
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Recursion = Callable[[Floats, Floats, Floats, Floats, Floats], None]
+Play = Callable[[Floats, Floats, float, Floats], None]
 
 
 @cache
@@ -26,12 +27,35 @@ def compiled_recursion() -> Recursion | None:
     ``out[k] = decay[k] * out[k - 1] - gain[k] * change[k]``, `first` before `out`; `decay` and `gain` have n rows, or
     two where every step but the first is the same.
     """
+    compiled: Recursion | None = _compiled(_recursion)
+    return compiled
+
+
+@cache
+def compiled_play() -> Play | None:
+    """Function ``(low, high, position, out)`` that fills `out`, shape (n,); None without numba.
+
+    ``out[k]`` is ``out[k - 1]`` (`position` before the first) brought between ``low[k]`` and ``high[k]``.
+    """
+    compiled: Play | None = _compiled(_play)
+    return compiled
+
+
+def _compiled(function: Any) -> Any:
     if os.environ.get("THERMOCORR_COMPILED", "1") == "0" or find_spec("numba") is None:
         return None
     from numba import njit
 
-    compiled: Recursion = njit(cache=True, nogil=True)(_recursion)
-    return compiled
+    return njit(cache=True, nogil=True)(function)
+
+
+def _play(low: Any, high: Any, position: Any, out: Any) -> None:
+    for k in range(len(out)):
+        if position < low[k]:
+            position = low[k]
+        elif position > high[k]:
+            position = high[k]
+        out[k] = position
 
 
 def _recursion(change: Any, decay: Any, gain: Any, first: Any, out: Any) -> None:
