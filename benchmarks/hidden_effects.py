@@ -117,7 +117,7 @@ def judge(kind: str, setting: str, seed: int, strength: float) -> dict[str, Any]
         "suspects": suspects,
         "first": right,
         "named": right or (accused and true in suspects),
-        "owned up": not accused or (kind == "random_telegraph" and suspects[0] == "several_steps"),
+        "owned up": not accused or (kind == "random_telegraph" and suspects[0] in ("several_steps", "disturbance")),
         "column blamed": accused and ":" in suspects[0],
         "p_value": float(found.ranking["p_value"].min()),
         "seconds": spent,
