@@ -142,7 +142,7 @@ def test_dates_without_a_zone_and_spans_may_be_as_late_as_the_clock_counts(form)
 
     for times in (dates, dates - pd.Timestamp("1970-01-01").as_unit("us")):
         assert given(times).stamp(N - 1) == times[-1].as_unit("ns").value
-    with pytest.raises(RecordError, match="2262-04-11T18:00:00 in row 0"):
+    with pytest.raises(RecordError, match=r"2262-04-11T1[89]:00:00 in row 0"):
         given(dates.tz_localize("Europe/Berlin"))
 
 

@@ -169,10 +169,9 @@ def _unpack_array(node: dict[str, Any], where: str) -> np.ndarray:
     sizes = isinstance(shape, list) and all(type(size) is int and 0 <= size < 1 << 40 for size in shape)
     if not sizes or len(shape) > 8 or math.prod(shape) != len(flat):
         raise unexpected(f"{where}.shape", _shown(shape), f"the shape of {len(flat)} numbers")
-    try:
-        return np.array(values, dtype=dtype).reshape(shape)
-    except (OverflowError, ValueError):
-        raise unexpected(where, "numbers", f"numbers within the range of {dtype}") from None
+    if kind is int and values and not np.iinfo(dtype).min <= min(values) <= max(values) <= np.iinfo(dtype).max:
+        raise unexpected(where, "numbers", f"numbers within the range of {dtype}")  # old versions of NumPy wrap them
+    return np.array(values, dtype=dtype).reshape(shape)
 
 
 def _unpack_state(state: Any, values: Any, where: str) -> Any:
