@@ -1,9 +1,9 @@
 """Measured records with a hidden effect: is it named, and how far does the error fall?
 
-    python benchmarks/real_diagnosis.py ../shared/records
+    python benchmarks/real_diagnosis.py ../shared/records [--share 0.6]
 
-Base model: temperature only, defaults, first 70 % to learn; `diagnose` and `refine` see that part alone. Printed are
-the verdict, the first suspects, and the rms of the last 30 % (offset included) before and after.
+Base model: temperature only, defaults, the first share to learn (70 %); `diagnose` and `refine` see that part alone.
+Printed are the verdict, the first suspects, and the rms of the 30 % that follow (offset included) before and after.
 """
 
 from __future__ import annotations
@@ -18,49 +18,51 @@ import pandas as pd
 from thermocorr import DynamicBiasRegressor, RecordWarning, refine
 from thermocorr.datasets import load_real_record
 
-SHARE = 0.7
+SHARE, THEN = 0.7, 0.3
 
 
-def cases(folder: str) -> Iterator[tuple[str, pd.DataFrame, pd.Series, str, int]]:
+def cases(folder: str, share: float = SHARE) -> Iterator[tuple[str, pd.DataFrame, pd.Series, str, int]]:
     """Name, frame of temperature and suspects, reading, temperature column, rows to learn."""
     run = load_real_record("vhd200_resistor", folder, run="run10")
     X, y = run.drop(columns="resistance_ohm"), (run["resistance_ohm"] / 1000 - 1) * 1e6
-    yield "vhd200 run10", X, y, "oven_temp_degC", int(SHARE * len(X))
+    yield "vhd200 run10", X, y, "oven_temp_degC", int(share * len(X))
     meter = load_real_record("hp34420a_nanovoltmeter", folder, run="100mV")
     for channel in (1, 2):
         X = meter.drop(columns=[name for name in meter.columns if name.endswith("_V")])
         reading = (meter[f"dut_ch{channel}_V"] / 0.1 - 1) * 1e6
-        yield f"hp34420a 100mV ch{channel}", X, reading, "bath_temp_degC", int(SHARE * len(X))
+        yield f"hp34420a 100mV ch{channel}", X, reading, "bath_temp_degC", int(share * len(X))
     soil = load_real_record("oldtown_soil", folder)
     for depth in (5, 25):
         name = f"soil_temp_{depth}cm_degC"
         X = soil.drop(columns=[column for column in soil.columns if column.startswith("soil_temp")])
-        yield f"oldtown {depth} cm", X, soil[name], "air_temp_degC", int(SHARE * len(X))
+        yield f"oldtown {depth} cm", X, soil[name], "air_temp_degC", int(share * len(X))
     box = load_real_record("dmm_box_heater", folder, run="log11.2")
     yield (
         "heater log11.2",
         box.drop(columns="box_temp_degC"),
         box["box_temp_degC"],
         "room_temp_degC",
-        int(SHARE * len(box)),
+        int(share * len(box)),
     )
     decade = load_real_record("gr1433_resistor", folder)
     X, y = decade.drop(columns="resistance_ohm"), (decade["resistance_ohm"] / 1e5 - 1) * 1e6
-    yield "gr1433", X, y, "room_temp_degC", int(SHARE * len(X))
+    yield "gr1433", X, y, "room_temp_degC", int(share * len(X))
 
 
 def main() -> None:
     """Print a line for each record, and its steps."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", help="folder of the measured records")
+    parser.add_argument("--share", type=float, default=SHARE, help="share of the rows to learn from (default 0.7)")
     options = parser.parse_args()
     warnings.simplefilter("ignore", RecordWarning)
-    for name, X, y, temperature, n in cases(options.folder):
+    for name, X, y, temperature, n in cases(options.folder, options.share):
+        later = slice(n, n + int(THEN * len(X)))
         refinement = refine(DynamicBiasRegressor(temperature), X[:n], y[:n])
         first = refinement.diagnoses[0]
         base = DynamicBiasRegressor(temperature).fit(X[:n], y[:n])
         before, after = (
-            float(np.sqrt(np.nanmean(np.asarray(model.residuals(X[n:], y[n:]), float) ** 2)))
+            float(np.sqrt(np.nanmean(np.asarray(model.residuals(X[later], y[later]), float) ** 2)))
             for model in (base, refinement.model_)
         )
         print(f"{name}: {first.verdict}; test rms {before:.4g} -> {after:.4g}")

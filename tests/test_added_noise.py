@@ -1,6 +1,7 @@
 """Where a correction adds noise at short averaging times, and through which column."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from thermocorr import DynamicBiasRegressor
@@ -40,6 +41,15 @@ def test_the_loudest_column_is_named():
     model = DynamicBiasRegressor("temperature", ["10 min"], effects=[Covariate("supply")]).fit(X, y)
     loud = X.assign(supply=X["supply"] + 5 * X["supply"].std() * np.random.default_rng(4).standard_normal(len(X)))
     assert "through supply, which" in added_noise(model, loud, y)
+
+
+@pytest.mark.parametrize("missing", [400, 17_000])
+def test_rows_without_a_temperature_in_front_are_no_hindrance(missing):
+    model, X, y = noisy(0.3, 1)
+    bare = pd.DataFrame({"temperature": np.full(missing, np.nan)})
+    bare.index = X.index[0] - pd.Timedelta(minutes=1) * np.arange(missing, 0, -1)
+    longer = pd.concat([bare, X])
+    assert added_noise(model, longer, y.reindex(longer.index)) == added_noise(model, X, y) != ""
 
 
 def test_too_short_a_record_has_nothing_to_compare():

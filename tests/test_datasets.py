@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -232,16 +229,6 @@ def test_parameter_errors(options, words):
 # ------------------------------------------------------------------------------------ measured records
 
 
-@pytest.fixture
-def records_folder():
-    """Folder of the measured records; the test is skipped where there is none."""
-    default = Path(__file__).resolve().parents[1] / ".." / "shared" / "records"
-    folder = Path(os.environ.get("THERMOCORR_RECORDS") or default)
-    if not folder.is_dir():
-        pytest.skip(f"no folder of measured records at {folder}; set THERMOCORR_RECORDS to one")
-    return folder
-
-
 @pytest.mark.parametrize(
     ("name", "rows", "runs"),
     [
@@ -252,17 +239,17 @@ def records_folder():
         ("gr1433_resistor", 6_520, []),
     ],
 )
-def test_measured_record(records_folder, name, rows, runs):
-    if not (records_folder / name / f"{name}.csv").is_file():
-        pytest.skip(f"{records_folder} holds no {name}")
-    record = load_real_record(name, records_folder)
+def test_measured_record(measured, name, rows, runs):
+    if not (measured / name / f"{name}.csv").is_file():
+        pytest.skip(f"{measured} holds no {name}")
+    record = load_real_record(name, measured)
     assert len(record) == rows
     about = record.attrs
     assert {about["reading"], about["temperature"], *about["hidden_columns"]} <= set(record)
     assert about["license"] and about["hidden"]
     if runs:
         assert list(record[about["run_column"]].unique()) == runs
-        parts = [load_real_record(name, records_folder, run=run) for run in runs]
+        parts = [load_real_record(name, measured, run=run) for run in runs]
         pd.testing.assert_frame_equal(pd.concat(parts, ignore_index=name == "dmm_box_heater"), record)
     if name == "dmm_box_heater":
         assert isinstance(record.index, pd.RangeIndex) and record["time_s"].iloc[0] == 5.0
@@ -271,10 +258,10 @@ def test_measured_record(records_folder, name, rows, runs):
         assert (record.index.tz is not None) == (name != "hp34420a_nanovoltmeter")
 
 
-def test_deep_soil_is_almost_pure_diffusion(records_folder):
-    if not (records_folder / "oldtown_soil" / "oldtown_soil.csv").is_file():
-        pytest.skip(f"{records_folder} holds no oldtown_soil")
-    record = load_real_record("oldtown_soil", records_folder)
+def test_deep_soil_is_almost_pure_diffusion(measured):
+    if not (measured / "oldtown_soil" / "oldtown_soil.csv").is_file():
+        pytest.skip(f"{measured} holds no oldtown_soil")
+    record = load_real_record("oldtown_soil", measured)
     soil = record[["soil_temp_5cm_degC", "soil_temp_25cm_degC"]].dropna()
     shallow, deep = soil.to_numpy().T
     steps = soil.index.to_series().diff().dt.total_seconds().to_numpy()[1:]

@@ -13,6 +13,7 @@ from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.effects import Disturbance
 from thermocorr.equations.noise import RATIO, inverse_kernel
+from thermocorr.judgement.anywhere import filtered
 from thermocorr.judgement.cuts import change_gains, products_from
 from thermocorr.judgement.likelihood import Comparison
 from thermocorr.judgement.stretches import best_stretch, damped, lengths_of, squares_of
@@ -54,7 +55,7 @@ def test_another_law_at_every_row_is_as_good_as_its_columns(segment):
     law = 3 * (np.arange(n) >= 430) * (0.6 + T)
     judged = Comparison(rng.standard_normal(n) + markov(rng, n, 9.0) + law, base, segment)
     theta = judged.base.theta
-    gains = change_gains(judged, theta, np.ones(n), T)
+    gains = change_gains(judged, theta, np.ones(n), T, filtered(judged, theta))
     rows = list(range(60, n - 60, 7))
     judged.add([(np.arange(n) >= row)[:, None] * np.column_stack((np.ones(n), T)) for row in rows])
     expected = judged.screen(theta)

@@ -85,6 +85,18 @@ def test_decimals_of_parquet_are_the_nearest_numbers(tmp_path):
         log.times("t")
 
 
+@pytest.mark.parametrize("kind", ["binary", "dictionary"])
+def test_bytes_are_no_dates_whether_they_stand_once_or_often(kind, tmp_path):
+    pa = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    from pyarrow import parquet
+
+    times = pa.array([b"2024-03-04 01:00", b"2024-03-04 01:01", b"2024-03-04 01:02"])
+    times = times if kind == "binary" else times.dictionary_encode()
+    parquet.write_table(pa.table({"time": times, "temperature": [20.0, 21.0, 22.0]}), tmp_path / "t.parquet")
+    with pytest.raises(RecordError, match=r"holds a bytes in row 0. Give dates, spans or seconds"):
+        read_record(read_table(tmp_path / "t.parquet"), Layout("temperature", time="time"))
+
+
 # ----------------------------------------------------------------------------------------------------- live corrections
 
 

@@ -243,6 +243,20 @@ def test_a_place_is_named(victim, tmp_path):
         load_model(tmp_path / "m.json")
 
 
+@pytest.mark.parametrize("value", [1e300, -1e31])
+def test_a_reference_temperature_beyond_any_is_refused(victim, tmp_path, value):
+    """Its powers, and their products with anything, are no numbers."""
+    node = json.loads(victim[0].read_text())
+    places = [i for i, e in enumerate(node["model"]["effects"]) if "reference_temperature_" in e["learned"]]
+    assert len(places) >= 2
+    for i in places:
+        forged = copy.deepcopy(node)
+        forged["model"]["effects"][i]["learned"]["reference_temperature_"] = value
+        (tmp_path / "m.json").write_text(signed(forged))
+        with pytest.raises(ModelFileError, match=r"learned\.reference_temperature_ holds"):
+            load_model(tmp_path / "m.json")
+
+
 def test_an_interrupted_save_leaves_the_old_file(victim, tmp_path, monkeypatch):
     path = tmp_path / "m.json"
     save_model(victim[1], path, history_rows=5)

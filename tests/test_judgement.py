@@ -15,7 +15,7 @@ import thermocorr
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.equations.noise import Bands, fitted_parts
-from thermocorr.judgement.anywhere import best_period, step_gains
+from thermocorr.judgement.anywhere import best_period, filtered, step_gains
 from thermocorr.judgement.blocks import averaged, evenness, spans
 from thermocorr.judgement.candidates import suspect_record
 from thermocorr.judgement.levels import RIDGE
@@ -96,7 +96,7 @@ def test_a_step_at_every_row_is_as_good_as_its_column(segment):
     reading = rng.standard_normal(n) + 2.0 * (np.arange(n) >= 130) + markov(rng, n, 9.0)
     judged = Comparison(reading, base, segment)
     theta = judged.base.theta
-    gains = step_gains(judged, theta, np.ones(n))
+    gains = step_gains(judged, theta, np.ones(n), filtered(judged, theta))
     rows = list(range(1, n, 7))
     judged.add([(np.arange(n) >= row).astype(float)[:, None] for row in rows])
     np.testing.assert_allclose(gains[rows], judged.screen(theta), rtol=1e-6, atol=1e-9)
@@ -108,8 +108,10 @@ def test_the_strongest_wave_has_its_period():
     rng = np.random.default_rng(5)
     reading = rng.standard_normal(n) + 0.5 * np.sin(2 * np.pi * np.arange(n) / 87.0)
     judged = Comparison(reading, np.ones((n, 1)), np.zeros(n))
-    assert best_period(judged, judged.only_white(), np.arange(n), n / 3) == pytest.approx(87.0, rel=0.02)
-    assert best_period(judged, judged.only_white(), np.arange(n), 50.0) < 50.0
+    theta, place = judged.only_white(), np.arange(n)
+    rows = filtered(judged, theta)
+    assert best_period(judged, theta, place, n / 3, rows) == pytest.approx(87.0, rel=0.02)
+    assert best_period(judged, theta, place, 50.0, rows) < 50.0
 
 
 @pytest.mark.parametrize(("exponent", "low", "first"), [(1, 0.95, 0), (2, 0.85, 8)])
@@ -131,7 +133,7 @@ def test_a_wave_under_wandering_noise_is_found_across_a_pause_where_it_gains_mos
     reading = rng.standard_normal(n) + 3 * markov(rng, n, 200.0) + 3 * np.cos(2 * np.pi * place / 310.0)
     judged = Comparison(reading, base, np.repeat([0, 1], [1500, n - 1500]))
     theta = judged.base.theta
-    found = best_period(judged, theta, place, n / 3)
+    found = best_period(judged, theta, place, n / 3, filtered(judged, theta))
     assert found == pytest.approx(310.0, rel=0.03)
     periods = [found, *np.geomspace(3, n / 3, 300)]
     waves = [np.column_stack([f(2 * np.pi * place / period) for f in (np.cos, np.sin)]) for period in periods]

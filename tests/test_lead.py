@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from effect_records import columns_of, learned, log, whole
 from scipy.signal import lfilter
+from sklearn.base import clone
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, diagnose
 from thermocorr.datasets import make_record
@@ -27,6 +28,19 @@ def test_the_column_is_the_temperature_of_a_while_later():
     column = whole(effect, record)[:, 0]
     ends = [segment.stop - 1 for segment in record.segments]
     assert len(ends) == 2 and (column[ends] == 0).all()  # where a segment ends nothing more is known
+
+
+@pytest.mark.parametrize("where", [0, 1500, 2999])
+def test_a_refused_temperature_ahead_is_passed_over(where):
+    """As if its row had not been recorded."""
+    record = make_record(3000, seed=4)
+    X, y = record[["temperature"]], record["reading"]
+    model = DynamicBiasRegressor("temperature", ["10 min"], effects=[Lead(600.0)])
+    damaged = X.where(np.arange(3000)[:, None] != where, 9.9e37)
+    found, kept = clone(model).fit(damaged, y), np.arange(3000) != where
+    expected = clone(model).fit(X[kept], y[kept])
+    np.testing.assert_allclose(found.coef_, expected.coef_, rtol=1e-9)
+    np.testing.assert_allclose(found.predict(damaged)[kept], expected.predict(X[kept]), rtol=1e-9)
 
 
 def test_streams_and_devices_refuse_what_they_cannot_know(tmp_path):

@@ -127,6 +127,27 @@ def test_a_first_time_so_large_that_a_second_less_is_the_same(first):
     assert "stale time" not in {sample.flag for sample in single}
 
 
+@pytest.mark.parametrize(("gap", "minutes"), [(None, 10), ("10 min", 10), ("1 h", 60)])
+@pytest.mark.parametrize("late", [3, 9, 27, 400])
+def test_a_false_first_time_is_doubted_wherever_the_stream_is_cut(late, gap, minutes):
+    """A date beyond the gap is taken back by the next sample, also in a corrector that was restored between the two."""
+    X, y = stream(80, 6, holes=False)
+    X = X.set_axis(pd.date_range("2024-03-01", periods=80, freq="1min"))
+    model = DynamicBiasRegressor(time_constants=[300.0], max_gap=gap).fit(X[:60], y[:60].to_numpy())
+    times = X.index[60:].where(np.arange(20) > 0, X.index[60] + pd.Timedelta(minutes=late))
+    rows = list(zip(times, X["temperature"][60:], y[60:], strict=True))
+    live = OnlineCorrector(model)
+    whole = [live.update(*row) for row in rows]
+    for cut in (1, 2, 5):
+        live = OnlineCorrector(model)
+        before = [live.update(*row) for row in rows[:cut]]
+        again = OnlineCorrector.from_state(model, json.loads(json.dumps(live.state())))
+        samples = [*before, *(again.update(*row) for row in rows[cut:])]
+        assert [s.flag for s in samples] == [s.flag for s in whole]
+        np.testing.assert_array_equal([s.corrected for s in samples], [s.corrected for s in whole])
+    assert (sum(math.isnan(s.corrected) for s in whole) <= 1) == (late >= minutes)
+
+
 @pytest.mark.parametrize("zone", [None, "UTC"])
 def test_dates_of_the_other_kind_are_refused_in_any_form(zone):
     """Whoever leaves out the zone may mean any hour."""

@@ -22,9 +22,9 @@ def test_a_refinement_shows_before_and_after(browser, tmp_path):
     refinement.save_html(tmp_path / "refinement.html")
     opened(browser, tmp_path / "refinement.html")
     assert complaints(browser) == []
-    expected = refinement.steps[["held_out_rms", "rms", "db"]].to_numpy()
+    expected = refinement.steps[["held_out_rms", "later_rms", "rms", "db"]].to_numpy()
     found = numbers(browser, ".steps")
-    assert found[0] == expected[0, :2].tolist()
+    assert found[0] == expected[0, :3].tolist()
     assert found[1:] == expected[1:].tolist()
     before, after = browser.execute_script("return thermocorr.charts.refined.panels.map(u => u.data[1])")
     for drawn, diagnosis in zip((before, after), (refinement.diagnoses[0], refinement.diagnoses[-1]), strict=True):

@@ -151,7 +151,7 @@ def test_compiled_play_is_the_loop_to_the_last_bit(monkeypatch):
     results = []
     for compiled in (True, False):
         if not compiled:
-            monkeypatch.setattr("thermocorr.effects.signals.compiled_play", lambda: None)
+            monkeypatch.setattr("thermocorr.equations.compiled._compiled_play", lambda: None)
         model = DynamicBiasRegressor("temperature", ["10 min"], effects=[Hysteresis(0.4)])
         model.fit(record[["temperature"]], record["reading"])
         results.append(model.features_.transform(record[["temperature"]]))

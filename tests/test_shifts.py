@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr.judgement.anywhere import filtered
 from thermocorr.judgement.likelihood import Comparison
 from thermocorr.judgement.shifts import Shifts
 
@@ -30,15 +31,19 @@ def test_all_delays_at_once_gain_what_each_does_alone():
     shifts = Shifts(judged, T, segment, weight)
     assert shifts.most == 15
     for theta in (judged.base.theta, judged.only_white()):
-        np.testing.assert_allclose(shifts.gains(judged, theta), judged.screen(theta), rtol=1e-6, atol=1e-8)
-    assert shifts.gains(judged, judged.base.theta).argmax() == 10
+        np.testing.assert_allclose(
+            shifts.gains(judged, theta, filtered(judged, theta)), judged.screen(theta), rtol=1e-6, atol=1e-8
+        )
+    theta = judged.base.theta
+    assert shifts.gains(judged, theta, filtered(judged, theta)).argmax() == 10
 
 
 def test_no_delay_is_tried_where_segments_are_short():
     segment = np.repeat(np.arange(30), 60)
     T = np.random.default_rng(2).standard_normal(1800)
     judged = Comparison(T, np.ones((1800, 1)), segment)
-    assert Shifts(judged, T, segment, np.ones(1800)).gains(judged, judged.base.theta).shape == (0,)
+    theta, weight = judged.base.theta, np.ones(1800)
+    assert Shifts(judged, T, segment, weight).gains(judged, theta, filtered(judged, theta)).shape == (0,)
 
 
 @pytest.mark.parametrize("seed", [1, 2])

@@ -17,12 +17,12 @@ from ..effects.protocol import Effect, refuse_foresight
 from ..effects.signals import BlockSignals
 from ..effects.stream import walk
 from ..equations import LagState, TriangularFactor, lags_at_end
-from ..equations.spikes import Scanned, Usual
+from ..equations.spikes import Scanned, Usual, scan_stretch
 from ..estimators.fitting import block_rows, reading_offset, sweep
 from ..estimators.threads import one_blas_thread
 from ..records import BLOCK_ROWS, Block, Layout, ParquetLog, Record, RecordError, Segment, SegmentStart, read_record
 from ..records.record import Moments
-from ..records.screen import LeftOut, scan_stretch
+from ..records.screen import LeftOut
 
 Part = Any
 """A `ParquetLog` or a DataFrame."""

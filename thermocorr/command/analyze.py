@@ -193,7 +193,8 @@ def _judge(
         say(f"Not judged: {error}")
         return Judged(model, reason=f"Not judged: {error}")
     first = refinement.diagnoses[0]
-    say(f"{first}\n\n{places(first)}\n\nThe error, step by step (held out: blocks of time that the fit did not see):\n")
+    say(f"{first}\n\n{places(first)}\n\nThe error, step by step (held out: blocks of time that the fit did not see;")
+    say("later: blocks foretold from everything before):\n")
     say(f"{refinement}\n")
     return Judged(refinement.model_, first, refinement)
 

@@ -158,7 +158,7 @@ class Interaction(Effect):
     """
 
     kind = "interaction"
-    learned = {"mean_": "number", "reference_temperature_": "number", "temperature_name_": "column"}
+    learned = {"mean_": "number", "reference_temperature_": "temperature", "temperature_name_": "column"}
     info = EffectInfo(
         physics="The temperature coefficient depends on another recorded quantity, such as supply or load.",
         bench_check="Measure the temperature coefficient at two values of that quantity: it differs.",

@@ -87,17 +87,18 @@ class Lead(Effect):
         record, elapsed = block.record, block.elapsed
         until, stop = elapsed[-1] + self.lead_, block.stop
         last = record.segments[block.segment].stop
-        while stop < last and self._elapsed(block, stop - 1, stop)[0] < until:
+        while stop < last and self._elapsed(block, record.rows_at(np.array([stop - 1])))[0] < until:
             stop = min(stop + max(64, (stop - block.start) // 4), last)
-        later = np.asarray(record.columns[record.temperature_name][record.rows(block.start, stop)], float)
-        ahead = np.interp(elapsed + self.lead_, self._elapsed(block, block.start, stop), later) - block.temperature
+        rows = record.rows_at(np.setdiff1d(np.arange(block.start, stop), record.skipped))
+        later = np.asarray(record.columns[record.temperature_name][rows], float)
+        ahead = np.interp(elapsed + self.lead_, self._elapsed(block, rows), later) - block.temperature
         if not len(self.time_constants_):
             return ahead, None
         lagged, state = lag_differences(ahead, block.steps, self.time_constants_, state)  # eq. (19)
         return np.column_stack((ahead, lagged)), state
 
-    def _elapsed(self, block: Block, start: int, stop: int) -> np.ndarray:
-        return np.asarray(block.record.times.seconds(block.record.rows(start, stop), block.segment_zero))
+    def _elapsed(self, block: Block, rows: np.ndarray) -> np.ndarray:
+        return np.asarray(block.record.times.seconds(rows, block.segment_zero))
 
     def label(self) -> str:
         """``lead: 40 s``."""

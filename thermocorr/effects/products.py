@@ -26,7 +26,7 @@ class LagProducts(Effect):
     """
 
     kind = "lag_products"
-    learned = {"time_constants_": "times", "reference_temperature_": "number", "temperature_name_": "column"}
+    learned = {"time_constants_": "times", "reference_temperature_": "temperature", "temperature_name_": "column"}
     info = EffectInfo(
         physics="Heat flow inside the device bends the reading, or the device follows faster where it is warm: the "
         "dynamic law is not linear.",

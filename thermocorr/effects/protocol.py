@@ -63,8 +63,9 @@ class Effect(BaseEstimator):
     info: ClassVar[EffectInfo | None] = None
     """What the catalogue says about it."""
     learned: ClassVar[Mapping[str, str] | None] = None
-    """What `learn` fixes, in order: attribute -> "number", "positive", "text", "column" (a name or number), or "times"
-    (those of the parameter `time_constants`). A model file that holds anything else is refused; None: not checked."""
+    """What `learn` fixes, in order: attribute -> "number", "temperature", "positive", "text", "column" (a name or
+    number), or "times" (those of the parameter `time_constants`). A model file that holds anything else is refused;
+    None: not checked."""
     of_time_alone: ClassVar[bool] = False
     """True for what needs nothing but the clock: a noise that wanders can look like it."""
     foresees: ClassVar[bool] = False

@@ -5,20 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-from sklearn.base import clone
-
 from ..records import Record
-from .grids import longest_segment, time_quantiles
-from .moments import MOMENT, moment_text, shown, since_start
-from .protocol import Effect, EffectInfo
+from .protocol import EffectInfo
 from .signals import Signals
 from .thermal import column_text
+from .time import Step
 
-_TIMES = 12
 
-
-class SensitivityStep(Effect):
+class SensitivityStep(Step):
     """Another static law from a moment on: an offset, and a sensitivity to temperature, both 0 before it.
 
     The static coefficients keep their meaning: they are those of the law before the moment. `Step` is the same without
@@ -39,13 +33,7 @@ class SensitivityStep(Effect):
     """
 
     kind = "sensitivity_step"
-    of_time_alone = True
-    learned = {
-        "seconds_": "number",
-        "moment_": "text",
-        "reference_temperature_": "number",
-        "temperature_name_": "column",
-    }
+    learned = {**Step.learned, "reference_temperature_": "temperature", "temperature_name_": "column"}
     info = EffectInfo(
         physics="The instrument was repaired, readjusted, reloaded or damaged: from then on it has another law, offset "
         "and sensitivity to temperature alike.",
@@ -56,28 +44,13 @@ class SensitivityStep(Effect):
         example={"time": "2 days"},
         place=3.4,
     )
-    _parameter_constraints = {"time": MOMENT, "removed_by_correct": ["boolean"]}
 
     def __init__(self, time: Any, removed_by_correct: bool = True):
-        self.time = time
-        self.removed_by_correct = removed_by_correct
-
-    @classmethod
-    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """Times that part the record's rows into even shares; a diagnosis looks at every row besides."""
-        shares = np.linspace(0.0, 1.0, _TIMES + 2)[1:-1]
-        return [cls(time) for time in sorted({float(t) for t in time_quantiles(record, shares) if t > 0})]
-
-    def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
-        """Moments `share` of a fiftieth of the record away."""
-        moment, reach = since_start(self.time, record), share * longest_segment(record) / 50
-        return [clone(self).set_params(time=moment + side * reach) for side in (-1, 1)]
+        super().__init__(time, removed_by_correct)
 
     def learn(self, record: Record) -> None:
         """Convert the moment to seconds since the record began, and to a date where there are dates; fix T0."""
-        self._validate_params()
-        self.seconds_ = since_start(self.time, record, effect="SensitivityStep")
-        self.moment_ = moment_text(self.seconds_, record)
+        super().learn(record)
         self.reference_temperature_ = record.moments(record.temperature_name).mean
         self.temperature_name_ = record.temperature_name
 
@@ -94,7 +67,3 @@ class SensitivityStep(Effect):
         """0 before; 1 and T - T0 from the moment on."""
         later = x.seconds >= self.seconds_
         return [x.where(later, 1.0, 0.0), x.where(later, x.T - self.reference_temperature_, 0.0)]
-
-    def label(self) -> str:
-        """``sensitivity step: 2024-03-05 00:00:00``."""
-        return f"sensitivity step: {getattr(self, 'moment_', shown(self.time))}"

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..equations import LagState, decays, lag_differences
-from ..equations.compiled import compiled_play
+from ..equations.compiled import play
 from ..records import Block
 
 Numbers = Sequence[float] | np.ndarray
@@ -185,21 +185,9 @@ class BlockSignals(Signals):
 
     def play(self, value: Any, width: float) -> Any:
         position = float(next(self._before, value[0]))
-        run = compiled_play()
-        if run is not None:
-            out = np.empty(len(value))
-            run(np.asarray(value - width / 2), np.asarray(value + width / 2), position, out)
-            self._after.append(float(out[-1]))
-            return out
-        followed = []
-        for low, high in zip((value - width / 2).tolist(), (value + width / 2).tolist(), strict=True):
-            if position < low:
-                position = low
-            elif position > high:
-                position = high
-            followed.append(position)
-        self._after.append(position)
-        return np.array(followed)
+        followed = play(np.asarray(value - width / 2), np.asarray(value + width / 2), position)
+        self._after.append(float(followed[-1]))
+        return followed
 
     def delayed(self, value: Any, delay: float) -> Any:
         before, now = next(self._before, None), self.block.elapsed

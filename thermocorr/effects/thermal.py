@@ -56,7 +56,7 @@ class StaticPolynomial(Effect):
     """
 
     kind = "static_polynomial"
-    learned = {"temperature_name_": "column", "reference_temperature_": "number"}
+    learned = {"temperature_name_": "column", "reference_temperature_": "temperature"}
     info = EffectInfo(
         physics="The static law of the reading over temperature is curved.",
         bench_check="Hold the temperature at five or more levels until the reading has settled: the levels do not lie "
@@ -128,7 +128,7 @@ class ThermalLag(Effect):
     """
 
     kind = "thermal_lag"
-    learned = {"time_constants_": "times", "reference_temperature_": "number"}
+    learned = {"time_constants_": "times", "reference_temperature_": "temperature"}
     info = EffectInfo(
         physics="A part of the device follows the ambient temperature later (or earlier) than the model allows.",
         bench_check="Step the temperature and log the reading until it rests: fit the time constant of what is left.",

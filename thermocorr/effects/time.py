@@ -140,7 +140,7 @@ class SensitivityDrift(Effect):
     """
 
     kind = "sensitivity_drift"
-    learned = {"centre_": "number", "reference_temperature_": "number", "temperature_name_": "column"}
+    learned = {"centre_": "number", "reference_temperature_": "temperature", "temperature_name_": "column"}
     info = EffectInfo(
         physics="The temperature coefficient itself changes with time, as glue, solder or a compensation ages.",
         bench_check="Measure the temperature coefficient by the same temperature cycle before and after: it differs.",
@@ -223,7 +223,7 @@ class Step(Effect):
     def learn(self, record: Record) -> None:
         """Convert the moment to seconds since the record began, and to a date where there are dates."""
         self._validate_params()
-        self.seconds_ = since_start(self.time, record)
+        self.seconds_ = since_start(self.time, record, effect=type(self).__name__)
         self.moment_ = moment_text(self.seconds_, record)
 
     def names(self) -> list[str]:
@@ -236,4 +236,4 @@ class Step(Effect):
 
     def label(self) -> str:
         """``step: 2024-03-05 00:00:00``."""
-        return f"step: {getattr(self, 'moment_', shown(self.time))}"
+        return f"{self.kind.replace('_', ' ')}: {getattr(self, 'moment_', shown(self.time))}"

@@ -31,12 +31,20 @@ def compiled_recursion() -> Recursion | None:
     return compiled
 
 
-@cache
-def compiled_play() -> Play | None:
-    """Function ``(low, high, position, out)`` that fills `out`, shape (n,); None without numba.
+def play(low: Floats, high: Floats, position: float) -> Floats:
+    """A position that is pushed, shape (n,): the last one (first `position`), brought between ``low`` and ``high``."""
+    compiled = _compiled_play()
+    if compiled is None:
+        followed = [0.0] * len(low)
+        _play(low.tolist(), high.tolist(), position, followed)
+        return np.array(followed)
+    out = np.empty(len(low))
+    compiled(low, high, position, out)
+    return out
 
-    ``out[k]`` is ``out[k - 1]`` (`position` before the first) brought between ``low[k]`` and ``high[k]``.
-    """
+
+@cache
+def _compiled_play() -> Play | None:
     compiled: Play | None = _compiled(_play)
     return compiled
 

@@ -8,7 +8,7 @@ the record's jumps of that size return than stay: a random telegraph has no spik
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,6 +45,8 @@ CODES = (85.0, -127.0, -273.15, 327.67, -327.68, 999.0, 999.9, 999.99, 9999.0, 9
 """Numbers that stand for "no value", those of nines with either sign: DS18B20 at power-on (85) and unplugged (-127),
 ends of integers, and what loggers write."""
 ALL_CODES = np.unique([sign * code for code in CODES for sign in (1.0, -1.0 if "999" in str(code) else 1.0)])
+CHUNK = 8000
+"""Rows that are looked at together: they stay in the cache, and their memory is used again."""
 HALO = 64
 """Rows to either side that decide on a row, missing ones included."""
 _BINS, _PER_OCTAVE = 512, 8
@@ -230,6 +232,16 @@ def scan(values: Floats, low: int, high: int, usual: Usual) -> Scanned:
     kept = np.delete(values[left], spiked)
     ends = float(kept.min(initial=np.inf)), float(kept.max(initial=-np.inf))
     return Scanned(codes, left[spiked][inside], heights[inside], jumps, *ends)
+
+
+def scan_stretch(
+    read: Callable[[int, int], Floats], start: int, stop: int, first: int, last: int, usual: Usual
+) -> Iterator[Scanned]:
+    """Look at the rows ``start:stop``, a chunk at a time; their neighbours may lie in ``first:last``."""
+    for low in range(start, stop, CHUNK):
+        high = min(low + CHUNK, stop)
+        before, behind = max(low - HALO, first), min(high + HALO, last)
+        yield scan(read(before, behind), low - before, high - before, usual).moved(before)
 
 
 def _coded(values: Floats, usual: Usual) -> Booleans:

@@ -14,6 +14,7 @@ from ..effects.expressions import Delayed, Lag, Word, words_of
 from ..effects.signals import DelayState
 from ..effects.thermal import seconds_array
 from ..equations import LagState
+from ..equations.spikes import OVERLOAD
 from .codec import (
     MOST_STATE,
     ModelFileError,
@@ -59,6 +60,7 @@ def _each(value: Any, where: str, check: Callable[[Any, str], Any]) -> None:
 
 CHECKS: dict[str, Callable[[Any, str, Any], Any]] = {
     "number": lambda value, where, effect: number(value, where, -1e300, 1e300),
+    "temperature": lambda value, where, effect: number(value, where, -OVERLOAD, OVERLOAD),
     "positive": lambda value, where, effect: positive(value, where),
     "positive or None": lambda value, where, effect: value is None or positive(value, where),
     "numbers": lambda value, where, effect: _each(value, where, lambda item, at: number(item, at, -1e300, 1e300)),

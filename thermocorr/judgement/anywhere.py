@@ -20,14 +20,13 @@ def filtered(judged: Comparison, theta: np.ndarray) -> np.ndarray:
     return judged.bands.back(np.column_stack((judged.left(theta), judged.Q)) * W[:, None])
 
 
-def step_gains(judged: Comparison, theta: np.ndarray, weight: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+def step_gains(judged: Comparison, theta: np.ndarray, weight: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Log likelihood that a step at each row gains under a given noise; 0 at the first row.
 
     `weight` is what rows are weighted with, shape (n,); where it is not 1, the result is an approximation. `rows` is
-    what `filtered` has said already.
+    what `filtered` says.
     """
     W = 1 / judged.bands.each_row(judged.S(theta))
-    rows = filtered(judged, theta) if rows is None else rows
     sums = np.cumsum((rows * weight[:, None])[::-1], axis=0)[::-1]
     full = _squares(judged, W) * np.cumsum(weight[::-1] ** 2)[::-1] / np.arange(judged.n, 0, -1)
     own = full - judged.taken(theta, sums[:, 1:])
@@ -52,24 +51,22 @@ def _squares(judged: Comparison, W: np.ndarray) -> np.ndarray:
 
 
 def best_period(
-    judged: Comparison, theta: np.ndarray, place: np.ndarray, most: float, rows: np.ndarray | None = None
+    judged: Comparison, theta: np.ndarray, place: np.ndarray, most: float, rows: np.ndarray
 ) -> float | None:
     """Period of the wave that gains most under a given noise, at most `most`; None where none can be told.
 
     `place`, shape (n,), is where the rows lie on an even grid, in whole steps; periods are in these steps. Moments of
     waves of all periods with reading and base are Fourier transforms. A wave's own weighted square is that of one that
-    fits into the record. `rows` is what `filtered` has said already.
+    fits into the record. `rows` is what `filtered` says.
     """
-    bands, S = judged.bands, judged.S(theta)
-    weighted = filtered(judged, theta) if rows is None else rows
-    even = np.zeros((next_fast_len(2 * int(place.max() + 1), real=True), weighted.shape[1]))
-    np.add.at(even, place, weighted)
+    even = np.zeros((next_fast_len(2 * int(place.max() + 1), real=True), rows.shape[1]))
+    np.add.at(even, place, rows)
     angle = 2 * np.pi * np.arange(len(even) // 2 + 1) / len(even)
     tried = (angle >= 2 * np.pi / most) & (angle < NYQUIST * np.pi)
     if not tried.any():
         return None
     angle, moments = angle[tried], rfft(even, axis=0)[tried]
-    own = judged.n / 2 / np.interp(angle, bands.middle, S)
+    own = judged.n / 2 / np.interp(angle, judged.bands.middle, judged.S(theta))
     x, y = moments[:, 0].real, moments[:, 0].imag
     a, b = own - judged.taken(theta, moments[:, 1:].real), own - judged.taken(theta, moments[:, 1:].imag)
     alive = np.minimum(a, b) > LEAST_OWN * own  # what is taken by both together is little where each keeps most

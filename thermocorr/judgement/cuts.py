@@ -11,7 +11,6 @@ import numpy as np
 from scipy.signal import lfilter
 
 from ..equations.noise import inverse_kernel
-from .anywhere import filtered
 from .levels import FAINT, LEAST_OWN, TAKEN
 from .likelihood import Comparison
 
@@ -69,7 +68,7 @@ def change_gains(
     theta: np.ndarray,
     weight: np.ndarray,
     temperature: np.ndarray,
-    rows: np.ndarray | None = None,
+    rows: np.ndarray,
 ) -> np.ndarray:
     """Log likelihood that another offset and sensitivity from each row on gain under a given noise, shape (n,).
 
@@ -79,10 +78,9 @@ def change_gains(
     theta : array of shape (parts,)
     weight, temperature : arrays of shape (n,)
         What rows are weighted with, and the temperature less its mean.
-    rows : array, optional
-        What `filtered` has said already.
+    rows : array of shape (n, 1 + p)
+        What `anywhere.filtered` says.
     """
-    rows = filtered(judged, theta) if rows is None else rows
     bent = temperature / max(float(np.std(temperature)), 1e-300) * weight
     columns = np.column_stack((weight, bent))
     a, b = np.cumsum((rows[:, :1] * columns)[::-1], axis=0)[::-1].T

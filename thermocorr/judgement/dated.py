@@ -55,7 +55,7 @@ def moment(pool: Pool, row: int) -> float:
     return float(np.mean(pool.data.seconds[row - 1 : row + 1]))
 
 
-def _from(pool: Pool, kind: type[Step] | type[SensitivityStep], row: int) -> Explanation:
+def _from(pool: Pool, kind: type[Step], row: int) -> Explanation:
     """What begins between an averaged row and the one before it."""
     effect = kind(moment(pool, row))
     effect.learn(pool.record)

@@ -1,4 +1,4 @@
-"""What the model's own lags lack: a lag, a delay or a rate, judged beside them alone.
+"""What the model's own lags lack: a lag, a delay, a rate or a lead, judged beside them alone.
 
 Other causes are judged beside many lags, so that a poor thermal part makes none of them look guilty. Where none was
 found, the many lags make room for the model's few, and what these leave is looked at. Beside a cause that is missing,

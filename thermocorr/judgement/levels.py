@@ -137,8 +137,8 @@ MOST_STEPS = 40
 THERMAL = ("thermal_lag", "delay", "rate", "lead")
 """Kinds that a better thermal part could do without, the usual one first."""
 SIZEABLE = 0.1
-"""Rms of what a missing lag, delay or rate explains, over the noise of one sample, that must clearly be exceeded beside
-the model's own lags: they need not be better."""
+"""Rms of what a missing lag, delay, rate or lead explains, over the noise of one sample, that must clearly be exceeded
+beside the model's own lags: they need not be better."""
 STRUCTURE = 12.0
 """Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: eight parts
 are estimated, for which 12 has an error probability of 0.002 (chi-square, eight degrees of freedom)."""
@@ -166,7 +166,7 @@ HELPS = 0.9995
 SAME = 1.002
 """Ratio of errors on later data within which these cannot tell: a step in the last block of a record."""
 TRIES = 4
-"""Causes that are tried in a step: beyond, on soil, nothing helped that had not before."""
+"""Causes that are tried in a step, the one worth most on data not learned from first; each costs eleven fits."""
 SUPERFLUOUS = 1.001
 """Errors over those before, up to which a model with an effect less, or a plainer one, is preferred."""
 UNNAMED = 2

@@ -65,9 +65,11 @@ def refine(
 ) -> Refinement:
     """Add the best missing effect, fit, diagnose again, until nothing supportable is missing.
 
-    An effect is kept only if the error on later blocks of time falls, each foretold from everything before it, and
-    held-out blocks agree; where later blocks cannot tell, held-out ones decide. One that a later effect makes
-    superfluous leaves again; at the end the effects' parameters are tuned together.
+    Two errors decide: on held-out blocks of time, and on blocks of the later half, each foretold from everything before
+    it. An effect is kept only if one of them falls by more than the other rises; where later blocks cannot tell,
+    held-out ones decide. What depends on time alone must raise neither, and what diagnosis does not name must lower
+    both by 1 dB. An effect that a later one makes superfluous leaves again; at the end the effects' parameters are
+    tuned together.
 
     Parameters
     ----------

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..estimators.holdout import rms
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record
 from ..records.thinned import Thinned, ThinnedLog, row_means
@@ -26,7 +27,7 @@ def residuals_of(model: DynamicBiasRegressor, X: Any, y: Any, record: Record) ->
     if not isinstance(record, Thinned):
         residual = np.array(model.residuals(X, y), float)
         residual[refused] = np.nan
-        return residual, float(np.sqrt(np.nanmean(residual**2)))
+        return residual, rms(residual)
     if isinstance(X, ThinnedLog):
         residual = np.array(model.residuals(X, y), float)
         return residual, single_rms(residual, record)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from .anywhere import filtered
 from .levels import LATEST
 from .likelihood import Comparison
 
@@ -55,15 +54,13 @@ class Shifts:
         self.squares = np.concatenate([np.zeros((len(judged.zz), 0)), *squares], axis=1)
         """Sums of squares of each delay's column in each band, shape (bands, most)."""
 
-    def gains(self, judged: Comparison, theta: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+    def gains(self, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Log likelihood that each delay gains under a given noise, shape (most,).
 
-        Where rows are left out as spikes, the result is an approximation. `rows` is what `anywhere.filtered` has said
-        already.
+        Where rows are left out as spikes, the result is an approximation. `rows` is what `anywhere.filtered` says.
         """
-        weighted = filtered(judged, theta) if rows is None else rows
-        moments = np.empty((self.most, weighted.shape[1]))
-        for j, column in enumerate((weighted * self.weight[:, None]).T):
+        moments = np.empty((self.most, rows.shape[1]))
+        for j, column in enumerate((rows * self.weight[:, None]).T):
             even = np.zeros(self.size)
             even[self.place] = column
             together = irfft(rfft(even) * self.T.conj(), self.size)

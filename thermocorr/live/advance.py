@@ -93,7 +93,6 @@ class Stream:
         """Go on where `state` was taken."""
         self.last, self._run, self._seen = state.last, state.run, list(state.seen)
         self._open, self._until = state.open, -math.inf
-        self._since_fit = math.inf if state.key is None else 0.0
         if state.open:
             self._take_up(state.key, state.segment_zero, state.states)
 
@@ -106,7 +105,8 @@ class Stream:
         if run != self._run or not stamp < self.last:
             return False
         if before.last is None or before.run != run:  # the first of its run, unless it follows closely on the fit
-            return not self._since_fit <= self.gap
+            key = self._sample.key if self._open else None
+            return key is None or self.history.step_before(key, self.last) > self.gap
         return bool(stamp > before.last)
 
     # ------------------------------------------------------------------------------------------------- one by one
@@ -181,7 +181,6 @@ class Stream:
         if first:
             self._seen.append(run)
         tied = self.history.tie(stamp, run, values, first) if self.continues else None
-        self._since_fit = math.inf if tied is None else tied[0].step or 0.0
         nothing: list[Any] = [None] * len(self.effects)
         if tied is None:
             return None, nothing

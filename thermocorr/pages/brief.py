@@ -54,13 +54,15 @@ def brief_refinement(refinement: RefinementLike) -> str:
         (
             f"{row.step} {row.effect or 'as given'}",
             number(row.held_out_rms),
+            number(row.later_rms),
             number(row.rms),
             decibels(row.db) if row.step else "",
             row.verdict,
         )
         for row in each_row(refinement.steps)
     ]
-    head = ("step", with_unit("held-out rms", last.unit), with_unit("rms of the fit", last.unit), "held out", "verdict")
+    errors = [with_unit(name, last.unit) for name in ("held-out rms", "later rms", "rms of the fit")]
+    head = ("step", *errors, "held out", "verdict")
     return _box([_table(head, rows), *_over_time(last, "Residual of the last model")])
 
 

@@ -32,9 +32,16 @@ def steps(refinement: RefinementLike, title: str, *figures: Any) -> Section:
     """The error, step by step."""
     frame = refinement.steps
     unit = refinement.diagnoses[0].unit
-    sentence: Any = "Nothing was added: no effect lowers the error on blocks of time that the fit did not see."
+    sentence: Any = (
+        "Nothing was added: no effect that was tried lowers the error on held-out blocks and on later ones together."
+    )
     if len(frame) > 1:
-        sentence = join(("Held out are blocks of time that the fit did not see. ", in_short(refinement)))
+        sentence = join(
+            (
+                "Held out are blocks of time that the fit did not see; later ones are foretold from all before. ",
+                in_short(refinement),
+            )
+        )
     largest = float(np.nanmax(frame["held_out_rms"]))
     floor = refinement.diagnoses[-1].noise_floor
     rows = [
@@ -43,6 +50,7 @@ def steps(refinement: RefinementLike, title: str, *figures: Any) -> Section:
             row.effect or "the model as it was given",
             number(row.held_out_rms),
             bar(row.held_out_rms / largest, floor / largest),
+            number(row.later_rms),
             number(row.rms),
             decibels(row.db) if row.step else "",
             row.verdict,
@@ -54,11 +62,12 @@ def steps(refinement: RefinementLike, title: str, *figures: Any) -> Section:
         "added",
         with_unit("held-out rms", unit),
         "mark: noise floor",
+        with_unit("later rms", unit),
         with_unit("rms of the fit", unit),
         "held out",
         "verdict",
     )
-    return section("steps", title, tag("p", sentence), table(head, rows, "llrlrrl", "steps"), *figures)
+    return section("steps", title, tag("p", sentence), table(head, rows, "llrlrrrl", "steps"), *figures)
 
 
 def in_short(refinement: RefinementLike) -> Safe:

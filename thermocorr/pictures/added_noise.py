@@ -10,7 +10,7 @@ from ..equations import allan_deviation
 from ..records.text import printable
 from .allan_deviation import LOOKED_AT, AllanDisplay
 from .timeline import time_text
-from .walk import regressor_of
+from .walk import Walk, regressor_of
 
 WORTH_A_WORD = 1.05
 """Allan deviation after over before, from which the correction adds noise: ten per cent of the variance."""
@@ -27,7 +27,7 @@ def added_noise(model: Any, X: Any, y: Any) -> str:
     model : DynamicBiasRegressor
         Fitted; or a search with a ``best_estimator_``.
     X, y : as for `DynamicBiasRegressor.evaluate`
-        A frame or an array, with the record's first rows in front.
+        A frame or an array.
 
     Examples
     --------
@@ -63,7 +63,10 @@ def _times(seconds: float, display: AllanDisplay) -> str:
 
 def _loudest(model: Any, X: Any, rows: float) -> str:
     """Name of the column whose contribution has the largest Allan deviation at an averaging time [rows]."""
-    columns = np.asarray(model.features_.transform(X[:LOOKED_AT]), float)
+    record = Walk(model, X).record
+    longest = max(record.segments, key=lambda segment: segment.stop - segment.start)
+    first = record.row(longest.start)
+    columns = np.asarray(model.features_.transform(X[first : first + LOOKED_AT]), float)
     removed = np.concatenate(
         [np.full(len(effect.names()), effect.removed_by_correct) for effect in model.features_.effect_list()]
     )

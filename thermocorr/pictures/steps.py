@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .axes import BLUE, GREY, VERMILION, axes_grid, label_values, labelled, legend_above, plain
+from .axes import BLUE, GREEN, GREY, VERMILION, axes_grid, label_values, labelled, legend_above, plain
 from .protocols import RefinementLike
 from .words import each_row
 
@@ -17,7 +17,7 @@ WIDE = 5.0
 
 
 class RefinementDisplay:
-    """Error of the model after each step of `refine`, in sample and held out, down to the noise floor.
+    """Error of the model after each step of `refine`, in sample, held out and on later blocks, down to the noise floor.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class RefinementDisplay:
         return cls(refinement.steps, last.noise_floor, last.unit, last.verdict)
 
     def frame(self) -> pd.DataFrame:
-        """Step, effect, rms (in sample), held_out_rms, db, verdict, noise_floor."""
+        """Step, effect, rms (in sample), held_out_rms, later_rms, db, verdict, noise_floor."""
         return self.steps.assign(noise_floor=self.noise_floor)
 
     def plot(self, ax: Any = None) -> RefinementDisplay:
@@ -48,9 +48,12 @@ class RefinementDisplay:
         only = axes[0]
         x = np.arange(n)
         only.plot(x, self.steps["held_out_rms"], "o-", color=VERMILION, label="held out", zorder=3)
+        later = self.steps["later_rms"]
+        if later.notna().any():
+            only.plot(x, later, "^:", color=GREEN, ms=5, label="later blocks", zorder=3)
         only.plot(x, self.steps["rms"], "s-", color=BLUE, ms=5, label="in sample", zorder=3)
         only.axhline(self.noise_floor, color=GREY, ls="--", lw=1.2, label="noise floor")
-        values = np.array([*self.steps["held_out_rms"], *self.steps["rms"], self.noise_floor])
+        values = np.array([*self.steps["held_out_rms"], *later, *self.steps["rms"], self.noise_floor])
         values = values[np.isfinite(values) & (values > 0)]
         if len(values) and values.max() > WIDE * values.min():
             only.set_yscale("log")

@@ -165,8 +165,8 @@ class History:
                 return None
             if row == start:
                 return SegmentStart(key, zero, None), None
-            return SegmentStart(key, zero, self.between(stamp, self._stamp_before(row))), row
-        step = self.between(stamp, self._stamp_before(row))
+            return SegmentStart(key, zero, self.step_before(key, stamp)), row
+        step = self.step_before(key, stamp)
         hole = self.between(self.record.stamp(row), self.record.stamp(row - 1))
         if self.stride > 1 or hole > 1.5 * self.usual_step:  # rows that were left out of the fit
             return SegmentStart(key, zero, step), row
@@ -191,6 +191,11 @@ class History:
             else:
                 high = middle
         return low
+
+    def step_before(self, key: int, stamp: float) -> float:
+        """Time from the last row of fitted segment `key` before a time to that time [s]; 0 for its first row."""
+        row = self._first_row_at_or_after(key, stamp)
+        return 0.0 if row == self.record.segments[key].start else self.between(stamp, self._stamp_before(row))
 
     def _stamp_before(self, row: int) -> float:
         """Stamp of the last kept row before `row` that is not passed over."""

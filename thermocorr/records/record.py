@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..equations.spikes import Scanned, Usual, scan_stretch
 from .times import Floats, Rows, Times
 
 BLOCK_ROWS = 8192
@@ -171,6 +172,10 @@ class Record:
                 yield low, cut
             low = cut + 1
 
+    def rows_at(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
+        """The user's rows at some places in time order."""
+        return places if self.order is None else self.order[places]
+
     def rows(self, start: int, stop: int) -> Rows:
         """The user's rows for a stretch in time order."""
         return slice(start, stop) if self.order is None else self.order[start:stop]
@@ -218,6 +223,23 @@ class Record:
                 rows = self.rows(start, min(start + BLOCK_ROWS, high))
                 result = result.merged(Moments.of(np.asarray(column[rows], float) ** power))
         return result
+
+    def scanned(self, what: str, usual: Usual) -> Scanned:
+        """Codes and peaks of the "reading" or the "temperature": rows in time order."""
+        column: Any = self.reading if what == "reading" else self.columns[self.temperature_name]
+
+        def read(low: int, high: int) -> Floats:
+            return np.asarray(column[self.rows(low, high)], float)
+
+        return Scanned.together(
+            part
+            for segment in self.segments
+            for part in scan_stretch(read, segment.start, segment.stop, segment.start, segment.stop, usual)
+        )
+
+    def told(self) -> Record:
+        """The record where all who hold parts of it know what is refused."""
+        return self
 
     def first_stamp(self) -> float:
         """Absolute time of the first row inside a segment."""

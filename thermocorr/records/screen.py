@@ -16,13 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equations.spikes import ABSURD, ALL_CODES, HALO, OVERLOAD, Scanned, Usual, scan, usual_of
+from ..equations.spikes import ABSURD, ALL_CODES, CHUNK, OVERLOAD, Scanned, Usual, usual_of
 from .errors import RecordError, times_word
 from .record import Record, Refused, Segment
 from .times import Floats
 
-CHUNK = 8000
-"""Rows that are looked at together: they stay in the cache, and their memory is used again."""
 SAMPLES, SAMPLE_ROWS = 16, 256
 """Stretches, and rows of each, from which a long record tells what is usual."""
 MOST_KEPT = 10_000
@@ -139,8 +137,7 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
             limits[what] = Limits()
             continue
         usual = usual_of(_sampled(record, column), record.n_used)
-        scanned = getattr(record, "scanned", None)
-        found: Scanned = scanned(what, usual) if scanned else _scanned(record, column, usual)
+        found = record.scanned(what, usual)
         spikes = found.true_spikes(usual, record.n_used)
         limits[what] = _limits(record, column, usual, found, spikes)
         for reason, positions in ((SENTINEL, found.codes), (SPIKE, spikes)):
@@ -148,8 +145,7 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
                 record = without(record, what, reason, positions, max_gap)
     if record.refused:
         notes = tuple(_note(refused) for refused in record.refused)
-        record = replace(record, notes=(*record.notes, *notes))
-        record = record.told() if hasattr(record, "told") else record
+        record = replace(record, notes=(*record.notes, *notes)).told()
     return record, Screen(**limits)
 
 
@@ -165,44 +161,18 @@ def _sampled(record: Record, column: NDArray[Any]) -> list[Floats]:
             stop = record.segments[number].stop
             start = stop - int(ends[number]) + place
             parts.append(np.arange(start, min(start + SAMPLE_ROWS, stop)))
-    values = np.asarray(column[_rows(record, np.concatenate(parts))], float)
+    values = np.asarray(column[record.rows_at(np.concatenate(parts))], float)
     return np.split(values, np.cumsum([len(part) for part in parts])[:-1])
-
-
-def _scanned(record: Record, column: NDArray[Any], usual: Usual) -> Scanned:
-    """Codes and peaks of a column: rows in time order.
-
-    A record that is spread over several processes has a method `scanned`, which is called instead.
-    """
-
-    def read(low: int, high: int) -> Floats:
-        return np.asarray(column[record.rows(low, high)], float)
-
-    return Scanned.together(
-        part
-        for segment in record.segments
-        for part in scan_stretch(read, segment.start, segment.stop, segment.start, segment.stop, usual)
-    )
-
-
-def scan_stretch(
-    read: Callable[[int, int], Floats], start: int, stop: int, first: int, last: int, usual: Usual
-) -> Iterator[Scanned]:
-    """Look at the rows ``start:stop``, a chunk at a time; their neighbours may lie in ``first:last``."""
-    for low in range(start, stop, CHUNK):
-        high = min(low + CHUNK, stop)
-        before, behind = max(low - HALO, first), min(high + HALO, last)
-        yield scan(read(before, behind), low - before, high - before, usual).moved(before)
 
 
 def _limits(record: Record, column: NDArray[Any], usual: Usual, found: Scanned, spikes: Rows) -> Limits:
     """What later rows are screened by: codes that were met, or that are far from everything; the spikes."""
-    met = np.unique(np.asarray(column[_rows(record, _few(found.codes))], float)).tolist() if len(found.codes) else []
+    met = np.unique(np.asarray(column[record.rows_at(_few(found.codes))], float)).tolist() if len(found.codes) else []
     far = ALL_CODES[(found.low > ALL_CODES) | (found.high < ALL_CODES)]
     far = far[usual.outside(far, ABSURD)] if usual.range > 0 else far[:0]
     codes = sorted({code for code in (*met, *far.tolist()) if abs(code) < OVERLOAD})
     kept = spikes[:MOST_KEPT]
-    values = np.asarray(column[_rows(record, kept)], float).tolist() if len(kept) else []
+    values = np.asarray(column[record.rows_at(kept)], float).tolist() if len(kept) else []
     known = {record.stamp(k): value for k, value in zip(kept.tolist(), values, strict=True)}
     return Limits(middle=usual.middle, codes=tuple(codes), spikes=known)
 
@@ -212,17 +182,12 @@ def _few(positions: Rows) -> Rows:
     return positions[:: max(1, len(positions) // MOST_KEPT)]
 
 
-def _rows(record: Record, positions: Rows) -> Rows:
-    """The user's rows at some places in time order."""
-    return positions if record.order is None else record.order[positions]
-
-
 def without(record: Record, what: str, reason: str, positions: Rows, max_gap: float | None) -> Record:
     """A record whose temperatures, or readings, are refused in some rows (in time order)."""
     if not len(positions):
         return record
     positions = np.sort(positions)
-    rows = _rows(record, positions)
+    rows = record.rows_at(positions)
     column: Any = record.reading if what == "reading" else record.columns[record.temperature_name]
     seconds = record.times.seconds(rows, record.first_stamp())
     refused = (*record.refused, Refused(what, reason, rows, np.asarray(column[rows], float), seconds))

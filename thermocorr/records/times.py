@@ -206,7 +206,8 @@ def dates_once(values: pd.Series[Any]) -> pd.Series[Any]:
 
 def _parse(values: pd.Series[Any], where: str) -> pd.Series[Any]:
     """Text to dates; all zones become UTC, so that summer time cannot fold an hour."""
-    for row, value in enumerate(values if values.dtype == object else ()):  # pandas would make text of anything
+    known = () if isinstance(values.dtype, pd.StringDtype) else values
+    for row, value in enumerate(known):  # pandas would make text of anything
         if isinstance(value, bytes | list | dict | tuple | np.ndarray):
             raise RecordError(f"{where} holds a {type(value).__name__} in row {row}. Give dates, spans or seconds.")
     text = values.astype("string")
