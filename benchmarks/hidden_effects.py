@@ -2,7 +2,6 @@
 
     python benchmarks/hidden_effects.py                          # reporting seeds, strengths 2, 0.5, 0.2 (an hour)
     python benchmarks/hidden_effects.py --seeds 100 101 --strengths 2 --kinds hinge step none
-    python benchmarks/hidden_effects.py --pairs --seeds 100 101  # two hidden effects, by refine
 
 Settings: lab 14 days at 60 s, outdoor 120 days at 10 min, chamber 8 days at 30 s; four kinds of device; four decoy
 columns. Strength is the rms of the hidden effect, after a static quadratic in T has taken its share, over the white
@@ -25,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose, refine
+from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.effects import CATALOGUE
 
@@ -41,12 +40,6 @@ NOISE = 0.2
 NOTHING = ("none", "coloured")
 UNKNOWN = ("random_telegraph", "random_walk")
 NAMES = ("column", "fast", "slow")
-PAIRS = (
-    ("hysteresis", "drift"),
-    ("periodic", "step"),
-    ("lagged_covariate", "hinge"),
-    ("covariate", "sensitivity_drift"),
-)
 
 
 class Case(NamedTuple):
@@ -162,47 +155,19 @@ def campaign(kinds: list[str], seeds: list[int], strength: float, verbose: bool)
         print(table[~table["first"]].to_string())
 
 
-def pairs(seeds: list[int], strength: float) -> None:
-    """Two hidden effects: does refine find both, and how much of the hidden variance is gone?"""
-    both, gone = [], []
-    for (one, other), setting, seed in itertools.product(PAIRS, SETTINGS, seeds):
-        try:
-            case = make_case(setting, seed, {one: strength, other: strength})
-        except ValueError:
-            continue
-        refinement = refine(DynamicBiasRegressor("temperature"), case.X, case.y)
-        effects = refinement.model_.features_.effect_list()
-        found = {label(e.kind, e.inputs()[0] if e.inputs() else None) for e in effects}
-        within = np.sqrt(np.mean((refinement.model_.predict(case.X) - case.truth["noise_free"]) ** 2)) < 0.15 * NOISE
-        both.append(set(case.labels) <= found or within)
-        errors = [
-            np.mean((model.predict(case.X) - case.truth["noise_free"]) ** 2)
-            for model in (case.model, refinement.model_)
-        ]
-        gone.append(1 - errors[1] / errors[0])
-        outcome = "both" if set(case.labels) <= found else str(sorted(found))
-        print(f"  {setting} {seed} {case.labels}: {outcome}{', absorbed' if within else ''}", flush=True)
-    print(f"both found (or absorbed) in {np.mean(both):.1%} of {len(both)}")
-    print(f"model error removed, median {np.median(gone):.1%}")
-
-
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, nargs="*", default=list(REPORTING_SEEDS))
     parser.add_argument("--strengths", type=float, nargs="*", default=[2.0, 0.5, 0.2])
     parser.add_argument("--kinds", nargs="*", default=[*CATALOGUE, *NOTHING, *UNKNOWN])
-    parser.add_argument("--pairs", action="store_true", help="two hidden effects")
     parser.add_argument("--verbose", action="store_true", help="list what was not named first")
     options = parser.parse_args()
     warnings.simplefilter("ignore", RecordWarning)
     tuned = set(options.seeds) & set(TUNING_SEEDS)
     print(f"seeds {options.seeds}" + (f"; {sorted(tuned)} served for tuning" if tuned else ", none served for tuning"))
     for strength in options.strengths:
-        if options.pairs:
-            pairs(options.seeds, strength)
-        else:
-            campaign(options.kinds, options.seeds, strength, options.verbose)
+        campaign(options.kinds, options.seeds, strength, options.verbose)
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from .levels import (
     DRAWS,
     FINER,
     GAIN,
+    HALF,
     LEAST,
     LEVEL,
     LOOKS,
@@ -91,6 +92,7 @@ class Search:
             best, rivals = chosen(tried, self.by_chance)
             if best is None or len(found) - steps == MOST:
                 return self._needed(found), tried
+            best = self._likelier(best, rivals, [t for t in tried if t.key == best.key])
             best = (self._tuned([best], FINER) or [best])[0]
             same = [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
             alike, others = first_of_each(same), [t for t in tried if t.key != best.key]
@@ -98,6 +100,14 @@ class Search:
             if best.key in MANY:
                 least = max((t.score for t in others if t.key not in MANY), default=0.0)
                 found += self._further_steps(MOST_STEPS - steps - 1, least)
+
+    def _likelier(self, best: Tried, rivals: Sequence[Tried], own: Sequence[Tried]) -> Tried:
+        """What explains nearly the same, is proven, likelier than all of the kind, and as good as half the help."""
+        score, full, least = max(t.score for t in own), max(t.full for t in own), HALF * best.worth.mean
+        rivals = [t for t in rivals if t.proven and t.score > score and t.full > full]
+        likelier = [t for t in rivals if t.worth.mean >= least]
+        same = [t for t in likelier if self.judged.overlap(best.number, t.number) > ALIKE]
+        return max(same, key=lambda t: t.score, default=best)
 
     def _taken_in(self, best: Tried, alike: Sequence[Tried] = (), others: Sequence[Tried] = ()) -> Cause:
         """What was chosen, as a cause; it is part of the base from now on."""
@@ -231,6 +241,7 @@ class Search:
                 explanation=self.tried[i],
                 number=i,
                 score=gain - self.price(i),
+                full=full - self.price(i),
                 p_value=self._p_value(gain, i),
                 worth=worths[i],
                 uneven=self._p_value(gain, i) > LEVEL >= self._p_value(full, i),

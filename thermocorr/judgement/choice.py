@@ -21,6 +21,8 @@ class Tried:
     """Among the explanations of the comparison."""
     score: float
     """Gain in log likelihood, less what its columns and the choice of its parameters would gain by chance."""
+    full: float
+    """The same, of the record as a whole, where a few stretches decide it."""
     p_value: float
     """Error probability, the whole family having been tried."""
     worth: Worth
@@ -70,9 +72,10 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
     """The cause to take in, if there is one, and its rivals: what is as good, or nearly.
 
     What is proven comes before what only helps; of what is proven, what helps on later data comes first. Among what
-    helps nearly as much the likelihood decides.
+    helps nearly as much the likelihood decides. A recorded column that does harm on later stretches and on held-out
+    blocks alike is not accused, whatever the likelihood says: the noise is not what it is thought to be.
     """
-    proven = [t for t in tried if t.proven]
+    proven = [t for t in tried if t.proven and not _harms(t)]
     helpful = [t for t in proven if t.worth.both >= GAIN]
     if not proven:
         helpful = [t for t in tried if t.worth.both >= GAIN and _spoken_for(t) and not by_chance(t)]
@@ -81,8 +84,8 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
     least = NEAR * max((t.worth.both for t in helpful), default=-np.inf)
     near = [t for t in helpful if t.worth.both >= least] or proven
     best = max(near, key=lambda t: t.score)
-    if best.explanation.effect.of_time_alone:  # what lies in a part of the record helps nowhere else
-        best = max((t for t in proven if t.explanation.effect.of_time_alone), key=lambda t: t.score)
+    if best.explanation.effect.of_time_alone:  # what it is worth says little: it spoils the worth of others, too
+        best = max(proven, key=lambda t: t.score)
     recorded = [t for t in near if t.key[1] is not None and t.worth.both >= best.worth.both]
     if best.key[1] is None and helpful:  # a recorded column before a kind that says nearly the same
         best = max((t for t in recorded if t.score >= best.score - TIE), key=lambda t: t.score, default=best)
@@ -96,6 +99,11 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
         or (best in helpful and _spoken_for(t) and t.worth.both >= NEAR * best.worth.both)
     ]
     return best, rivals
+
+
+def _harms(t: Tried) -> bool:
+    """Whether data that were not learned from speak against a recorded column."""
+    return t.key[1] is not None and max(t.worth.later, t.worth.blocks) < 0 and t.worth.mean <= -GAIN
 
 
 def _spoken_for(t: Tried) -> bool:

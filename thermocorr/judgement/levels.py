@@ -102,6 +102,9 @@ GAIN = 1.0
 error is what a user notices."""
 NEAR = 0.75
 """Share of the greatest help [dB] from which another explanation is nearly as good, and the likelihood decides."""
+HALF = 0.5
+"""Share of the help of what helps most, on the mean of later stretches and held-out blocks [dB], from which something
+likelier that explains nearly the same is the cause: either help is the chance of few stretches."""
 DRAWS = 200
 """Records drawn from the base's own noise, always the same ones."""
 USUAL = 0.9

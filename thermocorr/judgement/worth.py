@@ -36,6 +36,11 @@ class Worth:
         """The lesser of the two."""
         return min(self.later, self.blocks)
 
+    @property
+    def mean(self) -> float:
+        """The mean of the two."""
+        return (self.later + self.blocks) / 2
+
 
 class HeldOut:
     """A base, and what columns beside it are worth.

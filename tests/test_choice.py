@@ -1,0 +1,80 @@
+"""Which of several explanations is the cause: by likelihood, by what it is worth, and by what it is."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from thermocorr.effects import Covariate, Hinge, Interaction, LagProducts, Periodic, SensitivityDrift, Step
+from thermocorr.judgement.causes import Search
+from thermocorr.judgement.choice import Tried, chosen
+from thermocorr.judgement.pool import Explanation
+from thermocorr.judgement.worth import Worth
+
+
+def tried(effect, score, later, blocks, number=0, full=None, p_value=1e-6):
+    return Tried(
+        explanation=Explanation(effect, np.zeros((3, 1))),
+        number=number,
+        score=score,
+        full=score if full is None else full,
+        p_value=p_value,
+        worth=Worth(later=later, blocks=blocks),
+        uneven=False,
+    )
+
+
+def best_of(*explanations, by_chance=False):
+    best, _ = chosen(explanations, lambda t: by_chance)
+    return best and best.explanation.effect.kind
+
+
+def test_what_helps_comes_before_what_is_only_likelier():
+    assert best_of(tried(LagProducts(["1 h"]), 80.0, 0.2, 0.1), tried(Hinge(22.0), 30.0, 3.0, 4.0)) == "hinge"
+    assert best_of(tried(LagProducts(["1 h"]), 80.0, 2.8, 3.5), tried(Hinge(22.0), 30.0, 3.0, 4.0)) == "lag_products"
+
+
+def test_a_step_that_spoils_the_worth_of_all_else_leaves_the_choice_to_the_likelihood():
+    """A wave that is likelier than the step, and far less likely than the products that it imitates, is not taken."""
+    step, wave = tried(Step(3600.0), 24.0, 5.6, 4.5), tried(Periodic("1 d", 1), 85.0, 0.2, 0.3)
+    products = tried(LagProducts(["1 h"]), 799.0, 0.4, 0.3)
+    assert best_of(step, wave, products) == "lag_products"
+    assert best_of(step, wave) == "periodic"
+
+
+def test_a_column_that_does_harm_on_what_was_not_learned_from_is_not_accused():
+    harm = tried(Interaction("pressure"), 11.0, -1.2, -2.1)
+    assert best_of(harm) is None
+    assert best_of(tried(Interaction("pressure"), 11.0, -2.5, 2.8)) == "interaction"
+    assert best_of(tried(Interaction("pressure"), 11.0, -0.2, -0.1)) == "interaction"
+    assert best_of(tried(Hinge(22.0), 11.0, -1.2, -2.1)) == "hinge"
+    assert best_of(harm, tried(Covariate("supply"), 9.0, 0.4, 0.2)) == "covariate"
+
+
+def test_what_is_not_proven_must_help_more_than_noise_does():
+    helps = tried(Hinge(22.0), -2.0, 4.0, 5.0, p_value=1.0)
+    assert best_of(helps) == "hinge" and best_of(helps, by_chance=True) is None
+    assert best_of(tried(Step(3600.0), -2.0, 4.0, 5.0, p_value=1.0)) is None  # of time alone
+
+
+@pytest.mark.parametrize(
+    ("rival", "overlap", "same_kind", "winner"),
+    [
+        ({"score": 50.0}, 0.9, [], "sensitivity_drift"),
+        ({"score": 50.0}, 0.4, [], "interaction"),  # it says something else: a further cause
+        ({"score": 50.0, "later": 0.1, "blocks": 8.0}, 0.9, [], "interaction"),  # less than half of the help
+        ({"score": 50.0, "p_value": 0.1}, 0.9, [], "interaction"),
+        ({"score": 50.0, "full": 40.0}, 0.9, [], "interaction"),  # a few stretches decide between the two
+        ({"score": 50.0}, 0.9, [60.0], "interaction"),  # likelier with another lag
+        ({"score": 45.0}, 0.9, [], "interaction"),
+    ],
+)
+def test_of_two_that_say_the_same_the_likelier_is_the_cause(rival, overlap, same_kind, winner):
+    modulation = tried(Interaction("room"), 46.0, 8.9, 12.7)
+    drift = tried(SensitivityDrift(), **{"later": 0.9, "blocks": 14.0, "number": 1, **rival})
+    own = [modulation, *(tried(Interaction("room"), score, 1.0, 1.0, number=2) for score in same_kind)]
+    search = object.__new__(Search)
+    search.judged = SimpleNamespace(overlap=lambda one, other: overlap if (one, other) == (0, 1) else 0.0)
+    assert search._likelier(modulation, [drift, *own], own).explanation.effect.kind == winner
