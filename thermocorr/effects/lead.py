@@ -87,9 +87,9 @@ class Lead(Effect):
         record, elapsed = block.record, block.elapsed
         until, stop = elapsed[-1] + self.lead_, block.stop
         last = record.segments[block.segment].stop
-        while stop < last and self._elapsed(block, record.rows_at(np.array([stop - 1])))[0] < until:
+        while stop < last and self._elapsed(block, record.rows(stop - 1, stop))[0] < until:
             stop = min(stop + max(64, (stop - block.start) // 4), last)
-        rows = record.rows_at(np.setdiff1d(np.arange(block.start, stop), record.skipped))
+        rows = record.kept(block.start, stop)
         later = np.asarray(record.columns[record.temperature_name][rows], float)
         ahead = np.interp(elapsed + self.lead_, self._elapsed(block, rows), later) - block.temperature
         if not len(self.time_constants_):
@@ -97,7 +97,7 @@ class Lead(Effect):
         lagged, state = lag_differences(ahead, block.steps, self.time_constants_, state)  # eq. (19)
         return np.column_stack((ahead, lagged)), state
 
-    def _elapsed(self, block: Block, rows: np.ndarray) -> np.ndarray:
+    def _elapsed(self, block: Block, rows: Any) -> np.ndarray:
         return np.asarray(block.record.times.seconds(rows, block.segment_zero))
 
     def label(self) -> str:

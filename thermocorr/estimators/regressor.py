@@ -250,7 +250,8 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
         n_rows = len(reading)
         columns: dict[str, np.ndarray] = {name: np.full(n_rows, np.nan) for name in ("corrected", "model", "residual")}
         for block, values in self.evaluated_blocks(X, y):
-            columns.setdefault("flag", no_flags(block.record))
+            if "flag" not in columns:
+                columns["flag"] = no_flags(block.record)
             for name, part in values.items():
                 columns[name][block.rows] = part
         check_corrected(self.reading_, columns["corrected"], reading, self._level_asked_for())

@@ -176,6 +176,13 @@ class Record:
         """The user's rows at some places in time order."""
         return places if self.order is None else self.order[places]
 
+    def kept(self, start: int, stop: int) -> Rows:
+        """The user's rows for a stretch in time order, without those that are passed over."""
+        first, last = np.searchsorted(self.skipped, (start, stop))
+        if first == last:
+            return self.rows(start, stop)
+        return self.rows_at(np.delete(np.arange(start, stop), self.skipped[first:last] - start))
+
     def rows(self, start: int, stop: int) -> Rows:
         """The user's rows for a stretch in time order."""
         return slice(start, stop) if self.order is None else self.order[start:stop]
