@@ -22,7 +22,7 @@ class Tried:
     score: float
     """Gain in log likelihood, less what its columns and the choice of its parameters would gain by chance."""
     full: float
-    """The same, of the record as a whole, where a few stretches decide it."""
+    """Score of the record as a whole, also where a few stretches decide it."""
     p_value: float
     """Error probability, the whole family having been tried."""
     worth: Worth
