@@ -220,6 +220,17 @@ def test_codes_are_refused_in_later_data_too(clean):
     np.testing.assert_array_equal(model.predict(later)[kept], model.predict(later.iloc[kept]))
 
 
+@pytest.mark.parametrize("dtype", ["float16", "float32", "int16"])
+def test_temperatures_of_few_bits_are_screened_as_the_numbers_that_they_are(clean, dtype):
+    """1e30, from where on all numbers are codes, is none of half precision."""
+    model, later = fit(*clean), clean[0].iloc[9000:9500].copy()
+    later.iloc[[10, 20]] = [[-127.0], [999.0]]
+    few = later.astype(dtype)
+    flags = model.flags(few)
+    assert flags.iloc[[10, 20]].tolist() == ["sentinel"] * 2
+    assert flags.tolist() == model.flags(few.astype(float)).tolist()
+
+
 def test_all_temperatures_refused_is_an_error(clean):
     model = fit(*clean)
     with pytest.raises(RecordError, match="all 5 rows are refused as sentinels"):
