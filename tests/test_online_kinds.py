@@ -127,6 +127,22 @@ def test_a_first_time_so_large_that_a_second_less_is_the_same(first):
     assert "stale time" not in {sample.flag for sample in single}
 
 
+@pytest.mark.parametrize("cut", [0, 1, 2, 20])
+def test_a_first_date_three_centuries_early_is_as_far_away_in_blocks(cut):
+    """More nanoseconds than an integer holds lie behind it: they must not wrap to a step backward."""
+    X, y = stream(200, 5, holes=False)
+    X = X.set_axis(pd.date_range("2024-03-01", periods=200, freq="1min"))
+    model = DynamicBiasRegressor(time_constants=[300.0]).fit(X[:150], y[:150].to_numpy())
+    X = X[150:].set_axis(X.index[150:].where(np.arange(50) > 0, pd.Timestamp("1678-01-01")))
+    y, live = y[150:].to_numpy(), OnlineCorrector(model)
+    single = [live.update(*row) for row in zip(X.index, X["temperature"], y, strict=True)]
+    live = OnlineCorrector(model)
+    blocks = pd.concat([live.update_many(X[:cut], y[:cut]), live.update_many(X[cut:], y[cut:])])
+    np.testing.assert_allclose(blocks["corrected"], [sample.corrected for sample in single], rtol=1e-12)
+    assert blocks["flag"].tolist() == [sample.flag for sample in single]
+    assert blocks["flag"].tolist()[1] == "suspect time"
+
+
 @pytest.mark.parametrize(("gap", "minutes"), [(None, 10), ("10 min", 10), ("1 h", 60)])
 @pytest.mark.parametrize("late", [3, 9, 27, 400])
 def test_a_false_first_time_is_doubted_wherever_the_stream_is_cut(late, gap, minutes):
