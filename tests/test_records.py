@@ -115,6 +115,8 @@ def test_local_times_without_a_zone_that_step_back_are_refused_with_the_reason()
 def test_same_time_twice_and_missing_times_are_refused_by_row():
     X = pd.DataFrame({"temperature": temperatures(), "when": 15.0 * np.arange(N)})
     X.loc[7, "when"] = X.loc[6, "when"]
+    with pytest.raises(RecordError, match=r"same time 0 days 00:01:30: rows 6 and 7"):
+        record_of(X.assign(when=pd.to_timedelta(X["when"], unit="s")), time="when")
     with pytest.raises(RecordError, match=r"same time 90 s: rows 6 and 7"):
         record_of(X, time="when")
     X.loc[7, "when"] = np.nan
@@ -227,6 +229,14 @@ def test_runs_are_segments_and_gaps_and_missing_values_cut_them_further():
     record = record_of(X, run="run", time="t", max_gap=50)
     assert spans(record) == [(0, 20), (20, 30), (30, 40), (40, 45), (46, 60)]
     assert [segment.run for segment in record.segments] == list("abbcc")
+
+
+def test_runs_of_an_array_are_a_column_by_its_number():
+    X = pd.DataFrame({"temperature": temperatures(), "run": np.repeat([3.0, 1.0, 2.0], 20)})
+    for run in (1, np.int64(1)):
+        record = record_of(X.to_numpy(), run=run, sampling_period=15.0)
+        assert record.segments == record_of(X, run="run", sampling_period=15.0).segments
+    assert [(segment.stop, segment.run) for segment in record.segments] == [(20, 3.0), (40, 1.0), (60, 2.0)]
 
 
 def interleaved():

@@ -24,6 +24,7 @@ from thermocorr import (
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.equations.spikes import scan, spikes, usual_of
+from thermocorr.records.screen import Limits
 
 N = 20_000
 TAUS = ["5 min", "90 min"]
@@ -229,6 +230,13 @@ def test_temperatures_of_few_bits_are_screened_as_the_numbers_that_they_are(clea
     flags = model.flags(few)
     assert flags.iloc[[10, 20]].tolist() == ["sentinel"] * 2
     assert flags.tolist() == model.flags(few.astype(float)).tolist()
+
+
+@pytest.mark.parametrize("value", [1e30, -1e30])
+def test_overloads_begin_where_they_are_said_to_row_by_row_as_in_blocks(value):
+    limits, below = Limits(), float(np.nextafter(value, 0.0))
+    assert limits.reason(value, None) == "sentinel" and limits.coded(np.array([0.0, value])).tolist() == [1]
+    assert limits.reason(below, None) == "" and limits.coded(np.array([0.0, below])).tolist() == []
 
 
 def test_all_temperatures_refused_is_an_error(clean):

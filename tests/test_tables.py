@@ -61,7 +61,8 @@ def test_the_marks_are_those_of_pandas():
 
 
 def test_switches_are_numbers_of_columns_only():
-    assert [number(text, "it", switch=True) for text in ("True", "false", "TRUE", " 0 ")] == [1, 0, 1, 0]
+    for on, off in (("True", "False"), ("TRUE", " FALSE "), ("true", "false"), ("1", " 0 ")):
+        assert [number(text, "it", switch=True) for text in (on, off)] == [1, 0]
     switch = pd.Series([True, False])
     assert as_numbers(switch, "The column").tolist() == [True, False]
     for role in ("temperature", "reading"):
