@@ -121,6 +121,13 @@ def test_lines_that_are_no_rows(line, words):
         check_lines(content, 2, 4)
 
 
+@pytest.mark.parametrize("line", [b"1,2\n", b'"open\n', b"\x00\n", b"1\r2\n", b"\xff\n"])
+def test_lines_of_one_column_are_looked_at_as_all_others_are(line):
+    """A right one has no comma, as what lies outside the table has none."""
+    with pytest.raises(RecordError, match=r"line 4: "):
+        check_lines(b"a\n1\n2\n" + line + b"3\n", 1, 2)
+
+
 def test_headers():
     assert header_of(b"\xef\xbb\xbfa,b\r\n") == ["a", "b"]
     assert header_of(b",a,\n") == ["", "a", ""]
