@@ -85,6 +85,8 @@ def test_absurd_numbers_are_refused_by_row():
         values[[3, 70_000]] = np.nan, value
         with pytest.raises(RecordError, match=words):
             as_numbers(values, "The reading y", "reading")
+    with pytest.raises(RecordError, match="infinity in row 0"):
+        as_numbers(np.array([np.inf, 1.0]), "It")
     assert as_numbers(np.array([LARGEST, -LARGEST, np.nan]), "It")[0] == LARGEST
     assert as_numbers(np.array([3e38, np.nan], np.float32), "It").dtype == np.float32
     with pytest.raises(RecordError, match="infinity in row 1"):
