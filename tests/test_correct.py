@@ -197,7 +197,7 @@ BAD = {
     "not a model": (["log.csv", "--model", "log.csv"], "this is not JSON"),
     "bad average": (["log.csv", "--average", "0"], "'average' parameter"),
     "bad track": (["log.csv", "--track", "soon"], "'track' parameter"),
-    "out is a folder": (["log.csv", "--out", "."], "directory"),
+    "out is a folder": (["log.csv", "--out", "."], "is a directory and cannot be written"),
 }
 
 

@@ -45,6 +45,16 @@ def test_rows_that_repeat_or_follow_the_fitted_record_get_the_same_bits(kind, re
 
 
 @pytest.mark.parametrize("kind", ["dates", "15 s"])
+@pytest.mark.parametrize(("start", "stop"), [(0, 400), (700, 1100), (1500, LONG)])
+def test_rows_that_begin_with_missing_temperatures_repeat_the_record_that_misses_them_too(kind, start, stop):
+    X, layout = log(kind)
+    X.iloc[start : start + 3] = np.nan
+    whole = features(**layout).fit_transform(X)
+    columns = features(**layout).fit(X[:2000]).transform(X[start:stop])
+    assert np.array_equal(columns, whole[start:stop], equal_nan=True) and np.isnan(columns[:3]).all()
+
+
+@pytest.mark.parametrize("kind", ["dates", "15 s"])
 def test_record_too_long_to_keep_is_repeated_and_followed_all_the_same(kind, monkeypatch):
     monkeypatch.setattr("thermocorr.records.history.HISTORY_ROWS", 300)
     X, layout = log(kind)

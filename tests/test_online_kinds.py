@@ -13,7 +13,7 @@ from effect_records import LIVE, LIVE_NAMES
 from streams import agree, one_by_one, stream
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError
-from thermocorr.effects import Effect
+from thermocorr.effects import Covariate, Effect
 from thermocorr.equations import lag_differences
 
 
@@ -125,6 +125,36 @@ def test_a_first_time_so_large_that_a_second_less_is_the_same(first):
         np.testing.assert_allclose(blocks["corrected"], [sample.corrected for sample in single], rtol=1e-12)
         assert blocks["flag"].tolist() == [sample.flag for sample in single]
     assert "stale time" not in {sample.flag for sample in single}
+
+
+def test_a_bias_that_is_no_number_is_flagged_alike_one_by_one_and_in_blocks():
+    """Squares of the column overflow where the temperature is an ordinary one; a lost reading is said first."""
+    X, y = stream(200, 5, holes=False)
+    model = DynamicBiasRegressor(time_constants=[300.0], effects=[Covariate("humidity", 2)]).fit(X[:150], y[:150])
+    X, y = X[150:].copy(), y[150:].copy()
+    X.iloc[[5, 6], X.columns.get_loc("humidity")], y.iloc[6] = 1e200, np.nan
+    single = one_by_one(OnlineCorrector(model), X, y, humidity=X["humidity"])
+    blocks = OnlineCorrector(model).update_many(X, y)
+    assert blocks["flag"].tolist() == [sample.flag for sample in single]
+    assert blocks["flag"].iloc[[5, 6]].tolist() == ["outside fitted range", "no reading"]
+    assert np.flatnonzero(blocks["bias"].isna()).tolist() == [5, 6]
+    assert [k for k, sample in enumerate(single) if math.isnan(sample.bias)] == [5, 6]
+
+
+@pytest.mark.parametrize("cut", [0, 1, 2, 20])
+def test_a_first_date_three_centuries_early_is_as_far_away_in_blocks(cut):
+    """More nanoseconds than an integer holds lie behind it: they must not wrap to a step backward."""
+    X, y = stream(200, 5, holes=False)
+    X = X.set_axis(pd.date_range("2024-03-01", periods=200, freq="1min"))
+    model = DynamicBiasRegressor(time_constants=[300.0]).fit(X[:150], y[:150].to_numpy())
+    X = X[150:].set_axis(X.index[150:].where(np.arange(50) > 0, pd.Timestamp("1678-01-01")))
+    y, live = y[150:].to_numpy(), OnlineCorrector(model)
+    single = [live.update(*row) for row in zip(X.index, X["temperature"], y, strict=True)]
+    live = OnlineCorrector(model)
+    blocks = pd.concat([live.update_many(X[:cut], y[:cut]), live.update_many(X[cut:], y[cut:])])
+    np.testing.assert_allclose(blocks["corrected"], [sample.corrected for sample in single], rtol=1e-12)
+    assert blocks["flag"].tolist() == [sample.flag for sample in single]
+    assert blocks["flag"].tolist()[1] == "suspect time"
 
 
 @pytest.mark.parametrize(("gap", "minutes"), [(None, 10), ("10 min", 10), ("1 h", 60)])

@@ -115,11 +115,14 @@ def test_local_times_without_a_zone_that_step_back_are_refused_with_the_reason()
 def test_same_time_twice_and_missing_times_are_refused_by_row():
     X = pd.DataFrame({"temperature": temperatures(), "when": 15.0 * np.arange(N)})
     X.loc[7, "when"] = X.loc[6, "when"]
+    with pytest.raises(RecordError, match=r"same time 0 days 00:01:30: rows 6 and 7"):
+        record_of(X.assign(when=pd.to_timedelta(X["when"], unit="s")), time="when")
     with pytest.raises(RecordError, match=r"same time 90 s: rows 6 and 7"):
         record_of(X, time="when")
-    X.loc[7, "when"] = np.nan
-    with pytest.raises(RecordError, match=r"no time in 1 of 60 rows, the first is row 7"):
-        record_of(X, time="when")
+    texts = DATES.map(lambda t: t.isoformat())
+    for times in (X["when"], pd.Series(texts), pd.Series(texts + "Z")):
+        with pytest.raises(RecordError, match=r"no time in 1 of 60 rows, the first is row 7"):
+            record_of(X.assign(when=times.where(times.index != 7)), time="when")
 
 
 @pytest.mark.parametrize("unit", ["s", "ns"])
@@ -227,6 +230,21 @@ def test_runs_are_segments_and_gaps_and_missing_values_cut_them_further():
     record = record_of(X, run="run", time="t", max_gap=50)
     assert spans(record) == [(0, 20), (20, 30), (30, 40), (40, 45), (46, 60)]
     assert [segment.run for segment in record.segments] == list("abbcc")
+
+
+@pytest.mark.parametrize("max_gap", [None, 30.0])
+def test_where_every_row_is_a_run_no_step_is_usual_and_none_is_a_gap(max_gap):
+    X = pd.DataFrame({"temperature": temperatures(), "run": np.arange(N), "t": 15.0 * np.arange(N) ** 2})
+    record = record_of(X, run="run", time="t", max_gap=max_gap)
+    assert spans(record) == [(k, k + 1) for k in range(N)] and record.notes == ()
+
+
+def test_runs_of_an_array_are_a_column_by_its_number():
+    X = pd.DataFrame({"temperature": temperatures(), "run": np.repeat([3.0, 1.0, 2.0], 20)})
+    for run in (1, np.int64(1)):
+        record = record_of(X.to_numpy(), run=run, sampling_period=15.0)
+        assert record.segments == record_of(X, run="run", sampling_period=15.0).segments
+    assert [(segment.stop, segment.run) for segment in record.segments] == [(20, 3.0), (40, 1.0), (60, 2.0)]
 
 
 def interleaved():

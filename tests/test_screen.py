@@ -24,6 +24,7 @@ from thermocorr import (
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.equations.spikes import scan, spikes, usual_of
+from thermocorr.records.screen import Limits
 
 N = 20_000
 TAUS = ["5 min", "90 min"]
@@ -218,6 +219,24 @@ def test_codes_are_refused_in_later_data_too(clean):
     assert flags.iloc[[10, 20, 30]].tolist() == ["sentinel"] * 3 and flags.iloc[40] != "spike"
     kept = np.delete(np.arange(500), [10, 20, 30])
     np.testing.assert_array_equal(model.predict(later)[kept], model.predict(later.iloc[kept]))
+
+
+@pytest.mark.parametrize("dtype", ["float16", "float32", "int16"])
+def test_temperatures_of_few_bits_are_screened_as_the_numbers_that_they_are(clean, dtype):
+    """1e30, from where on all numbers are codes, is none of half precision."""
+    model, later = fit(*clean), clean[0].iloc[9000:9500].copy()
+    later.iloc[[10, 20]] = [[-127.0], [999.0]]
+    few = later.astype(dtype)
+    flags = model.flags(few)
+    assert flags.iloc[[10, 20]].tolist() == ["sentinel"] * 2
+    assert flags.tolist() == model.flags(few.astype(float)).tolist()
+
+
+@pytest.mark.parametrize("value", [1e30, -1e30])
+def test_overloads_begin_where_they_are_said_to_row_by_row_as_in_blocks(value):
+    limits, below = Limits(), float(np.nextafter(value, 0.0))
+    assert limits.reason(value, None) == "sentinel" and limits.coded(np.array([0.0, value])).tolist() == [1]
+    assert limits.reason(below, None) == "" and limits.coded(np.array([0.0, below])).tolist() == []
 
 
 def test_all_temperatures_refused_is_an_error(clean):

@@ -94,6 +94,14 @@ def test_results_that_cannot_be_opened_or_brought_to_the_disk_are_said(tmp_path,
         AppendedFile.resumed(tmp_path / "rows.csv", at)
 
 
+def test_the_name_of_appended_results_is_brought_to_the_disk_when_they_end(tmp_path, monkeypatch):
+    file = AppendedFile.new(tmp_path / "rows.csv", first=b"head\n")
+    synced, sync = [], os.fsync
+    monkeypatch.setattr(os, "fsync", lambda fd: (synced.append(os.fstat(fd).st_ino), sync(fd)))
+    file.close()
+    assert synced == [tmp_path.stat().st_ino]
+
+
 def test_a_reader_of_whole_results_that_has_gone_is_a_broken_pipe(tmp_path):
     """And no sentence of a file that could not be written."""
     reading, writing = os.pipe()

@@ -61,7 +61,8 @@ def test_the_marks_are_those_of_pandas():
 
 
 def test_switches_are_numbers_of_columns_only():
-    assert [number(text, "it", switch=True) for text in ("True", "false", "TRUE", " 0 ")] == [1, 0, 1, 0]
+    for on, off in (("True", "False"), ("TRUE", " FALSE "), ("true", "false"), ("1", " 0 ")):
+        assert [number(text, "it", switch=True) for text in (on, off)] == [1, 0]
     switch = pd.Series([True, False])
     assert as_numbers(switch, "The column").tolist() == [True, False]
     for role in ("temperature", "reading"):
@@ -84,6 +85,8 @@ def test_absurd_numbers_are_refused_by_row():
         values[[3, 70_000]] = np.nan, value
         with pytest.raises(RecordError, match=words):
             as_numbers(values, "The reading y", "reading")
+    with pytest.raises(RecordError, match="infinity in row 0"):
+        as_numbers(np.array([np.inf, 1.0]), "It")
     assert as_numbers(np.array([LARGEST, -LARGEST, np.nan]), "It")[0] == LARGEST
     assert as_numbers(np.array([3e38, np.nan], np.float32), "It").dtype == np.float32
     with pytest.raises(RecordError, match="infinity in row 1"):
@@ -118,6 +121,13 @@ def test_lines_that_are_no_rows(line, words):
     content = b"a,b\n1,2\n" + line
     with pytest.raises(RecordError, match=f"line 3: .*{words}"):
         check_lines(content, 2, 4)
+
+
+@pytest.mark.parametrize("line", [b"1,2\n", b'"open\n', b"\x00\n", b"1\r2\n", b"\xff\n"])
+def test_lines_of_one_column_are_looked_at_as_all_others_are(line):
+    """A right one has no comma, as what lies outside the table has none."""
+    with pytest.raises(RecordError, match=r"line 4: "):
+        check_lines(b"a\n1\n2\n" + line + b"3\n", 1, 2)
 
 
 def test_headers():

@@ -9,8 +9,10 @@ import pytest
 from effect_records import log
 
 from thermocorr import DynamicBiasRegressor, ModelFileError, load_model, save_model
-from thermocorr.effects import CATALOGUE, Effect, SeveralSteps
+from thermocorr.effects import CATALOGUE, Delay, Effect, SeveralSteps
+from thermocorr.effects.signals import DelayState
 from thermocorr.files.codec import pack, unpack
+from thermocorr.files.effect_nodes import check_state
 from thermocorr.files.model_file import digest_of, signed
 
 
@@ -138,11 +140,34 @@ def test_a_file_of_version_1_is_read_as_long_as_its_digest_fits(saved, tmp_path)
             for pair in ([1], [1, 2, 3], "ab", [1.5, 2], [[1], 2], [True, 1])
         ),
         ({"$state": "LagState", "values": [{"$array": [0.0]}]}, "the values of a LagState"),
+        *(
+            ({tag: text}, f"x holds '{text}' where a date")
+            for tag in ("$date", "$day")
+            for text in ("soon", "NaT", "2024-02-30")
+        ),
     ],
 )
 def test_arrays_and_states_that_none_can_be_are_refused(node, words):
     with pytest.raises(ModelFileError, match=words):
         unpack(node, "x")
+
+
+@pytest.mark.parametrize(
+    ("elapsed", "values", "words"),
+    [
+        ([0.0, 60.0], [20.0], r"temperature holds .* 2 finite numbers"),
+        ([0.0, 60.0], [20.0, np.inf], r"temperature holds .* 2 finite numbers"),
+        ([0.0, 60.0], [20.0, 1e300], r"temperature holds .* 2 finite numbers"),
+        ([60.0, 60.0], [20.0, 21.0], "elapsed holds times where increasing times"),
+        ([], [], "holds .* where the samples that a delay looks back to"),
+    ],
+)
+def test_samples_that_a_delay_cannot_look_back_to_are_refused(elapsed, values, words):
+    X = log(90, seed=9)
+    delay = DynamicBiasRegressor(effects=[Delay("5 min")]).fit(X, X["humidity"]).features_.effect_list()[-1]
+    check_state(delay, DelayState(np.array([0.0, 60.0]), np.array([20.0, 21.0])), "x")
+    with pytest.raises(ModelFileError, match=words):
+        check_state(delay, DelayState(np.array(elapsed), np.array(values)), "x")
 
 
 @pytest.mark.parametrize(
@@ -188,3 +213,13 @@ def test_an_effect_that_another_one_has_taught_lives_in_a_file(tmp_path):
         (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
         with pytest.raises(ModelFileError, match="names that end with an underscore"):
             load_model(tmp_path / "f.json", allow_imports=[f"{__name__}.Pair"])
+
+
+def test_an_effect_whose_units_have_changed_since_is_refused(tmp_path, monkeypatch):
+    """The class of a user's own effect is of today, the file of the day of the fit."""
+    X = log(90, seed=9)
+    model = DynamicBiasRegressor(time_constants=[300.0], effects=[Pair()]).fit(X, X["humidity"])
+    save_model(model, tmp_path / "m.json")
+    monkeypatch.setattr(Pair, "units", lambda self: ["K", "K"])
+    with pytest.raises(ModelFileError, match=r"Pair has another number of units than of names"):
+        load_model(tmp_path / "m.json", allow_imports=[f"{__name__}.Pair"])

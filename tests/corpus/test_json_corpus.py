@@ -160,6 +160,7 @@ STATES = {
     "a list for a flag": ("state.open", []),
     "a segment that is not there": ("state.key", 10**9),
     "a row before the first": ("next_row", -1),
+    "a row that none can follow": ("next_row", 2**63 - 1),
     "an average over no samples": ("average", 0),
     "more values than the average has": ("state.averaged", [1.0] * 10_000),
     "another model's": ("model", "0" * 64),
@@ -206,6 +207,19 @@ def test_a_forged_state_is_not_quoted_at_length(name, correct, tmp_path):
     assert shown.status == 2 and "cannot go on" in shown.err and len(shown.err) < 500
 
 
+@pytest.mark.parametrize("key", ["rows", "lines"])
+def test_a_count_that_cannot_go_on_is_refused_before_a_row_is_counted(key, correct, tmp_path):
+    """Not by the next run, which would find a state that the command itself has saved."""
+    options = ("--state", tmp_path / "state.json")
+    assert correct(text_of(CLEAN[:50]), *options).status == 0
+    node = json.loads((tmp_path / "state.json").read_text())
+    for value, status in ((2**63 - 1, 2), (2**53 + 1, 2), (2**52, 0)):
+        (tmp_path / "state.json").write_text(json.dumps({**node, key: value}))
+        shown = correct(text_of(CLEAN[50:]), *options)
+        assert shown.status == status and (status == 0 or f"$.{key} holds {value} where an integer" in shown.err)
+    assert correct(text_of(CLEAN[55:]), *options).status == 0
+
+
 def test_a_forged_state_of_an_average_over_no_samples_is_refused(model_path):
     """Before the first sample too, when it has no values."""
     model = load_model(model_path)
@@ -249,6 +263,7 @@ FORGED = {
     "a washout of text": (("parameters", "washout"), "soon"),
     "one reading less than none": (("reading", "n_readings"), 0),
     "a negative period": (("history", "period"), -1.0),
+    "rows that none can follow": (("history", "rows"), 2**63 - 1),
     "names twice": (("feature_names_in",), ["time", "time", "humidity"]),
     "half a character": (("feature_names_in", 0), "\ud800"),
     "a long text": (("reading", "name"), "x" * 100_000),

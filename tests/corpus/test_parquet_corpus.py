@@ -120,6 +120,13 @@ def test_numbers_of_every_width_are_the_same_for_both_readers_and_for_correct(na
     np.testing.assert_allclose([float(row["corrected"]) for row in rows], expected, rtol=1e-12)
 
 
+def test_dates_without_a_zone_are_read_to_the_last_minute_of_the_clock(tmp_path):
+    """A day is kept free only where a zone could move them."""
+    last = [2**63 - 1 - 60_000_000_000 * (ROWS - 1 - k) for k in range(ROWS)]
+    a, b = fit_both(*parquet_of(tmp_path, time=lambda pa, frame: pa.array(last, pa.timestamp("ns"))))
+    assert np.array_equal(a, b)
+
+
 FAR = ["the year 8024", "beyond the last day", "spans of 6000 years", "infinity"]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from corpus.clean_log import CLEAN, FITTED, ROWS, Shown, frame_of, text_of
-from thermocorr import DynamicBiasRegressor, save_model
+from thermocorr import DynamicBiasRegressor, ModelFileError, OnlineCorrector, load_model, save_model
 
 
 @pytest.fixture
@@ -24,6 +24,19 @@ def untimed_path(tmp_path_factory):
 def test_a_torn_line_in_a_log_without_times_is_said_in_our_words(correct, untimed_path):
     shown = correct(text_of(CLEAN[40:])[:-5], model=untimed_path)
     assert shown.status == 1 and shown.named == [ROWS - 40 + 1] and len(shown.rows) == ROWS - 41
+
+
+@pytest.mark.parametrize("place", ["next_row", "last", "segment_zero"])
+@pytest.mark.parametrize("value", [-1, 2**63 - 1])
+def test_a_row_that_no_log_reaches_is_no_state(place, value, untimed_path):
+    """Rows behind the last integer are stale, and such before the first one lie beyond all gaps."""
+    model = load_model(untimed_path)
+    live = OnlineCorrector(model)
+    live.update_many(frame_of(CLEAN[FITTED:])[["temperature"]])
+    state = live.state()
+    (state if place in state else state["state"])[place] = value
+    with pytest.raises(ModelFileError, match=rf"{place} holds {value} where an integer"):
+        OnlineCorrector.from_state(model, state)
 
 
 def test_a_header_that_comes_again_leaves_rows_without_times_in_their_place(correct, untimed_path):

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..files import AppendedFile, OutputError, Outputs, write_file
 from ..files.appending import Position
-from ..files.codec import ModelFileError, fields, integer, parse, read_bytes, text
+from ..files.codec import ModelFileError, counted, fields, parse, read_bytes, text
 from ..live.corrector import OnlineCorrector
 from ..records.csvlines import fields_of
 from .lines import Lines
@@ -40,7 +40,7 @@ def read_state(path: str, model: Any) -> Saved:
     try:
         node = fields(parse(read_bytes(path)), "$", ("stream", "rows", "lines", "out", "source"))
         out, source = (_position(node[key], f"$.{key}") for key in ("out", "source"))
-        rows, lines = integer(node["rows"], "$.rows", 0), integer(node["lines"], "$.lines", 0)
+        rows, lines = counted(node["rows"], "$.rows"), counted(node["lines"], "$.lines")
         return Saved(OnlineCorrector.from_state(model, node["stream"]), rows, lines, out, source)
     except ModelFileError as error:
         raise ModelFileError(f"{path}: {error} Remove the file to start afresh.") from None
@@ -52,7 +52,7 @@ def _position(node: Any, where: str) -> Position | None:
     if node is None:
         return None
     node = fields(node, where, ("length", "digest"))
-    return Position(integer(node["length"], f"{where}.length", 0), text(node["digest"], f"{where}.digest"))
+    return Position(counted(node["length"], f"{where}.length"), text(node["digest"], f"{where}.digest"))
 
 
 class Results:

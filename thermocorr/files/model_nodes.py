@@ -20,6 +20,7 @@ from ..records.times import Times
 from .codec import (
     LARGEST_INTEGER,
     ModelFileError,
+    counted,
     fields,
     integer,
     items,
@@ -131,7 +132,7 @@ def unpack_history(node: Any, where: str, effects: list[Any], codec: EffectCodec
         zero=zero,
         record=Record(times, temperature, columns, tuple(segments), skipped=skipped),
         end_states=tuple(ends),
-        n_fitted=integer(node["rows"], f"{where}.rows", at),
+        n_fitted=counted(node["rows"], f"{where}.rows", at),
         stride=integer(node["stride"], f"{where}.stride", 1),
         usual_step=positive(node["usual_step"], f"{where}.usual_step"),
         max_gap=None if node["max_gap"] is None else positive(node["max_gap"], f"{where}.max_gap"),

@@ -206,7 +206,7 @@ class Stream:
         values = {name: column[rows] for name, column in values.items()}
         valid = np.logical_and.reduce([np.isfinite(column) for column in values.values()])
         steps = np.empty(len(rows))
-        steps[0] = self.clock.between(here[0], self.last) if same_run else np.inf
+        steps[0] = self.step_to(here[0].item(), run)
         steps[1:] = self.clock.between(here[1:], here[:-1])
         goes_on = np.concatenate(([self._open and same_run], valid[:-1])) & (steps <= self._max_gap)
         self.last, self._run = here[-1].item(), run

@@ -12,6 +12,7 @@ from ..estimators import DynamicBiasRegressor
 from ..files.codec import (
     MOST_STATE,
     ModelFileError,
+    counted,
     fields,
     integer,
     items,
@@ -111,7 +112,7 @@ def from_json(model: DynamicBiasRegressor, node: Any) -> tuple[Settings, Place, 
         settings = Settings(_truth(node, "$", "continues"), average, track)
         doubt = None if node["doubt"] is None else _unpacked(node["doubt"], "$.doubt", model, settings)
         state = _unpacked(node["state"], "$.state", model, settings)
-        place = Place(integer(node["next_row"], "$.next_row", 0), _truth(node, "$", "placed"))
+        place = Place(counted(node["next_row"], "$.next_row"), _truth(node, "$", "placed"))
         return settings, place, state, doubt
     except ModelFileError as error:
         raise ModelFileError(
@@ -139,11 +140,12 @@ def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
 def _unpacked(node: Any, where: str, model: DynamicBiasRegressor, settings: Settings) -> StreamState:
     node = fields(node, where, _STATE_FIELDS)
     history, effects, codec = model.features_.history_, model.features_.effect_list(), EffectCodec()
-    seconds = history.kind == "seconds"
 
     def stamp(key: str) -> Any:
         place = f"{where}.{key}"
-        return number(node[key], place, -LARGEST, LARGEST) if seconds else integer(node[key], place)
+        if history.kind == "seconds":
+            return number(node[key], place, -LARGEST, LARGEST)
+        return counted(node[key], place) if history.kind == "rows" else integer(node[key], place)
 
     is_open = _truth(node, where, "open")
     if is_open and node["last"] is None:

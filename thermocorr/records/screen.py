@@ -85,8 +85,9 @@ class Screen:
 
     def without_codes(self, record: Record, max_gap: float | None) -> Record:
         """The record without the temperatures that are codes."""
-        values = record.columns[record.temperature_name]
-        found = [low + self.temperature.coded(values[record.rows(low, high)]) for low, high in _chunks(record)]
+        values, found = record.columns[record.temperature_name], []
+        for low, high in _chunks(record):  # as floats: 1e30 is none of half precision
+            found.append(low + self.temperature.coded(np.asarray(values[record.rows(low, high)], float)))
         return without(record, "temperature", SENTINEL, np.concatenate(found), max_gap)
 
     def without_spikes(self, record: Record, max_gap: float | None) -> Record:
