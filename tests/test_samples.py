@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+
 import numpy as np
 import pytest
 from effect_records import LIVE, LIVE_NAMES, learned, log, whole
@@ -12,7 +14,7 @@ from thermocorr.effects import CATALOGUE, Effect, Hysteresis, ThermalLag
 from thermocorr.effects.expressions import Decays, Lag, Word
 from thermocorr.effects.samples import STEPPED, Sample, SteppedLag, decay_and_gain_of_step, stepper_of
 from thermocorr.effects.stream import own_starts
-from thermocorr.equations import lag_differences
+from thermocorr.equations import compiled, lag_differences
 from thermocorr.equations.lags import decay_and_gain
 
 
@@ -145,12 +147,38 @@ def test_a_jittering_clock_does_not_fill_the_memory():
     assert len(lags.known) <= 64
 
 
+@pytest.mark.parametrize("fault", ["no folder", "full disk"])
+def test_compiled_code_that_cannot_be_kept_is_compiled_all_the_same(fault, tmp_path, monkeypatch):
+    """A read-only installation without a home, or a full disk: a speed of the next process is no error of this one."""
+    pytest.importorskip("numba", reason="compiled code needs numba: pip install 'thermocorr[fast]'")
+    from numba.core import caching, config
+
+    refused = []
+
+    def full(*_):
+        refused.append(1)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    if fault == "no folder":
+        monkeypatch.setattr(caching.CompileResultCacheImpl, "_locator_classes", [])
+    else:
+        monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+        monkeypatch.setattr(caching.IndexDataCacheFile, "save", full)
+    compiled._compiled_play.cache_clear()
+    try:
+        followed = compiled.play(np.array([1.0, 0.0, 0.0]), np.array([2.0, 3.0, 0.5]), 0.0)
+        assert compiled._compiled_play() is not None
+    finally:
+        compiled._compiled_play.cache_clear()
+    assert followed.tolist() == [1.0, 1.0, 0.5] and bool(refused) == (fault == "full disk")
+
+
 def test_compiled_play_is_the_loop_to_the_last_bit(monkeypatch):
     pytest.importorskip("numba", reason="numba is not installed: there is no compiled play")
     record = make_record(5000, seed=9)
     results = []
-    for compiled in (True, False):
-        if not compiled:
+    for fast in (True, False):
+        if not fast:
             monkeypatch.setattr("thermocorr.equations.compiled._compiled_play", lambda: None)
         model = DynamicBiasRegressor("temperature", ["10 min"], effects=[Hysteresis(0.4)])
         model.fit(record[["temperature"]], record["reading"])

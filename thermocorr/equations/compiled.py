@@ -54,7 +54,18 @@ def _compiled(function: Any) -> Any:
         return None
     from numba import njit
 
-    return njit(cache=True, nogil=True)(function)
+    try:
+        kept = njit(cache=True, nogil=True)(function)
+    except RuntimeError:  # numba finds no folder to keep the code in: it is compiled by each process
+        return njit(nogil=True)(function)
+
+    def called(*arguments: Any) -> None:
+        try:
+            kept(*arguments)
+        except OSError:  # it is compiled, and could not be kept: the disk is full
+            kept(*arguments)
+
+    return called
 
 
 def _play(low: Any, high: Any, position: Any, out: Any) -> None:
