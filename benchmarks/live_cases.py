@@ -272,18 +272,15 @@ def whole(model, layout: Layout, log: pd.DataFrame) -> pd.DataFrame:
     sizes = np.abs(model.features_.transform(X)) @ np.abs(model.coef_)
     result["slack"] = DIGITS * (np.nanmax(sizes) + np.nanmax(np.abs(U), initial=0.0))
     stamps, unit = (X["s"].to_numpy(), 1) if layout.kind == "seconds" else (log["ns"].to_numpy(), NS)
-    result["steps"] = np.diff(stamps, prepend=0) / unit
     first = (log["run"] != log["run"].shift()).to_numpy() if "run" in log else result.index == 0
     gone, flags = result["model"].isna() & (result["flag"] != "no temperature"), []  # as if it had not come
-    kept = np.concatenate(([-1], np.where(gone, -1, np.arange(len(gone)))[:-1]))
-    last = np.maximum.accumulate(kept)  # the row before that came
+    last = np.maximum.accumulate(np.r_[-1, np.where(gone, -1, np.arange(len(gone)))[:-1]])  # the row before that came
     leaps = np.where(last < 0, stamps, stamps - stamps[last]) / unit
     for flag, step, begins in zip(result["flag"], leaps / gap_of(model), first, strict=True):
         said = {"suspect time"} if step > SUSPECT else {flag or "gap"} if step > 1 else {flag}
-        no_number = flag in ("no temperature", "sentinel", "spike")  # there is nothing whose time could be suspect
-        # how far a first row lies behind the fitted ones is not looked up
+        no_number = flag in ("no temperature", "sentinel", "spike")  # how far a first row lies behind is not looked up
         flags.append({flag} if no_number else {flag, flag or "gap", "suspect time"} if begins else said)
-    return result.assign(flags=flags)
+    return result.assign(flags=flags, steps=np.diff(stamps, prepend=0) / unit)
 
 
 def averages(expected: pd.DataFrame, flags, ways: dict, value: float) -> None:
