@@ -19,6 +19,7 @@ import itertools
 import time
 import warnings
 from collections import Counter, defaultdict
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -155,6 +156,12 @@ def campaign(kinds: list[str], seeds: list[int], strength: float, verbose: bool)
         print(table[~table["first"]].to_string())
 
 
+def print_seeds(seeds: Iterable[int], tuning: Iterable[int]) -> None:
+    """Say which seeds served for tuning."""
+    tuned = sorted(set(seeds) & set(tuning))
+    print(f"seeds {list(seeds)}" + (f"; {tuned} served for tuning" if tuned else ", none served for tuning"))
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -164,8 +171,7 @@ def main() -> None:
     parser.add_argument("--verbose", action="store_true", help="list what was not named first")
     options = parser.parse_args()
     warnings.simplefilter("ignore", RecordWarning)
-    tuned = set(options.seeds) & set(TUNING_SEEDS)
-    print(f"seeds {options.seeds}" + (f"; {sorted(tuned)} served for tuning" if tuned else ", none served for tuning"))
+    print_seeds(options.seeds, TUNING_SEEDS)
     for strength in options.strengths:
         campaign(options.kinds, options.seeds, strength, options.verbose)
 

@@ -16,6 +16,7 @@ from ..files.appending import Position
 from ..files.codec import ModelFileError, counted, fields, parse, read_bytes, text
 from ..live.corrector import OnlineCorrector
 from ..records.csvlines import fields_of
+from ..records.errors import times_word
 from .lines import Lines
 from .log_rows import LogRows, Sample
 
@@ -101,7 +102,8 @@ class Results:
         """Make all rows last; returns what was kept, in words."""
         self.keep()
         if self.skipped:
-            print(f"thermocorr: {self.skipped} lines were corrected before, by the saved state", file=sys.stderr)
+            said = f"{times_word(self.skipped, 'line')} {'was' if self.skipped == 1 else 'were'} corrected before"
+            print(f"thermocorr: {said}, by the saved state", file=sys.stderr)
         return "state saved" if self.options.state else "no state saved (--state FILE keeps one to go on from)"
 
     def resume(self, saved: Saved) -> bool:

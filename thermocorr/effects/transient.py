@@ -67,7 +67,7 @@ class InitialTransient(Effect):
             limit = self.longest_share * record.duration(segment)
             chosen = time_constants[time_constants <= limit]
             chosen = chosen[chosen > _first_reading(record, segment)]  # what is over before can't be known
-            if len(chosen) == 0 or segment.stop - segment.start <= 2 * len(chosen):
+            if len(chosen) == 0 or segment.n_rows <= 2 * len(chosen):
                 continue
             self.decays_[key] = chosen
             named = segment.run is not None and runs.count(segment.run) == 1

@@ -52,7 +52,7 @@ def block_rows(n_used: int, n_chunks: int = N_CHUNKS) -> int:
 def equal_edges(record: Record, n_chunks: int = N_CHUNKS) -> np.ndarray:
     """Positions in time order that cut a record into stretches of equal numbers of used rows, ends included."""
     starts = np.array([segment.start for segment in record.segments])
-    before = np.cumsum([0, *(segment.stop - segment.start for segment in record.segments)])
+    before = np.cumsum([0, *(segment.n_rows for segment in record.segments)])
     wanted = np.unique(np.arange(1, n_chunks) * record.n_used // n_chunks)
     segment = np.searchsorted(before, wanted, side="right") - 1
     return np.unique(np.concatenate(([0], starts[segment] + wanted - before[segment], [record.n_rows])))

@@ -61,15 +61,15 @@ def _times(seconds: float, display: AllanDisplay) -> str:
     return f"{seconds:.0f} samples" if display.samples else time_text(seconds)
 
 
-def _loudest(model: Any, X: Any, rows: float) -> str:
+def _loudest(model: Any, X: Any, n_rows: float) -> str:
     """Name of the column whose contribution has the largest Allan deviation at an averaging time [rows]."""
     record = Walk(model, X).record
-    longest = max(record.segments, key=lambda segment: segment.stop - segment.start)
-    first = record.row(longest.start)
-    columns = np.asarray(model.features_.transform(X[first : first + LOOKED_AT]), float)
+    longest = record.longest()
+    rows = record.rows(longest.start, min(longest.stop, longest.start + LOOKED_AT))
+    columns = np.asarray(model.features_.transform(X.iloc[rows] if hasattr(X, "iloc") else X[rows]), float)
     removed = np.concatenate(
         [np.full(len(effect.names()), effect.removed_by_correct) for effect in model.features_.effect_list()]
     )
     made = columns * model.coef_ * removed
-    sizes = [allan_deviation(part[np.isfinite(part)], 1.0, [round(rows)]).deviation for part in made.T]
+    sizes = [allan_deviation(part[np.isfinite(part)], 1.0, [round(n_rows)]).deviation for part in made.T]
     return str(model.features_.get_feature_names_out()[int(np.argmax([s[0] if len(s) else 0.0 for s in sizes]))])

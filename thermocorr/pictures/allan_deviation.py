@@ -121,7 +121,7 @@ class AllanDisplay:
 
 def cell_length(record: Record) -> float:
     """The sampling step [s]; where steps differ much, one that nine in ten of them do not exceed."""
-    longest = max(record.segments, key=lambda segment: segment.stop - segment.start)
+    longest = record.longest()
     rows = record.rows(longest.start, min(longest.stop, longest.start + LOOKED_AT))
     steps = record.times.steps(rows)[1:]
     usual, wide = record.usual_step(), float(np.quantile(steps, 0.9)) if len(steps) else 0.0

@@ -253,7 +253,7 @@ class History:
         inside = (numbers >= first_row) & (numbers < first_row + record.n_rows)
         rows = numbers[inside] - first_row
         if self.stride == 1 and first_row + record.n_rows <= self.n_fitted:
-            expected = sum(s.stop - s.start for s in record.segments)
+            expected = sum(segment.n_rows for segment in record.segments)
             if len(rows) != expected:
                 return False
         return len(rows) > 0 and all(

@@ -24,6 +24,11 @@ class Segment(NamedTuple):
     stop: int
     run: object = None
 
+    @property
+    def n_rows(self) -> int:
+        """Number of rows, those passed over included."""
+        return self.stop - self.start
+
 
 class Refused(NamedTuple):
     """Rows whose reading or temperature is none."""
@@ -161,7 +166,7 @@ class Record:
     @property
     def n_used(self) -> int:
         """Rows inside segments, without those passed over."""
-        return sum(segment.stop - segment.start for segment in self.segments) - len(self.skipped)
+        return sum(segment.n_rows for segment in self.segments) - len(self.skipped)
 
     def stretches(self, segment: Segment) -> Iterator[tuple[int, int]]:
         """The rows of a segment, first and behind the last, between those that are passed over."""
@@ -203,10 +208,14 @@ class Record:
         """Median step inside segments [s]; 1 for a record without two consecutive rows. Long records are sampled."""
         return self._usual_step
 
+    def longest(self) -> Segment:
+        """The segment with most rows."""
+        return max(self.segments, key=lambda segment: segment.n_rows)
+
     @cached_property
     def _usual_step(self) -> float:
         parts = []
-        longest = sorted(self.segments, key=lambda s: s.start - s.stop)[:16]
+        longest = sorted(self.segments, key=lambda segment: -segment.n_rows)[:16]
         for start, stop, _ in longest:
             if stop - start > 1:
                 parts.append(self.times.steps(self.rows(start, min(stop, start + 16_384)))[1:])

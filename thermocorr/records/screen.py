@@ -152,7 +152,7 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
 
 def _sampled(record: Record, column: NDArray[Any]) -> list[Floats]:
     """Stretches of consecutive values: all of them, or some of a long record."""
-    ends = np.cumsum([segment.stop - segment.start for segment in record.segments])
+    ends = np.cumsum([segment.n_rows for segment in record.segments])
     if ends[-1] <= SAMPLES * SAMPLE_ROWS:
         parts = [np.arange(segment.start, segment.stop) for segment in record.segments]
     else:
