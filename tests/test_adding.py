@@ -13,6 +13,11 @@ from thermocorr.judgement.refinement import worth_trying
 BEFORE = Errors(1.0, 1.0)
 
 
+def of_blocks(*each):
+    """Errors that fall where all blocks are taken together."""
+    return Errors(0.8, 0.8, np.array(each))
+
+
 def test_one_error_may_rise_where_the_other_falls_by_more():
     assert Errors(1.04, 0.9).better_than(BEFORE) and Errors(0.9, 1.04).better_than(BEFORE)
     assert not Errors(1.1, 0.95).better_than(BEFORE) and not Errors(0.95, 1.1).better_than(BEFORE)
@@ -25,15 +30,28 @@ def test_held_out_blocks_decide_where_later_ones_cannot(later):
 
 def test_what_depends_on_time_alone_must_not_raise_either_error():
     for errors in (Errors(1.05, 0.9), Errors(0.8, 1.01)):
-        assert errors.worth(Covariate("supply"), True, BEFORE)
-        assert not errors.worth(Drift(), True, BEFORE) and not errors.worth(Step(100.0), True, BEFORE)
-    assert Errors(0.98, 1.0).worth(Step(100.0), True, BEFORE)  # in the last block
+        assert errors.worth(Covariate("supply"), BEFORE)
+        assert not errors.worth(Drift(), BEFORE) and not errors.worth(Step(100.0), BEFORE)
+    assert Errors(0.98, 1.0).worth(Step(100.0), BEFORE)  # in the last block
 
 
-def test_what_is_not_named_must_lower_both_errors_clearly():
-    assert Errors(0.85, 0.85).worth(Covariate("supply"), False, BEFORE)
-    assert not Errors(0.6, 0.95).worth(Covariate("supply"), False, BEFORE)
-    assert not Errors(0.95, 0.6).worth(Covariate("supply"), False, BEFORE)
+def test_the_error_must_fall_in_most_blocks():
+    """One or two blocks decide on the error of all: they are no sign that the next one will be the same."""
+    before = Errors(1.0, 1.0, np.ones(6))
+    assert of_blocks(0.9, 0.9, 0.9, 0.9, 1.1, 1.1).worth(Covariate("supply"), before)
+    assert not of_blocks(0.2, 0.2, 0.9, 1.1, 1.1, 1.1).worth(Covariate("supply"), before)
+    assert of_blocks(0.2, 1.0, 1.0, 1.001, 1.0, 1.0).worth(Covariate("rain"), before)  # what acts in one block only
+    assert of_blocks(0.2, 1.1, 1.1, 1.1, 1.0, 1.0).worth(Step(100.0), before)  # a step lies in some blocks
+    assert of_blocks(0.2, np.nan, 1.0, 1.0, 1.0, 1.0).worth(Covariate("supply"), before)
+
+
+def test_errors_of_each_block_stand_behind_those_of_all():
+    record = make_record(2000, effects={"covariate": 2.0}, seed=3)
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = Errors.of(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert found.each.shape == (10,) and np.isfinite(found.each).all()
+    assert found.held_out == pytest.approx(rms(found.each[:5]), rel=0.05)  # rows at the starts are left out
+    assert found.later == pytest.approx(rms(found.each[5:]), rel=0.05)
 
 
 def test_exact_records_have_no_ratio_of_errors():

@@ -7,7 +7,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from thermocorr.effects import Covariate, Hinge, Interaction, LagProducts, Periodic, SensitivityDrift, Step
+from thermocorr.effects import (
+    Covariate,
+    Hinge,
+    Interaction,
+    LaggedModulation,
+    LagProducts,
+    Periodic,
+    SensitivityDrift,
+    Step,
+)
 from thermocorr.judgement.causes import Search
 from thermocorr.judgement.choice import Tried, chosen
 from thermocorr.judgement.pool import Explanation
@@ -57,6 +66,13 @@ def test_what_is_not_proven_must_help_more_than_noise_does():
     helps = tried(Hinge(22.0), -2.0, 4.0, 5.0, p_value=1.0)
     assert best_of(helps) == "hinge" and best_of(helps, by_chance=True) is None
     assert best_of(tried(Step(3600.0), -2.0, 4.0, 5.0, p_value=1.0)) is None  # of time alone
+
+
+@pytest.mark.parametrize("effect", [Interaction("room"), LaggedModulation(slow="room"), SensitivityDrift()])
+def test_a_product_is_no_cause_without_proof(effect):
+    """Beside a voltmeter's slow noise, the meter's own temperature times the bath's helped, and then doubled errors."""
+    assert best_of(tried(effect, -2.0, 4.0, 5.0, p_value=1.0)) is None
+    assert best_of(tried(effect, 20.0, 4.0, 5.0)) == effect.kind
 
 
 @pytest.mark.parametrize(

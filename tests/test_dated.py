@@ -171,3 +171,31 @@ def test_a_disturbance_bends_no_coefficient_once_it_is_in_the_model():
     assert right < 0.1 * wrong
     corrected = np.asarray(put_right.correct(X, y))
     assert corrected[1000:1100].mean() == pytest.approx(corrected[1100:].mean(), abs=0.05)
+
+
+@pytest.mark.parametrize("place", [0.1, 0.45, 0.8])
+def test_a_disturbance_where_runs_overlap_begins_before_it_ends(place):
+    """The second run began while the first one was still recorded: rows in order are no times in order."""
+    record = make_record(3000, seed=8).reset_index(drop=True)
+    seconds = 60.0 * np.arange(3000) - np.where(np.arange(3000) < 1500, 0, 60.0 * 700)
+    record = record.assign(s=seconds, run=np.repeat([1, 2], 1500))
+    start, end = int(3000 * place), int(3000 * place) + 120
+    inside = (seconds >= seconds[start]) & (seconds < seconds[end - 1])
+    X, y = record.drop(columns="reading"), record["reading"] + 3.0 * inside
+    found = diagnose(DynamicBiasRegressor("temperature", time="s", run="run").fit(X, y), X, y)
+    named = [cause.effect for cause in found.causes if isinstance(cause.effect, Disturbance)]
+    assert all(effect.start < effect.end for effect in named)
+    if place != 0.45:  # elsewhere one run alone was recorded
+        assert named and abs(named[0].start - seconds[start]) < 600
+
+
+def test_a_stretch_up_to_the_end_of_a_run_ends_with_it():
+    """Behind its last row comes the first one of a run that began earlier."""
+    record = make_record(3000, seed=9).reset_index(drop=True)
+    seconds = 60.0 * np.arange(3000) - np.where(np.arange(3000) < 1500, 0, 60.0 * 1499.5)
+    record = record.assign(s=seconds, run=np.repeat([1, 2], 1500))
+    shifted = (np.arange(3000) >= 1400) & (np.arange(3000) < 1500)
+    X, y = record.drop(columns="reading"), record["reading"] + 3.0 * shifted
+    model = DynamicBiasRegressor("temperature", ["10 min"], time="s", run="run").fit(X, y)
+    found = diagnose(model, X, y)
+    assert all(np.isfinite(model.with_effect(cause.effect).fit(X, y).coef_).all() for cause in found.causes)

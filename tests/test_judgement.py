@@ -166,6 +166,17 @@ def test_forecasts_from_cross_products_are_those_of_ridges():
         assert value == pytest.approx(10 * np.log10(before / after), abs=1e-6)
 
 
+@pytest.mark.parametrize("size", [1e-4, 1e-5, 3e-6, 1e-6, 1e-8])
+def test_a_column_that_hardly_varies_where_it_is_learned_is_none_there(size):
+    """Its variance is a difference of large sums: at 3e-6 the rounding outweighed the ridge, the matrix was none."""
+    rng, row = np.random.default_rng(9), np.arange(1000)
+    for _ in range(20):
+        late = np.where(row < 450, 1.0, -0.7)[:, None] + size * rng.standard_normal((1000, 2))
+        base = np.column_stack((np.ones(1000), rng.standard_normal(1000), late, late @ [0.6, 0.7]))
+        for worth in HeldOut(rng.standard_normal((1000, 1)), base).worth([late[:, :1] ** 2, late]):
+            assert np.isfinite([worth.later, worth.blocks]).all()
+
+
 def test_a_quantised_reading_with_a_slow_drift_is_weighted_evenly():
     """The median increment of such a reading is nought or the step; weights from it have blown up."""
     n = 5000

@@ -263,7 +263,7 @@ def state(rng: random.Random, room: Room) -> str:
         content, said = scrambled(good, rng), "bytes"
     else:
         forged, said = mutated({"$": subject.state}, rng, "$")
-        content = json.dumps(forged["$"], allow_nan=False).encode()
+        content = json.dumps(forged["$"]).encode()  # 1.5 times what is forged already may be infinite
     room.said.append(f"{subject.name}: {said}")
     return check_state(subject, content, room)
 

@@ -22,7 +22,7 @@ from ..equations import LagState, TriangularFactor, lag_differences
 from ..equations.spikes import HALO, Scanned, Usual
 from ..estimators.fitting import Swept, decays_first
 from ..records import Layout, Log, ParquetLog, Record, RecordError, Segment, SegmentStart
-from ..records.errors import listing
+from ..records.errors import listing, quoted
 from ..records.record import Moments
 from ..records.times import Times
 from .parts import (
@@ -109,7 +109,7 @@ class DistributedLog(Log):
 
     def __getitem__(self, name: Any) -> RemoteColumn:
         if name not in self.columns:
-            raise RecordError(f"There is no column {name!r} in the log. Its columns are {listing(self.columns)}.")
+            raise RecordError(f"There is no column {quoted(name)} in the log. Its columns are {listing(self.columns)}.")
         return RemoteColumn(self, name)
 
     def to_record(self, layout: Layout, y: Any, needed: Any) -> DistributedRecord:

@@ -16,7 +16,7 @@ import pandas as pd
 from ..live.corrector import OnlineCorrector
 from ..records import RecordError
 from ..records.csvlines import fields_of, header_of, miscounted
-from ..records.errors import listing, times_word
+from ..records.errors import listing, quoted, times_word
 from ..records.files import TIME_NAMES
 from ..records.grammar import label, number
 from .outputs import new_names
@@ -166,7 +166,7 @@ class LogRows:
         assert self.header is not None
         if name not in self.header:
             hint = f" Name it with --{option}." if option else ""
-            raise RecordError(f"The log has no column {name!r}; it has {listing(self.header)}.{hint}")
+            raise RecordError(f"The log has no column {quoted(name)}; it has {listing(self.header)}.{hint}")
         return self.header.index(name)
 
     def _sample(self, fields: list[str]) -> Sample:

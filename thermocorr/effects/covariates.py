@@ -158,6 +158,7 @@ class Interaction(Effect):
     """
 
     kind = "interaction"
+    is_product = True
     learned = {"mean_": "number", "reference_temperature_": "temperature", "temperature_name_": "column"}
     info = EffectInfo(
         physics="The temperature coefficient depends on another recorded quantity, such as supply or load.",

@@ -34,6 +34,7 @@ class LaggedModulation(Effect):
     """
 
     kind = "lagged_modulation"
+    is_product = True
     learned = {"time_constant_": "positive", "temperature_name_": "column", "means_": "numbers"}
     info = EffectInfo(
         physics="The sensitivity to one quantity depends on another one that acts late: moisture that is taken up "

@@ -26,6 +26,7 @@ class LagProducts(Effect):
     """
 
     kind = "lag_products"
+    is_product = True
     learned = {"time_constants_": "times", "reference_temperature_": "temperature", "temperature_name_": "column"}
     info = EffectInfo(
         physics="Heat flow inside the device bends the reading, or the device follows faster where it is warm: the "

@@ -68,6 +68,9 @@ class Effect(BaseEstimator):
     None: not checked."""
     of_time_alone: ClassVar[bool] = False
     """True for what needs nothing but the clock: a noise that wanders can look like it."""
+    is_product: ClassVar[bool] = False
+    """True for a product of two signals, which is largest where both leave their usual range: what it seems to help
+    elsewhere says little of there."""
     foresees: ClassVar[bool] = False
     """True for what looks at later samples: a record has them, a stream and a device do not, nor a part of a record."""
     removed_by_correct: bool = True

@@ -140,6 +140,7 @@ class SensitivityDrift(Effect):
     """
 
     kind = "sensitivity_drift"
+    is_product = True
     learned = {"centre_": "number", "reference_temperature_": "temperature", "temperature_name_": "column"}
     info = EffectInfo(
         physics="The temperature coefficient itself changes with time, as glue, solder or a compensation ages.",

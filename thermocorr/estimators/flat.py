@@ -8,6 +8,7 @@ from typing import Any
 from ..effects import Covariate, Interaction, LaggedCovariate
 from ..effects.protocol import Effect
 from ..records import Record
+from ..records.errors import quoted
 
 RESOLVED_SHARE = 1e-9
 """Share of its size to which a recorded number can be resolved, at best.
@@ -65,7 +66,7 @@ def flat_columns(record: Record, effects: Sequence[Effect]) -> list[str]:
     for column in dict.fromkeys(effect.column for effect in flat_effects(record, effects)):
         values = record.moments(column)
         said[column] = (
-            f"The column {column!r} never changes{flat_text(values.low, values.high, record.n_used)}. Nothing can be "
-            "learned about its effect, whose coefficients are 0. Leave it out, or record while the column moves."
+            f"The column {quoted(column)} never changes{flat_text(values.low, values.high, record.n_used)}. Nothing "
+            "can be learned about its effect, whose coefficients are 0. Leave it out, or record while the column moves."
         )
     return list(said.values())

@@ -146,14 +146,14 @@ def later_errors(
     return LaterErrors(table=table, unit=next(iter(variants.values())).reading_.unit)
 
 
-def later_rms(model: DynamicBiasRegressor, X: Any, y: Any, n_blocks: int = 5) -> float:
-    """Rms error of a fitted model on the later half of its record, each block foretold from everything before it.
+def later_rms(model: DynamicBiasRegressor, X: Any, y: Any, n_blocks: int = 5) -> np.ndarray:
+    """Rms error of a fitted model on blocks of the later half of its record, then on all of these together.
 
-    NaN for records that are too short.
+    Each block is foretold from everything before it; NaN where that is too short.
     """
     reading = believed_readings(model, X, y)
     parts = [_missed(model, X, known, reading, block) for known, block in later_blocks(model, X, reading, n_blocks)]
-    return rms(np.concatenate(parts))
+    return np.array([rms(part) for part in (*parts, np.concatenate(parts))])
 
 
 def later_blocks(

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..records import Record, RecordError, RecordWarning
-from ..records.errors import times_word
+from ..records.errors import quoted, times_word
 from ..records.units import unit_of
 from .flat import flat_text, is_flat, resolved
 
@@ -59,12 +59,12 @@ def check_plausible(record: Record, reading: Reading) -> None:
     if reading.n_readings > 1 and is_flat(low, high):
         raise RecordError(
             f"The temperature never changes{flat_text(low, high, record.n_used)}. Nothing can be learned about its "
-            f"effect. Is {record.temperature_name!r} the right column?"
+            f"effect. Is {quoted(record.temperature_name)} the right column?"
         )
     if low < -460.0 or high > 5000.0:
         warnings.warn(
-            f"The temperature {record.temperature_name!r} runs from {low:.6g} to {high:.6g}: that is neither degC, K "
-            "nor degF. The fit is valid, but coefficients are per unit of that column. Is it the right one?",
+            f"The temperature {quoted(record.temperature_name)} runs from {low:.6g} to {high:.6g}: that is neither "
+            "degC, K nor degF. The fit is valid, but coefficients are per unit of that column. Is it the right one?",
             RecordWarning,
             stacklevel=3,
         )
@@ -88,7 +88,7 @@ def check_range(fitted: Reading, record: Record) -> None:
         if abs(median - offset - (low + high) / 2) < span + 20.0 and not low - span <= median <= high + span:
             raise RecordError(
                 f"The temperature is about {median:.6g} here and was {low:.6g} to {high:.6g} in the fitted record: "
-                f"that looks like {said}. Convert {record.temperature_name!r} first."
+                f"that looks like {said}. Convert {quoted(record.temperature_name)} first."
             )
 
 

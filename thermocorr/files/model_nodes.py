@@ -14,6 +14,7 @@ from ..effects.wrap import as_effects
 from ..estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
 from ..estimators.reading import Reading
 from ..records import History, Record, Segment, seconds_of
+from ..records.errors import quoted
 from ..records.grammar import LARGEST
 from ..records.read import temperature_column
 from ..records.times import Times
@@ -118,7 +119,7 @@ def unpack_history(node: Any, where: str, effects: list[Any], codec: EffectCodec
     temperature = name(node["temperature"], f"{where}.temperature")
     for column in (temperature, *needed_columns(effects)):
         if column not in columns:
-            raise ModelFileError(f"{where}.columns has no {column!r}, which the model needs")
+            raise ModelFileError(f"{where}.columns has no {quoted(column)}, which the model needs")
     per_second = integer(node["ticks_per_second"], f"{where}.ticks_per_second", 1, 1_000_000_000)
     if per_second not in (1, 1_000, 1_000_000, 1_000_000_000):
         raise unexpected(f"{where}.ticks_per_second", str(per_second), "1, 1000, 1000000 or 1000000000")
@@ -307,7 +308,7 @@ def _check_names(names: list[str], features: DiffusiveFeatures, where: str) -> N
     special = [column for column in (layout.time, layout.run) if column is not None]
     for column in (*record.columns, *special):
         if column not in names:
-            raise ModelFileError(f"{where} has no {column!r}, which the model needs")
+            raise ModelFileError(f"{where} has no {quoted(column)}, which the model needs")
     _check_temperature(temperature_column(pd.DataFrame(columns=names), layout, quiet=True), features, where)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from ..estimators.holdout import held_out_residuals, rms, time_blocks
 from ..estimators.later import later_rms
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records.thinned import ThinnedLog
-from .levels import GAIN, HELPS, SAME, SUPERFLUOUS
+from .levels import HELPS, MOSTLY, SAME, SUPERFLUOUS
 
 N_BLOCKS = 5
 """Blocks of time that are held out."""
@@ -30,11 +30,15 @@ class Errors:
     """On blocks of time, each under a model fitted without it."""
     later: float
     """On blocks of the later half, each foretold from everything before it; NaN for short records."""
+    each: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
+    """On each block of either kind."""
 
     @classmethod
     def of(cls, model: DynamicBiasRegressor, X: Any, y: Any) -> Errors:
         """Errors of a fitted model on its record."""
-        return cls(held_out_rms(model, X, y), float(np.hypot(later_rms(model, X, y), _unseen(X))))
+        *held_out, held_out_all = held_out_blocks(model, X, y)
+        *later, later_all = np.hypot(later_rms(model, X, y), _unseen(X))
+        return cls(float(held_out_all), float(later_all), np.array([*held_out, *later]))
 
     def better_than(self, other: Errors) -> bool:
         """Whether one error falls by more than the other rises; held-out blocks decide where later ones cannot."""
@@ -43,20 +47,26 @@ class Errors:
             return held_out <= HELPS
         return held_out * later <= HELPS**2
 
-    def worth(self, effect: Effect, named: bool, other: Errors) -> bool:
+    def falls_mostly(self, other: Errors) -> bool:
+        """Whether the error falls in many more blocks than it rises in: that of all together may be that of one."""
+        falls, rises = (self.each * SAME < other.each).sum(), (self.each > SAME * other.each).sum()
+        return bool(falls >= MOSTLY * rises)
+
+    def worth(self, effect: Effect, other: Errors) -> bool:
         """Whether a model with one effect more is to be kept.
 
-        What diagnosis does not name must lower both errors clearly. What depends on time alone promises nothing for
-        later data: it must not raise either.
+        What depends on time alone promises nothing for later data, and lies in some blocks only: it must not raise
+        either error. All else must be of use in most blocks.
         """
-        held_out, later = _ratio(self.held_out, other.held_out), _ratio(self.later, other.later)
-        if not named:
-            return max(held_out, later) <= 10 ** (-GAIN / 20)
-        return self.better_than(other) and not (effect.of_time_alone and max(held_out, later) > SAME)
+        if not effect.of_time_alone:
+            return self.better_than(other) and self.falls_mostly(other)
+        worse = max(_ratio(self.held_out, other.held_out), _ratio(self.later, other.later))
+        return self.better_than(other) and not worse > SAME
 
     def least(self, other: Errors) -> Errors:
         """The lesser of each."""
-        return Errors(min(self.held_out, other.held_out), min(self.later, other.later))
+        each = np.fmin(self.each, other.each)
+        return Errors(min(self.held_out, other.held_out), min(self.later, other.later), each)
 
     def __str__(self) -> str:
         return f"{self.held_out:.4g} held out, {self.later:.4g} on later blocks"
@@ -68,11 +78,6 @@ class Errors:
 
 def _ratio(now: float, before: float) -> float:
     return now / before if before else 1.0  # an exact record
-
-
-def held_out_rms(model: DynamicBiasRegressor, X: Any, y: Any) -> float:
-    """Rms residual of blocks of time, each under a model fitted without it, offset included."""
-    return float(held_out_blocks(model, X, y)[-1])
 
 
 def held_out_blocks(model: DynamicBiasRegressor, X: Any, y: Any) -> np.ndarray:

@@ -107,5 +107,6 @@ def _harms(t: Tried) -> bool:
 
 
 def _spoken_for(t: Tried) -> bool:
-    """Whether the likelihood does not speak against it; effects of time alone need it to speak for them."""
-    return t.score >= SPEAKS and not t.explanation.effect.of_time_alone
+    """Whether the likelihood does not speak against it; what is of time alone, or a product, needs its proof."""
+    effect = t.explanation.effect
+    return t.score >= SPEAKS and not effect.of_time_alone and not effect.is_product

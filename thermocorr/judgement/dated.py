@@ -42,23 +42,30 @@ def dated(
         if changes.max() > steps.max() + 0.5 * math.log(judged.n):
             found.append(_from(pool, SensitivityStep, int(changes.argmax())))
     if "disturbance" in kinds and (stretch := best_stretch(judged, theta, pool.weight)) is not None:
-        effect = Disturbance(moment(pool, stretch.start), moment(pool, stretch.stop))
+        effect = Disturbance(moment(pool, stretch.start), moment(pool, stretch.stop, ends=True))
         effect.learn(pool.record)
-        row = np.arange(judged.n)
-        inside = (row >= stretch.start) & (row < stretch.stop)
+        start, end = effect.seconds_
+        inside = (pool.data.seconds >= start) & (pool.data.seconds < end)
         found.append(Explanation(effect, pool.weighed(inside.astype(float)[:, None])))
     return found
 
 
-def moment(pool: Pool, row: int) -> float:
-    """Time between an averaged row and the one before it, since the record began [s]."""
-    return float(np.mean(pool.data.seconds[row - 1 : row + 1]))
+def moment(pool: Pool, row: int, ends: bool = False) -> float:
+    """Time between an averaged row and the one before it, since the record began [s].
+
+    Where a run begins that overlaps the one before it, half a step before its first row, or behind the other's last.
+    """
+    seconds = pool.data.seconds
+    if seconds[row - 1] < seconds[row]:
+        return float(np.mean(seconds[row - 1 : row + 1]))
+    at, beside = (row - 1, row - 2) if ends else (row, min(row + 1, len(seconds) - 1))
+    return float(seconds[at] + (seconds[at] - seconds[beside]) / 2)
 
 
 def _from(pool: Pool, kind: type[Step], row: int) -> Explanation:
     """What begins between an averaged row and the one before it."""
     effect = kind(moment(pool, row))
     effect.learn(pool.record)
-    later = (np.arange(len(pool.reading)) >= row).astype(float)
+    later = (pool.data.seconds >= effect.seconds_).astype(float)
     columns = [later] if kind is Step else [later, later * pool.temperature]
     return Explanation(effect, pool.weighed(np.column_stack(columns)))

@@ -97,6 +97,9 @@ PIECES = 20
 RIDGE = 1e-6
 """Penalty in the forecasts, for columns of unit variance. At 1e-3 the lags of the base are bent so far on simulated
 devices that a true drift makes forecasts worse; on measured records any from 1e-6 to 1e-3 gives much the same."""
+VARIES = 1e-8
+"""Variance of a column over its mean square, from which its coefficient is learned: a variance is a difference of sums
+with sixteen digits, and its rounding has to stay far below `RIDGE`. At 1e-11 a matrix was not positive definite."""
 GAIN = 1.0
 """Fall of the squared error [dB], on later stretches and on held-out blocks alike, that counts as help: a tenth of the
 error is what a user notices."""
@@ -168,12 +171,14 @@ HELPS = 0.9995
 """Held-out error over what it was before, up to which an effect is kept where later data cannot tell."""
 SAME = 1.002
 """Ratio of errors on later data within which these cannot tell: a step in the last block of a record."""
+MOSTLY = 2.0
+"""Blocks, held out or later, whose error falls, over those in which it rises, from which an effect that is not of time
+alone is kept. With no such count, products that one block favoured doubled the error of the voltmeter's last 30 %; see
+`benchmarks/refine_rules.py`."""
 TRIES = 4
 """Causes that are tried in a step, the one worth most on data not learned from first; each costs eleven fits."""
 SUPERFLUOUS = 1.001
 """Errors over those before, up to which a model with an effect less, or a plainer one, is preferred."""
-UNNAMED = 2
-"""Suspects that are tried though the diagnosis names them not, where structure is left."""
 JOINTLY = (0.1, 0.03)
 """Steps of the joint search around the parameters of the effects at the end."""
 

@@ -18,8 +18,8 @@ from ..pages import RefinementPage
 from ..records.text import printable
 from .adding import Errors, with_missing
 from .diagnosis import diagnose
-from .found import Diagnosis, FoundSuspect
-from .levels import GAIN, JOINTLY, TRIES, UNNAMED
+from .found import Diagnosis
+from .levels import JOINTLY, TRIES
 from .shorter import shorter
 
 
@@ -66,10 +66,10 @@ def refine(
     """Add the best missing effect, fit, diagnose again, until nothing supportable is missing.
 
     Two errors decide: on held-out blocks of time, and on blocks of the later half, each foretold from everything before
-    it. An effect is kept only if one of them falls by more than the other rises; where later blocks cannot tell,
-    held-out ones decide. What depends on time alone must raise neither, and what diagnosis does not name must lower
-    both by 1 dB. An effect that a later one makes superfluous leaves again; at the end the effects' parameters are
-    tuned together.
+    it. A cause that diagnosis names is kept only if one of them falls by more than the other rises, and the error falls
+    in twice as many blocks as it rises in; where later blocks cannot tell, held-out ones decide. What depends on time
+    alone must raise neither error. An effect that a later one makes superfluous leaves again; at the end the effects'
+    parameters are tuned together.
 
     Parameters
     ----------
@@ -143,12 +143,12 @@ def _refined(
     try:
         for number in range(1, max_steps + 1):
             added: Effect | None = None
-            for effect, named in worth_trying(diagnoses[-1]):
+            for effect in worth_trying(diagnoses[-1]):
                 say(f"step {number}: adding {effect.label()}")
                 extended = with_missing(current, effect)
                 extended.fit(X, y)
                 errors = Errors.of(extended, X, y)
-                if errors.worth(effect, named, best):
+                if errors.worth(effect, best):
                     added = effect
                     break
                 say(f"{effect.label()} does not help on data that it was not learned from: {errors} after {best}")
@@ -173,15 +173,10 @@ def _refined(
     return Refinement(pd.DataFrame(rows), current, tuple(diagnoses))
 
 
-def worth_trying(found: Diagnosis) -> list[tuple[Effect, bool]]:
-    """Effects to try and whether diagnosis names them: causes by what they are worth, then what helped unproven."""
-
-    def worth(suspect: FoundSuspect) -> float:
-        return -round(min(suspect.gain_db, suspect.later_db), 1)
-
-    named = sorted(found.causes, key=worth)[:TRIES]
-    others = [s for s in found.suspects[found.n_causes :] if -worth(s) >= GAIN and found.verdict != "nothing missing"]
-    return [(s.effect, True) for s in named] + [(s.effect, False) for s in sorted(others, key=worth)[:UNNAMED]]
+def worth_trying(found: Diagnosis) -> list[Effect]:
+    """Causes to try, those first that are worth most on data that were not learned from."""
+    ranked = sorted(found.causes, key=lambda cause: -round(min(cause.gain_db, cause.later_db), 1))
+    return [cause.effect for cause in ranked[:TRIES]]
 
 
 def _step(

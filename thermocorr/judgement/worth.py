@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import cho_solve
 
-from .levels import PIECES, RIDGE
+from .levels import PIECES, RIDGE, VARIES
 
 LATER = tuple((range(stop), range(stop, stop + 3)) for stop in range(8, PIECES, 3))
 """Pieces to learn from, and later pieces to be foretold."""
@@ -159,8 +159,8 @@ class Fold:
 
 
 def _scale(variance: np.ndarray, square: np.ndarray) -> np.ndarray:
-    """One over the standard deviation of columns; 0 for those that hardly vary."""
-    alive = variance > 1e-12 * np.maximum(square, 1e-300)
+    """One over the standard deviation of columns; 0 for those that hardly vary where they are learned."""
+    alive = variance > VARIES * np.maximum(square, 1e-300)
     return np.where(alive, 1 / np.sqrt(np.where(alive, variance, 1.0)), 0.0)
 
 

@@ -14,6 +14,7 @@ from ..effects.protocol import refuse_foresight
 from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
 from ..records import RecordError, read_record
+from ..records.errors import quoted
 from ..records.numbers import from_polars, is_frame
 from ..records.read import times_of
 from ..records.screen import Screen
@@ -175,7 +176,7 @@ class OnlineCorrector:
         values = {stream.temperature: one_number(temperature)}
         for column, name in zip(self.columns, self._given, strict=True):
             if name not in columns:
-                raise TypeError(f"update() needs the column {name!r}, which the model uses.")
+                raise TypeError(f"update() needs the column {quoted(name)}, which the model uses.")
             values[column] = one_number(columns[name])
         U = one_number(reading)
         run = None if self.model.run is None else checked_label(columns.get(self.model.run), self.model.run)

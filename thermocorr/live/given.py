@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..records import RecordError
+from ..records.errors import quoted
 from ..records.labels import check_dates, out_of_reach
 from ..records.numbers import from_polars, is_frame, numeric_column
 from ..records.screen import Limits
@@ -108,7 +109,7 @@ def checked_label(label: Any, column: Any) -> Any:
     """The label of a sample's run; RecordError for one that is missing, and for a date out of reach."""
     if label is not None and type(label) is not str:
         if pd.isna(label):
-            raise RecordError(f"The sample has no label of its run in {column!r}. Label every sample.")
+            raise RecordError(f"The sample has no label of its run in {quoted(column)}. Label every sample.")
         if out_of_reach(label):
             raise RecordError(f"The label of the sample's run is {label!s:.60}. {BEYOND}")
     return label

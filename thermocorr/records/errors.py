@@ -15,9 +15,14 @@ class RecordWarning(UserWarning):
 
 def listing(names: Iterable[object], limit: int = 8) -> str:
     """Names for a message: ``'a', 'b', 'c' and 3 more``."""
-    items = [repr(name) if len(repr(name)) <= 60 else f"{repr(name)[:57]}..." for name in names]
-    shown = ", ".join(items[:limit])
-    return shown if len(items) <= limit else f"{shown} and {len(items) - limit} more"
+    items = list(names)
+    said = ", ".join(map(quoted, items[:limit]))
+    return said if len(items) <= limit else f"{said} and {len(items) - limit} more"
+
+
+def quoted(name: object) -> str:
+    """A name for a message: ``'a'``; the beginning of one that is long."""
+    return repr(name) if len(repr(name)) <= 60 else f"{repr(name)[:57]}..."
 
 
 def times_word(count: int, noun: str) -> str:

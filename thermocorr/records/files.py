@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from .csvlines import CUT, check_lines, header_of
-from .errors import RecordError, RecordWarning, listing
+from .errors import RecordError, RecordWarning, listing, quoted
 from .grammar import MISSING
 from .parquet import open_parquet
 
@@ -141,5 +141,5 @@ def require_column(names: Iterable[Any], name: str | None, option: str, guesses:
                 return guess
         raise RecordError(f"Which column is the {option}? Say it with --{option}; there are {listing(columns)}.")
     if name not in columns:
-        raise RecordError(f"There is no column {name!r} for --{option}; there are {listing(columns)}.")
+        raise RecordError(f"There is no column {quoted(name)} for --{option}; there are {listing(columns)}.")
     return name

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from .errors import RecordError, listing
+from .errors import RecordError, listing, quoted
 from .times import Times
 
 
@@ -59,7 +59,7 @@ class SomeColumns(Log):
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._names:
-            raise RecordError(f"There is no column {name!r} among these: {listing(self._names)}.")
+            raise RecordError(f"There is no column {quoted(name)} among these: {listing(self._names)}.")
         return self.log[name]
 
     def __getattr__(self, name: str) -> Any:

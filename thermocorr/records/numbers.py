@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from sklearn.utils import column_or_1d
 
-from .errors import RecordError, listing, times_word
+from .errors import RecordError, listing, quoted, times_word
 from .grammar import LARGEST, is_missing
 from .log import Log
 from .types import Role, kind_of, require_role
@@ -46,15 +46,17 @@ def numeric_column(X: Any, column: object, role: Role = "column") -> NDArray[Any
     if is_frame(X):
         if column not in X.columns:
             raise RecordError(
-                f"There is no {role} {column!r} in the data. Its columns are {listing(X.columns)}. "
+                f"There is no {role} {quoted(column)} in the data. Its columns are {listing(X.columns)}. "
                 f"Name one of them{' with temperature=...' if role == 'temperature' else ''}."
             )
         values: Any = X[column]
         if values.ndim != 1:
-            raise RecordError(f"The name {column!r} stands over {values.shape[1]} columns. Give columns unique names.")
+            raise RecordError(
+                f"The name {quoted(column)} stands over {values.shape[1]} columns. Give columns unique names."
+            )
     else:
         values = X[:, column]
-    return as_numbers(values, f"{role.capitalize()} {column!r}", role)
+    return as_numbers(values, f"{role.capitalize()} {quoted(column)}", role)
 
 
 def numeric_reading(y: Any, X: Any) -> NDArray[Any]:

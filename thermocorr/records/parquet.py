@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import RecordError, listing
+from .errors import RecordError, listing, quoted
 from .log import Log
 from .times import Kind, Times, seconds_within_range, within_range
 from .types import ColumnKind, kind_of_arrow, require_role
@@ -96,7 +96,9 @@ class ParquetLog(Log):
     def field_type(self, name: str) -> Any:
         """Arrow's type of a column; RecordError where there is none of that name."""
         if name not in self._schema.names:
-            raise RecordError(f"There is no column {name!r} in the file. Its columns are {listing(self.columns)}.")
+            raise RecordError(
+                f"There is no column {quoted(name)} in the file. Its columns are {listing(self.columns)}."
+            )
         return self._schema.field(name).type
 
     def parts(self, count: int) -> list[ParquetLog]:
@@ -209,12 +211,12 @@ class TimeColumn(ParquetColumn):
         missing = ~np.isfinite(values) if values.dtype.kind == "f" else np.isnat(values)
         if missing.any():
             row = first_row + int(missing.argmax())
-            raise RecordError(f"The column {self.name!r} has no time in row {row}. Every row needs its time.")
+            raise RecordError(f"The column {quoted(self.name)} has no time in row {row}. Every row needs its time.")
         if values.dtype.kind == "f":
-            return seconds_within_range(values, f"The time column {self.name!r}", first_row)
+            return seconds_within_range(values, f"The time column {quoted(self.name)}", first_row)
         ticks = values.astype(f"{values.dtype.str[1]}8[{_UNIT[self.per_second]}]").view("i8")
         zone = self.type_name.partition("tz=")[2].rstrip("]") or None
-        return within_range(ticks, self.per_second, f"The time column {self.name!r}", first_row, zone)
+        return within_range(ticks, self.per_second, f"The time column {quoted(self.name)}", first_row, zone)
 
 
 def open_parquet(path: str | PathLike[str]) -> Any:
@@ -231,7 +233,7 @@ def open_parquet(path: str | PathLike[str]) -> Any:
 
 def time_kind(type_name: str, column: str) -> tuple[Kind, int]:
     """Kind of times and ticks per second of an Arrow type such as ``timestamp[us, tz=UTC]``."""
-    what, kind = f"The time column {column!r}", kind_of_arrow(type_name)
+    what, kind = f"The time column {quoted(column)}", kind_of_arrow(type_name)
     require_role(kind, "time", what, type_name)
     if kind == "number":
         return "seconds", 1

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..equations.spikes import ABSURD, ALL_CODES, CHUNK, OVERLOAD, Scanned, Usual, usual_of
-from .errors import RecordError, times_word
+from .errors import RecordError, quoted, times_word
 from .record import Record, Refused, Segment
 from .times import Floats
 
@@ -207,8 +207,8 @@ def without(record: Record, what: str, reason: str, positions: Rows, max_gap: fl
             segments[-1], last = segments[-1]._replace(stop=high), high - 1
     if not segments:
         raise RecordError(
-            f"No temperature in {record.temperature_name!r} is one: all {record.n_used} rows are refused as {reason}s. "
-            "Check the column, or pass screen=False."
+            f"No temperature in {quoted(record.temperature_name)} is one: all {record.n_used} rows are refused as "
+            f"{reason}s. Check the column, or pass screen=False."
         )
     number = np.searchsorted([segment.start for segment in segments], gone, side="right") - 1
     inside = [segments[i].start < k < segments[i].stop for i, k in zip(number.tolist(), gone.tolist(), strict=True)]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import RecordError, listing
+from .errors import RecordError, listing, quoted
 from .grammar import LARGEST
 from .log import Log
 from .record import Record, Segment
@@ -206,7 +206,9 @@ class ThinnedLog(Log):
 
     def __getitem__(self, name: Any) -> NDArray[Any]:
         if name not in self.record.columns:
-            raise RecordError(f"There is no column {name!r} in the record. Its columns are {listing(self.columns)}.")
+            raise RecordError(
+                f"There is no column {quoted(name)} in the record. Its columns are {listing(self.columns)}."
+            )
         return self.record.columns[name]
 
     def to_record(self, layout: Any, y: Any, needed: Any) -> Record:
