@@ -54,12 +54,19 @@ def test_a_step_that_spoils_the_worth_of_all_else_leaves_the_choice_to_the_likel
 
 
 def test_a_column_that_does_harm_on_what_was_not_learned_from_is_not_accused():
-    harm = tried(Interaction("pressure"), 11.0, -1.2, -2.1)
+    harm = tried(Covariate("pressure"), 11.0, -1.2, -2.1)
     assert best_of(harm) is None
-    assert best_of(tried(Interaction("pressure"), 11.0, -2.5, 2.8)) == "interaction"
-    assert best_of(tried(Interaction("pressure"), 11.0, -0.2, -0.1)) == "interaction"
+    assert best_of(tried(Covariate("pressure"), 11.0, -2.5, 2.8)) == "covariate"
+    assert best_of(tried(Covariate("pressure"), 11.0, -0.2, -0.1)) == "covariate"
     assert best_of(tried(Hinge(22.0), 11.0, -1.2, -2.1)) == "hinge"
-    assert best_of(harm, tried(Covariate("supply"), 9.0, 0.4, 0.2)) == "covariate"
+    assert best_of(harm, tried(Interaction("supply"), 9.0, 0.4, 0.2)) == "interaction"
+
+
+def test_a_product_that_is_worth_nothing_on_what_was_not_learned_from_is_not_accused():
+    """Beside a pumping well, recharge times the stage of a far river was proven, and worth nothing on either."""
+    assert best_of(tried(Interaction("pressure"), 11.0, -0.01, -0.2)) is None
+    assert best_of(tried(Interaction("pressure"), 11.0, -0.01, 0.2)) == "interaction"
+    assert best_of(tried(LagProducts(["1 h"]), 11.0, -0.01, -0.2)) == "lag_products"
 
 
 def test_what_is_not_proven_must_help_more_than_noise_does():

@@ -73,7 +73,8 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
 
     What is proven comes before what only helps; of what is proven, what helps on later data comes first. Among what
     helps nearly as much the likelihood decides. A recorded column that does harm on later stretches and on held-out
-    blocks alike is not accused, whatever the likelihood says: the noise is not what it is thought to be.
+    blocks alike is not accused, whatever the likelihood says: the noise is not what it is thought to be. Nor is a
+    product with a column that is worth nothing on either.
     """
     proven = [t for t in tried if t.proven and not _harms(t)]
     helpful = [t for t in proven if t.worth.both >= GAIN]
@@ -102,8 +103,10 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
 
 
 def _harms(t: Tried) -> bool:
-    """Whether data that were not learned from speak against a recorded column."""
-    return t.key[1] is not None and max(t.worth.later, t.worth.blocks) < 0 and t.worth.mean <= -GAIN
+    """Whether data that were not learned from speak against a recorded column; it must be clear but for a product."""
+    if t.key[1] is None or max(t.worth.later, t.worth.blocks) >= 0:
+        return False
+    return t.explanation.effect.is_product or t.worth.mean <= -GAIN
 
 
 def _spoken_for(t: Tried) -> bool:
