@@ -67,6 +67,15 @@ def test_a_cell_that_is_no_number_is_refused_by_both_commands(cell, column, corr
         read(text_of(rows))
 
 
+@pytest.mark.parametrize("cell", ["\x0b21", "21\x0c", "21\n", "\r21"])
+@pytest.mark.parametrize("dtype", [object, "string"])
+def test_text_in_a_frame_has_the_grammar_of_a_file(cell, dtype):
+    """Pandas reads a number behind a vertical tab; a line of a file that holds one is left out."""
+    X = pd.DataFrame({"temperature": pd.Series(["20.5", " 21", "20.8", cell, *map(str, range(40))], dtype=dtype)})
+    with pytest.raises(RecordError, match="not a number in row 3"):
+        DynamicBiasRegressor("temperature", ["5 min"]).fit(X, np.arange(44.0))
+
+
 @pytest.mark.parametrize("cell", ["\x0b21", "\x0c21"])
 def test_only_blanks_and_tabs_are_blanks(cell, correct, read):
     rows = [list(row) for row in CLEAN[:30]]

@@ -26,6 +26,11 @@ def is_missing(text: str) -> bool:
     return text.strip(_BLANKS) in MISSING
 
 
+def has_other_blanks(text: str) -> bool:
+    """Whether a cell begins or ends with a line feed, a vertical tab or the like: no number does."""
+    return text.strip() != text.strip(_BLANKS)
+
+
 def number(text: str, what: str, switch: bool = False) -> float:
     """The number in a cell; NaN where there is none.
 

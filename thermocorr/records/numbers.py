@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sklearn.utils import column_or_1d
 
 from .errors import RecordError, listing, quoted, times_word
-from .grammar import LARGEST, is_missing
+from .grammar import LARGEST, has_other_blanks, is_missing
 from .log import Log
 from .types import Role, kind_of, require_role
 
@@ -139,7 +139,8 @@ def _parse_numbers(values: Any, what: str) -> NDArray[Any]:
         numbers = pd.to_numeric(series, errors="coerce")
     except OverflowError:  # a whole number of more than 300 digits
         numbers = series.map(_float_or_infinity)
-    bad = (numbers.isna() & series.notna()).to_numpy()
+    odd = series.map(lambda value: isinstance(value, str) and has_other_blanks(value)).to_numpy(dtype=bool)
+    bad = (numbers.isna() & series.notna()).to_numpy() | odd
     if bad.any():
         row = int(bad.argmax())
         raise RecordError(
