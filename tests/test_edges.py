@@ -19,7 +19,11 @@ from thermocorr import (
     ParquetLog,
     RecordError,
     RecordWarning,
+    load_model,
+    save_model,
 )
+from thermocorr.datasets import make_record
+from thermocorr.effects import Covariate
 from thermocorr.records import Layout, read_record
 from thermocorr.records.files import read_table
 from thermocorr.records.numbers import as_numbers
@@ -197,3 +201,24 @@ def test_rows_between_the_fitted_ones_are_not_taken_for_theirs():
     assert found["flag"].iloc[0] == "washout"
     fresh = model.evaluate(X[20:60].set_axis(late[20:60] - pd.Timedelta("90D")), y[20:60].to_numpy())
     np.testing.assert_allclose(found["corrected"], fresh["corrected"], rtol=1e-12)
+
+
+def test_rows_that_are_passed_over_are_so_in_a_loaded_model(tmp_path):
+    """They lie inside segments: a state that begins behind one goes straight across it."""
+    record = make_record(600, seed=1)
+    X, y = record[["temperature"]].copy(), record["reading"]
+    X.iloc[[50, 51, 200, 300], 0] = 9.9e37
+    with pytest.warns(RecordWarning, match="left out"):
+        model = DynamicBiasRegressor("temperature", ["10 min"]).fit(X, y)
+    save_model(model, tmp_path / "model.json")
+    history = load_model(tmp_path / "model.json").features_.history_
+    assert history.record.skipped.tolist() == [50, 51, 200, 300]
+
+
+def test_powers_of_an_absurd_column_are_no_numbers_and_flagged():
+    record = make_record(600, effects={"covariate": 1.0}, seed=2)
+    X, y = record[["temperature", "supply"]], record["reading"]
+    model = DynamicBiasRegressor("temperature", ["10 min"], effects=[Covariate("supply", power=9)]).fit(X, y)
+    time, T = X.index[-1] + pd.Timedelta("1 min"), float(X["temperature"].iloc[-1])
+    sample = OnlineCorrector(model).update(time, T, 1.0, supply=1e39)
+    assert math.isnan(sample.corrected) and sample.flag == "outside fitted range"
