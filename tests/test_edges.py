@@ -222,3 +222,18 @@ def test_powers_of_an_absurd_column_are_no_numbers_and_flagged():
     time, T = X.index[-1] + pd.Timedelta("1 min"), float(X["temperature"].iloc[-1])
     sample = OnlineCorrector(model).update(time, T, 1.0, supply=1e39)
     assert math.isnan(sample.corrected) and sample.flag == "outside fitted range"
+
+
+def test_a_state_that_goes_on_from_absurd_numbers_can_be_saved_again():
+    """A forged lag within its bound, times a coefficient, makes a corrected reading beyond that bound."""
+    record = make_record(600, seed=3)
+    X, y = record[["temperature"]], 1e3 * record["reading"]
+    live = OnlineCorrector(DynamicBiasRegressor("temperature", ["10 min"]).fit(X, y), average=3, track="1 h")
+    live.update_many(X[-5:], y[-5:])
+    node = json.loads(json.dumps(live.state()))
+    lags = next(state for state in node["state"]["states"] if state and state["$state"] == "LagState")
+    lags["values"][0]["$array"][0] = 9e119
+    again = OnlineCorrector.from_state(live.model, node)
+    sample = again.update(X.index[-1] + pd.Timedelta("1 min"), float(X["temperature"].iloc[-1]), float(y.iloc[-1]))
+    assert abs(sample.corrected) > 1e120
+    OnlineCorrector.from_state(live.model, json.loads(json.dumps(again.state(), allow_nan=False)))

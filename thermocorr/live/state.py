@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 from ..effects import Effect
 from ..estimators import DynamicBiasRegressor
 from ..files.codec import (
-    MOST_STATE,
     ModelFileError,
     counted,
     fields,
@@ -26,6 +25,8 @@ from ..files.codec import (
 from ..files.effect_nodes import EffectCodec, check_state
 from ..records.grammar import LARGEST
 
+_MOST_CORRECTED = 1e300
+"""Bound of corrected readings, which hold states times coefficients; sums of them are numbers."""
 FORMAT = "thermocorr stream 2"
 
 
@@ -170,9 +171,7 @@ def _unpacked(node: Any, where: str, model: DynamicBiasRegressor, settings: Sett
         key=None if node["key"] is None else integer(node["key"], f"{where}.key", 0, segments - 1),
         segment_zero=stamp("segment_zero") if is_open else 0,
         states=tuple(states),
-        averaged=tuple(
-            number(value, f"{where}.averaged[{i}]", -MOST_STATE, MOST_STATE) for i, value in enumerate(averaged)
-        ),
+        averaged=tuple(_corrected(value, f"{where}.averaged[{i}]") for i, value in enumerate(averaged)),
         tracked=_tracked(node["tracked"], f"{where}.tracked", settings),
     )
 
@@ -182,11 +181,11 @@ def _tracked(node: Any, where: str, settings: Settings) -> tuple[float, float | 
         return None
     value, last = items(node, where, 2)
     moved = None if last is None else number(last, f"{where}[1]", -LARGEST, LARGEST)
-    return _moderate(value, f"{where}[0]"), moved
+    return _corrected(value, f"{where}[0]"), moved
 
 
-def _moderate(value: Any, where: str) -> float:
-    return number(value, where, -MOST_STATE, MOST_STATE)
+def _corrected(value: Any, where: str) -> float:
+    return number(value, where, -_MOST_CORRECTED, _MOST_CORRECTED)
 
 
 def _truth(node: dict[str, Any], where: str, key: str) -> bool:
