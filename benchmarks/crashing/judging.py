@@ -34,7 +34,7 @@ TOLERANCE = 1e-12
 PACKAGE = os.path.dirname(thermocorr.__file__)
 STOPPED = re.compile(r"thermocorr: stopped( after row (\d+), \S.*| before the first line; nothing was written)?\n")
 ALLOWED = re.compile(
-    r"thermocorr: (\d+ lines were corrected before, by the saved state"
+    r"thermocorr: (\d+ (line was|lines were) corrected before, by the saved state"
     r"|\d+ of \d+ lines? got no result: \d+ (no|backward) .*)\n"
 )
 

@@ -30,7 +30,7 @@ class Errors:
     """On blocks of time, each under a model fitted without it."""
     later: float
     """On blocks of the later half, each foretold from everything before it; NaN for short records."""
-    each: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
+    each: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False, compare=False)
     """On each block of either kind."""
 
     @classmethod
