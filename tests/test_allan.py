@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from thermocorr import DynamicBiasRegressor
+from thermocorr.datasets import make_record
 from thermocorr.equations import AllanStream, allan_deviation, regular_cells
 from thermocorr.equations.allan import edf_overlapping
+from thermocorr.pictures import AllanDisplay
 
 STEP = 15.0
 
@@ -139,6 +142,23 @@ def test_a_very_long_gap_and_a_new_run_begin_a_piece():
     np.testing.assert_allclose(
         stream.result().deviation, allan_deviation(np.split(values, 3), 1.0).deviation, rtol=1e-12
     )
+
+
+@pytest.mark.parametrize("far", [1e9, 1e19, 1e39])
+def test_a_last_row_far_behind_the_others_is_a_piece_of_its_own(far):
+    values = series("white", 300)
+    stream = AllanStream(1.0, 300, 300)
+    stream.add(1, np.r_[0:299, far], values)
+    np.testing.assert_allclose(stream.result().deviation, allan_deviation(values[:299], 1.0).deviation, rtol=1e-12)
+
+
+def test_a_record_with_a_last_row_far_behind_the_others_has_a_deviation():
+    record = make_record(300, seed=1)
+    X = record[["temperature"]].assign(time=np.r_[60.0 * np.arange(299), 1e39])
+    y = record["reading"]
+    model = DynamicBiasRegressor("temperature", [600.0], time="time", max_gap="5 min").fit(X[:299], y[:299])
+    found, alone = (AllanDisplay.from_estimator(model, X[:n], y[:n]).before for n in (300, 299))
+    np.testing.assert_allclose(found.deviation, alone.deviation, rtol=1e-12)
 
 
 def test_what_cannot_be_used_is_refused():

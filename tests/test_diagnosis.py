@@ -16,6 +16,7 @@ from thermocorr.effects.protocol import EffectInfo
 from thermocorr.effects.wrap import TransformerEffect
 from thermocorr.judgement.adding import with_missing
 from thermocorr.judgement.blocks import averaged
+from thermocorr.records import read as read_module
 from thermocorr.records import read_record
 from thermocorr.records.read import Layout
 
@@ -269,6 +270,17 @@ def test_a_suspect_is_one_object_everywhere():
     assert "Stop the fan." in str(found) and "Stop the fan." in html and "A fan blows." in html
     columns = found.where[found.where["aspect"] == "column"]
     assert {"time", "frequency"} <= set(columns["column"]) and columns["high"].max() < 1e5
+
+
+def test_the_data_are_read_once(monkeypatch):
+    read, given = [], read_module.times_from
+    monkeypatch.setattr(read_module, "times_from", lambda *values: (read.append(1), given(*values))[1])
+    record = make_record(1500, seed=1)
+    X = record.drop(columns="reading").assign(time=record.index.astype(str))
+    model = DynamicBiasRegressor("temperature", [600.0], time="time").fit(X, record["reading"])
+    read.clear()
+    diagnose(model, X, record["reading"])
+    assert len(read) == 1
 
 
 def test_a_pickled_diagnosis_is_small():

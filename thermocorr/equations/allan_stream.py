@@ -19,6 +19,8 @@ MOST_CELLS = 1 << 20
 """Cells that are held; a longer record is held in averages over 2, 4, 8, ... of them."""
 FINE = 16
 """Averages over fewer held cells than this are compared while the record passes, at every offset."""
+FAR = 2.0**62
+"""Number of a cell from which on it does not matter which one it is: a gap too long for any record lies before it."""
 AT_ONCE = 1 << 16
 """Cells that are worked on together."""
 
@@ -76,10 +78,10 @@ class AllanStream:
             return
         if self._open is None or piece != self._piece:
             self._begin(piece, float(seconds[0]))
-        number = np.floor((seconds - self._start) / self.sampling_period + 0.5).astype(np.int64)
+        number = self._cell(seconds)
         if self._open is not None and number[0] - self._open[0] > self.longest_gap:
             self._begin(piece, float(seconds[0]))
-            number = np.floor((seconds - self._start) / self.sampling_period + 0.5).astype(np.int64)
+            number = self._cell(seconds)
         wide = np.flatnonzero(np.diff(number) > self.longest_gap)
         if len(wide):
             cut = int(wide[0]) + 1
@@ -108,6 +110,10 @@ class AllanStream:
         return AllanDeviation(
             **{name: np.concatenate((getattr(fine, name), getattr(coarse, name)[later])) for name in vars(fine)}
         )
+
+    def _cell(self, seconds: Floats) -> np.ndarray:
+        """Numbers of the cells that some times lie in, counted from the start of the piece; far ones are cut off."""
+        return np.minimum(np.floor((seconds - self._start) / self.sampling_period + 0.5), FAR).astype(np.int64)
 
     def _begin(self, piece: object, start: float) -> None:
         self._close_cell()

@@ -218,10 +218,12 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         return walk(self.effect_list(), record, zero=self.history_.zero, starts=starts, states=states)
 
     def resume(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
-        """Validate a new record and tie it to the fitted one."""
+        """Validate a new record, unless it was read before, and tie it to the fitted one."""
         check_is_fitted(self, "history_")
-        X = self._check_columns(X, reset=False)
         effects = self.effect_list()
+        if isinstance(X, Record):
+            return resume(effects, self.history_, X)
+        X = self._check_columns(X, reset=False)
         record = read_record(X, self.layout(), y=y, needed=needed_columns(effects), quiet=True)
         return resume(effects, self.history_, record)
 

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..effects.stream import Walked
 from ..effects.thermal import column_text
-from ..records import Block
+from ..records import Block, Record
 from .features import DiffusiveFeatures
 from .fitting import standard_errors
 from .reading import Reading, check_range
@@ -128,10 +128,17 @@ class FittedModel:
         return np.concatenate(([self.intercept_], self.coef_))
 
     def contribution_blocks(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
-        """Contribution of each effect, shape (n, n_effects), block by block."""
+        """Contribution of each effect, shape (n, n_effects), block by block. X may be a `Record` read before."""
         record, starts, states = self.features_.resume(X)
         check_range(self.reading_, record)
         return self.weighed(self.features_.walk_resumed(record, starts, states))
+
+    def residual_blocks(self, record: Record) -> Iterator[tuple[Block, np.ndarray]]:
+        """Measured minus modelled reading of a record read with its readings, NaN as in `correct`, block by block."""
+        assert record.reading is not None
+        for block, parts in self.contribution_blocks(record):
+            measured = self.believed(block, np.asarray(record.reading[block.rows], float))
+            yield block, measured - (parts.sum(axis=1) + self.intercept_)
 
     def weighed(self, steps: Iterator[Walked]) -> Iterator[tuple[Block, np.ndarray]]:
         """Each block of a walk, and the contributions of all effects in its rows, shape (n, n_effects)."""

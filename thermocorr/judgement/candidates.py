@@ -11,10 +11,11 @@ from sklearn.base import clone
 
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
+from ..estimators.features import check_columns
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Log, ParquetLog, Record, read_record
 from ..records.log import SomeColumns
-from ..records.numbers import from_polars, is_frame, numeric_reading
+from ..records.numbers import is_frame, numeric_reading
 from ..records.screen import screened
 from ..records.thinned import Thinned, thinned
 from .base import slowest_of_base, thermal_base
@@ -22,29 +23,34 @@ from .blocks import filled, with_exact
 from .levels import MOST_ROWS, MOST_SOUND, TIME_LIKE
 
 
+def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Effect] = ()) -> Record:
+    """The user's record with its readings and the columns that model and further effects use."""
+    check_columns(model.features_, as_fitted(model, X), reset=False)
+    own = [name for effect in (*model.features_.effect_list(), *further) for name in effect.inputs()]
+    return read_record(X, model.features_.layout(), y=numeric_reading(y, X), needed=own, quiet=True)
+
+
 def suspect_record(
     model: DynamicBiasRegressor,
+    read: Record,
     X: Any,
     y: Any,
     columns: Sequence[Any] | None,
-    further: Sequence[Effect] = (),
     most: int | None = None,
 ) -> Record:
-    """The record, in at most `most` rows, with every suspect column beside those that model and further effects use.
+    """A record of `record_of` in at most `most` rows, with every suspect column beside its own.
 
     Its `refused` rows are left out as the model leaves them out in its fit, or only named.
     """
-    X = from_polars(X)
     layout = model.features_.layout()
-    own = [name for effect in (*model.features_.effect_list(), *further) for name in effect.inputs()]
-    temperature = model.features_.history_.record.temperature_name
-    special = {layout.time, layout.run, temperature, getattr(y, "name", None) if isinstance(X, Log) else None}
+    special = {layout.time, layout.run, getattr(y, "name", None) if isinstance(X, Log) else None}
     if columns is None:
         columns = [name for name in _numeric(X) if name not in special]
-    read = read_record(X, layout, y=numeric_reading(y, X), needed=list(dict.fromkeys(own)), quiet=True)
     told = screened(read, model.features_.longest_step())[0]
     read = told if model.screen else replace(read, refused=told.refused)
-    suspects = {name: (X[name] if is_frame(X) else np.asarray(X)[:, name]) for name in columns if name not in own}
+    suspects = {
+        name: (X[name] if is_frame(X) else np.asarray(X)[:, name]) for name in columns if name not in read.columns
+    }
     short, sound = thinned(read, suspects, most or MOST_ROWS)
     if isinstance(short, Thinned) and short is not read and not isinstance(read, Thinned):
         base = thermal_base(model, read, slowest_of_base(read))
@@ -76,7 +82,6 @@ def _clock(column: np.ndarray, read: Record) -> bool:
 
 def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:
     """The columns of a frame that the model was fitted with; it may hold more, all of them suspects."""
-    X = from_polars(X)
     names = list(getattr(model, "feature_names_in_", ()))
     if not (names and is_frame(X) and set(names) < set(X.columns)):
         return X

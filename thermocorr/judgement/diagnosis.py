@@ -15,8 +15,8 @@ from ..estimators.threads import one_blas_thread
 from ..pages import PageData
 from ..pictures.words import effect_text
 from ..records import Record
-from ..records.numbers import is_frame
-from .candidates import as_fitted, further_candidates, given_effects, suspect_record
+from ..records.numbers import from_polars, is_frame
+from .candidates import as_fitted, further_candidates, given_effects, record_of, suspect_record
 from .causes import ANYWHERE, Search
 from .choice import Cause, Tried, first_of_each
 from .dated import DATED
@@ -78,7 +78,9 @@ def diagnose(
     if unknown:
         raise ValueError(f"The 'exclude' parameter names {sorted(unknown)}, which are no kinds: {sorted(CATALOGUE)}.")
     with one_blas_thread():
-        record = suspect_record(model, X, y, columns, given_effects(suspects))
+        X = from_polars(X)
+        read = record_of(model, X, y, given_effects(suspects))
+        record = suspect_record(model, read, X, y, columns)
         names = [name for name in record.columns if name != record.temperature_name]
         candidates = [
             effect
@@ -89,20 +91,26 @@ def diagnose(
         pool = Pool(model, record, [*candidates, *further_candidates(suspects, record)])
         search = Search(pool, [kind for kind in ANYWHERE if kind not in exclude])
         if pool.exact:
-            return _conclude(model, X, y, search, [], [])
+            return _conclude(model, X, y, read, search, [], [])
         causes, last = search.causes()
         missing = [cause for cause in causes if not cause.tried.explanation.in_model]
         missing = missing or lacking(model, search, exclude)
         missing.sort(key=_worth_to_the_user)
-        return _conclude(model, X, y, search, missing, last)
+        return _conclude(model, X, y, read, search, missing, last)
 
 
 def _conclude(
-    model: DynamicBiasRegressor, X: Any, y: Any, search: Search, causes: Sequence[Cause], last: Sequence[Tried]
+    model: DynamicBiasRegressor,
+    X: Any,
+    y: Any,
+    read: Record,
+    search: Search,
+    causes: Sequence[Cause],
+    last: Sequence[Tried],
 ) -> Diagnosis:
     """Verdict, causes and other suspects, and what is left."""
     seen = as_fitted(model, X)
-    residual, rms = residuals_of(model, seen, y, search.pool.record)
+    residual, rms = residuals_of(model, read, search.pool.record)
     uneven = first_of_each([tried for tried in last if tried.uneven])
     rest = what_is_left(search.pool, search.judged, [effect_text(tried.explanation.effect) for tried in uneven])
     floor = rms if search.pool.exact else min(rest.floor, rms)

@@ -173,8 +173,8 @@ SAME = 1.002
 """Ratio of errors on later data within which these cannot tell: a step in the last block of a record."""
 MOSTLY = 2.0
 """Blocks, held out or later, whose error falls, over those in which it rises, from which an effect that is not of time
-alone is kept. What the two errors together favour and this count refuses (products, most of all) raised the error of the
-readings afterwards by 1.75 dB on the average of seven effects; see `benchmarks/refine_rules.py`."""
+alone is kept. What the two errors together favour and this count refuses (products, most of all) raised the error of
+the readings afterwards by 1.75 dB on the average of seven effects; see `benchmarks/refine_rules.py`."""
 TRIES = 4
 """Causes that are tried in a step, the one worth most on data not learned from first; each costs eleven fits."""
 SUPERFLUOUS = 1.001

@@ -2,50 +2,54 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
 from ..estimators.holdout import rms
 from ..estimators.regressor import DynamicBiasRegressor
-from ..records import Record
-from ..records.thinned import Thinned, ThinnedLog, row_means
+from ..records import Block, Record
+from ..records.thinned import Thinned, row_means
 
 
-def residuals_of(model: DynamicBiasRegressor, X: Any, y: Any, record: Record) -> tuple[np.ndarray, float]:
+def residuals_of(model: DynamicBiasRegressor, read: Record, judged: Record) -> tuple[np.ndarray, float]:
     """Residual of each row of the judged record, NaN where there is none, and the rms residual of single readings.
 
     Parameters
     ----------
     model : DynamicBiasRegressor
         Fitted.
-    X, y : as for `DynamicBiasRegressor.evaluate_blocks`
-    record : Record
-        What `suspect_record` made of X and y.
+    read : Record
+        The user's record with its readings, see `record_of`.
+    judged : Record
+        What `suspect_record` made of it.
     """
-    refused = np.concatenate([np.zeros(0, np.intp), *(found.rows for found in record.refused if model.screen)])
-    if not isinstance(record, Thinned):
-        residual = np.array(model.residuals(X, y), float)
-        residual[refused] = np.nan
-        return residual, rms(residual)
-    if isinstance(X, ThinnedLog):
-        residual = np.array(model.residuals(X, y), float)
-        return residual, single_rms(residual, record)
-    sums, counts, squares, n = np.zeros(record.n_rows), np.zeros(record.n_rows), 0.0, 0
-    places = None
-    for block, values in model.evaluated_blocks(X, y):
-        if places is None and block.record.order is not None:
-            places = np.empty(block.record.n_rows, np.intp)
-            places[block.record.order] = np.arange(block.record.n_rows)
-        rows = np.arange(block.record.n_rows)[block.rows] if places is not None else np.arange(block.start, block.stop)
-        residual = values["residual"]
-        if len(refused):
-            residual = np.where(np.isin(rows, refused), np.nan, residual)
-        known = residual[np.isfinite(residual)]
+    if isinstance(judged, Thinned) and not isinstance(read, Thinned):
+        return _averages(model, read, judged)
+    residual = np.full(read.n_rows, np.nan)
+    for block, values in _blocks(model, read, judged):
+        residual[block.rows] = values
+    return residual, single_rms(residual, judged) if isinstance(judged, Thinned) else rms(residual)
+
+
+def _averages(model: DynamicBiasRegressor, read: Record, judged: Thinned) -> tuple[np.ndarray, float]:
+    """`residuals_of` a record that is judged by averages of its rows."""
+    sums, counts, squares, n = np.zeros(judged.n_rows), np.zeros(judged.n_rows), 0.0, 0
+    for block, values in _blocks(model, read, judged):
+        known = values[np.isfinite(values)]
         squares, n = squares + float(known @ known), n + len(known)
-        row_means(record, rows if places is None else places[rows], residual, sums, counts)
-    averages = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
-    return averages, float(np.sqrt(squares / max(n, 1)))
+        row_means(judged, np.arange(block.start, block.stop), values, sums, counts)
+    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan), float(np.sqrt(squares / max(n, 1)))
+
+
+def _blocks(model: DynamicBiasRegressor, read: Record, judged: Record) -> Iterator[tuple[Block, np.ndarray]]:
+    """Residuals block by block, NaN where the screen of a model's fit would refuse the reading or the temperature."""
+    refused = np.concatenate([np.zeros(0, np.intp), *(found.rows for found in judged.refused if model.screen)])
+    places = refused if read.order is None else np.flatnonzero(np.isin(read.order, refused))
+    for block, values in model.residual_blocks(read):
+        if len(places):
+            values[np.isin(np.arange(block.start, block.stop), places)] = np.nan
+        yield block, values
 
 
 def single_rms(residual: np.ndarray, record: Thinned) -> float:

@@ -12,8 +12,9 @@ from sklearn.base import clone
 
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
+from ..records.numbers import from_polars
 from ..records.thinned import Thinned, ThinnedLog
-from .candidates import as_fitted, given_effects, suspect_record
+from .candidates import given_effects, record_of, suspect_record
 from .levels import MOST_TRIED
 from .residual import residuals_of
 
@@ -45,10 +46,12 @@ def shorter(
     """The averages of a record that is too long to be fitted many times; None for any other."""
     if isinstance(X, ThinnedLog):
         return None
-    record = suspect_record(current, X, y, columns, given_effects(suspects), MOST_TRIED)
+    X = from_polars(X)
+    read = record_of(current, X, y, given_effects(suspects))
+    record = suspect_record(current, read, X, y, columns, MOST_TRIED)
     if not isinstance(record, Thinned):
         return None
-    residual, rms = residuals_of(current, as_fitted(current, X), y, record)
+    residual, rms = residuals_of(current, read, record)
     known = np.isfinite(residual)
     shown = float(np.average(residual[known] ** 2, weights=record.counts[known]))
     record = replace(record, unseen=max(rms**2 - shown, 0.0))

@@ -66,8 +66,9 @@ class AllanDisplay:
         """
         walk = Walk(model, X, y)
         step, removed = cell_length(walk.record), walk.removed()
-        n_cells = max(int(walk.record.times.between(*_ends(walk)) / step), walk.n_rows)
         gap = max(walk.n_rows, 1)
+        length = min(walk.record.times.between(*_ends(walk)) / step, walk.n_rows * (gap + 1))  # longer gaps are cut out
+        n_cells = max(int(length), walk.n_rows)
         streams = [AllanStream(step, n_cells, gap, averaging_times, confidence) for _ in range(2)]
         for part in walk.parts():
             corrected = part.measured - part.contributions[:, removed].sum(axis=1)
