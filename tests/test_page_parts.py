@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr.pages.html import number, plain, script_data, table, text
+import thermocorr.pages
+from thermocorr.pages.html import number, plain, rendered, script_data
 from thermocorr.pages.traces import Cells
 from thermocorr.pictures.words import aspect_text, ends_text, interval_text, place_text
+
+TEMPLATES = Path(thermocorr.pages.__file__).parent / "templates"
 
 # ---- thinning out
 
@@ -116,7 +120,13 @@ def test_columns_with_the_names_of_other_aspects_stay_columns():
 
 def test_names_are_made_harmless_in_text_and_in_data():
     attack = "</script><!-- <script> & ]]> \u2028"
-    assert "<" not in text(attack)
-    data = script_data("x", {"name": attack})
-    assert data.count("<") == data.count(">") == 2 and "&" not in data
-    assert "<b>" not in table(("<b>",), [("<b>",)], "l")
+    shown = rendered("versions", versions=[(attack, "\x1b[2J")], source=attack, command=attack)
+    known = "p code pre div table thead tbody tr th td"
+    assert set(re.findall(r"<[!/]?(\w+|--)", shown)) == set(known.split())
+    assert "\x1b" not in shown and shown.count("&lt;script&gt;") == 3
+    assert not set("<>&") & set(script_data({"name": attack}))
+
+
+@pytest.mark.parametrize("path", sorted(TEMPLATES.glob("*.html")), ids=lambda path: path.name)
+def test_no_template_trusts_what_it_is_given(path):
+    assert not re.search(r"\|\s*safe\b|autoescape", path.read_text(encoding="utf-8"))

@@ -2,49 +2,35 @@
 
 from __future__ import annotations
 
-from typing import Any
+from markupsafe import Markup
 
 from ..pictures.protocols import DiagnosisLike, RefinementLike
 from ..pictures.words import each_row, effect_text, place_text
 from .charts import still
-from .html import Safe, decibels, join, number, percent, probability, tag, with_unit
-from .sections import VERDICTS
+from .html import decibels, number, percent, probability, rendered
+from .sections import CALM, VERDICTS
 
 SHOWN = 3
 """Places and suspects listed."""
-_CELL = "padding:.15em .8em .15em 0;border:0;background:none;vertical-align:baseline;color:inherit"
 
 
 def brief_diagnosis(found: DiagnosisLike) -> str:
     """Verdict, residual, first places and suspects."""
-    parts = [
-        tag("div", tag("strong", found.verdict), ". ", VERDICTS.get(found.verdict, "")),
-        tag(
-            "div",
-            "Residual ",
-            number(found.residual_rms, found.unit),
-            ", noise floor ",
-            number(found.noise_floor, found.unit),
-            ": ",
-            percent(found.explainable),
-            " of the residual's variance could still be explained.",
-        ),
+    calm = found.verdict == CALM
+    worst = each_row(found.where.head(SHOWN))
+    places = [(place_text(row), percent(row.share), percent(row.share / row.lift)) for row in worst]
+    suspects = [
+        (effect_text(row.effect), percent(row.share), decibels(row.gain_db), probability(row.p_value))
+        for row in found.suspects[:SHOWN]
     ]
-    parts += _over_time(found, "Residual")
-    if found.verdict != "nothing missing":
-        rows: list[tuple[Any, ...]] = [
-            (place_text(row), percent(row.share), percent(row.share / row.lift))
-            for row in each_row(found.where.head(SHOWN))
-        ]
-        parts.append(_table(("fails most", "of the error", "of the samples"), rows))
-        rows = [
-            (effect_text(row.effect), percent(row.share), decibels(row.gain_db), probability(row.p_value))
-            for row in found.suspects[:SHOWN]
-        ]
-        parts.append(_table(("suspect", "explains", "held-out gain", "error probability"), rows))
-    if found.best is not None and found.best.info is not None:
-        parts.append(tag("div", "On the bench: ", found.best.info.bench_check))
-    return _box(parts)
+    return rendered(
+        "brief_diagnosis",
+        found=found,
+        said=VERDICTS.get(found.verdict, ""),
+        drawn=_residual(found),
+        places=[] if calm else places,
+        suspects=[] if calm else suspects,
+    )
 
 
 def brief_refinement(refinement: RefinementLike) -> str:
@@ -61,32 +47,11 @@ def brief_refinement(refinement: RefinementLike) -> str:
         )
         for row in each_row(refinement.steps)
     ]
-    errors = [with_unit(name, last.unit) for name in ("held-out rms", "later rms", "rms of the fit")]
-    head = ("step", *errors, "held out", "verdict")
-    return _box([_table(head, rows), *_over_time(last, "Residual of the last model")])
+    return rendered("brief_refinement", rows=rows, unit=last.unit, drawn=_residual(last))
 
 
-def _over_time(found: DiagnosisLike, name: str) -> list[Safe]:
+def _residual(found: DiagnosisLike) -> Markup:
+    """The residual over time, empty where a diagnosis holds no data."""
     if found.data is None:
-        return []
-    return [
-        tag("div", f"{name} over time; dashed: twice the noise floor.", style="opacity:.75;margin-top:.5em"),
-        still(found.data.traces.columns["residual"], 2 * found.noise_floor),
-    ]
-
-
-def _table(head: tuple[Any, ...], rows: list[tuple[Any, ...]]) -> Safe:
-    if not rows:
-        return Safe("")
-    sides = ["left", *["right"] * (len(head) - 1)]
-    lines = [
-        tag("tr", *(tag(kind, cell, style=f"{_CELL};text-align:{s}") for cell, s in zip(line, sides, strict=True)))
-        for kind, line in (("th", head), *(("td", row) for row in rows))
-    ]
-    return tag(
-        "table", *lines, style="border-collapse:collapse;margin:.5em 0;background:none;color:inherit;font-size:inherit"
-    )
-
-
-def _box(parts: list[Any]) -> str:
-    return str(tag("div", join(parts), class_="thermocorr", style="color:inherit;max-width:52em;overflow-x:auto"))
+        return Markup("")
+    return still(found.data.traces.columns["residual"], 2 * found.noise_floor)

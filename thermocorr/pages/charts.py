@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
-from .html import Safe, tag, unit_text
+from .html import rendered, unit_text
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class Chart:
     x: np.ndarray | str
     """Shape (n,), or the chart that has the same x; never decreasing; seconds since 1970 where `dates`."""
     panels: tuple[Panel, ...]
-    caption: Any
+    caption: str
     """One or two sentences: what is to be seen."""
     x_unit: str = ""
     joints: tuple[tuple[float, float], ...] = ()
@@ -104,15 +106,15 @@ class Chart:
             "shades": [[float(low), float(high)] for low, high in self.shades],
         }
 
-    def html(self) -> Safe:
+    def html(self) -> Markup:
         """Place and caption of the chart."""
-        names = ", ".join(dict.fromkeys(line.label for panel in self.panels for line in panel.lines if not line.edge))
-        return tag(
-            "figure",
-            tag("figcaption", self.caption),
-            tag("div", class_="chart", id=f"chart-{self.name}", role="img", aria_label=f"{names} over {self.x_label}"),
-            class_="wide",
-        )
+        names = dict.fromkeys(line.label for panel in self.panels for line in panel.lines if not line.edge)
+        return rendered("chart", chart=self, names=", ".join(names))
+
+
+def places(charts: Iterable[Chart]) -> Markup:
+    """Places and captions of some charts."""
+    return Markup("").join(chart.html() for chart in charts)
 
 
 def packed(values: np.ndarray | tuple[str, int, int]) -> dict[str, Any]:
@@ -135,7 +137,7 @@ def packed_times(x: np.ndarray | str) -> dict[str, Any]:
     return {"f8": base64.b64encode(x.astype("<f8").tobytes()).decode()}
 
 
-def still(values: np.ndarray, floor: float) -> Safe:
+def still(values: np.ndarray, floor: float) -> Markup:
     """A line without a script: extremes of a few hundred groups of rows, as SVG in the colour of the text.
 
     Parameters
@@ -169,7 +171,7 @@ def still(values: np.ndarray, floor: float) -> Safe:
     )
     edges = "".join(f"M0 {y(edge)}H{width}" for edge in (floor, -floor))
     drawn.append(f'<path d="{edges}" stroke="currentColor" stroke-dasharray="6 4" opacity="0.7" fill="none"/>')
-    return Safe(
+    return Markup(
         f'<svg viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" aria-label="residual" '
         f'style="max-width:100%;height:auto;display:block">{"".join(drawn)}</svg>'
     )

@@ -6,17 +6,18 @@ import base64
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Any
+
+from markupsafe import Markup
 
 from ..estimators.variants import VariantComparison
 from ..pictures.intervals import stretches
 from ..pictures.protocols import DiagnosisLike, RefinementLike
 from . import chapters, figures
-from .charts import Chart
+from .charts import Chart, places
 from .data import PageData
-from .html import DASH, Safe, Section, join, script_data, tag, text
-from .sections import judged, section
+from .html import Section, asset, rendered, script_data, section
+from .sections import judged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,12 +61,11 @@ def page(data: PageData, findings: Findings) -> str:
         noise = [chart for chart in (figures.stability(first), figures.spectrum(diagnosis)) if chart is not None]
         time = [chart for chart in (series, figures.loop(first)) if chart is not None]
         charts += [*noise, *time]
-        body += judged(diagnosis, first, [chart.html() for chart in noise], [chart.html() for chart in time])
+        body += judged(diagnosis, first, places(noise), places(time))
     else:
         series = figures.series(data)
         charts.append(series)
-        reason = tag("p", findings.unjudged) if findings.unjudged else ""
-        body.append(section("record", "The record", reason, series.html()))
+        body.append(section("record", "The record", unjudged=findings.unjudged, figures=series.html()))
     numbers = iter(range(5 if diagnosis is not None else 1, 99))
     if refinement is not None:
         before = refinement.diagnoses[0].data
@@ -73,14 +73,13 @@ def page(data: PageData, findings: Findings) -> str:
         if len(refinement.diagnoses) > 1 and before is not None and diagnosis is refinement.diagnoses[0]:
             drawn.append(figures.refined(before, data, refinement.diagnoses[-1].noise_floor))
         charts += drawn
-        title = f"{next(numbers)} The error, step by step"
-        body.append(chapters.steps(refinement, title, *(chart.html() for chart in drawn)))
+        body.append(chapters.steps(refinement, f"{next(numbers)} The error, step by step", places(drawn)))
     if findings.comparison is not None:
         body.append(chapters.variants(findings.comparison, f"{next(numbers)} Static and dynamic, linear and nonlinear"))
-    after = figures.following(data)
-    charts += [] if after is None else [after]
+    after = [chart for chart in [figures.following(data)] if chart is not None]
+    charts += after
     body += [
-        chapters.formula(data, f"{next(numbers)} The model", *([] if after is None else [after.html()])),
+        chapters.formula(data, f"{next(numbers)} The model", places(after)),
         chapters.quality(data, f"{next(numbers)} The data"),
         chapters.provenance(data, f"{next(numbers)} Versions", findings.command, findings.source),
     ]
@@ -92,38 +91,18 @@ def page(data: PageData, findings: Findings) -> str:
 
 def document(title: str, leads: Sequence[Any], body: Sequence[Section], charts: Sequence[Chart]) -> str:
     """Head, body and scripts. A policy in the head lets nothing run or load but what is written here."""
-    styles = asset("uplot.min.css") + asset("page.css")
     scripts = [asset("uplot.min.js"), asset("page.js")]
     hashes = " ".join(f"'sha256-{digest(script)}'" for script in scripts)
-    policy = f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src {hashes}"
-    head = tag(
-        "head",
-        Safe('<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'),
-        Safe(f'<meta http-equiv="Content-Security-Policy" content="{text(policy)}">'),
-        Safe('<meta name="color-scheme" content="light dark"><meta name="generator" content="thermocorr">'),
-        tag("title", f"{title} {DASH} thermocorr"),
-        Safe(f"<style>{styles}</style>"),
+    return rendered(
+        "page",
+        title=title,
+        policy=f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src {hashes}",
+        styles=Markup(asset("uplot.min.css") + asset("page.css")),
+        leads=leads,
+        body=body,
+        charts=script_data([chart.payload() for chart in charts]),
+        scripts=[Markup(script) for script in scripts],
     )
-    links = [tag("li", tag("a", part.heading, href=f"#{part.identity}")) for part in body]
-    inner = tag(
-        "body",
-        tag(
-            "header",
-            tag("h1", title),
-            *(tag("p", lead, class_="lead") for lead in leads),
-            tag("nav", tag("ol", *links)),
-        ),
-        tag("main", *body),
-        tag("noscript", tag("p", "The charts need JavaScript; the tables do not.")),
-        script_data("charts", [chart.payload() for chart in charts]),
-        join([Safe(f"<script>{script}</script>") for script in scripts]),
-    )
-    return f'<!DOCTYPE html>\n<html lang="en">{head}{inner}</html>\n'
-
-
-def asset(name: str) -> str:
-    """A file of ``assets``."""
-    return files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
 
 
 def digest(script: str) -> str:

@@ -1,19 +1,22 @@
-"""Small pieces of HTML: text made safe, numbers, tables, bars.
+"""Templates filled in: numbers as a person writes them, units with the signs of print, names made harmless.
 
-Column and file names are their writers', so all text is escaped here, and nowhere else.
+Column and file names are their writers', so all text is escaped here, and nowhere else: every expression of a template
+is, unless it is `Markup`.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
-from html import escape
-from typing import Any
+from functools import cache
+from importlib.resources import files
+from typing import Any, NamedTuple
 
 import numpy as np
+from markupsafe import Markup
 
-from ..pictures.words import MINUS
+from ..pictures.timeline import time_text
+from ..pictures.words import MINUS, aspect_text, effect_text, interval_text, place_text
 from ..records.text import printable
 
 _UNITS = {"degC": "°C", "degF": "°F", "ohm": "Ω", "kohm": "kΩ", "uV": "µV", "uA": "µA", "um": "µm", "urad": "µrad"}
@@ -21,35 +24,54 @@ DASH, TIMES = "\u2013", "\u00d7"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-class Safe(str):
-    """A string that is HTML already."""
-
-
-class Section(Safe):
-    """A section of the page, known by its name and title."""
+class Section(NamedTuple):
+    """A section of the page, known by its name and heading."""
 
     identity: str
     heading: str
+    body: Markup
 
 
-def text(value: Any) -> Safe:
-    """A value as HTML text, markup in it made harmless."""
-    return value if isinstance(value, Safe) else Safe(escape(printable(value, "\n"), quote=True))
+def section(identity: str, heading: str, template: str = "", **given: Any) -> Section:
+    """A section made of the template of its name, or of another one."""
+    return Section(identity, heading, rendered(template or identity, **given))
 
 
-def tag(name: str, *children: Any, **attributes: Any) -> Safe:
-    """An element. Underscores in attributes become hyphens, one at the end goes; None leaves an attribute out."""
-    given = "".join(
-        f' {key.rstrip("_").replace("_", "-")}="{text(value)}"'
-        for key, value in attributes.items()
-        if value is not None
+def rendered(template: str, **given: Any) -> Markup:
+    """A template filled in."""
+    return Markup(_environment().get_template(f"{template}.html").render(given))
+
+
+@cache
+def _environment() -> Any:
+    """All templates, with what they need to say numbers and effects."""
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FunctionLoader(lambda name: asset(name, "templates")),
+        autoescape=True,
+        finalize=_shown,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
-    return Safe(f"<{name}{given}>{join(children)}</{name}>")
+    said = (
+        aspect_text, decibels, effect_text, interval_text, number, percent, place_text, probability, time_text,
+        unit_text, width, with_unit,
+    )  # fmt: skip
+    environment.filters.update({function.__name__: function for function in said})
+    environment.globals.update(dash=DASH)
+    return environment
 
 
-def join(parts: Sequence[Any]) -> Safe:
-    """Parts one after the other."""
-    return Safe("".join(text(part) for part in parts))
+def asset(name: str, folder: str = "assets") -> str:
+    """A file of ``assets``, or of another folder."""
+    return files(__package__).joinpath(folder, name).read_text(encoding="utf-8")
+
+
+def _shown(value: Any) -> Any:
+    """What stands for a value in a page: characters that no one can see are written out."""
+    return value if isinstance(value, Markup) else printable(value, "\n")
 
 
 def plain(value: float, digits: int = 4) -> str:
@@ -63,11 +85,11 @@ def plain(value: float, digits: int = 4) -> str:
     return shown.replace("-", MINUS) if value else "0"
 
 
-def number(value: float, unit: str = "", digits: int = 4, shown: str | None = None) -> Safe:
+def number(value: float, unit: str = "", digits: int = 4, shown: str | None = None) -> Markup:
     """A number with its unit; its every digit stands in the attribute ``value`` for who reads the page by machine."""
     shown = plain(float(value), digits) if shown is None else shown
     label = f"{shown}\u00a0{unit_text(unit)}" if unit else shown
-    return tag("data", label, value=repr(float(value)), class_="n")
+    return Markup('<data value="{}" class="n">{}</data>').format(repr(float(value)), printable(label))
 
 
 def unit_text(unit: str) -> str:
@@ -85,50 +107,32 @@ def _raised(word: str) -> str:
     return re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPTS), word)
 
 
-def percent(value: float) -> Safe:
+def percent(value: float) -> Markup:
     """A share; small ones keep a digit."""
     shown = f"{100 * value:.0f} %" if abs(value) >= 0.095 or value == 0 else f"{100 * value:.1f} %"
     return number(value, shown=shown.replace("-", MINUS))
 
 
-def decibels(value: float) -> Safe:
+def decibels(value: float) -> Markup:
     """Decibels with sign."""
     if not np.isfinite(value):
-        return Safe("")
+        return Markup("")
     return number(value, shown=f"{value:+.1f} dB".replace("-", MINUS))
 
 
-def probability(value: float) -> Safe:
+def probability(value: float) -> Markup:
     """An error probability; below 1e-12 its size means nothing."""
     return number(value, shown="< 10⁻¹²" if value < 1e-12 else plain(value, 2))
 
 
-def bar(share: float, mark: float | None = None) -> Safe:
-    """A horizontal bar of a share 0..1, with a mark to compare it with."""
-    width = float(np.clip(np.nan_to_num(share), 0, 1))
-    parts = [tag("i", style=f"width:{100 * width:.4g}%")]
-    if mark is not None:
-        parts.append(tag("b", style=f"left:{100 * float(np.clip(mark, 0, 1)):.4g}%"))
-    return tag("span", *parts, class_="bar")
+def width(share: float) -> str:
+    """Length of a bar for a share 0..1, as a style sheet writes it."""
+    return f"{100 * float(np.clip(np.nan_to_num(share), 0, 1)):.4g}%"
 
 
-def table(head: Sequence[Any], rows: Sequence[Sequence[Any]], sides: str, class_: str = "") -> Safe:
-    """A table that scrolls in its own box; `sides` has a letter per column: l for words, r for numbers."""
-    top = tag("tr", *(tag("th", cell, class_=side, scope="col") for cell, side in zip(head, sides, strict=True)))
-    body = [tag("tr", *(tag("td", cell, class_=side) for cell, side in zip(row, sides, strict=True))) for row in rows]
-    return tag(
-        "div",
-        tag("table", tag("thead", top), tag("tbody", *body), class_=class_ or None),
-        class_="scroll",
-        tabindex=0,
-        role="region",
-        aria_label="table",
-    )
-
-
-def script_data(identity: str, data: Any) -> Safe:
+def script_data(data: Any) -> Markup:
     """Data for the page's script: JSON in which no end of a script, comment or entity can stand."""
     written = json.dumps(data, allow_nan=False, ensure_ascii=True, separators=(",", ":"))
     for sign in "<>&":
         written = written.replace(sign, f"\\u{ord(sign):04x}")
-    return Safe(f'<script type="application/json" id="{text(identity)}">{written}</script>')
+    return Markup(written)
