@@ -12,7 +12,7 @@ from ..records import Record
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, time_text
 from .signals import Signals
-from .thermal import HOLD, INITIAL_STATE, REFERENCE, column_text, reference_of, seconds_array
+from .thermal import HOLD, INITIAL_STATE, REFERENCE, column_text, lag_text, reference_of, seconds_array
 
 
 class LagProducts(Effect):
@@ -80,6 +80,10 @@ class LagProducts(Effect):
         if self.temperature_products:
             names += [f"{column_text(self.temperature_name_)}*{name}" for name in lag]
         return names
+
+    def explained(self, temperature: str) -> str:
+        """What a lag difference is: the names are products of these."""
+        return lag_text(temperature)
 
     def units(self) -> list[str]:
         """K^2."""

@@ -129,6 +129,16 @@ class Effect(BaseEstimator):
         """Unit of each column; "" where it has none or where nobody knows."""
         return [""] * len(self.names())
 
+    def explained(self, temperature: str) -> str:
+        """What the names of the columns mean, below a model's equation; "" where nothing is left to explain.
+
+        Parameters
+        ----------
+        temperature : str
+            Name of the temperature's column.
+        """
+        return self.info.formula if self.info else ""
+
     def signals(self, x: Signals) -> Sequence[Any]:
         """The formula: one expression over `x` for each of the `names`."""
         raise NotImplementedError

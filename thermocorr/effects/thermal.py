@@ -42,6 +42,11 @@ def reference_of(given: float | str, record: Record) -> float:
     return record.moments(record.temperature_name).mean if given == "mean" else float(given)
 
 
+def lag_text(temperature: str) -> str:
+    """What ``lag[900 s]`` means, eqs. (17)-(19)."""
+    return f"lag[tau] = lagged - {temperature}, where tau d(lagged)/dt = {temperature} - lagged"
+
+
 class StaticPolynomial(Effect):
     """Static law of the temperature, eq. (3): ``(T - T0)^i`` for i = lowest_power..degree.
 
@@ -94,6 +99,10 @@ class StaticPolynomial(Effect):
         """``temperature``, ``temperature^2``, ..."""
         name = column_text(self.temperature_name_)
         return [name if i == 1 else f"{name}^{i}" for i in self._powers()]
+
+    def explained(self, temperature: str) -> str:
+        """Nothing: the equation writes the powers of T - T0 out."""
+        return ""
 
     def units(self) -> list[str]:
         """K, K^2, ..."""
@@ -173,6 +182,10 @@ class ThermalLag(Effect):
     def names(self) -> list[str]:
         """``lag[900 s]``, ..."""
         return [f"lag[{time_text(tau)}]" for tau in self.time_constants_]
+
+    def explained(self, temperature: str) -> str:
+        """What a lag difference of the temperature is."""
+        return lag_text(temperature)
 
     def units(self) -> list[str]:
         """K; K s for the paper's form."""

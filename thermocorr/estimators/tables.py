@@ -12,9 +12,6 @@ from ..records.text import printable
 from ..records.units import difference_unit
 from .reading import Reading
 
-_EXPLAINED = ("static_polynomial", "thermal_lag", "initial_transient", "lag_products")
-"""Kinds whose names the equation explains itself."""
-
 
 def coefficient_table(
     effects: Sequence[Effect],
@@ -59,21 +56,14 @@ def equation_text(
     temperature = printable(temperature)
     lines = [f"{printable(reading.name)} = {coefficients[0]:.10g}{unit}"]
     at = 1
-    lags = decays = False
     for effect in effects:
         for name in map(printable, effect.names()):
             term = name.replace(temperature, f"({temperature} - {reference:.6g})", 1) if at_static(effect) else name
             value = coefficients[at]
             lines.append(f"    {'-' if value < 0 else '+'} {abs(value):.6g} * {term}")
-            lags |= "lag[" in name
-            decays |= "decay[" in name
             at += 1
-    if lags:
-        lines.append(f"lag[tau] = lagged - {temperature}, where tau d(lagged)/dt = {temperature} - lagged")
-    if decays:
-        lines.append("decay[tau] = exp(-t/tau) since the start of its segment, zero elsewhere")
-    further = [effect.info.formula for effect in effects if effect.info and effect.kind not in _EXPLAINED]
-    lines += list(dict.fromkeys(further))
+    explained = [effect.explained(temperature) for effect in effects if effect.names()]
+    lines += dict.fromkeys(filter(None, explained))
     return "\n".join(lines)
 
 

@@ -139,4 +139,8 @@ def parameters_text(effect: Any, data: PageData) -> str:
 
 def by_kind(effects: Sequence[Any]) -> list[Any]:
     """The first effect of each kind that says what it is."""
-    return list({effect.kind: effect for effect in reversed(effects) if effect.info is not None}.values())[::-1]
+    said: dict[str, Any] = {}
+    for effect in effects:
+        if effect.info is not None:
+            said.setdefault(effect.kind, effect)
+    return list(said.values())
