@@ -89,6 +89,8 @@ class Bands:
 
     def forward(self, columns: np.ndarray) -> np.ndarray:
         """Orthonormal cosine transform of each segment, rows in order of frequency."""
+        if len(self.pieces) == 1:  # stands in order
+            return np.asarray(dct(columns, axis=0, norm="ortho"))
         result = np.empty(columns.shape)
         for piece in self.pieces:
             result[piece] = dct(columns[piece], axis=0, norm="ortho")

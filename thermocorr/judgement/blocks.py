@@ -63,6 +63,8 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
         share = np.where(known, record.counts[block.rows] if isinstance(record, Thinned) else 1.0, 0.0)
         count = np.add.reduceat(share, starts)
         kept = count > 0
+        even = bool((share == 1.0).all())
+        single = even and width == 1
         readings.append((np.add.reduceat(np.where(known, reading, 0.0) * share, starts) / np.maximum(count, 1))[kept])
         seconds.append((np.add.reduceat(block.seconds * share, starts) / np.maximum(count, 1))[kept])
         counts.append(count[kept])
@@ -73,9 +75,11 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
             else:
                 columns, states[i] = effect.columns(block, states[i])
             columns = np.asarray(columns).reshape(len(block), widths[i])
-            if not (share == 1.0).all():
+            if not even:
                 columns = columns * share[:, None]
-            parts[i].append((np.add.reduceat(columns, starts, axis=0) / np.maximum(count, 1)[:, None])[kept])
+            if width > 1:
+                columns = np.add.reduceat(columns, starts, axis=0)
+            parts[i].append(columns if single else (columns / np.maximum(count, 1)[:, None])[kept])
     return Averages(
         reading=np.concatenate(readings),
         columns=[np.concatenate(part) for part in parts],

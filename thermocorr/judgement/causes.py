@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy import stats
+from scipy.special import chdtrc
 
 from ..effects import Delay, Periodic
 from ..effects.grids import longest_segment
@@ -149,8 +150,9 @@ class Search:
         """
         explanation = self.tried[i]
         tests, width = self.tests.get(explanation.key, 1.0), explanation.columns.shape[1]
-        small = self.small if explanation.effect.kind in THERMAL else 0.0
-        return float(min(1.0, tests * stats.ncx2.sf(2 * max(gain, 0.0), width, small)))
+        small, twice = self.small if explanation.effect.kind in THERMAL else 0.0, 2 * max(gain, 0.0)
+        chance = stats.ncx2.sf(twice, width, small) if small else chdtrc(width, twice)
+        return float(min(1.0, tests * chance))
 
     def look(self) -> list[Tried]:
         """The best of each kind and column beside the present base, best first."""

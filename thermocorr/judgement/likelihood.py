@@ -151,7 +151,7 @@ class Comparison:
 
     def _half(self, theta: np.ndarray) -> np.ndarray:
         """Cholesky factor of the base's weighted products."""
-        A = np.tensordot(1 / self.S(theta), self.QQ, 1)
+        A = _weighted(1 / self.S(theta), self.QQ)
         return np.linalg.cholesky(A + 1e-12 * np.trace(A) / len(A) * np.eye(len(A)))
 
     def first_fit(self, *more: np.ndarray) -> Fit:
@@ -198,11 +198,11 @@ class Comparison:
         """Coefficients under a given noise, and the sum of squares that they leave in each band."""
         W = 1 / self.S(theta)
         p = self.Qz.shape[1]
-        A, b = np.tensordot(W, self.QQ, 1), W @ self.Qz
+        A, b = _weighted(W, self.QQ), W @ self.Qz
         found = None if i is None else self.explanations[i]
         if found is not None:
-            B = np.tensordot(W, found.base, 1)
-            A = np.block([[A, B], [B.T, np.tensordot(W, found.own, 1)]])
+            B = _weighted(W, found.base)
+            A = np.block([[A, B], [B.T, _weighted(W, found.own)]])
             b = np.concatenate((b, W @ found.reading))
         coef = solved(A, b)
         base = coef[:p]
@@ -279,7 +279,7 @@ class Comparison:
             return gains
         W, half = 1 / self.S(theta), self._half(theta)
         b = solve_triangular(half, W @ self.Qz, lower=True)
-        together = np.tensordot(W, np.concatenate([f.base for f in founds], axis=2), 1)
+        together = _weighted(W, np.concatenate([f.base for f in founds], axis=2))
         base = solve_triangular(half, together, lower=True)
         reading = W @ np.concatenate([f.reading for f in founds], axis=1) - base.T @ b
         at = 0
@@ -289,7 +289,7 @@ class Comparison:
             k = found.rows.shape[1]
             columns, moment = base[:, at : at + k], reading[at : at + k]
             at += k
-            full = np.tensordot(W, found.own, 1)
+            full = _weighted(W, found.own)
             own = full - columns.T @ columns
             if np.all(np.diag(own) > ALIVE**2 * np.diag(full)):
                 gains[i] = 0.5 * float(moment @ solved(own, moment))
@@ -297,6 +297,11 @@ class Comparison:
             total = float(W @ self.zz - b @ b)
             gains = -0.5 * self.n * np.log1p(-np.minimum(2 * gains / total, 1 - 1e-12))
         return gains
+
+
+def _weighted(weights: np.ndarray, products: np.ndarray) -> np.ndarray:
+    """Sum over the bands of cross products, shape (bands, ...), each with its weight."""
+    return np.asarray(weights @ products.reshape(len(products), -1)).reshape(products.shape[1:])
 
 
 def _forms(products: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -86,6 +86,9 @@ class Pool:
         The same is done to reading and columns, so that noise that wanders has no holes. They lose their means first,
         to which digits would be lost.
         """
+        if not self.spikes.any():
+            centred = columns - columns.mean(axis=0)
+            return centred if (self.weight == 1).all() else np.asarray((centred.T * self.weight).T)
         centred = columns - columns[~self.spikes].mean(axis=0)
         rows, kept = np.flatnonzero(self.spikes), np.flatnonzero(~self.spikes)
         place = np.searchsorted(kept, rows)
