@@ -214,6 +214,13 @@ def test_bad_input_ends_with_one_sentence(case, lab, tmp_path, monkeypatch, caps
     assert words in printed.err
 
 
+def test_the_model_must_be_named(lab, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["correct", str(lab[0] / "log.csv")])
+    assert end.value.code == 2
+    assert "the following arguments are required: --model" in capsys.readouterr().err
+
+
 # ------------------------------------------------------------------------------------------ in a process of its own
 
 

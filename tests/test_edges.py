@@ -207,12 +207,12 @@ def test_rows_that_are_passed_over_are_so_in_a_loaded_model(tmp_path):
     """They lie inside segments: a state that begins behind one goes straight across it."""
     record = make_record(600, seed=1)
     X, y = record[["temperature"]].copy(), record["reading"]
-    X.iloc[[50, 51, 200, 300], 0] = 9.9e37
+    X.iloc[[1, 50, 51, 200, 300], 0] = 9.9e37
     with pytest.warns(RecordWarning, match="left out"):
         model = DynamicBiasRegressor("temperature", ["10 min"]).fit(X, y)
     save_model(model, tmp_path / "model.json")
     history = load_model(tmp_path / "model.json").features_.history_
-    assert history.record.skipped.tolist() == [50, 51, 200, 300]
+    assert history.record.skipped.tolist() == [1, 50, 51, 200, 300]
 
 
 def test_powers_of_an_absurd_column_are_no_numbers_and_flagged():
