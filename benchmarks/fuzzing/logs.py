@@ -332,8 +332,8 @@ def resume(rng: random.Random, room: Room) -> str:
         return REFUSED if run("correct", "--model", subject.path, room.write("log.csv", content)).status == 2 else RIGHT
     grows, cut = rng.random() < 0.5, rng.randrange(1, len(lines) + 1)
     plain = [line.replace(b'"', b"") for line in lines]
-    if not grows and any(line in plain[1:cut] for line in plain[cut : cut + 1]):
-        grows = True  # another file may begin with rows that were there before: these are left out
+    if not grows and any(line in plain[1:cut] for line in plain[cut:]):
+        grows = True  # another file may begin with rows that were there before, bad ones aside: these are left out
     room.said.append(f"cut before line {cut + 1}, {'the same file grows' if grows else 'two files'}")
     return check_resume(subject, lines, cut, grows, room)
 

@@ -32,6 +32,7 @@ from .levels import (
     LOOKS,
     MOST,
     MOST_STEPS,
+    OF_COLUMNS,
     SCATTER,
     SHARES,
     THERMAL,
@@ -252,11 +253,15 @@ class Search:
         ]
 
     def _even(self, i: int, fit: Fit) -> float:
-        """Log likelihood that an explanation gains, less where a few stretches of time decide it."""
+        """Log likelihood that an explanation gains, less where a few stretches of time decide it.
+
+        Generic kinds are given the benefit of the doubt, recorded columns, of which there may be any number, are not.
+        """
         gain = fit.level - self.judged.base.level
         if gain <= self.price(i) or self.tried[i].effect.of_time_alone:  # what lies in one stretch is decided there
             return gain
-        return gain / max(1.0, self.judged.scatter(i, fit.theta) / SCATTER)
+        usual = SCATTER if self.tried[i].key[1] is None else OF_COLUMNS
+        return gain / max(1.0, self.judged.scatter(i, fit.theta) / usual)
 
     def _tuned(self, found: Sequence[Tried], shares: Sequence[float] = SHARES) -> list[Tried]:
         """The best few kinds with their parameters moved to where they explain most.
