@@ -90,7 +90,7 @@ counts in full; beyond, its gain is divided by the excess. Chance gives 2.3 once
 measured records have 0.08 to 2.2, half of them below 0.7, but up to 16 on soil, whose law the base does not hold;
 there, columns of other places that the likelihood alone would blame have 6 to 15 (the middle half)."""
 OF_COLUMNS = 1.0
-"""The same for recorded columns, of which there may be any number: they are given no allowance. With that of the other
+"""Recorded columns, of which there may be any number, are given no such allowance (`SCATTER`). With that of the other
 kinds, 6 of 22 plants on soil had an innocent column named beside them (seed 7 of `benchmarks/planted_on_real.py`);
 without it none, as many plants were found, and nothing changed on the other records."""
 
