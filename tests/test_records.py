@@ -192,6 +192,13 @@ def with_gap(n=N):
     return np.cumsum(np.r_[0.0, np.full(19, 10.0), 500.0, np.full(n - 21, 12.5)])
 
 
+@pytest.mark.parametrize(("usual_steps", "noted"), [(9.9, False), (10.1, True)])
+def test_a_step_of_more_than_ten_usual_ones_is_worth_a_note(usual_steps, noted):
+    steps = np.where(np.arange(N) == 20, 15.0 * usual_steps, 15.0)
+    record = record_of(pd.DataFrame({"temperature": temperatures(), "t": np.cumsum(steps)}), time="t")
+    assert any("Sampling has 1 gap" in note for note in record.notes) == noted
+
+
 @pytest.mark.parametrize("max_gap", [60, "1 min", 499.9, 500, None])
 def test_gap_longer_than_max_gap_starts_a_segment_and_a_shorter_one_is_a_long_step(max_gap):
     record = record_of(pd.DataFrame({"temperature": temperatures(), "t": with_gap()}), time="t", max_gap=max_gap)

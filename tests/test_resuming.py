@@ -144,6 +144,15 @@ def test_bad_lines_beyond_twenty_are_counted_only(lab, tmp_path, capsys):
     ]
 
 
+def test_lines_left_out_and_rows_without_a_result_are_counted_together(lab, tmp_path, capsys):
+    row = lab[1][5].rstrip("\n").split(",")
+    row[lab[1][0].rstrip("\n").split(",").index("reading")] = ""
+    (tmp_path / "log.csv").write_text("".join([*lab[1][:5], "no row\n", ",".join(row) + "\n", *lab[1][6:9]]))
+    assert cli.main(["correct", "--model", str(lab[0]), str(tmp_path / "log.csv")]) == 1
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said == "thermocorr: 2 of 9 lines got no result: 1 line left out, 1 no reading"
+
+
 def test_a_log_with_other_columns_does_not_go_on_in_the_file_of_results(lab, tmp_path, capsys):
     frame = pd.DataFrame(
         [line.rstrip("\n").split(",") for line in lab[1][1:]], columns=lab[1][0].rstrip("\n").split(",")

@@ -158,6 +158,8 @@ STATES = {
     "a time beyond an integer": ("state.last", 2**64),
     "a time that is true": ("state.last", True),
     "a list for a flag": ("state.open", []),
+    "a number for a flag": ("continues", 1),
+    "text for a flag": ("placed", "yes"),
     "a segment that is not there": ("state.key", 10**9),
     "a row before the first": ("next_row", -1),
     "a row that none can follow": ("next_row", 2**63 - 1),
