@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from ..effects import CATALOGUE, SeveralSteps
+from ..effects import CATALOGUE
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
 from ..pages import PageData
@@ -23,9 +23,10 @@ from .dated import DATED
 from .found import Diagnosis, FoundSuspect
 from .lacking import lacking
 from .left import what_is_left
-from .levels import GAIN, RANKED, SEVERAL
+from .levels import GAIN, RANKED
 from .pool import Pool
 from .residual import residuals_of
+from .together import as_one
 from .when import Interval, intervals
 from .where import against_white, where_it_fails
 
@@ -115,7 +116,7 @@ def _conclude(
     rest = what_is_left(search.pool, search.judged, [effect_text(tried.explanation.effect) for tried in uneven])
     floor = rms if search.pool.exact else min(rest.floor, rms)
     moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, causes)]
-    found = _steps_together([_cause(cause, when) for cause, when in zip(causes, moments, strict=True)])
+    found = as_one([_cause(cause, when) for cause, when in zip(causes, moments, strict=True)], search.pool.record)
     named = {cause.tried.key for cause in causes}
     others = causes[0].others if causes else last
     listed = [t for t in first_of_each(others) if t.key not in named and not t.explanation.in_model]
@@ -174,24 +175,6 @@ def _cause(cause: Cause, when: tuple[tuple[Any, Any], ...]) -> FoundSuspect:
         in_model=len(alike) < len(cause.alike),
         when=when,
     )
-
-
-def _steps_together(found: list[FoundSuspect]) -> list[FoundSuspect]:
-    """Many steps and disturbances as one cause, several steps, in the place of the first."""
-    steps = [cause for cause in found if cause.effect.kind in ("step", "disturbance")]
-    if len(steps) < SEVERAL:
-        return found
-    ends = [cause.effect.get_params().get(name) for cause in steps for name in ("time", "start", "end")]
-    together = FoundSuspect(
-        effect=SeveralSteps(sorted({time for time in ends if time is not None})),
-        standing="proven",
-        share=min(sum(cause.share for cause in steps), 1.0),
-        gain_db=sum(cause.gain_db for cause in steps),  # each was judged beside those before it
-        later_db=sum(cause.later_db for cause in steps),
-        p_value=max(cause.p_value for cause in steps),
-        when=tuple(sorted(interval for cause in steps for interval in cause.when)),
-    )
-    return [together if cause is steps[0] else cause for cause in found if cause is steps[0] or cause not in steps]
 
 
 def _other(tried: Tried, search: Search) -> FoundSuspect:

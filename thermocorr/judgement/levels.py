@@ -156,6 +156,8 @@ WANDERS = 0.1
 """Standard deviation of the wandering noise over that of one sample, below which it is not worth a word."""
 SEVERAL = 3
 """Steps from which they are one cause, several steps."""
+HARMONICS = 6
+"""Highest multiple of a wave's frequency that is part of it: those of a switch fall as one over the multiple."""
 
 # Tuning
 
