@@ -213,6 +213,25 @@ def test_rows_that_are_passed_over_are_so_in_a_loaded_model(tmp_path):
     save_model(model, tmp_path / "model.json")
     history = load_model(tmp_path / "model.json").features_.history_
     assert history.record.skipped.tolist() == [1, 50, 51, 200, 300]
+    whole = model.evaluate(X, y)["corrected"]
+    for start in (52, 301):
+        np.testing.assert_allclose(model.evaluate(X[start:], y[start:])["corrected"], whole[start:], rtol=1e-12)
+
+
+def test_rows_at_the_ends_of_runs_are_in_no_segment_and_not_passed_over():
+    X = make_record(600, seed=1)[["temperature"]].assign(run=np.arange(600) // 300)
+    X.iloc[[0, 1, 100, 298, 299, 300, 599], 0] = 9.9e37
+    record = DiffusiveFeatures(["10 min"], temperature="temperature", run="run").learn(X, quiet=True)
+    assert [segment[:2] for segment in record.segments] == [(2, 298), (301, 599)]
+    assert record.skipped.tolist() == [100] and record.n_used == 593
+
+
+def test_the_first_time_without_a_zone_is_named():
+    times = [f"2024-05-31T14:0{k}:00Z" for k in range(8)]
+    times[5] = times[5].removesuffix("Z")
+    X = pd.DataFrame({"time": times, "temperature": np.arange(8.0)})
+    with pytest.raises(RecordError, match="others none, the first in row 5: '2024-05-31T14:05:00'"):
+        read_record(X, Layout(time="time"))
 
 
 def test_powers_of_an_absurd_column_are_no_numbers_and_flagged():

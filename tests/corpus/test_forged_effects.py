@@ -71,6 +71,8 @@ def test_what_an_effect_cannot_have_learned_is_refused_with_its_place(name, save
             "'temperature' where another name",
         ),
         ("ticks_per_second", 999_999_999, "1, 1000, 1000000 or 1000000000"),
+        ("ticks_per_second", "1000", "an integer"),
+        ("usual_step", {"$float": "inf", "unit": "s"}, r"\$float.*unit"),
     ],
 )
 def test_a_history_that_none_can_be_is_refused(place, value, words, saved, tmp_path):
@@ -78,6 +80,14 @@ def test_a_history_that_none_can_be_is_refused(place, value, words, saved, tmp_p
     node["model"]["history"][place] = value
     (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
     with pytest.raises(ModelFileError, match=rf"history\.{place}.*{words}"):
+        load_model(tmp_path / "f.json")
+
+
+def test_a_history_whose_time_stands_still_is_refused(saved, tmp_path):
+    node = json.loads(json.dumps(saved))
+    node["model"]["history"]["ticks"][5] = 0
+    (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
+    with pytest.raises(ModelFileError, match=r"history\.ticks\[5\].*does not increase"):
         load_model(tmp_path / "f.json")
 
 

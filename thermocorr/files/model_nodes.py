@@ -107,7 +107,10 @@ def unpack_history(node: Any, where: str, effects: list[Any], codec: EffectCodec
         ends.append(states)
     if not segments:
         raise unexpected(f"{where}.segments", "an empty list", "at least one segment")
-    ticks = _unpack_ticks(node, where, kind, at, [segment.start for segment in segments])
+    per_second = integer(node["ticks_per_second"], f"{where}.ticks_per_second", 1, 1_000_000_000)
+    if per_second not in (1, 1_000, 1_000_000, 1_000_000_000):
+        raise unexpected(f"{where}.ticks_per_second", str(per_second), "1, 1000, 1000000 or 1000000000")
+    ticks = _unpack_ticks(node, where, kind, per_second, [segment.start for segment in segments], at)
     columns: dict[object, np.ndarray] = {}
     for i, item in enumerate(items(node["columns"], f"{where}.columns")):
         place = f"{where}.columns[{i}]"
@@ -120,9 +123,6 @@ def unpack_history(node: Any, where: str, effects: list[Any], codec: EffectCodec
     for column in (temperature, *needed_columns(effects)):
         if column not in columns:
             raise ModelFileError(f"{where}.columns has no {quoted(column)}, which the model needs")
-    per_second = integer(node["ticks_per_second"], f"{where}.ticks_per_second", 1, 1_000_000_000)
-    if per_second not in (1, 1_000, 1_000_000, 1_000_000_000):
-        raise unexpected(f"{where}.ticks_per_second", str(per_second), "1, 1000, 1000000 or 1000000000")
     times = Times(at, kind, ticks, per_second, positive(node["period"], f"{where}.period"))
     zero = times.stamp(0)
     if type(node["zero"]) is not type(zero) or node["zero"] != zero:
@@ -155,7 +155,10 @@ def _unpack_skipped(node: Any, where: str, segments: list[Segment]) -> np.ndarra
     return np.array(rows, np.intp)
 
 
-def _unpack_ticks(node: dict[str, Any], where: str, kind: str, n: int, starts: list[int]) -> np.ndarray:
+def _unpack_ticks(
+    node: dict[str, Any], where: str, kind: str, per_second: int, starts: list[int], n: int
+) -> np.ndarray:
+    """Times of the kept rows, of which there are `n`; they increase inside segments, which begin at `starts`."""
     given = items(node["ticks"], f"{where}.ticks", n - 1)
     if kind == "seconds":
         values = [node["first_tick"], *given]
@@ -171,7 +174,7 @@ def _unpack_ticks(node: dict[str, Any], where: str, kind: str, n: int, starts: l
         for step in given:
             total += step
             stamps.append(total)
-        if max(map(abs, stamps)) > (LARGEST_INTEGER - 1) // (1_000_000_000 // max(_per_second(node), 1)):
+        if max(map(abs, stamps)) > (LARGEST_INTEGER - 1) // (1_000_000_000 // per_second):
             raise unexpected(f"{where}.ticks", "times", "times within three centuries of 1970")
         ticks = np.array(stamps, np.int64)
     back = np.flatnonzero(np.diff(ticks) <= 0) + 1
@@ -179,11 +182,6 @@ def _unpack_ticks(node: dict[str, Any], where: str, kind: str, n: int, starts: l
     if len(wrong):
         raise unexpected(f"{where}.ticks[{wrong[0] - 1}]", "a time that does not increase", "a later time")
     return ticks
-
-
-def _per_second(node: dict[str, Any]) -> int:
-    value = node["ticks_per_second"]
-    return value if type(value) is int and 1 <= value <= 1_000_000_000 else 1
 
 
 # ------------------------------------------------------------------------------------------------- reading, the model
