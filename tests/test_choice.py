@@ -11,6 +11,7 @@ from thermocorr.effects import (
     Covariate,
     Hinge,
     Interaction,
+    LaggedCovariate,
     LaggedModulation,
     LagProducts,
     Periodic,
@@ -51,6 +52,22 @@ def test_a_step_that_spoils_the_worth_of_all_else_leaves_the_choice_to_the_likel
     products = tried(LagProducts(["1 h"]), 799.0, 0.4, 0.3)
     assert best_of(step, wave, products) == "lag_products"
     assert best_of(step, wave) == "periodic"
+
+
+@pytest.mark.parametrize(
+    ("score", "later", "winner"),
+    [
+        (29.0, 2.5, "covariate"),
+        (25.0, 2.5, "lagged_covariate"),
+        (29.0, 0.1, "lagged_covariate"),
+        (31.0, 0.1, "covariate"),
+    ],
+)
+def test_a_column_as_it_is_comes_before_the_same_column_late(score, later, winner):
+    """A tie is enough where it helps as much; where it does not, it must be likelier."""
+    late = tried(LaggedCovariate("pressure", ["1 h"]), 30.0, 3.0, 2.8)
+    assert best_of(late, tried(Covariate("pressure"), score, later, later)) == winner
+    assert best_of(late, tried(Covariate("supply"), score, later, later)) == "lagged_covariate"
 
 
 def test_a_column_that_does_harm_on_what_was_not_learned_from_is_not_accused():
