@@ -325,3 +325,11 @@ def test_the_command_says_what_it_left_out(clean, tmp_path, capsys):
     capsys.readouterr()
     assert main([*given, "--no-screen"]) == 0
     assert "left out" not in capsys.readouterr().out.split("Verdict")[0]
+
+
+def test_a_reading_that_is_stuck_has_no_codes(clean):
+    """How far a number is from the usual ones cannot be told of one that never changes."""
+    X, y = clean
+    with pytest.warns(RecordWarning, match="never changes"):
+        model = DynamicBiasRegressor("temperature", ["10 min"]).fit(X, 0 * y + 5.0)
+    assert model.features_.history_.screen.reading.codes == ()

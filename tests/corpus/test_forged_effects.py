@@ -106,6 +106,16 @@ def test_a_column_is_a_name_or_a_number(kind, column, saved, tmp_path):
         load_model(tmp_path / "f.json")
 
 
+@pytest.mark.parametrize(("kind", "parameter"), [("hysteresis", "width"), ("hinge", "knee")])
+def test_a_place_beyond_all_numbers_is_refused(kind, parameter, saved, tmp_path):
+    node = json.loads(json.dumps(saved))
+    given = {**CATALOGUE[kind](1.0).get_params(deep=False), parameter: 1e301}
+    node["model"]["effects"].append({"kind": kind, "parameters": given, "learned": {}})
+    (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
+    with pytest.raises(ModelFileError, match=rf"effects\[\d\]\.parameters\.{parameter} holds 1e\+301"):
+        load_model(tmp_path / "f.json")
+
+
 @pytest.mark.parametrize("ends", [[30.0, 20.0], [20.0], "20"])
 def test_a_range_goes_from_the_lower_end_to_the_higher(ends, saved, tmp_path):
     node = json.loads(json.dumps(saved))
@@ -130,8 +140,13 @@ def test_a_file_of_version_1_is_read_as_long_as_its_digest_fits(saved, tmp_path)
     (tmp_path / "old.json").write_text(json.dumps(node, indent=3))
     model = load_model(tmp_path / "old.json")
     assert model.coef_.tolist() == saved["model"]["coefficients"]
+    del node["digest"], node["model"]["parameters"]["screen"]
+    del node["model"]["history"]["screen"], node["model"]["history"]["skipped"]  # as it was before there was a screen
+    (tmp_path / "older.json").write_text(json.dumps({**node, "digest": digest_of(node)}))
+    older = load_model(tmp_path / "older.json")
+    assert older.screen is False and older.features_.history_.screen is None
     node["model"]["coefficients"][0] += 1e-9
-    (tmp_path / "old.json").write_text(json.dumps(node))
+    (tmp_path / "old.json").write_text(json.dumps({**node, "digest": digest_of(saved)}))
     with pytest.raises(ModelFileError, match="digest does not fit"):
         load_model(tmp_path / "old.json")
 
