@@ -90,9 +90,7 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
     recorded = [t for t in near if t.key[1] is not None and t.worth.both >= best.worth.both]
     if best.key[1] is None and helpful:  # a recorded column before a kind that says nearly the same
         best = max((t for t in recorded if t.score >= best.score - TIE), key=lambda t: t.score, default=best)
-    if (
-        best.key[1] is not None
-    ):  # a column as it is before the same column bent or late: what helps less must be likelier
+    if best.key[1] is not None:  # a column as it is before the same one bent or late; likelier, where it helps less
         plainer = [t for t in proven if t.key[1] == best.key[1] and t.size < best.size]
         enough = [t for t in plainer if t.score >= best.score - TIE * (t in near)]
         best = max(enough, key=lambda t: t.score, default=best)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from sklearn.base import clone
 
 from ..effects import SeveralSteps
 from ..effects.grids import longest_segment
-from ..effects.protocol import Effect
 from ..records import Record, seconds_of
 from .found import FoundSuspect
 from .levels import HARMONICS, SEVERAL
@@ -25,7 +25,8 @@ def _steps(found: list[FoundSuspect]) -> list[FoundSuspect]:
     if len(steps) < SEVERAL:
         return found
     ends = [cause.effect.get_params().get(name) for cause in steps for name in ("time", "start", "end")]
-    return _joined(found, steps, SeveralSteps(sorted({time for time in ends if time is not None})))
+    effect = SeveralSteps(sorted({time for time in ends if time is not None}))
+    return _joined(found, steps, replace(steps[0], effect=effect, confusable_with=(), in_model=False))
 
 
 def _waves(found: list[FoundSuspect], record: Record) -> list[FoundSuspect]:
@@ -39,7 +40,8 @@ def _waves(found: list[FoundSuspect], record: Record) -> list[FoundSuspect]:
         if any(overtones.values()):
             own = [cause for cause in found if cause is slowest or overtones.get(id(cause), 0)]
             highest = max(overtones.get(id(cause), 1) * cause.effect.harmonics for cause in own)
-            found = _joined(found, own, clone(slowest.effect).set_params(harmonics=highest))
+            wave = replace(slowest, effect=clone(slowest.effect).set_params(harmonics=highest))
+            found = _joined(found, own, wave)
             waves = [wave for wave in waves if not overtones[id(wave)]]
     return found
 
@@ -55,17 +57,15 @@ def _period(wave: FoundSuspect) -> float:
     return seconds_of(wave.effect.period, "period")
 
 
-def _joined(found: Sequence[FoundSuspect], own: Sequence[FoundSuspect], effect: Effect) -> list[FoundSuspect]:
+def _joined(found: Sequence[FoundSuspect], own: Sequence[FoundSuspect], one: FoundSuspect) -> list[FoundSuspect]:
     """The causes with some of them as one, in the place of the first."""
-    together = FoundSuspect(
-        effect=effect,
+    together = replace(
+        one,
         standing="proven",
         share=min(sum(cause.share for cause in own), 1.0),
         gain_db=sum(cause.gain_db for cause in own),  # each was judged beside those before it
         later_db=sum(cause.later_db for cause in own),
         p_value=max(cause.p_value for cause in own),
-        confusable_with=tuple(effect for cause in own for effect in cause.confusable_with),
-        in_model=any(cause.in_model for cause in own),
         when=tuple(sorted(interval for cause in own for interval in cause.when)),
     )
     ours = {id(cause) for cause in own}
