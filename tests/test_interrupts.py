@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -329,6 +330,24 @@ def test_a_signal_before_the_first_line_is_no_empty_log(lab, monkeypatch, capsys
     assert capsys.readouterr().err == "thermocorr: stopped before the first line; nothing was written\n"
     os.close(reading)
     os.close(writing)
+
+
+@unix
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_signal_waits_until_the_modules_are_loaded(number, status, monkeypatch, capsys):
+    """Raised in the middle of a module in C it would become an error of that module's."""
+    loaded = []
+
+    def load(name, package):
+        os.kill(os.getpid(), number)
+        time.sleep(0.05)
+        loaded.append(name)
+        return import_module(name, package)
+
+    monkeypatch.setattr(cli, "import_module", load)
+    assert cli.main(["correct", "--model", "model.json"]) == status
+    assert loaded == [".correct"] and capsys.readouterr().err == "thermocorr: stopped\n"
+    assert not signal.pthread_sigmask(signal.SIG_BLOCK, []) & {signal.SIGTERM, signal.SIGINT}
 
 
 @unix

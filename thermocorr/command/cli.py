@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from importlib import import_module
 
 from .._version import __version__
-from .stopping import Endings, Stopped, Terminated
+from .stopping import Endings, Stopped, Terminated, held_back
 
 COMMANDS = {
     "analyze": "compare corrections of a log, say what is missing, write the corrected log and the model",
@@ -58,7 +58,8 @@ def _options(given: list[str]) -> argparse.Namespace:
     for name, purpose in COMMANDS.items():
         command = commands.add_parser(name, help=purpose)
         if name in given[:1]:  # the others need not be loaded
-            module = import_module(f".{name.replace('-', '_')}", __package__)
+            with held_back():
+                module = import_module(f".{name.replace('-', '_')}", __package__)
             command.description = module.__doc__
             module.add_arguments(command)
             command.set_defaults(execute=module.run)

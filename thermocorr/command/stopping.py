@@ -5,6 +5,8 @@ from __future__ import annotations
 import signal
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 AGAIN = 0.01
@@ -53,6 +55,22 @@ class Endings:
         else:
             self._again = threading.Timer(AGAIN, signal.raise_signal, (number,))
             self._again.start()
+
+
+@contextmanager
+def held_back() -> Iterator[None]:
+    """Lets SIGINT and SIGTERM wait, where the system can, until this is left: modules are loaded whole.
+
+    An exception that is raised in the middle of one in C is lost: numpy says that it cannot be imported.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
