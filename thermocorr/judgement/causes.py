@@ -32,7 +32,7 @@ from .levels import (
     LOOKS,
     MOST,
     MOST_STEPS,
-    OF_COLUMNS,
+    OF_PRODUCTS,
     SCATTER,
     SHARES,
     THERMAL,
@@ -255,12 +255,13 @@ class Search:
     def _even(self, i: int, fit: Fit) -> float:
         """Log likelihood that an explanation gains, less where a few stretches of time decide it.
 
-        Generic kinds are given the benefit of the doubt, recorded columns, of which there may be any number, are not.
+        All kinds are given the benefit of the doubt but products with a recorded column, of which there are most.
         """
         gain = fit.level - self.judged.base.level
         if gain <= self.price(i) or self.tried[i].effect.of_time_alone:  # what lies in one stretch is decided there
             return gain
-        usual = SCATTER if self.tried[i].key[1] is None else OF_COLUMNS
+        column, effect = self.tried[i].key[1], self.tried[i].effect
+        usual = OF_PRODUCTS if effect.is_product and column is not None else SCATTER
         return gain / max(1.0, self.judged.scatter(i, fit.theta) / usual)
 
     def _tuned(self, found: Sequence[Tried], shares: Sequence[float] = SHARES) -> list[Tried]:

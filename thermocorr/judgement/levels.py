@@ -89,10 +89,10 @@ SCATTER = 2.0
 counts in full; beyond, its gain is divided by the excess. Chance gives 2.3 once in a thousand. Effects planted on
 measured records have 0.08 to 2.2, half of them below 0.7, but up to 16 on soil, whose law the base does not hold;
 there, columns of other places that the likelihood alone would blame have 6 to 15 (the middle half)."""
-OF_COLUMNS = 1.0
-"""Recorded columns, of which there may be any number, are given no such allowance (`SCATTER`). With that of the other
-kinds, 6 of 22 plants on soil had an innocent column named beside them (seed 7 of `benchmarks/planted_on_real.py`);
-without it none, as many plants were found, and nothing changed on the other records."""
+OF_PRODUCTS = 1.0
+"""Products with a recorded column are given no such allowance (`SCATTER`): there are more of them than of anything
+else, and lagged modulations were what was named of other places on soil, with scatters around 7. Given to all recorded
+columns alike, the current of a heater was no longer named, whose evidence scatters, too."""
 
 # Later data
 
