@@ -59,18 +59,22 @@ class Endings:
 
 @contextmanager
 def held_back() -> Iterator[None]:
-    """Lets SIGINT and SIGTERM wait, where the system can, until this is left: modules are loaded whole.
+    """Lets SIGINT and SIGTERM wait until this is left: modules are loaded whole.
 
     An exception that is raised in the middle of one in C is lost: numpy says that it cannot be imported.
     """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    came: list[int] = []
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            before[number] = signal.signal(number, lambda number, frame: came.append(number))
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
