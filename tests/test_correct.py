@@ -147,9 +147,9 @@ def test_missing_numbers_and_times_out_of_order_are_flagged(lab, tmp_path, capsy
     assert [flags[k] for k in (3, 6, 7, 8, 9)] == [
         "no reading",
         "no temperature",
-        "washout",
+        "outside fitted range",
         "no temperature",
-        "washout",
+        "",
     ]
     assert got["flag"].tolist()[-2:] == ["backward time"] * 2
     assert got["corrected"].tolist()[3] == got["corrected"].tolist()[6] == got["corrected"].tolist()[-1] == ""

@@ -82,17 +82,19 @@ def test_following_rows_continue_and_repeated_rows_repeat(lab):
     assert not (model.flags(X[3000:]) == "washout").any()
 
 
-def test_a_missing_temperature_in_following_rows_ends_what_is_known(lab):
-    """Before the hole the lags continue from the fit; after it nothing is known about the device."""
+def test_a_hole_in_the_temperature_is_a_pause(lab):
+    """Before it the lags continue from the fit; behind it they go on, or start afresh, as after a gap."""
     X, y = lab
-    model = DynamicBiasRegressor(time_constants=[600], washout="1 h").fit(X[:3000], y[:3000])
     after = X[3000:].copy()
-    after.iloc[100, after.columns.get_loc("temperature")] = np.nan
-    flags = model.flags(after)
-    assert not flags[:100].isin(["washout", "no temperature"]).any()
-    assert flags.iloc[100] == "no temperature"
-    assert np.isnan(model.predict(after)[100])
-    assert (flags[101:161] == "washout").all()
+    after.iloc[100:105, after.columns.get_loc("temperature")] = np.nan
+    lost = np.isin(np.arange(len(after)), np.arange(100, 105))
+    for max_gap, afresh in ((None, False), ("6 min", False), ("5 min", True)):
+        model = DynamicBiasRegressor(time_constants=[600], washout="1 h", max_gap=max_gap).fit(X[:3000], y[:3000])
+        flags, predicted = model.flags(after), model.predict(after)
+        assert ((flags == "no temperature") == lost).all() and (np.isnan(predicted) == lost).all()
+        assert not (flags[:100] == "washout").any()
+        assert (flags[105:165] == "washout").all() == afresh == (flags == "washout").any()
+        assert np.array_equal(predicted[~lost], model.predict(after[~lost]))  # as if they had not been recorded
 
 
 def test_other_record_is_flagged_during_washout(lab):

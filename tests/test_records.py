@@ -160,16 +160,21 @@ def test_a_record_that_is_looked_at_in_pieces_is_the_same(chunk, runs, monkeypat
     whole = record_of(X, **layout)
     monkeypatch.setattr(read, "_CHUNK", chunk)
     pieces = record_of(X, **layout)
-    assert spans(pieces) == spans(whole) and len(spans(whole)) > 5
+    assert spans(pieces) == spans(whole) and len(spans(whole)) > 4
+    assert np.array_equal(pieces.skipped, whole.skipped) and len(whole.skipped) > 1
     X.loc[N // 2, "t"] = X.loc[N // 2 - 1 - runs, "t"]
     with pytest.raises(RecordError, match=f"same time.*rows {N // 2 - 1 - runs} and {N // 2}"):
         record_of(X, **layout)
 
 
-def test_a_record_without_two_consecutive_rows_has_a_usual_step_all_the_same():
+def test_the_usual_step_is_one_between_rows_that_are_used():
     T = pd.Series(temperatures()).where(np.arange(N) % 2 == 1)
-    record = record_of(pd.DataFrame({"temperature": T.to_numpy()}, index=DATES))
-    assert len(record.segments) == N // 2 and record.usual_step() == 1.0
+    X = pd.DataFrame({"temperature": T.to_numpy()}, index=DATES)
+    step = (DATES[1] - DATES[0]).total_seconds()
+    record = record_of(X)
+    assert len(record.segments) == 1 and record.usual_step() == 2 * step
+    alone = record_of(X, max_gap=1.5 * step)
+    assert len(alone.segments) == N // 2 and alone.usual_step() == 1.0
 
 
 def test_rows_without_times_may_be_taken_in_any_order():
@@ -213,30 +218,39 @@ def test_gap_longer_than_max_gap_starts_a_segment_and_a_shorter_one_is_a_long_st
     assert ("1 gap, the first after row 19 (500 s" in " ".join(record.notes)) == (max_gap is None)
 
 
-def test_missing_temperature_ends_a_segment_and_missing_reading_does_not():
+def test_rows_that_lack_a_needed_value_are_passed_over():
     T, y = temperatures(), np.arange(N, dtype=float)
     T[[0, 10, 11, N - 1]], y[30:40] = np.nan, np.nan
     X = pd.DataFrame({"temperature": T, "humidity": 40.0, "note": 1.0})
     X.loc[20, "humidity"] = X.loc[25, "note"] = np.nan  # the note is not needed, but humidity is
-    assert spans(read_record(X, Layout(), needed=["humidity"], quiet=True)) == [(1, 10), (12, 20), (21, N - 1)]
+    assert read_record(X, Layout(), needed=["humidity"], quiet=True).skipped.tolist() == [10, 11, 20]
     record = record_of(X, y=y, sampling_period=1.0)
-    assert spans(record) == [(1, 10), (12, N - 1)]
+    assert spans(record) == [(1, N - 1)] and record.skipped.tolist() == [10, 11]
     assert record.n_used == N - 4
+    for max_gap, segments in ((3.0, [(1, N - 1)]), (2.9, [(1, 10), (12, N - 1)])):
+        cut = record_of(X, y=y, sampling_period=1.0, max_gap=max_gap)
+        assert spans(cut) == segments and cut.n_used == N - 4
     assert record.reading is not None
     assert np.array_equal(record.reading, y, equal_nan=True)
-    assert "4 rows of 60 have a missing value, the first is row 0" in record.notes[0]
+    assert record.notes[0].startswith(
+        "4 rows of 60 have a missing value, the first is row 0. They are passed over as if they had not been recorded: "
+        "temperature is taken as a straight line across, for 3 s at most. "
+    )
     with pytest.raises(RecordError, match="No row has a number in every needed column"):
         record_of(X * np.nan)
 
 
 def test_runs_are_segments_and_gaps_and_missing_values_cut_them_further():
     T = temperatures()
-    T[45] = np.nan
+    T[[45, *range(50, 55)]] = np.nan
     X = pd.DataFrame({"temperature": T, "run": ["a"] * 20 + ["b"] * 20 + ["c"] * 20, "t": np.tile(np.arange(20.0), 3)})
     X.loc[30:39, "t"] += 100.0
-    record = record_of(X, run="run", time="t", max_gap=50)
-    assert spans(record) == [(0, 20), (20, 30), (30, 40), (40, 45), (46, 60)]
+    record = record_of(X, run="run", time="t", max_gap=5)
+    assert spans(record) == [(0, 20), (20, 30), (30, 40), (40, 50), (55, 60)] and record.skipped.tolist() == [45]
     assert [segment.run for segment in record.segments] == list("abbcc")
+    X.loc[[19, 20, 39, 40], "temperature"] = np.nan  # no segment begins or ends with one, and none reaches over runs
+    record = record_of(X, run="run", time="t", max_gap=5)
+    assert spans(record) == [(0, 19), (21, 30), (30, 39), (41, 50), (55, 60)]
 
 
 @pytest.mark.parametrize("max_gap", [None, 30.0])
@@ -299,7 +313,8 @@ def test_blocks_cover_every_row_of_the_segments_once(size):
         start, stop, _ = record.segments[block.segment]
         assert start <= block.start < block.stop <= stop
         assert block.begins == (block.start == start)
-        expected = t[block.rows] - np.r_[t[block.start] - 1 if block.begins else t[block.start - 1], t[block.rows][:-1]]
+        known = np.flatnonzero(np.isfinite(T[: block.start]))
+        expected = t[block.rows] - np.r_[t[block.start] - 1 if block.begins else t[known[-1]], t[block.rows][:-1]]
         # rtol: only the step of 1 s that stands for "none" is computed here, and rounds
         np.testing.assert_allclose(block.steps, expected, rtol=1e-12)
         assert np.array_equal(block.elapsed, t[block.rows] - t[start])
@@ -333,7 +348,7 @@ def test_columns_of_every_form_become_the_same_numbers(form):
     assert np.array_equal(np.asarray(record.reading, float), WHOLE)
     if form not in ("int16", "float32"):  # the other forms have a mark for missing values
         values = X["temperature"].mask(X.index.isin([4, 50]))
-        assert spans(record_of(values.to_frame())) == [(0, 4), (5, 50), (51, N)]
+        assert record_of(values.to_frame()).skipped.tolist() == [4, 50]
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from thermocorr import RecordError
 from .logs import COLUMNS, NS, Layout
 
 GAP, SUSPECT = 10, 1000  # usual steps, gaps
+PASSED_OVER = ("no temperature", "sentinel", "spike")
 CLOSE, DIGITS = 1e-12, 1e-15  # shares of the range, and of the sum of all terms, that two ways may be apart
 
 
@@ -25,7 +26,7 @@ def differences(got: pd.DataFrame, judge, layout: Layout, log: pd.DataFrame, way
     for k in np.flatnonzero(~sound):
         if log["fate"][k] != "damaged":
             again = ["stale time"] * (log["ns"][k] in set(log["ns"][:k][sound[:k]]))  # rows behind it may not have come
-            said = got["flag"][k] in (log["fate"][k], "sentinel", "spike", *again)
+            said = got["flag"][k] in (log["fate"][k], *PASSED_OVER, *again)
             if not said or got.loc[k, ["corrected", "bias"]].notna().any():
                 found.append(f"row {k} should be refused as {log['fate'][k]!r}, is {got.loc[k].to_dict()}")
             continue
@@ -52,13 +53,13 @@ def whole(model, layout: Layout, log: pd.DataFrame) -> pd.DataFrame:
     result["slack"] = DIGITS * (np.nanmax(sizes) + np.nanmax(np.abs(U), initial=0.0))
     stamps, unit = (X["s"].to_numpy(), 1) if layout.kind == "seconds" else (log["ns"].to_numpy(), NS)
     first = (log["run"] != log["run"].shift()).to_numpy() if "run" in log else result.index == 0
-    gone, flags = result["model"].isna() & (result["flag"] != "no temperature"), []  # as if it had not come
+    gone, flags = result["model"].isna() & result["flag"].isin(PASSED_OVER), []  # as if it had not come
     last = np.maximum.accumulate(np.r_[-1, np.where(gone, -1, np.arange(len(gone)))[:-1]])  # the row before that came
     leaps = np.where(last < 0, stamps, stamps - stamps[last]) / unit
     for flag, step, begins, away in zip(result["flag"], leaps / gap_of(model), first | (last < 0), gone, strict=True):
         said = {"suspect time"} if step > SUSPECT else {flag or "gap"} if step > 1 else {flag}
         said = {flag, flag or "gap", "suspect time"} if begins else said  # how far it lies behind is not looked up
-        flags.append({flag} if away or flag == "no temperature" else said)
+        flags.append({flag} if away else said)
     return result.assign(flags=flags, steps=np.diff(stamps, prepend=0) / unit)
 
 

@@ -82,7 +82,8 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     sampling_period : float or time span, optional
         Time between rows [s], for data without times.
     max_gap : float or time span, optional
-        A longer step starts a new segment. By default temperature is taken as a straight line across gaps.
+        A longer step starts a new segment. By default temperature is taken as a straight line across gaps. Rows that
+        lack a temperature, or a column that an effect uses, are passed over as if they had not been recorded.
 
     Attributes
     ----------
@@ -297,7 +298,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
-        tags.input_tags.allow_nan = True  # NaN ends a segment; its row gets NaN
+        tags.input_tags.allow_nan = True  # rows with NaN are passed over, and get NaN
         return tags
 
 

@@ -175,7 +175,7 @@ class FittedModel:
         screen = self.features_.history_.screen
         if screen is None:
             return []
-        return screen.reading.reasons(reading, lambda k: block.record.stamp(block.start + k))
+        return screen.reading.reasons(reading, lambda k: block.record.stamp(int(block.places[k])))
 
 
 def _weighted(columns: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -122,20 +123,19 @@ def sweep(record: Record, steps: Iterator[Walked], edges: np.ndarray, offset: fl
         if not chunks:
             chunks = [TriangularFactor(rows.shape[1]) for _ in edges[1:]]
         known = np.isfinite(reading) if np.isnan(reading.sum()) else None
-        for chunk, part in _pieces(edges, block.start, block.stop):
+        for chunk, part in _pieces(edges, block.places):
             piece = rows[part] if known is None else rows[part][known[part]]
             chunks[chunk].update(np.asfortranarray(piece))
     return Swept(chunks, ends, offset)
 
 
-def _pieces(edges: np.ndarray, start: int, stop: int) -> Iterator[tuple[int, slice]]:
-    """The stretches that rows ``start:stop`` fall into, and where each lies within these rows."""
-    chunk = int(np.searchsorted(edges, start, side="right")) - 1
-    low = start
-    while low < stop:
-        high = min(stop, int(edges[chunk + 1]))
-        yield chunk, slice(low - start, high - start)
-        low, chunk = high, chunk + 1
+def _pieces(edges: np.ndarray, places: np.ndarray) -> Iterator[tuple[int, slice]]:
+    """The stretches that rows at increasing places fall into, and which of the rows each has."""
+    first, last = np.searchsorted(edges, (places[0], places[-1]), side="right") - 1
+    ends = np.searchsorted(places, edges[first : last + 2])
+    for chunk, (low, high) in enumerate(pairwise(ends.tolist()), start=int(first)):
+        if low < high:
+            yield chunk, slice(low, high)
 
 
 def require_rows(n_readings: int, n_columns: int, what: str = "model") -> None:

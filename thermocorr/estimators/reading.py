@@ -81,7 +81,7 @@ def check_range(fitted: Reading, record: Record) -> None:
     """Refuse a temperature in another unit than the fitted one."""
     low, high = fitted.temperature_range
     first = record.segments[0]
-    rows = record.rows(first.start, min(first.stop, first.start + (1 << 16)))
+    rows = record.kept(first.start, min(first.stop, first.start + (1 << 16)))
     median = float(np.median(record.columns[record.temperature_name][rows]))
     span = high - low
     for offset, said in ((273.15, "kelvin where degC was fitted"), (-273.15, "degC where kelvin was fitted")):

@@ -371,7 +371,7 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
-        tags.input_tags.allow_nan = True  # NaN in the temperature ends a segment
+        tags.input_tags.allow_nan = True  # rows with NaN in the temperature are passed over
         tags.regressor_tags.poor_score = True  # of many columns it uses one, unless effects name others
         return tags
 

@@ -7,7 +7,7 @@ import math
 import re
 import reprlib
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import date, datetime, timedelta
 from os import PathLike
 from pathlib import Path
@@ -280,11 +280,17 @@ def items(value: Any, where: str, length: int | None = None) -> list[Any]:
     return value
 
 
-def vector(value: Any, where: str, length: int | None = None, most: float = math.inf) -> np.ndarray:
-    """A finite one-dimensional array of floats up to `most`, of a given length where one is given."""
+def vector(
+    value: Any, where: str, length: int | None = None, most: float = math.inf, missing: Sequence[int] | np.ndarray = ()
+) -> np.ndarray:
+    """A one-dimensional array of floats up to `most`, of a given length where one is given.
+
+    NaN may stand where a value may be `missing`; elsewhere all are finite.
+    """
     right = isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype == np.float64
-    if right and not (np.isfinite(value).all() and (abs(value) <= most).all()):
-        right = False
+    if right:
+        finite = np.isfinite(value) & (abs(value) <= most)
+        right = bool((finite | np.isnan(value) & np.isin(np.arange(len(value)), missing)).all())
     if not right or (length is not None and len(value) != length):
         raise unexpected(where, _shown(value), f"an array of {'' if length is None else f'{length} '}finite numbers")
     return np.asarray(value)

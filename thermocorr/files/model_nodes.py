@@ -111,6 +111,7 @@ def unpack_history(node: Any, where: str, effects: list[Any], codec: EffectCodec
     if per_second not in (1, 1_000, 1_000_000, 1_000_000_000):
         raise unexpected(f"{where}.ticks_per_second", str(per_second), "1, 1000, 1000000 or 1000000000")
     ticks = _unpack_ticks(node, where, kind, per_second, [segment.start for segment in segments], at)
+    skipped = _unpack_skipped(node["skipped"], f"{where}.skipped", segments)
     columns: dict[object, np.ndarray] = {}
     for i, item in enumerate(items(node["columns"], f"{where}.columns")):
         place = f"{where}.columns[{i}]"
@@ -118,7 +119,7 @@ def unpack_history(node: Any, where: str, effects: list[Any], codec: EffectCodec
         column = name(item["name"], f"{place}.name")
         if column in columns:
             raise unexpected(f"{place}.name", repr(column)[:60], "another name")
-        columns[column] = vector(unpack(item["values"], f"{place}.values"), f"{place}.values", at, LARGEST)
+        columns[column] = vector(unpack(item["values"], f"{place}.values"), f"{place}.values", at, LARGEST, skipped)
     temperature = name(node["temperature"], f"{where}.temperature")
     for column in (temperature, *needed_columns(effects)):
         if column not in columns:
@@ -127,7 +128,6 @@ def unpack_history(node: Any, where: str, effects: list[Any], codec: EffectCodec
     zero = times.stamp(0)
     if type(node["zero"]) is not type(zero) or node["zero"] != zero:
         raise unexpected(f"{where}.zero", repr(node["zero"])[:60], f"the first row's time {zero!r}")
-    skipped = _unpack_skipped(node["skipped"], f"{where}.skipped", segments)
     return History(
         kind=kind,
         zero=zero,

@@ -106,7 +106,7 @@ def with_exact(short: Thinned, record: Record, effects: Sequence[Effect]) -> Thi
     sums, counts = np.zeros((short.n_rows, edges[-1])), np.zeros(short.n_rows)
     for step in walk(effects, record, starts=own_starts(record)):
         known = np.isfinite(np.asarray(record.reading[step.block.rows], float))
-        place = np.searchsorted(short.places, np.arange(step.block.start, step.block.stop), side="right") - 1
+        place = np.searchsorted(short.places, step.block.places, side="right") - 1
         starts = np.flatnonzero(np.diff(place, prepend=-1))
         sums[place[starts]] += np.add.reduceat(step.columns * known[:, None], starts, axis=0)
         counts[place[starts]] += np.add.reduceat(known.astype(float), starts)
@@ -153,7 +153,7 @@ def evenness(residual: np.ndarray, segment: np.ndarray) -> np.ndarray:
 def filled(record: Record, used: Collection[Any], most_missing: float = 0.05) -> Record:
     """The record with short holes in suspect columns filled by straight lines; columns with more missing left out.
 
-    Columns that are `used`, the temperature among them, stay as they are: where one is missing, a segment has ended.
+    Columns that are `used`, the temperature among them, stay as they are: rows that lack one are passed over.
     """
     columns = {}
     for name, values in record.columns.items():

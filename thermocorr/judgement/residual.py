@@ -38,7 +38,7 @@ def _averages(model: DynamicBiasRegressor, read: Record, judged: Thinned) -> tup
     for block, values in _blocks(model, read, judged):
         known = values[np.isfinite(values)]
         squares, n = squares + float(known @ known), n + len(known)
-        row_means(judged, np.arange(block.start, block.stop), values, sums, counts)
+        row_means(judged, block.places, values, sums, counts)
     return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan), float(np.sqrt(squares / max(n, 1)))
 
 
@@ -48,7 +48,7 @@ def _blocks(model: DynamicBiasRegressor, read: Record, judged: Record) -> Iterat
     places = refused if read.order is None else np.flatnonzero(np.isin(read.order, refused))
     for block, values in model.residual_blocks(read):
         if len(places):
-            values[np.isin(np.arange(block.start, block.stop), places)] = np.nan
+            values[np.isin(block.places, places)] = np.nan
         yield block, values
 
 

@@ -25,7 +25,7 @@ REASONS = ("suspect time", "no reading", "washout", "outside fitted range", "gap
 """Reasons for distrust that leave a number, the weightiest first."""
 SUSPECT, NO_READING, WASHOUT, OUTSIDE, GAP = (1 << bit for bit in range(len(REASONS)))
 FLAGS = tuple(tuple(r for bit, r in enumerate(REASONS) if mask >> bit & 1) for mask in range(1 << len(REASONS)))
-NO_TEMPERATURE, BACKWARD, STALE = ("no temperature",), ("backward time",), ("stale time",)
+BACKWARD, STALE = ("backward time",), ("stale time",)
 
 
 class Advanced(NamedTuple):
@@ -112,7 +112,7 @@ class Stream:
     # ------------------------------------------------------------------------------------------------- one by one
 
     def advance(self, stamp: Any, run: Any, values: dict[Any, float], known: bool) -> Advanced:
-        """Go on by one sample; `known` says whether it has a reading."""
+        """Go on by one sample that lacks no input; `known` says whether it has a reading."""
         sample, clock = self._sample, self.clock
         step = self.step_to(stamp, run)
         if step <= 0.0:
@@ -120,10 +120,6 @@ class Stream:
         goes_on = self._open and step <= self._max_gap and step < math.inf
         self.last, self._run = stamp, run
         T = values[self.temperature]
-        for value in values.values():
-            if value - value != 0.0:  # NaN or infinity
-                self._open = False
-                return Advanced(math.nan, NO_TEMPERATURE, False)
         if goes_on:
             sample.begins, sample.step = False, step
         else:
@@ -192,7 +188,7 @@ class Stream:
     # -------------------------------------------------------------------------------------------------- in blocks
 
     def advance_block(self, stamps: np.ndarray, run: Any, values: Any, reading: np.ndarray) -> AdvancedBlock:
-        """Go on by many samples of one run at once; rows as they came."""
+        """Go on by many samples of one run at once, none of which lacks an input; rows as they came."""
         out = AdvancedBlock.empty(len(stamps))
         same_run = self.last is not None and run == self._run
         before = np.maximum.accumulate(np.concatenate(([self.last if same_run else stamps[0]], stamps)))[:-1]
@@ -204,19 +200,18 @@ class Stream:
             return out
         here = stamps[rows]
         values = {name: column[rows] for name, column in values.items()}
-        valid = np.logical_and.reduce([np.isfinite(column) for column in values.values()])
         steps = np.empty(len(rows))
         steps[0] = self.step_to(here[0].item(), run)
         steps[1:] = self.clock.between(here[1:], here[:-1])
-        goes_on = np.concatenate(([self._open and same_run], valid[:-1])) & (steps <= self._max_gap)
+        fresh = steps > self._max_gap
+        fresh[0] |= not (self._open and same_run)
         self.last, self._run = here[-1].item(), run
-        record, starts, states = self._record(here, steps, values, valid & ~goes_on, valid, run)
-        walked: Walked | None = None
+        record, starts, states = self._record(here, steps, values, fresh, run)
+        walked: list[Walked] = []
 
         def noted() -> Iterator[Walked]:
-            nonlocal walked
             for step in walk(self.effects, record, zero=self.history.zero, starts=starts, states=states):
-                walked = step
+                walked[:] = [step]
                 yield step
 
         measured = reading[rows]
@@ -230,10 +225,8 @@ class Stream:
                 flags[(flags == "") & (steps[block.rows] > self.gap)] = "gap"
                 flags[steps[block.rows] > SUSPECT_GAPS * self.gap] = "suspect time"
                 out.bias[into], out.flags[into] = bias, flags
-        self._open, self._until = bool(valid[-1]), -math.inf
-        if self._open:
-            assert walked is not None
-            self._take_up(walked.block.segment_key, walked.block.segment_zero, walked.states)
+        self._open, self._until = True, -math.inf
+        self._take_up(walked[0].block.segment_key, walked[0].block.segment_zero, walked[0].states)
         return out
 
     def next_jump(self, stamps: np.ndarray, run: Any) -> int:
@@ -246,18 +239,12 @@ class Stream:
         return int(jumps[0]) if len(jumps) else len(stamps)
 
     def _record(
-        self, here: Any, steps: Any, values: Any, fresh: Any, valid: Any, run: Any
+        self, here: Any, steps: Any, values: Any, fresh: Any, run: Any
     ) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
         """A record of these rows, how its segments hang on what came before, and the states they start with."""
-        begins = fresh.copy()
-        begins[0] = valid[0]
-        edges = np.flatnonzero(begins)
+        edges = [0, *(np.flatnonzero(fresh[1:]) + 1).tolist()]
         segments, starts, states = [], {}, {}
-        gone = np.append(np.flatnonzero(~valid), len(valid))
-        for number, start in enumerate(edges.tolist()):
-            stop = int(gone[np.searchsorted(gone, start)])
-            if number + 1 < len(edges):
-                stop = min(stop, int(edges[number + 1]))
+        for number, (start, stop) in enumerate(pairwise([*edges, len(here)])):
             segments.append(Segment(start, stop, run))
             if not fresh[start]:  # the stream goes on
                 starts[number] = SegmentStart(self._sample.key, self._sample.segment_zero, float(steps[start]))
@@ -280,5 +267,5 @@ class AdvancedBlock(NamedTuple):
 
     @classmethod
     def empty(cls, n: int) -> AdvancedBlock:
-        """Nothing known yet."""
-        return cls(np.full(n, np.nan), np.full(n, NO_TEMPERATURE[0], dtype=object))
+        """No biases and no flags yet."""
+        return cls(np.full(n, np.nan), np.full(n, "", dtype=object))

@@ -18,8 +18,18 @@ from ..records.errors import quoted
 from ..records.numbers import from_polars, is_frame
 from ..records.read import times_of
 from ..records.screen import Screen
-from .advance import NO_TEMPERATURE, Advanced, Stream
-from .given import Columns, Corrected, checked_label, column_of, one_number, readings, refused_rows, stretches
+from .advance import Advanced, Stream
+from .given import (
+    NO_TEMPERATURE,
+    Columns,
+    Corrected,
+    checked_label,
+    column_of,
+    one_number,
+    readings,
+    refused_rows,
+    stretches,
+)
 from .smoothing import MovingAverage, Tracker
 from .state import Place, Settings, StreamState, from_json, to_json
 
@@ -34,7 +44,8 @@ class OnlineCorrector:
 
     A stream whose first sample follows on the fitted record in time continues its lags; one that begins with a fitted
     row repeats it; any other starts afresh, by the model's `initial_state`, and is flagged for the model's washout. A
-    step longer than the model's `max_gap`, a sample without a temperature and a change of the run start afresh too.
+    step longer than the model's `max_gap` and a change of the run start afresh too. A sample that lacks its
+    temperature, or a column that the model needs, is passed over as if it had not come.
 
     A sample after a gap is flagged "gap", after an absurdly long one "suspect time". It is believed until the next
     one: if that lies before it, and after the samples before the gap, its time was false, and the stream goes on as if
@@ -155,7 +166,7 @@ class OnlineCorrector:
         time : date, time span, or seconds
             Of the kind that the fitted record had, on the same clock; None where it had none (a fixed sampling period).
         temperature, reading : float
-            None or NaN where there is none. A sample without a temperature ends what is known about the device.
+            None or NaN where there is none.
         **columns : float
             Other recorded columns that the model's effects use, and the run's label under the name of its column.
 
@@ -187,10 +198,12 @@ class OnlineCorrector:
         stream = self._stream
         if stamp is None:
             if not self._placed and not self._found(values):
-                return self._accompanied(math.nan, Advanced(math.nan, NO_TEMPERATURE, False), stream.clock.next_row)
+                return self._accompanied(math.nan, Advanced(math.nan, (NO_TEMPERATURE,), False), stream.clock.next_row)
             stamp = stream.clock.stamp(None)
         refused = self._screen.temperature.reason(values[stream.temperature], stamp)
-        if refused and all(map(math.isfinite, values.values())):  # as if it had not come
+        if not all(map(math.isfinite, values.values())):
+            refused = NO_TEMPERATURE
+        if refused:  # as if it had not come
             return self._accompanied(math.nan, Advanced(math.nan, (refused,), False), stamp)
         if self._doubt is not None or stream.step_to(stamp, run) > stream.gap:
             self._consider(stamp, run)
@@ -271,7 +284,7 @@ class OnlineCorrector:
             if not self._placed and not self.place_block(
                 frame if runs is None else frame.assign(**{self.model.run: runs})
             ):
-                out.flags[:] = NO_TEMPERATURE[0]
+                out.flags[:] = NO_TEMPERATURE
                 out.reference[:] = math.nan if self.track is None else self.track.value
                 self._stream.clock.next_rows(len(reading))
                 return out

@@ -16,6 +16,9 @@ from ..records.numbers import from_polars, is_frame, numeric_column
 from ..records.screen import Limits
 from ..records.times import BEYOND
 
+NO_TEMPERATURE = "no temperature"
+"""Flag of a sample that lacks a temperature, or a column that the model needs."""
+
 
 class Corrected(NamedTuple):
     """What is known about one sample."""
@@ -94,15 +97,15 @@ def column_of(X: Any, name: Any, role: Any) -> np.ndarray:
 
 
 def refused_rows(limits: Limits, temperature: Any, stamps: np.ndarray, values: Any) -> np.ndarray | None:
-    """Why the temperature of each row is refused, "" where it is not; None where all are believed.
-
-    A row that lacks another column is not among them: it ends a segment, as ever.
-    """
-    found = limits.reasons(values[temperature], lambda k: stamps[k].item())
-    why = np.full(len(stamps) if found else 0, "", dtype=object)
+    """Why each row is passed over, "" where it is not; None where all are believed."""
+    lacking = np.flatnonzero(~np.logical_and.reduce([np.isfinite(column) for column in values.values()]))
+    found = [*limits.reasons(values[temperature], lambda k: stamps[k].item()), (lacking, NO_TEMPERATURE)]
+    if not any(len(rows) for rows, _ in found):
+        return None
+    why = np.full(len(stamps), "", dtype=object)
     for rows, reason in found:
-        why[rows[np.isfinite([column[rows] for column in values.values()]).all(axis=0)]] = reason
-    return why if (why != "").any() else None
+        why[rows] = reason
+    return why
 
 
 def checked_label(label: Any, column: Any) -> Any:

@@ -167,8 +167,9 @@ class History:
                 return SegmentStart(key, zero, None), None
             return SegmentStart(key, zero, self.step_before(key, stamp)), row
         step = self.step_before(key, stamp)
-        hole = self.between(self.record.stamp(row), self.record.stamp(row - 1))
-        if self.stride > 1 or hole > 1.5 * self.usual_step:  # rows that were left out of the fit
+        hole = self.between(self.record.stamp(row), self._stamp_before(row))
+        passed_over = self.record.is_skipped(row - 1)
+        if self.stride > 1 or passed_over or hole > 1.5 * self.usual_step:  # rows that were left out of the fit
             return SegmentStart(key, zero, step), row
         return None
 
@@ -183,6 +184,7 @@ class History:
         return best
 
     def _first_row_at_or_after(self, key: int, stamp: float) -> int:
+        """The first kept row of a segment from a time on that is not passed over; the segment's end where none is."""
         low, high, _ = self.record.segments[key]
         while low < high:
             middle = (low + high) // 2
@@ -190,6 +192,8 @@ class History:
                 low = middle + 1
             else:
                 high = middle
+        while self.record.is_skipped(low):  # a segment does not end with one
+            low += 1
         return low
 
     def step_before(self, key: int, stamp: float) -> float:
@@ -200,7 +204,7 @@ class History:
     def _stamp_before(self, row: int) -> float:
         """Stamp of the last kept row before `row` that is not passed over."""
         row -= 1
-        while np.isin(row, self.record.skipped):  # a segment does not begin with one
+        while self.record.is_skipped(row):  # a segment does not begin with one
             row -= 1
         return self.record.stamp(row)
 
@@ -223,7 +227,8 @@ class History:
             for ahead in np.unique(np.geomspace(1, max(first.stop - first.start - 1, 1), 32).astype(int)):
                 if ahead < first.stop - first.start:
                     there = np.minimum(candidates + ahead, len(values) - 1)
-                    same = values[there] == record.columns[name][first.start + ahead]
+                    value = record.columns[name][first.start + ahead]
+                    same = values[there] == value if value == value else np.isnan(values[there])
                     candidates = candidates[same | (candidates + ahead >= len(values))]
         whole = [c for c in candidates if numbers[c] - first.start + record.n_rows <= self.n_fitted]
         partial = [c for c in candidates if numbers[c] - first.start + record.n_rows > self.n_fitted]
@@ -253,9 +258,10 @@ class History:
         inside = (numbers >= first_row) & (numbers < first_row + record.n_rows)
         rows = numbers[inside] - first_row
         if self.stride == 1 and first_row + record.n_rows <= self.n_fitted:
-            expected = sum(segment.n_rows for segment in record.segments)
-            if len(rows) != expected:
+            used = np.concatenate([np.arange(segment.start, segment.stop) for segment in record.segments])
+            if not np.isin(used, rows).all():
                 return False
         return len(rows) > 0 and all(
-            np.array_equal(record.columns[name][rows], values[inside]) for name, values in self.record.columns.items()
+            np.array_equal(np.asarray(record.columns[name][rows], float), values[inside], equal_nan=True)
+            for name, values in self.record.columns.items()
         )

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,10 @@ from .errors import RecordError, RecordWarning, listing, times_word
 from .labels import factorized
 from .log import Log
 from .numbers import from_polars, is_frame, numeric_column, numeric_reading
-from .record import Record, Segment
+from .record import Record, Segment, holes
 from .times import Times, seconds_of, times_from
 
+_GAP_STEPS = 10  # usual steps from which on a step is a gap that a note names
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
 
@@ -53,7 +55,8 @@ def read_record(
     y : array-like of shape (n_rows,), optional
         Readings; NaN where there is none.
     needed : sequence of column names
-        Further columns that must be numbers. A NaN in one of them, or in the temperature, ends a segment.
+        Further columns that must be numbers. A row with a NaN in one of them, or in the temperature, is passed over as
+        if it had not been recorded.
     quiet : bool
         Do not warn about the record's quality (it is noted in `Record.notes` all the same).
 
@@ -77,21 +80,12 @@ def read_record(
     times = _times(X, layout, frame, n, notes)
     runs, order = _runs(X, layout, times)
     reading = None if y is None else numeric_reading(y, X)
-    segments = _segments(times, runs, order, list(columns.values()), layout, notes)
-    if not segments:
-        raise RecordError(
-            f"No row has a number in every needed column ({listing(columns)}): all {n} rows have a missing value. "
-            "Check the columns' names and the file they come from."
-        )
+    segments = _segments(times, runs, order, layout, notes)
     record = Record(
-        times=times,
-        temperature_name=name,
-        columns=columns,
-        segments=tuple(segments),
-        order=order,
-        reading=reading,
-        notes=tuple(notes),
+        times=times, temperature_name=name, columns=columns, segments=tuple(segments), order=order, reading=reading
     )
+    record = _known(record, layout, notes)
+    record = replace(record, notes=tuple(notes))
     _refuse_ages(record)
     if not quiet:
         for note in notes:
@@ -207,42 +201,52 @@ def _segments(
     times: Times,
     runs: NDArray[Any] | None,
     order: NDArray[np.intp] | None,
-    columns: list[NDArray[Any]],
     layout: Layout,
     notes: list[str],
 ) -> list[Segment]:
-    """Cut where the run changes, where a gap exceeds max_gap, and around rows with missing values."""
-    n = times.n
+    """Cut where the run changes, and where a gap exceeds max_gap."""
     cuts = [np.zeros(1, np.intp)]
     if runs is not None:
         cuts.append(np.flatnonzero(runs[1:] != runs[:-1]) + 1)
     starts_run = set(np.concatenate(cuts).tolist())
     if times.ticks is not None:
         cuts.append(_check_steps(times, order, starts_run, layout, notes))
-    gone: list[NDArray[np.intp]] = []
+    edges = np.unique(np.concatenate((*cuts, [times.n]))).tolist()
+    return [Segment(start, stop, None if runs is None else runs[start]) for start, stop in pairwise(edges)]
+
+
+def _known(record: Record, layout: Layout, notes: list[str]) -> Record:
+    """The record without the rows that lack a needed value: they are passed over as if they had not been recorded."""
+    n, gone = record.n_rows, [np.zeros(0, np.intp)]
     for start in range(0, n, _CHUNK):
-        rows = slice(start, min(start + _CHUNK, n)) if order is None else order[start : start + _CHUNK]
-        if any(np.isnan(column[rows].sum(dtype=float)) for column in columns):
-            bad = np.zeros(len(columns[0][rows]), bool)
-            for column in columns:
-                bad |= np.isnan(column[rows])
+        rows = record.rows(start, min(start + _CHUNK, n))
+        if any(np.isnan(column[rows].sum(dtype=float)) for column in record.columns.values()):
+            bad = np.logical_or.reduce([np.isnan(column[rows]) for column in record.columns.values()])
             gone.append(np.flatnonzero(bad) + start)
-    missing = np.concatenate(gone) if gone else np.zeros(0, np.intp)
-    edges = np.unique(np.concatenate((*cuts, missing, missing + 1, [n])))
-    lost = np.isin(edges[:-1], missing)
-    segments = [
-        Segment(int(start), int(stop), None if runs is None else runs[start])
-        for start, stop, skip in zip(edges[:-1], edges[1:], lost, strict=True)
-        if not skip
-    ]
-    if len(missing):
-        first = int(missing[0]) if order is None else int(order[missing[0]])
-        notes.append(
-            f"{times_word(len(missing), 'row')} of {n} have a missing value, the first is row {first}. Each such "
-            "stretch ends a segment, after which the lags start anew. Short ones can be filled first, for example with "
-            "X.interpolate(limit=5)."
+    missing = np.concatenate(gone)
+    if not len(missing):
+        return record
+    max_gap = None if layout.max_gap is None else seconds_of(layout.max_gap, "max_gap")
+    known = record.passing_over(missing, max_gap)
+    if not known.segments:
+        raise RecordError(
+            f"No row has a number in every needed column ({listing(record.columns)}): all {n} rows have a missing "
+            "value. Check the columns' names and the file they come from."
         )
-    return segments
+    said = f"{times_word(len(missing), 'row')} of {n} have a missing value, the first is row {record.row(missing[0])}. "
+    said += "They are passed over as if they had not been recorded"
+    longest, usual = _longest_hole(known), known.usual_step()
+    if longest:
+        said += f": temperature is taken as a straight line across, for {longest:.5g} s at most"
+        if max_gap is None and longest > _GAP_STEPS * usual:
+            said += f". Pass max_gap={3 * usual:.5g} to start a new segment after long ones"
+    notes.append(f"{said}. To use their readings too, fill short holes first, for example with X.interpolate(limit=5).")
+    return known
+
+
+def _longest_hole(record: Record) -> float:
+    """The longest step over rows that are passed over [s]; 0 where there are none inside segments."""
+    return float(record.steps_over(*holes(record.skipped)).max(initial=0.0))
 
 
 def _check_steps(
@@ -268,7 +272,7 @@ def _check_steps(
         if usual is None:
             usual = float(np.median(steps[inside])) if inside.any() else None
         if usual is not None:
-            gaps = np.flatnonzero(inside & (steps > (10 * usual if max_gap is None else max_gap)))
+            gaps = np.flatnonzero(inside & (steps > (_GAP_STEPS * usual if max_gap is None else max_gap)))
             found.extend((gaps + start + 1).tolist())
             wide.extend(steps[gaps].tolist())
     if max_gap is not None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -87,7 +87,7 @@ class Moments(NamedTuple):
 
 @dataclass(frozen=True)
 class Block:
-    """Consecutive rows of one segment, as every effect sees them."""
+    """Consecutive rows of one segment, without those passed over, as every effect sees them."""
 
     record: Record
     segment: int
@@ -108,12 +108,17 @@ class Block:
     """Columns read so far."""
 
     def __len__(self) -> int:
-        return self.stop - self.start
+        return len(self.steps)
 
-    @property
+    @cached_property
     def rows(self) -> Rows:
         """Where the rows stand in the user's record."""
-        return self.record.rows(self.start, self.stop)
+        return self.record.kept(self.start, self.stop)
+
+    @cached_property
+    def places(self) -> NDArray[np.intp]:
+        """Where the rows stand in time order, shape (n,)."""
+        return self.record.kept_places(self.start, self.stop)
 
     @property
     def seconds(self) -> Floats:
@@ -177,16 +182,24 @@ class Record:
                 yield low, cut
             low = cut + 1
 
+    def is_skipped(self, k: int) -> bool:
+        """Whether the row that comes k-th in time order is passed over."""
+        at = int(np.searchsorted(self.skipped, k))
+        return at < len(self.skipped) and int(self.skipped[at]) == k
+
     def rows_at(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
         """The user's rows at some places in time order."""
         return places if self.order is None else self.order[places]
 
+    def kept_places(self, start: int, stop: int) -> NDArray[np.intp]:
+        """The places of a stretch in time order, without those of rows that are passed over."""
+        first, last = np.searchsorted(self.skipped, (start, stop))
+        return np.delete(np.arange(start, stop), self.skipped[first:last] - start)
+
     def kept(self, start: int, stop: int) -> Rows:
         """The user's rows for a stretch in time order, without those that are passed over."""
         first, last = np.searchsorted(self.skipped, (start, stop))
-        if first == last:
-            return self.rows(start, stop)
-        return self.rows_at(np.delete(np.arange(start, stop), self.skipped[first:last] - start))
+        return self.rows(start, stop) if first == last else self.rows_at(self.kept_places(start, stop))
 
     def rows(self, start: int, stop: int) -> Rows:
         """The user's rows for a stretch in time order."""
@@ -217,9 +230,9 @@ class Record:
         parts = []
         longest = sorted(self.segments, key=lambda segment: -segment.n_rows)[:16]
         for start, stop, _ in longest:
-            if stop - start > 1:
-                parts.append(self.times.steps(self.rows(start, min(stop, start + 16_384)))[1:])
-        return float(np.median(np.concatenate(parts))) if parts else 1.0
+            parts.append(self.times.steps(self.kept(start, min(stop, start + 16_384)))[1:])
+        steps = np.concatenate(parts) if parts else np.zeros(0)
+        return float(np.median(steps)) if len(steps) else 1.0
 
     def moments(self, column: object, power: int = 1) -> Moments:
         """Number, mean, variance and range of a column (or of a power of it) inside segments, in one pass."""
@@ -234,9 +247,9 @@ class Record:
 
     def _moments(self, column: NDArray[Any], power: int = 1) -> Moments:
         result = Moments()
-        for low, high in (stretch for segment in self.segments for stretch in self.stretches(segment)):
-            for start in range(low, high, BLOCK_ROWS):
-                rows = self.rows(start, min(start + BLOCK_ROWS, high))
+        for segment in self.segments:
+            for start in range(segment.start, segment.stop, BLOCK_ROWS):
+                rows = self.kept(start, min(start + BLOCK_ROWS, segment.stop))
                 result = result.merged(Moments.of(np.asarray(column[rows], float) ** power))
         return result
 
@@ -252,6 +265,40 @@ class Record:
             for segment in self.segments
             for part in scan_stretch(read, segment.start, segment.stop, segment.start, segment.stop, usual)
         )
+
+    def passing_over(self, places: NDArray[np.intp], max_gap: float | None) -> Record:
+        """The record without some rows, as if they had not been recorded; no segment may be left.
+
+        Parameters
+        ----------
+        places : array of int, shape (n,)
+            Where the rows stand in time order.
+        max_gap : float, optional
+            A longer step, over such rows too, starts a new segment [s].
+        """
+        gone, segments = np.union1d(self.skipped, places), []
+        for start, stop, run in self.segments:
+            low, within = start, gone[slice(*np.searchsorted(gone, (start, stop)))]
+            for first, behind in (*self._ends(within, start, stop, max_gap), (stop, stop)):
+                if low < first:
+                    segments.append(Segment(low, first, run))
+                low = behind
+        inside = np.zeros(len(gone), bool)
+        for start, stop, _ in segments:
+            inside[slice(*np.searchsorted(gone, (start, stop)))] = True
+        return replace(self, segments=tuple(segments), skipped=gone[inside], known_moments={})
+
+    def _ends(self, gone: NDArray[np.intp], start: int, stop: int, max_gap: float | None) -> Iterable[tuple[int, int]]:
+        """Stretches of rows that are passed over, first and behind the last, which end what is one segment so far."""
+        first, behind = holes(gone)
+        outer = (first == start) | (behind == stop)
+        if max_gap is not None:
+            outer[~outer] = self.steps_over(first[~outer], behind[~outer]) > max_gap
+        return zip(first[outer].tolist(), behind[outer].tolist(), strict=True)
+
+    def steps_over(self, first: NDArray[np.intp], behind: NDArray[np.intp]) -> Floats:
+        """Time from the row before each stretch of rows to the row behind it [s], shape (n,)."""
+        return self.times.steps(self.rows_at(np.column_stack((first - 1, behind)).ravel()))[1::2]
 
     def told(self) -> Record:
         """The record where all who hold parts of it know what is refused."""
@@ -277,10 +324,13 @@ class Record:
             known = (starts or {}).get(number)
             segment_zero = self.stamp(segment.start) if known is None else known.segment_zero
             before = None
-            for start, stop in self._pieces(segment, size):
-                begins = start == segment.start
-                steps = self.times.steps(self.rows(start, stop), before)
-                before = self.row(stop - 1)
+            for start in range(segment.start, segment.stop, size):
+                stop = min(start + size, segment.stop)
+                begins, rows = start == segment.start, self.kept(start, stop)
+                steps = self.times.steps(rows, before)
+                if not len(steps):
+                    continue
+                before = stop - 1 if isinstance(rows, slice) else int(rows[-1])
                 if known is not None and begins and known.step is not None:
                     steps[0] = known.step
                 yield Block(
@@ -295,11 +345,10 @@ class Record:
                     segment_key=None if known is None else known.key,
                 )
 
-    def _pieces(self, segment: Segment, size: int) -> Iterator[tuple[int, int]]:
-        """The stretches of a segment, in pieces of at most `size` rows."""
-        for low, high in self.stretches(segment):
-            for start in range(low, high, size):
-                yield start, min(start + size, high)
+
+def holes(places: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Stretches of consecutive numbers among sorted ones: the first of each, and the one behind its last."""
+    return places[np.diff(places, prepend=-2) != 1], places[np.diff(places, append=-2) != 1] + 1
 
 
 class SegmentStart(NamedTuple):

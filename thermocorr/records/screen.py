@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..equations.spikes import ABSURD, ALL_CODES, CHUNK, OVERLOAD, Scanned, Usual, usual_of
 from .errors import RecordError, quoted, times_word
-from .record import Record, Refused, Segment
+from .record import Record, Refused
 from .times import Floats
 
 SAMPLES, SAMPLE_ROWS = 16, 256
@@ -185,9 +185,9 @@ def _few(positions: Rows) -> Rows:
 
 def without(record: Record, what: str, reason: str, positions: Rows, max_gap: float | None) -> Record:
     """A record whose temperatures, or readings, are refused in some rows (in time order)."""
+    positions = np.sort(positions) if what == "reading" else np.setdiff1d(positions, record.skipped)
     if not len(positions):
         return record
-    positions = np.sort(positions)
     rows = record.rows_at(positions)
     column: Any = record.reading if what == "reading" else record.columns[record.temperature_name]
     seconds = record.times.seconds(rows, record.first_stamp())
@@ -195,24 +195,13 @@ def without(record: Record, what: str, reason: str, positions: Rows, max_gap: fl
     if what == "reading":
         reading: Any = LeftOut(record.reading, np.sort(rows))
         return replace(record, reading=reading, refused=refused)
-    gone = np.union1d(record.skipped, positions)
-    cut = replace(record, skipped=gone, refused=refused, known_moments={})
-    segments: list[Segment] = []
-    for segment in record.segments:
-        last = None
-        for low, high in cut.stretches(segment):
-            gap = 0.0 if last is None else record.times.between(record.stamp(low), record.stamp(last))
-            if last is None or (max_gap is not None and gap > max_gap):
-                segments.append(Segment(low, high, segment.run))
-            segments[-1], last = segments[-1]._replace(stop=high), high - 1
-    if not segments:
+    cut = replace(record, refused=refused).passing_over(positions, max_gap)
+    if not cut.segments:
         raise RecordError(
             f"No temperature in {quoted(record.temperature_name)} is one: all {record.n_used} rows are refused as "
             f"{reason}s. Check the column, or pass screen=False."
         )
-    number = np.searchsorted([segment.start for segment in segments], gone, side="right") - 1
-    inside = [segments[i].start < k < segments[i].stop for i, k in zip(number.tolist(), gone.tolist(), strict=True)]
-    return replace(cut, segments=tuple(segments), skipped=gone[np.array(inside, bool) & (number >= 0)])
+    return cut
 
 
 class LeftOut:

@@ -44,6 +44,8 @@ class Times:
 
     def steps(self, rows: Rows, before: int | None = None) -> Floats:
         """Time from the row before to each of `rows` [s]; ``steps[0]`` reaches back to row `before` (1 s if None)."""
+        if not isinstance(rows, slice) and not len(rows):
+            return np.zeros(0)
         if self.ticks is not None and self.kind == "rows":
             numbers = self.ticks[rows]
             first = 1 if before is None else numbers[0] - self.ticks[before]
@@ -53,7 +55,7 @@ class Times:
             steps = np.full(count, self.period)
             if not isinstance(rows, slice):
                 steps[1:] = np.diff(rows) * self.period
-            if before is not None and count:
+            if before is not None:
                 steps[0] = ((rows.start if isinstance(rows, slice) else int(rows[0])) - before) * self.period
             return steps
         ticks = self.ticks[rows]
