@@ -52,11 +52,12 @@ def whole(model, layout: Layout, log: pd.DataFrame) -> pd.DataFrame:
     sizes = np.abs(model.features_.transform(X)) @ np.abs(model.coef_)
     result["slack"] = DIGITS * (np.nanmax(sizes) + np.nanmax(np.abs(U), initial=0.0))
     stamps, unit = (X["s"].to_numpy(), 1) if layout.kind == "seconds" else (log["ns"].to_numpy(), NS)
-    first = (log["run"] != log["run"].shift()).to_numpy() if "run" in log else result.index == 0
     gone, flags = result["model"].isna() & result["flag"].isin(PASSED_OVER), []  # as if it had not come
     last = np.maximum.accumulate(np.r_[-1, np.where(gone, -1, np.arange(len(gone)))[:-1]])  # the row before that came
     leaps = np.where(last < 0, stamps, stamps - stamps[last]) / unit
-    for flag, step, begins, away in zip(result["flag"], leaps / gap_of(model), first | (last < 0), gone, strict=True):
+    runs = log["run"].to_numpy() if "run" in log else np.zeros(len(log))
+    first = (last < 0) | (runs != runs[last])
+    for flag, step, begins, away in zip(result["flag"], leaps / gap_of(model), first, gone, strict=True):
         said = {"suspect time"} if step > SUSPECT else {flag or "gap"} if step > 1 else {flag}
         said = {flag, flag or "gap", "suspect time"} if begins else said  # how far it lies behind is not looked up
         flags.append({flag} if away else said)
