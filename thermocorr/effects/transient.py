@@ -28,8 +28,8 @@ class InitialTransient(Effect):
     time_constants : sequence
         [s], or spans such as "15 min".
     longest_share : float
-        A decay longer than this share of its segment is left out: over the record it looks like drift or ageing, and
-        would swallow them without a word.
+        A decay longer than this share of all segments together is left out: over the record it looks like drift or
+        ageing, and would swallow them without a word. So is one that is longer than its segment.
     """
 
     kind = "initial_transient"
@@ -63,8 +63,8 @@ class InitialTransient(Effect):
         self.decays_: dict[int, np.ndarray] = {}
         self.labels_: dict[int, str] = {}
         runs = [segment.run for segment in record.segments]
-        for key, segment in enumerate(record.segments):
-            limit = self.longest_share * record.duration(segment)
+        limits = self.longest([record.duration(segment) for segment in record.segments])
+        for key, (segment, limit) in enumerate(zip(record.segments, limits, strict=True)):
             chosen = time_constants[time_constants <= limit]
             chosen = chosen[chosen > _first_reading(record, segment)]  # what is over before can't be known
             if len(chosen) == 0 or segment.n_rows <= 2 * len(chosen):
@@ -72,6 +72,11 @@ class InitialTransient(Effect):
             self.decays_[key] = chosen
             named = segment.run is not None and runs.count(segment.run) == 1
             self.labels_[key] = str(segment.run) if named else f"segment {key}"
+
+    def longest(self, durations: Sequence[float]) -> list[float]:
+        """The longest decay of each segment [s], from what is known of its length [s]."""
+        limit = self.longest_share * sum(durations)
+        return [min(limit, duration) if self.longest_share else 0.0 for duration in durations]
 
     @property
     def first_column_(self) -> dict[int, int]:

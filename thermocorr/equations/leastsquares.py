@@ -18,6 +18,7 @@ from scipy.linalg import lapack
 Floats = NDArray[np.float64]
 
 _PANEL = 8  # columns that LAPACK reflects at once
+_WIDE = 64  # columns from which on those that rows have nothing in are looked for
 RANK_TOLERANCE = 1e-11
 """Singular values of the unit-column triangle below this share of the largest carry no information."""
 
@@ -26,6 +27,17 @@ def triangle(matrix: Floats) -> Floats:
     """R of a QR factorisation of a small matrix, shape (min(m, n), n); without the overhead of `scipy.linalg.qr`."""
     factored = lapack.dgeqrf(matrix)[0]
     return np.asarray(np.triu(factored[: matrix.shape[1]]), np.float64)
+
+
+def _swept(part: Floats, rows: Floats) -> Floats:
+    """R of a triangle and more rows, shape of the triangle; rows in Fortran order are overwritten."""
+    part = np.asfortranarray(part)
+    if not len(rows):
+        return part
+    part, _, _, info = lapack.dtpqrt(0, min(_PANEL, len(part)), part, rows, overwrite_a=1, overwrite_b=1)
+    if info:  # pragma: no cover - only for arguments of wrong shape
+        raise ValueError(f"dtpqrt refused its argument {-info}.")
+    return np.asarray(part, np.float64)
 
 
 class TriangularFactor:
@@ -60,17 +72,29 @@ class TriangularFactor:
     def _sweep(self, rows: Floats) -> None:
         if not len(rows):
             return
+        if rows.shape[1] > _WIDE:
+            touched = self._touched(rows)
+            if len(touched) < rows.shape[1]:
+                part, rows = self.r[np.ix_(touched, touched)], np.asfortranarray(rows[:, touched])
+                self.r[np.ix_(touched, touched)] = _swept(part, rows[rows.any(axis=1)])
+                return
         zero = 0  # leading columns of zeros leave their part of R as it is: start-up decays that are over
         while zero < rows.shape[1] and not rows[0, zero] and not rows[:, zero].any():
             zero += 1
-        if zero == rows.shape[1]:
-            return
-        part = np.asfortranarray(self.r[zero:, zero:])
-        panel = min(_PANEL, len(part))
-        part, _, _, info = lapack.dtpqrt(0, panel, part, rows[:, zero:], overwrite_a=1, overwrite_b=1)
-        if info:  # pragma: no cover - only for arguments of wrong shape
-            raise ValueError(f"dtpqrt refused its argument {-info}.")
-        self.r[zero:, zero:] = part
+        if zero < rows.shape[1]:
+            self.r[zero:, zero:] = _swept(self.r[zero:, zero:], rows[:, zero:])
+
+    def _touched(self, rows: Floats) -> NDArray[np.intp]:
+        """Numbers of the rows and columns of R that sweeping in these rows may change, in order.
+
+        Start-up decays of many segments hardly meet one another: a block has those of its own segment.
+        """
+        touched = rows.any(axis=0)
+        while True:
+            wider = touched | self.r[touched].any(axis=0)
+            if (wider == touched).all():
+                return np.flatnonzero(touched)
+            touched = wider
 
     def select(self, columns: Iterable[int]) -> TriangularFactor:
         """Factor of some of the columns, in the order given, without another look at the data."""
@@ -83,8 +107,9 @@ class TriangularFactor:
     def _of(self, matrix: Floats) -> TriangularFactor:
         """Factor of a matrix that stands for the same rows."""
         part = TriangularFactor(matrix.shape[1])
-        r = triangle(matrix)
-        part.r[: len(r)] = r
+        columns = np.flatnonzero(matrix.any(axis=0)) if matrix.shape[1] > _WIDE else np.arange(matrix.shape[1])
+        r = triangle(matrix[:, columns])
+        part.r[columns[: len(r), None], columns] = r
         part.n_rows = self.n_rows
         return part
 

@@ -327,10 +327,10 @@ class LagColumns:
 
     def dead(self, record: Record, folds: TimeFolds) -> list[list[int]]:
         """Decays too slow for what each fold learns from: columns that it must not use."""
-        share, result = self.transient.longest_share, []
+        result = []
         for f in range(len(folds)):
-            length = {key: folds.learned_duration(f, record, record.segments[key]) for _, key, _ in self.decays}
-            result.append([column for column, key, tau in self.decays if tau > share * length[key]])
+            limits = self.transient.longest([folds.learned_duration(f, record, segment) for segment in record.segments])
+            result.append([column for column, key, tau in self.decays if tau > limits[key]])
         return result
 
 
