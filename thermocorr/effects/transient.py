@@ -16,6 +16,9 @@ from .protocol import Effect, EffectInfo, time_text
 from .signals import Signals
 from .thermal import seconds_array
 
+MOST_SUSPECTED = 30
+"""With more segments, a start of its own for each of them is too much freedom for one suspect."""
+
 
 class InitialTransient(Effect):
     """Start-up columns exp(-t/tau) of eq. (18), one set per fitted segment.
@@ -53,8 +56,8 @@ class InitialTransient(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """One decay: time constants from two steps to half of the longest segment."""
-        return [cls([tau]) for tau in time_grid(record, 2.0, 0.5)]
+        """One decay: time constants from two steps to half of the longest segment; none for a great many segments."""
+        return [cls([tau]) for tau in time_grid(record, 2.0, 0.5)] if len(record.segments) <= MOST_SUSPECTED else []
 
     def learn(self, record: Record) -> None:
         """List the decays of each segment: ``decays_[key]`` holds their time constants [s]."""

@@ -100,6 +100,12 @@ class TriangularFactor:
         """Factor of some of the columns, in the order given, without another look at the data."""
         return self._of(self.r[:, list(columns)])
 
+    def behind(self, n: int) -> TriangularFactor:
+        """Factor of the columns behind the first `n`, less their fit by these: of what these cannot explain."""
+        part = TriangularFactor(self.r.shape[1] - n)
+        part.r[:], part.n_rows = self.r[n:, n:], self.n_rows
+        return part
+
     def combined(self, combination: Floats) -> TriangularFactor:
         """Factor of linear combinations of the columns: of ``rows @ combination``."""
         return self._of(self.r @ combination)

@@ -67,8 +67,8 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     hold : {"first_order", "zero_order"}, default "first_order"
         Temperature between samples: a straight line, or the earlier value as in eq. (25). Both are exact.
     longest_decay_share : float, default 1.0
-        Decay columns slower than this share of their segment are left out: over the record they look like drift or
-        ageing and would swallow them without a word.
+        Decay columns slower than this share of all segments together are left out: over the record they look like
+        drift or ageing and would swallow them without a word. So are those slower than their segment.
     form : {"unit_gain", "paper"}, default "unit_gain"
         "paper" gives eqs. (17) (19) (25) as printed, with psi in K s, for comparison.
     screen : bool, default True

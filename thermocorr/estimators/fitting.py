@@ -12,7 +12,7 @@ import numpy as np
 from ..effects import InitialTransient
 from ..effects.protocol import Effect
 from ..effects.stream import Walked, own_starts, walk
-from ..equations import RidgeSolution, TriangularFactor, solve_ridge
+from ..equations import RidgeSolution, TriangularFactor, decays, solve_ridge
 from ..records import BLOCK_ROWS, Record, RecordError
 from .flat import flat_effects
 
@@ -70,25 +70,33 @@ def reading_offset(record: Record) -> float:
     return 0.0
 
 
-def sweep_effects(record: Record, effects: Sequence[Effect], edges: np.ndarray) -> Swept:
+def sweep_effects(
+    record: Record, effects: Sequence[Effect], edges: np.ndarray, starts: InitialTransient | None = None
+) -> Swept:
     """Factors of ``[1 | Q | U]`` of a record that is being fitted, one for each stretch between two `edges`.
+
+    What the decays of `starts` hold is taken out of all columns, segment by segment, and in each stretch apart.
 
     A record that is spread over several processes has a method of this name, which is called instead. Columns made of
     a recorded one that never changes beyond its rounding are zero.
     """
     swept: Swept = (
-        record.sweep_effects(effects, edges) if hasattr(record, "sweep_effects") else _swept(record, effects, edges)
+        record.sweep_effects(effects, edges)
+        if hasattr(record, "sweep_effects")  # of one segment
+        else _swept(record, effects, edges, starts)
     )
     flat = {id(effect) for effect in flat_effects(record, effects)}
     silent = [id(effect) in flat for effect in effects for _ in effect.names()]
     return swept.without((1 + np.flatnonzero(silent)).tolist()) if flat else swept
 
 
-def _swept(record: Record, effects: Sequence[Effect], edges: np.ndarray) -> Swept:
+def _swept(
+    record: Record, effects: Sequence[Effect], edges: np.ndarray, starts: InitialTransient | None = None
+) -> Swept:
     order, columns = decays_first(effects)
     walked = [effects[i] for i in order]
     steps = walk(walked, record, starts=own_starts(record), size=block_rows(record.n_used), extra=2)
-    swept = sweep(record, steps, edges, reading_offset(record))
+    swept = sweep(record, steps, edges, reading_offset(record), starts)
     return swept.ordered(order, columns)
 
 
@@ -104,8 +112,14 @@ def decays_first(effects: Sequence[Effect]) -> tuple[list[int], list[int]]:
     return order, [sum(widths), *columns, sum(widths) + 1]
 
 
-def sweep(record: Record, steps: Iterator[Walked], edges: np.ndarray, offset: float) -> Swept:
-    """Sweep the columns of a walk into factors of ``[Q | 1 | U]``.
+def sweep(
+    record: Record,
+    steps: Iterator[Walked],
+    edges: np.ndarray,
+    offset: float,
+    starts: InitialTransient | None = None,
+) -> Swept:
+    """Sweep the columns of a walk into factors of ``[Q | 1 | U]``, less what the decays of `starts` hold.
 
     `steps` walks with ``extra=2``: free columns for the 1 and the reading, which is taken from the record, less
     `offset`. Rows without a reading are left out.
@@ -113,6 +127,7 @@ def sweep(record: Record, steps: Iterator[Walked], edges: np.ndarray, offset: fl
     assert record.reading is not None
     chunks: list[TriangularFactor] = []
     ends: list[list[Any]] = []
+    begun: dict[tuple[int, int], TriangularFactor] = {}
     for step in steps:
         block, rows = step.block, step.columns
         reading = np.asarray(record.reading[block.rows], float) - offset
@@ -122,10 +137,18 @@ def sweep(record: Record, steps: Iterator[Walked], edges: np.ndarray, offset: fl
             ends.append(list(step.states))
         if not chunks:
             chunks = [TriangularFactor(rows.shape[1]) for _ in edges[1:]]
+        if starts is not None:
+            own = decays(block.elapsed, starts.decays_.get(block.segment, np.zeros(0)))  # eq. (18)
+            rows = np.column_stack((own, rows))
         known = np.isfinite(reading) if np.isnan(reading.sum()) else None
         for chunk, part in _pieces(edges, block.places):
-            piece = rows[part] if known is None else rows[part][known[part]]
-            chunks[chunk].update(np.asfortranarray(piece))
+            piece = np.asfortranarray(rows[part] if known is None else rows[part][known[part]])
+            if starts is None:
+                chunks[chunk].update(piece)
+            else:
+                begun.setdefault((chunk, block.segment), TriangularFactor(rows.shape[1])).update(piece)
+    for (chunk, _), factor in begun.items():
+        chunks[chunk].merge(factor.behind(factor.r.shape[1] - chunks[chunk].r.shape[1]))
     return Swept(chunks, ends, offset)
 
 

@@ -58,7 +58,7 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
         Ridge penalty on coefficients times their columns' standard deviation, eps of eq. (13). "auto" takes the
         search's (at most 1e-4 per reading), and 0 for given time constants.
     longest_decay_share : float, default 0.04
-        Start-up decays slower than this share of their segment are left out, see `DiffusiveFeatures`.
+        Start-up decays slower than this share of the record are left out, see `DiffusiveFeatures`.
     screen : bool, default True
         Leave out readings that are none, and pass over temperatures that are none: codes for "no value" (9.9E37, -999,
         85.0 of a thermometer at power-on) and isolated spikes, see `thermocorr.equations.spikes`. They are named in a

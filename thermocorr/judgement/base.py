@@ -15,8 +15,12 @@ from .levels import FASTEST, LAGS, SLOWEST
 
 
 def slowest_of_base(record: Record) -> float:
-    """Time constant of the slowest lag of the base [s]; at least a few samples long, however short the segments."""
-    return max(SLOWEST * longest_segment(record), 8 * record.usual_step())
+    """Time constant of the slowest lag of the base [s]: a share of all segments together, none longer than a segment.
+
+    It is at least a few samples long, however short the segments.
+    """
+    together = sum(record.duration(segment) for segment in record.segments)
+    return max(min(SLOWEST * together, longest_segment(record)), 8 * record.usual_step())
 
 
 def thermal_base(model: DynamicBiasRegressor, record: Record, slowest: float) -> tuple[list[Effect], list[Effect]]:

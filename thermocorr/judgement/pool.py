@@ -19,6 +19,7 @@ from .base import slowest_of_base, thermal_base
 from .blocks import Averages, averaged, evenness, spans
 from .levels import COARSE, FEWEST, FINE, MOST_EMPTY, ROUNDING
 from .likelihood import orthonormal
+from .starts import Starts, own_starts_of
 
 Key = tuple[str, Any]
 
@@ -47,9 +48,10 @@ class Pool:
         slowest = slowest_of_base(record)
         base, slow = thermal_base(model, record, slowest)
         candidates = [e for e in candidates if not (e.kind == "thermal_lag" and max(e.time_constants) <= slowest)]
-        for effect in (*base, *slow, *candidates):
+        own = own_starts_of(model, record)
+        for effect in (*own, *base, *slow, *candidates):
             effect.learn(record)
-        self.data: Averages = averaged(record, [*base, *slow, *candidates], FINE)
+        self.data: Averages = averaged(record, [*own, *base, *slow, *candidates], FINE)
         if len(self.data.reading) < FEWEST:
             raise RecordError(
                 f"The record is too short to judge: {len(self.data.reading)} readings, and {FEWEST} are "
@@ -57,17 +59,20 @@ class Pool:
             )
         self.span = spans(self.data, record)
         """Number of the span of each row, over which noise goes on, shape (n,)."""
-        columns, rounding = self.data.columns, ROUNDING * float(np.median(np.abs(self.data.reading)))
+        decays, columns = self.data.columns[: len(own)], self.data.columns[len(own) :]
+        rounding = ROUNDING * float(np.median(np.abs(self.data.reading)))
         self.spikes = spikes(self.data.reading, rounding)
         """Rows that are no readings, shape (n,), booleans."""
         self.weight = np.ones(len(self.spikes))
         """Less than 1 where the noise is larger than usual; readings and columns are multiplied by it, shape (n,)."""
+        self.starts = self._starts(decays)
         self.spikes |= spikes(self._left_beside(columns[: len(base)]), rounding)
         left = self._left_beside(columns[: len(base)])
         self.exact = bool(np.sqrt(np.mean(left**2)) <= rounding)
         """Whether the base leaves nothing of the reading but rounding."""
         self.weight *= evenness(left, self.span)
-        self.base = np.column_stack([self.weight, *map(self.weighed, columns[: len(base)])])
+        self.starts = self._starts(decays)
+        self.base = np.column_stack([self.constant, *map(self.weighed, columns[: len(base)])])
         """Columns of the base, shape (n, p); the constant first."""
         self.reading = self.weighed(self.data.reading)
         columns = [self.weighed(part) for part in columns[len(base) :]]
@@ -76,16 +81,30 @@ class Pool:
 
     def _left_beside(self, columns: Sequence[np.ndarray]) -> np.ndarray:
         """What least squares leaves of the reading."""
-        Q = orthonormal(np.column_stack([self.weight, *map(self.weighed, columns)]))
+        Q = orthonormal(np.column_stack([self.constant, *map(self.weighed, columns)]))
         reading = self.weighed(self.data.reading)
         return np.asarray(reading - Q @ (Q.T @ reading))
 
+    def _starts(self, decays: Sequence[np.ndarray]) -> Starts:
+        """What start-up decays hold of weighted rows."""
+        together = np.column_stack([np.zeros((len(self.weight), 0)), *decays])
+        return Starts(together * self.weight[:, None], self.data.segment)
+
+    @property
+    def constant(self) -> np.ndarray:
+        """The constant, as columns are judged, shape (n,)."""
+        return self.starts.taken_out(self.weight.copy())
+
     def weighed(self, columns: np.ndarray) -> np.ndarray:
-        """Columns, shape (n,) or (n, k), as they are judged: straight over spikes, weighted as the rows are.
+        """Columns, shape (n,) or (n, k), as they are judged: straight over spikes, weighted, less what starts hold.
 
         The same is done to reading and columns, so that noise that wanders has no holes. They lose their means first,
         to which digits would be lost.
         """
+        return self.starts.taken_out(self._weighted(columns))
+
+    def _weighted(self, columns: np.ndarray) -> np.ndarray:
+        """Columns without their means, straight over spikes, times the rows' weights."""
         if not self.spikes.any():
             centred = columns - columns.mean(axis=0)
             return centred if (self.weight == 1).all() else np.asarray((centred.T * self.weight).T)

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...equations import TriangularFactor, solve_ridge
-from ..fitting import Swept, standard_errors, sweep_effects
+from ..fitting import Swept, standard_errors
+from .columns import LagColumns
 from .crossvalidation import no_worse
-from .search import Factored, LagColumns
+from .search import Factored
 
 DIFFERENCE = 1e-4
 """Step in ln tau of the numerical sensitivity."""
@@ -80,12 +81,12 @@ def sensitivity(base: Factored, time_constants: np.ndarray, alpha: float) -> Sen
         Ridge penalty.
     """
     record, n_lags = base.record, len(time_constants)
-    columns = LagColumns.of(base.features, record, time_constants, base.columns.transient.longest_share)
+    columns = LagColumns.of(base.features, record, time_constants, base.columns.share)
     moved_lag, moved_transient = copy.copy(columns.lag), copy.copy(columns.transient)
     moved_lag.time_constants_ = time_constants * np.exp(DIFFERENCE)
     moved_transient.decays_ = {key: taus * np.exp(DIFFERENCE) for key, taus in columns.transient.decays_.items()}
     effects = [*base.features.effect_list(), columns.lag, columns.transient, moved_lag, moved_transient]
-    chunks = sweep_effects(record, effects, base.folds.edges).chunks
+    chunks = columns.swept(record, effects, base.folds.edges)
     n_moved = n_lags + len(columns.decays)
     n_model = columns.layout.n_free + n_moved
     plain = [chunk.select([*range(n_model), n_model + n_moved]) for chunk in chunks]

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ...effects import InitialTransient, ThermalLag
 from ...effects.thermal import seconds_array
 from ...equations import TriangularFactor
 from ...records import Record, RecordError
 from ..features import DiffusiveFeatures
-from ..fitting import equal_edges, require_rows, sweep_effects
+from ..fitting import equal_edges, require_rows
 from ..reading import Reading, check_plausible
+from .columns import LagColumns
 from .crossvalidation import NEGLIGIBLE, CrossValidation, Set, count_sets, fewest
 from .folds import TimeFolds, folds_in_time
 from .spectrum import (
@@ -41,8 +41,6 @@ EXHAUSTIVE_LIMIT = 20_000
 """Up to this many sets, "cross_validation" tries them all; beyond, forward steps with exchanges."""
 ALPHAS_PER_ROW = (0.0, 1e-8, 1e-6, 1e-4)
 """Ridge penalties that are tried when none are given, per reading."""
-MAX_DECAY_SEGMENTS = 8
-"""With more segments than this the search leaves start-up decays out."""
 
 
 @dataclass(frozen=True)
@@ -290,50 +288,6 @@ def _evenly_spread(
     return _choice(factored, [chosen], chosen, None)
 
 
-@dataclass(frozen=True)
-class LagColumns:
-    """Learned lags and decays for a list of time constants, and where their columns stand."""
-
-    lag: ThermalLag
-    transient: InitialTransient
-    layout: GridLayout
-    decays: list[tuple[int, int, float]]
-    """Column, segment and time constant of each decay."""
-
-    @classmethod
-    def of(cls, features: DiffusiveFeatures, record: Record, time_constants: np.ndarray, share: float) -> LagColumns:
-        """Lags, and decays up to a `share` of their segment, behind the columns of the learned `features`."""
-        taus = time_constants.tolist()
-        lag = ThermalLag(
-            taus,
-            features.hold,
-            features.initial_state,
-            reference_temperature=features.reference_temperature,
-        )
-        with_decays = features.initial_state == "fit" and len(record.segments) <= MAX_DECAY_SEGMENTS
-        transient = InitialTransient(taus, share if with_decays else 0.0)
-        for effect in (lag, transient):
-            effect.learn(record)
-        n_free = 1 + sum(len(effect.names()) for effect in features.effect_list())
-        owned: list[list[int]] = [[] for _ in time_constants]
-        decays = []
-        for key, taus in transient.decays_.items():
-            for offset, tau in enumerate(taus):
-                column = n_free + len(time_constants) + transient.first_column_[key] + offset
-                owned[int(np.searchsorted(time_constants, tau))].append(column)
-                decays.append((column, key, float(tau)))
-        span = max(record.duration(segment) for segment in record.segments)
-        return cls(lag, transient, GridLayout(time_constants, span, n_free, owned), decays)
-
-    def dead(self, record: Record, folds: TimeFolds) -> list[list[int]]:
-        """Decays too slow for what each fold learns from: columns that it must not use."""
-        result = []
-        for f in range(len(folds)):
-            limits = self.transient.longest([folds.learned_duration(f, record, segment) for segment in record.segments])
-            result.append([column for column, key, tau in self.decays if tau > limits[key]])
-        return result
-
-
 def factors_of(
     features: DiffusiveFeatures, record: Record, reading: Reading, grid: np.ndarray, settings: SearchSettings
 ) -> Factored:
@@ -341,7 +295,7 @@ def factors_of(
     columns = LagColumns.of(features, record, grid, settings.longest_decay_share)
     folds = folds_in_time(record, settings.cv, settings.washout)
     effects = [*features.effect_list(), columns.lag, columns.transient]
-    chunks = sweep_effects(record, effects, folds.edges).chunks
+    chunks = columns.swept(record, effects, folds.edges)
     return Factored(record=record, reading=reading, features=features, columns=columns, chunks=chunks, folds=folds)
 
 

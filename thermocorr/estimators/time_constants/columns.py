@@ -1,0 +1,77 @@
+"""The columns that a search works on: lags of a grid of time constants, and start-up decays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...effects import InitialTransient, ThermalLag
+from ...effects.protocol import Effect
+from ...equations import TriangularFactor
+from ...records import Record
+from ..features import DiffusiveFeatures
+from ..fitting import sweep_effects
+from .folds import TimeFolds
+from .spectrum import GridLayout
+
+MOST_SEGMENTS = 8
+"""With more segments, each has a few decays of its own that are taken out, not one for each time constant tried."""
+N_STARTS = 4
+"""How many: decays of neighbouring time constants are much alike."""
+FASTEST_START = 2.0
+"""The fastest of them, in sampling steps."""
+
+
+@dataclass(frozen=True)
+class LagColumns:
+    """Learned lags and decays for a list of time constants, and where their columns stand."""
+
+    lag: ThermalLag
+    transient: InitialTransient
+    starts: InitialTransient
+    """Decays that are fitted and taken out of everything: where there are many segments, in place of `transient`."""
+    share: float
+    layout: GridLayout
+    decays: list[tuple[int, int, float]]
+    """Column, segment and time constant of each decay."""
+
+    @classmethod
+    def of(cls, features: DiffusiveFeatures, record: Record, time_constants: np.ndarray, share: float) -> LagColumns:
+        """Lags, and decays up to a `share` of the record, behind the columns of the learned `features`."""
+        taus = time_constants.tolist()
+        lag = ThermalLag(
+            taus,
+            features.hold,
+            features.initial_state,
+            reference_temperature=features.reference_temperature,
+        )
+        fitted, many = features.initial_state == "fit", len(record.segments) > MOST_SEGMENTS
+        transient = InitialTransient(taus, share if fitted and not many else 0.0)
+        span = max(record.duration(segment) for segment in record.segments)
+        few = np.geomspace(FASTEST_START * record.usual_step(), max(span, record.usual_step()), N_STARTS)
+        starts = InitialTransient(few.tolist(), share if fitted and many else 0.0)
+        for effect in (lag, transient, starts):
+            effect.learn(record)
+        n_free = 1 + sum(len(effect.names()) for effect in features.effect_list())
+        owned: list[list[int]] = [[] for _ in time_constants]
+        decays = []
+        for key, taus in transient.decays_.items():
+            for offset, tau in enumerate(taus):
+                column = n_free + len(time_constants) + transient.first_column_[key] + offset
+                owned[int(np.searchsorted(time_constants, tau))].append(column)
+                decays.append((column, key, float(tau)))
+        return cls(lag, transient, starts, share, GridLayout(time_constants, span, n_free, owned), decays)
+
+    def dead(self, record: Record, folds: TimeFolds) -> list[list[int]]:
+        """Decays too slow for what each fold learns from: columns that it must not use."""
+        result = []
+        for f in range(len(folds)):
+            limits = self.transient.longest([folds.learned_duration(f, record, segment) for segment in record.segments])
+            result.append([column for column, key, tau in self.decays if tau > limits[key]])
+        return result
+
+    def swept(self, record: Record, effects: Sequence[Effect], edges: np.ndarray) -> list[TriangularFactor]:
+        """Factors of ``[1 | Q | U]`` for the stretches between `edges`, less what starts of many segments hold."""
+        return sweep_effects(record, effects, edges, self.starts if self.starts.decays_ else None).chunks
