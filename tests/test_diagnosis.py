@@ -68,6 +68,17 @@ def test_an_unknown_cause_is_owned_up_to(seed):
     assert "no known effect explains" in str(walk)
 
 
+@pytest.mark.parametrize(("seed", "device"), [(173, "plate"), (174, "layered")])
+def test_lags_that_a_random_walk_has_spoiled_are_not_what_is_missing(seed, device):
+    """A lag is lacking there, which is proven: a hundredth of what is left, and no help on later data."""
+    chamber = {"setting": "chamber", "sampling_period": 30.0, "device": device, "noise": 0.2}
+    record = make_record(23_040, effects={"random_walk": 2.0}, seed=seed, **chamber)
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert found.verdict == "unexplained" and not found.causes
+    assert "What is left wanders" in str(found)
+
+
 def test_a_lag_that_the_model_lacks_is_named():
     record = make_record(N, device="layered", seed=5)
     X, y = record.drop(columns="reading"), record["reading"]

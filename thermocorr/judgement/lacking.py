@@ -18,12 +18,12 @@ from ..estimators.regressor import DynamicBiasRegressor
 from .blocks import averaged
 from .causes import Search
 from .choice import Cause, first_of_each
-from .levels import FINE, SIZEABLE, THERMAL, TIE
+from .levels import FINE, GAIN, OF_MUCH, SIZEABLE, THERMAL, TIE
 from .likelihood import Comparison
 
 
 def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str]) -> list[Cause]:
-    """At most one cause: what the model's lags lack most, if it is proven and worth a word."""
+    """At most one cause: what the model's lags lack most, if it is proven, and is much of what is left or helps."""
     pool = search.pool
     small = search.judged.n * float(np.median(pool.data.counts)) * SIZEABLE**2  # twice what it gains in white noise
     own = [clone(effect) for effect in model.features_.effect_list()]
@@ -42,5 +42,7 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
     near = first_of_each([t for t in tried if t.score >= tried[0].score - TIE])
     best = min(near, key=lambda t: THERMAL.index(t.key[0]))
     others = tuple(t for t in tried if t.key != best.key)
-    alike = tuple(t for t in near if t.key != best.key)
-    return [Cause(tried=best, alike=alike, others=others, share=beside.share(best))]
+    alike, share = tuple(t for t in near if t.key != best.key), beside.share(best)
+    if share < OF_MUCH and max(t.worth.both for t in near) < GAIN:
+        return []
+    return [Cause(tried=best, alike=alike, others=others, share=share)]

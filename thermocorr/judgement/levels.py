@@ -149,6 +149,10 @@ THERMAL = ("thermal_lag", "delay", "rate", "lead")
 SIZEABLE = 0.1
 """Rms of what a missing lag, delay, rate or lead explains, over the noise of one sample, that must clearly be exceeded
 beside the model's own lags: they need not be better."""
+OF_MUCH = 0.5
+"""Share of the structure beside the model's own lags from which what they lack is named though it helps on no later
+data. In a strong random walk a fit finds poor lags: what they lack is proven then, .01 to .12 of what is left, and
+worth nothing; the walk is what is to be said."""
 STRUCTURE = 12.0
 """Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: eight parts
 are estimated, for which 12 has an error probability of 0.002 (chi-square, eight degrees of freedom)."""
