@@ -128,3 +128,6 @@ def test_directions_of_starts_are_those_of_their_own_segment():
         inside = segment == key
         assert abs(columns[inside].T @ left[inside]).max() < 1e-12
     assert (left[segment == 1] == 1.0).all()
+    spanned = np.column_stack((columns @ [1.0, -2.0], columns[:, 0] + (segment == 1)))
+    left = Starts(columns, segment).taken_out(spanned)
+    assert not left[:, 0].any() and (left[:, 1] == (segment == 1)).all()  # nothing, not its rounding

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from sklearn.utils._param_validation import Interval
 
-from ..records import BLOCK_ROWS, Record, Segment
+from ..equations import decays
+from ..records import BLOCK_ROWS, Block, Record, Segment
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, time_text
 from .signals import Signals
@@ -95,6 +96,10 @@ class InitialTransient(Effect):
             for key, taus in self.decays_.items()
             for tau in taus
         ]
+
+    def own(self, block: Block) -> np.ndarray:
+        """Decays of a block's own segment, shape (n, those of the segment)."""
+        return decays(block.elapsed, self.decays_.get(block.segment, np.zeros(0)))  # eq. (18)
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """Decays of the segment, zeros elsewhere [1]."""

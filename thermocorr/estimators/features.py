@@ -17,7 +17,7 @@ from ..effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLa
 from ..effects.protocol import Effect
 from ..effects.stream import Walked, needed_columns, own_starts, resume, walk
 from ..effects.wrap import EffectsParameters, as_effects
-from ..records import History, Layout, Log, Record, RecordError, RecordWarning, read_record, seconds_of
+from ..records import History, Layout, Log, Record, RecordError, RecordWarning, read_record
 from ..records.numbers import from_polars
 from ..records.record import SegmentStart
 from ..records.screen import Screen, screened
@@ -241,8 +241,8 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         return max((effect.memory() for effect in self.effect_list()), default=0.0)
 
     def longest_step(self) -> float | None:
-        """Longest step that does not start a new segment [s]."""
-        return None if self.max_gap is None else seconds_of(self.max_gap, "max_gap")
+        """Longest step that does not start a new segment [s]; None where none does."""
+        return self.layout().longest_step()
 
     def _thermal_part(self) -> list[tuple[str, Effect]]:
         parts: list[tuple[str, Effect]] = [

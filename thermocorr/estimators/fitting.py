@@ -12,7 +12,7 @@ import numpy as np
 from ..effects import InitialTransient
 from ..effects.protocol import Effect
 from ..effects.stream import Walked, own_starts, walk
-from ..equations import RidgeSolution, TriangularFactor, decays, solve_ridge
+from ..equations import RidgeSolution, TriangularFactor, solve_ridge
 from ..records import BLOCK_ROWS, Record, RecordError
 from .flat import flat_effects
 
@@ -138,8 +138,7 @@ def sweep(
         if not chunks:
             chunks = [TriangularFactor(rows.shape[1]) for _ in edges[1:]]
         if starts is not None:
-            own = decays(block.elapsed, starts.decays_.get(block.segment, np.zeros(0)))  # eq. (18)
-            rows = np.column_stack((own, rows))
+            rows = np.column_stack((starts.own(block), rows))
         known = np.isfinite(reading) if np.isnan(reading.sum()) else None
         for chunk, part in _pieces(edges, block.places):
             piece = np.asfortranarray(rows[part] if known is None else rows[part][known[part]])

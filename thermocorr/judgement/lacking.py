@@ -29,7 +29,7 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
     own = [clone(effect) for effect in model.features_.effect_list()]
     for effect in own:
         effect.learn(pool.record)
-    thin = np.column_stack([pool.weight, *map(pool.weighed, averaged(pool.record, own, FINE).columns)])
+    thin = np.column_stack([pool.constant, *map(pool.weighed, averaged(pool.record, own, FINE).columns)])
     most = search.judged.total - Comparison(pool.reading, thin, pool.span).total
     if most < small / 2:  # the many lags themselves gain no more than that
         return []

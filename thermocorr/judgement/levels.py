@@ -31,8 +31,10 @@ poorer part makes other effects look guilty."""
 FASTEST = 0.25
 """The fastest of them, in sampling steps: a device faster than the sampling shows as a lag of less than a step."""
 SLOWEST = 0.1
-"""The slowest of them, as a share of the longest segment. Slower lags take drift, ageing and slow columns upon
-themselves; they stand among the suspects instead."""
+"""The slowest of them, as a share of all segments together; none is slower than the longest segment. Slower lags take
+drift, ageing and slow columns upon themselves; they stand among the suspects instead."""
+HELD = 1e-9
+"""Share of a column in a segment, beside its start-up decays, that is the rounding of nothing."""
 TIME_LIKE = 0.999_999
 """Correlation with time above which a recorded column is a clock, no suspect."""
 

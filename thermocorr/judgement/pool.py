@@ -19,7 +19,7 @@ from .base import slowest_of_base, thermal_base
 from .blocks import Averages, averaged, evenness, spans
 from .levels import COARSE, FEWEST, FINE, MOST_EMPTY, ROUNDING
 from .likelihood import orthonormal
-from .starts import Starts, own_starts_of
+from .starts import Starts, starts_of
 
 Key = tuple[str, Any]
 
@@ -48,7 +48,7 @@ class Pool:
         slowest = slowest_of_base(record)
         base, slow = thermal_base(model, record, slowest)
         candidates = [e for e in candidates if not (e.kind == "thermal_lag" and max(e.time_constants) <= slowest)]
-        own = own_starts_of(model, record)
+        own = starts_of(model, record)
         for effect in (*own, *base, *slow, *candidates):
             effect.learn(record)
         self.data: Averages = averaged(record, [*own, *base, *slow, *candidates], FINE)

@@ -10,9 +10,9 @@ from sklearn.base import clone
 
 from ..effects import InitialTransient
 from ..effects.protocol import Effect
-from ..equations import decays
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Block, Record
+from .levels import HELD
 from .likelihood import orthonormal
 
 
@@ -42,11 +42,11 @@ class OwnStart(Effect):
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """Decays of the block's segment, zeros where it has fewer than others."""
-        own = decays(block.elapsed, self.transient_.decays_.get(block.segment, np.zeros(0)))
+        own = self.transient_.own(block)
         return np.pad(own, ((0, 0), (0, len(self.names()) - own.shape[1]))), None
 
 
-def own_starts_of(model: DynamicBiasRegressor, record: Record) -> list[Effect]:
+def starts_of(model: DynamicBiasRegressor, record: Record) -> list[Effect]:
     """The start-up decays of a model of several segments; none for a single one, whose decays are suspects."""
     if len(record.segments) < 2:
         return []
@@ -70,7 +70,13 @@ class Starts:
         self.parts = [(rows, orthonormal(columns[rows])) for rows in parts if columns[rows].any()]
 
     def taken_out(self, columns: np.ndarray) -> np.ndarray:
-        """Columns, shape (n,) or (n, k), less what the decays hold; they are changed in place."""
+        """Columns, shape (n,) or (n, k), less what the decays hold; they are changed in place.
+
+        Where a segment's decays hold all of a column, zeros are left and not its rounding, which would look like a
+        column of its own.
+        """
         for rows, Q in self.parts:
+            before = np.linalg.norm(columns[rows], axis=0)
             columns[rows] -= Q @ (Q.T @ columns[rows])
+            columns[rows] *= np.linalg.norm(columns[rows], axis=0) > HELD * before
         return columns

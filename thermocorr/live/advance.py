@@ -14,11 +14,10 @@ from ..effects.samples import Sample, stepper_of
 from ..effects.stream import Walked, needed_columns, states_before, walk
 from ..estimators import DynamicBiasRegressor
 from ..records import Record, Segment, SegmentStart
+from ..records.read import GAP_STEPS
 from .clock import Clock
 from .state import StreamState
 
-GAP_STEPS = 10.0
-"""A step of more than so many usual ones is flagged as a gap, where the model has no `max_gap`."""
 SUSPECT_GAPS = 1000.0
 """A step of more than so many gaps is more likely a damaged time: hours for a log with a step of a second."""
 REASONS = ("suspect time", "no reading", "washout", "outside fitted range", "gap")

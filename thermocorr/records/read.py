@@ -19,7 +19,8 @@ from .numbers import from_polars, is_frame, numeric_column, numeric_reading
 from .record import Record, Segment, holes
 from .times import Times, seconds_of, times_from
 
-_GAP_STEPS = 10  # usual steps from which on a step is a gap that a note names
+GAP_STEPS = 10.0
+"""A step of more than so many usual ones is a gap, where there is no `max_gap`."""
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
 
@@ -32,6 +33,10 @@ class Layout:
     run: object = None
     sampling_period: object = None
     max_gap: object = None
+
+    def longest_step(self) -> float | None:
+        """Longest step that does not start a new segment [s]; None where none does."""
+        return None if self.max_gap is None else seconds_of(self.max_gap, "max_gap")
 
 
 def read_record(
@@ -226,7 +231,7 @@ def _known(record: Record, layout: Layout, notes: list[str]) -> Record:
     missing = np.concatenate(gone)
     if not len(missing):
         return record
-    max_gap = None if layout.max_gap is None else seconds_of(layout.max_gap, "max_gap")
+    max_gap = layout.longest_step()
     known = record.passing_over(missing, max_gap)
     if not known.segments:
         raise RecordError(
@@ -238,7 +243,7 @@ def _known(record: Record, layout: Layout, notes: list[str]) -> Record:
     longest, usual = _longest_hole(known), known.usual_step()
     if longest:
         said += f": temperature is taken as a straight line across, for {longest:.5g} s at most"
-        if max_gap is None and longest > _GAP_STEPS * usual:
+        if max_gap is None and longest > GAP_STEPS * usual:
             said += f". Pass max_gap={3 * usual:.5g} to start a new segment after long ones"
     notes.append(f"{said}. To use their readings too, fill short holes first, for example with X.interpolate(limit=5).")
     return known
@@ -258,7 +263,7 @@ def _check_steps(
 ) -> NDArray[np.intp]:
     """Refuse times that stand still or go back; return where gaps longer than max_gap end."""
     n = times.n
-    max_gap = None if layout.max_gap is None else seconds_of(layout.max_gap, "max_gap")
+    max_gap = layout.longest_step()
     found, wide, usual = [], [], None
     for start in range(0, n - 1, _CHUNK):
         stop = min(start + _CHUNK + 1, n)
@@ -272,7 +277,7 @@ def _check_steps(
         if usual is None:
             usual = float(np.median(steps[inside])) if inside.any() else None
         if usual is not None:
-            gaps = np.flatnonzero(inside & (steps > (_GAP_STEPS * usual if max_gap is None else max_gap)))
+            gaps = np.flatnonzero(inside & (steps > (GAP_STEPS * usual if max_gap is None else max_gap)))
             found.extend((gaps + start + 1).tolist())
             wide.extend(steps[gaps].tolist())
     if max_gap is not None:
