@@ -24,7 +24,7 @@ from thermocorr.judgement.pool import Explanation
 from thermocorr.judgement.worth import Worth
 
 
-def tried(effect, score, later, blocks, number=0, full=None, p_value=1e-6):
+def tried(effect, score, later, blocks, number=0, full=None, p_value=1e-6, scatter=1.8):
     return Tried(
         explanation=Explanation(effect, np.zeros((3, 1))),
         number=number,
@@ -32,6 +32,7 @@ def tried(effect, score, later, blocks, number=0, full=None, p_value=1e-6):
         full=score if full is None else full,
         p_value=p_value,
         worth=Worth(later=later, blocks=blocks),
+        scatter=scatter,
         uneven=False,
     )
 
@@ -79,6 +80,13 @@ def test_a_column_that_does_harm_on_what_was_not_learned_from_is_not_accused():
     assert best_of(harm, tried(Interaction("supply"), 9.0, 0.4, 0.2)) == "interaction"
 
 
+@pytest.mark.parametrize(("score", "scatter", "named"), [(20.0, 0.6, True), (11.0, 0.6, False), (35.0, 1.8, False)])
+def test_a_column_that_does_harm_is_accused_where_its_evidence_is_strong_and_even(score, scatter, named):
+    """A slow column may spoil forecasts though it is the cause; a product with one has no such leave."""
+    assert (best_of(tried(Covariate("pressure"), score, -3.2, -3.1, scatter=scatter)) is not None) == named
+    assert best_of(tried(Interaction("pressure"), score, -3.2, -3.1, scatter=scatter)) is None
+
+
 def test_a_product_that_is_worth_nothing_on_what_was_not_learned_from_is_not_accused():
     """Beside a pumping well, recharge times the stage of a far river was proven, and worth nothing on either."""
     assert best_of(tried(Interaction("pressure"), 11.0, -0.01, -0.2)) is None
@@ -118,3 +126,31 @@ def test_of_two_that_say_the_same_the_likelier_is_the_cause(rival, overlap, same
     search = object.__new__(Search)
     search.judged = SimpleNamespace(overlap=lambda one, other: overlap if (one, other) == (0, 1) else 0.0)
     assert search._likelier(modulation, [drift, *own], own).explanation.effect.kind == winner
+
+
+def needed(found, level_with):
+    """What a search keeps of its causes, of which each proves something that gains 10 and more beside others."""
+    search = object.__new__(Search)
+    search.judged = SimpleNamespace(level_with=level_with)
+    search._p_value = lambda gain, number: 1e-4 if gain >= 10 else 0.5 - 0.01 * gain
+    return search._needed(found)
+
+
+def test_of_two_causes_that_say_the_same_one_is_kept():
+    """Neither is needed beside the other, and what both say is: they are taken out one at a time."""
+    found = [SimpleNamespace(tried=tried(Step(hour * 3600.0), 20.0, 1.0, 1.0, number=hour)) for hour in range(4)]
+
+    def level_with(kept):  # 0 says a little more than 1; 2 is something else, 3 nothing
+        return max([40.0 * (0 in kept), 36.0 * (1 in kept)]) + 2.0 * ({0, 1} <= set(kept)) + 25.0 * (2 in kept)
+
+    assert needed(found, level_with) == [found[0], found[2]]
+    assert needed(found[:1], level_with) == found[:1]
+
+
+def test_what_is_needed_no_more_when_another_goes_goes_too():
+    found = [SimpleNamespace(tried=tried(Step(hour * 3600.0), 20.0, 1.0, 1.0, number=hour)) for hour in range(3)]
+
+    def level_with(kept):  # 0 mends what 1 spoils; 2 alone matters
+        return 30.0 * (2 in kept) + (4.0 if {0, 1} <= set(kept) else 2.0 * (0 in kept) - 20.0 * (1 in kept))
+
+    assert needed(found, level_with) == [found[2]]

@@ -83,7 +83,7 @@ def test_taking_an_explanation_in_and_out_leaves_the_likelihood_as_it_was():
     assert gain > 100
     judged.adopt(0)
     assert judged.base.level == pytest.approx(before + gain, abs=0.05)
-    assert judged.gain_of(0) == pytest.approx(gain, abs=0.5)
+    assert judged.base.level - judged.level_with([]) == pytest.approx(gain, abs=0.5)
     assert judged.screen(judged.base.theta)[0] == pytest.approx(0.0, abs=1e-6)  # it is in the base already
     assert judged.smallest(column, 12.0) == np.inf
 

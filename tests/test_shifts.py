@@ -57,3 +57,16 @@ def test_a_delay_between_the_points_of_the_grid_is_named_where_noise_wanders(see
     X = pd.DataFrame({"temperature": T}, index=times)
     found = diagnose(DynamicBiasRegressor("temperature").fit(X, reading), X, reading)
     assert found.causes[0].effect.kind == "delay" and found.causes[0].effect.delay == pytest.approx(370, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_delay_is_named_where_steps_are_uneven(seed):
+    """So many rows of 20 s, and one of 60 s in five, are longer than as many usual steps: 62 rows last 1736 s."""
+    rng, n = np.random.default_rng(seed), 9000
+    seconds = np.cumsum(np.where(np.arange(n) % 5, 20.0, 60.0))
+    T = 23 + rng.standard_normal(n) + np.sin(seconds / 15_000)
+    late = np.interp(seconds - 1730.0, seconds, T)  # between 61 and 62 rows
+    X = pd.DataFrame({"temperature": T, "time": seconds})
+    reading = 2 * T + 0.1 * late + 0.5 * rng.standard_normal(n) + np.cumsum(rng.standard_normal(n)) * 0.02
+    found = diagnose(DynamicBiasRegressor("temperature", time="time").fit(X, reading), X, reading)
+    assert found.causes[0].effect.kind == "delay" and found.causes[0].effect.delay == pytest.approx(1730, rel=0.01)

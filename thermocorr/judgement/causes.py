@@ -21,6 +21,7 @@ from .choice import Cause, Tried, chosen, first_of_each
 from .dated import DATED, MANY, dated, tries
 from .levels import (
     ALIKE,
+    BETWEEN,
     BY_CHANCE,
     DIFFERENT,
     DRAWS,
@@ -77,11 +78,12 @@ class Search:
         self.sizes |= {key: size for key, size in every.items() if key[0] in anywhere}
         tests = LOOKS * sum(min(size, DIFFERENT) for size in self.sizes.values())
         if "delay" in anywhere:
-            self.sizes["delay", None] = self.sizes.get(("delay", None), 0) + self.shifts.most
+            self.sizes["delay", None] = self.sizes.get(("delay", None), 0) + 2 * self.shifts.most
         self.anywhere, self.small = anywhere, small
         self.tests = {key: max(tests, float(size)) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
 
+        self._remembered: set[int] = set()
         self._chance: tuple[HeldOut, dict[Key, float], float] | None = None
         """For a base: usual help of noise to each kind and column [dB], and the multiple of it that is rare in all."""
 
@@ -98,6 +100,7 @@ class Search:
             best = (self._tuned([best], FINER) or [best])[0]
             same = [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
             alike, others = first_of_each(same), [t for t in tried if t.key != best.key]
+            self._given_up({best.number, *(t.number for t in (*first_of_each(tried), *alike))})
             found.append(self._taken_in(best, alike, others))
             if best.key in MANY:
                 least = max((t.score for t in others if t.key not in MANY), default=0.0)
@@ -137,12 +140,20 @@ class Search:
         """The causes that are not made superfluous by later ones (a backward check)."""
         if len(found) < 2:
             return found
-        gains = [self.judged.gain_of(k) for k in range(len(found))]
-        return [
-            cause
-            for k, cause in enumerate(found)
-            if not cause.tried.proven or self._p_value(gains[k], cause.tried.number) <= LEVEL
-        ]
+        kept = list(range(len(found)))
+        doubtful = list(kept)
+        while doubtful:
+            level = self.judged.level_with(kept)
+            others = {k: [other for other in kept if other != k] for k in doubtful if found[k].tried.proven}
+            gains = {k: level - self.judged.level_with(beside) for k, beside in others.items()}
+            failed = {k: gain for k, gain in gains.items() if self._p_value(gain, found[k].tried.number) > LEVEL}
+            if failed:  # one at a time: where two say the same, neither is needed beside the other
+                worst = max(failed, key=lambda k: self._p_value(failed[k], found[k].tried.number))
+                kept.remove(worst)
+            elif len(doubtful) == len(kept):
+                break
+            doubtful = [k for k in failed if k in kept] or list(kept)
+        return [found[k] for k in kept]
 
     def _p_value(self, gain: float, i: int) -> float:
         """Error probability of an explanation, the whole family having been tried (Wilks 1938; Bonferroni).
@@ -220,8 +231,8 @@ class Search:
                 period = best_period(judged, theta, pool.place, most, rows)
                 found += [] if period is None else pool.of([Periodic(_six_digits(period * pool.spacing), 1)])
             if "delay" in self.anywhere and self.shifts.most:
-                delay = 1 + int(self.shifts.gains(judged, theta, rows).argmax())
-                found += pool.of([Delay(_six_digits(delay * pool.spacing))])
+                delay = pool.lapse(1 + int(self.shifts.gains(judged, theta, rows).argmax()))
+                found += pool.of([Delay(_six_digits(delay + share * pool.spacing)) for share in BETWEEN])
         return found
 
     @cached_property
@@ -235,10 +246,20 @@ class Search:
         self.coarse += [self.pool.coarse(explanation.columns) for explanation in explanations]
         return list(range(len(self.tried) - len(explanations), len(self.tried)))
 
+    def _given_up(self, kept: Collection[int]) -> None:
+        """Forget what was tried beyond the pool and is not the best of its kind: each look tries some seventy more."""
+        for i in set(range(len(self.pool.explanations), len(self.tried))) - set(kept) - self._remembered:
+            self.judged.give_up(i)
+        self._remembered.update(kept)
+
     def _weighed(self, which: Sequence[int], worths: dict[int, Worth]) -> list[Tried]:
         fits = self.judged.refit(which)
         plain = [fit.level - self.judged.base.level for fit in fits]
-        gains = [self._even(i, fit) for i, fit in zip(which, fits, strict=True)]
+        scatters = [self._scatter(i, fit, gain) for i, fit, gain in zip(which, fits, plain, strict=True)]
+        gains = [
+            gain / max(1.0, scatter / self._usual_scatter(i))
+            for i, gain, scatter in zip(which, plain, scatters, strict=True)
+        ]
         return [
             Tried(
                 explanation=self.tried[i],
@@ -247,22 +268,25 @@ class Search:
                 full=full - self.price(i),
                 p_value=self._p_value(gain, i),
                 worth=worths[i],
+                scatter=scatter,
                 uneven=self._p_value(gain, i) > LEVEL >= self._p_value(full, i),
             )
-            for i, gain, full in zip(which, gains, plain, strict=True)
+            for i, gain, full, scatter in zip(which, gains, plain, scatters, strict=True)
         ]
 
-    def _even(self, i: int, fit: Fit) -> float:
-        """Log likelihood that an explanation gains, less where a few stretches of time decide it.
-
-        All kinds are given the benefit of the doubt but products with a recorded column, of which there are most.
-        """
-        gain = fit.level - self.judged.base.level
+    def _scatter(self, i: int, fit: Fit, gain: float) -> float:
+        """How unevenly the evidence for an explanation lies over the record; 0 where it does not matter."""
         if gain <= self.price(i) or self.tried[i].effect.of_time_alone:  # what lies in one stretch is decided there
-            return gain
-        column, effect = self.tried[i].key[1], self.tried[i].effect
-        usual = OF_PRODUCTS if effect.is_product and column is not None else SCATTER
-        return gain / max(1.0, self.judged.scatter(i, fit.theta) / usual)
+            return 0.0
+        return self.judged.scatter(i, fit.theta)
+
+    def _usual_scatter(self, i: int) -> float:
+        """Scatter up to which evidence counts in full, the benefit of the doubt.
+
+        Products with a recorded column, of which there are most, have none.
+        """
+        explanation = self.tried[i]
+        return OF_PRODUCTS if explanation.effect.is_product and explanation.key[1] is not None else SCATTER
 
     def _tuned(self, found: Sequence[Tried], shares: Sequence[float] = SHARES) -> list[Tried]:
         """The best few kinds with their parameters moved to where they explain most.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .levels import GAIN, LEVEL, NEAR, SPEAKS, TIE
+from .levels import EVEN, GAIN, LEVEL, NEAR, SPEAKS, STRONG, TIE
 from .pool import Explanation, Key
 from .worth import Worth
 
@@ -26,6 +26,8 @@ class Tried:
     p_value: float
     """Error probability, the whole family having been tried."""
     worth: Worth
+    scatter: float
+    """How unevenly its evidence lies over the record, 1 as noise would have it; 0 where that does not matter."""
     uneven: bool
     """Whether the likelihood alone would prove it, but a few stretches of time decide."""
 
@@ -73,8 +75,8 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
 
     What is proven comes before what only helps; of what is proven, what helps on later data comes first. Among what
     helps nearly as much the likelihood decides. A recorded column that does harm on later stretches and on held-out
-    blocks alike is not accused, whatever the likelihood says: the noise is not what it is thought to be. Nor is a
-    product with a column that is worth nothing on either.
+    blocks alike is accused only where its evidence is strong and even, lest the noise is not what it is thought to be;
+    a product with a column that is worth nothing on either never is.
     """
     proven = [t for t in tried if t.proven and not _harms(t)]
     helpful = [t for t in proven if t.worth.both >= GAIN]
@@ -107,7 +109,9 @@ def _harms(t: Tried) -> bool:
     """Whether data that were not learned from speak against a recorded column; it must be clear but for a product."""
     if t.key[1] is None or max(t.worth.later, t.worth.blocks) >= 0:
         return False
-    return t.explanation.effect.is_product or t.worth.mean <= -GAIN
+    if t.explanation.effect.is_product:
+        return True
+    return t.worth.mean <= -GAIN and not (t.scatter <= EVEN and t.score >= STRONG)
 
 
 def _spoken_for(t: Tried) -> bool:

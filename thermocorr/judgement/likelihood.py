@@ -112,6 +112,10 @@ class Comparison:
             found = Columns(rows=rows, own=own, base=np.ascontiguousarray(base[:, :, kept]), reading=reading[:, kept])
             self.explanations.append(found if len(kept) else None)
 
+    def give_up(self, i: int) -> None:
+        """Forget an explanation: it is as if the base held it."""
+        self.explanations[i] = None
+
     def width(self, i: int) -> int:
         """Columns of an explanation that the base does not hold already."""
         found = self.explanations[i]
@@ -176,13 +180,16 @@ class Comparison:
         fits = self._fits(tried, [start for _ in which for start in (self.base.theta, quiet)], TURNS)
         return [max(pair, key=lambda fit: fit.level) for pair in zip(fits[::2], fits[1::2], strict=True)]
 
-    def gain_of(self, which: int) -> float:
-        """Log likelihood that one of the adopted explanations gains beside all others, each with a noise of its own."""
-        others = np.setdiff1d(np.arange(self.Q.shape[1]), np.arange(self.Q.shape[1])[self.causes[which]])
-        without = copy(self)
-        without.Q, without.Qz = self.Q[:, others], self.Qz[:, others]
-        without.QQ = np.ascontiguousarray(self.QQ[:, others][:, :, others])
-        return self.base.level - without.first_fit(self.base.theta).level
+    def level_with(self, kept: Sequence[int]) -> float:
+        """Log likelihood of the base with some of the adopted explanations only, the noise estimated anew."""
+        dropped = [cause for k, cause in enumerate(self.causes) if k not in kept]
+        if not dropped:
+            return self.base.level
+        columns = np.setdiff1d(np.arange(self.Q.shape[1]), np.concatenate([np.r_[part] for part in dropped]))
+        other = copy(self)
+        other.Q, other.Qz = self.Q[:, columns], self.Qz[:, columns]
+        other.QQ = np.ascontiguousarray(self.QQ[:, columns][:, :, columns])
+        return other.first_fit(self.base.theta).level
 
     def _fits(self, which: Sequence[int | None], starts: Sequence[np.ndarray], turns: int) -> list[Fit]:
         theta = np.column_stack(starts)

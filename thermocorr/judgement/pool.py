@@ -141,6 +141,11 @@ class Pool:
         """Usual time from one averaged row to the next [s]."""
         return float(np.median(self.data.steps)) if len(self.data.steps) else 1.0
 
+    def lapse(self, rows: int) -> float:
+        """Usual time from an averaged row to the one so many rows later [s]; steps need not be even."""
+        same = self.data.segment[rows:] == self.data.segment[:-rows]
+        return float(np.median((self.data.seconds[rows:] - self.data.seconds[:-rows])[same]))
+
     @cached_property
     def place(self) -> np.ndarray:
         """Where each averaged row lies on an even grid, in whole steps; its number where pauses are too long."""
