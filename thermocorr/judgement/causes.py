@@ -28,14 +28,17 @@ from .levels import (
     FINER,
     GAIN,
     HALF,
+    LATE,
     LEAST,
     LEVEL,
     LOOKS,
     MOST,
     MOST_STEPS,
+    MOST_WAVES,
     OF_PRODUCTS,
     SCATTER,
     SHARES,
+    STRONG,
     THERMAL,
     TUNED,
     USUAL,
@@ -48,6 +51,8 @@ from .worth import HeldOut, Worth
 
 ANYWHERE = (*DATED, "periodic", "delay")
 """Kinds that are looked for at every row, at every period and at every delay of whole rows."""
+
+WAVE: Key = ("periodic", None)
 
 
 class Search:
@@ -74,7 +79,7 @@ class Search:
         self.coarse = [pool.coarse(explanation.columns) for explanation in self.tried]
         keys = [explanation.key for explanation in self.tried]
         self.sizes = {key: keys.count(key) for key in dict.fromkeys(keys)}
-        every = {("periodic", None): self.judged.n, **tries(self.judged.n)}  # every row, every period
+        every = {WAVE: self.judged.n, **tries(self.judged.n)}  # every row, every period
         self.sizes |= {key: size for key, size in every.items() if key[0] in anywhere}
         tests = LOOKS * sum(min(size, DIFFERENT) for size in self.sizes.values())
         if "delay" in anywhere:
@@ -92,12 +97,13 @@ class Search:
         found: list[Cause] = []
         while True:
             steps = sum(cause.tried.key in MANY for cause in found)
-            tried = [t for t in self.look() if steps < MOST_STEPS or t.key not in MANY]
+            tried = _still_sought(self.look(), found)
             best, rivals = chosen(tried, self.by_chance)
             if best is None or len(found) - steps == MOST:
                 return self._needed(found), tried
             best = self._likelier(best, rivals, [t for t in tried if t.key == best.key])
-            best = (self._tuned([best], FINER) or [best])[0]
+            if best.proven:  # else the likelihood has nothing to say on its parameters
+                best = (self._tuned([best], FINER) or [best])[0]
             same = [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
             alike, others = first_of_each(same), [t for t in tried if t.key != best.key]
             self._given_up({best.number, *(t.number for t in (*first_of_each(tried), *alike))})
@@ -320,6 +326,15 @@ class Search:
     def _forget(self, which: Sequence[int]) -> None:
         for i in which:
             self.judged.explanations[i] = None
+
+
+def _still_sought(tried: Sequence[Tried], found: Sequence[Cause]) -> list[Tried]:
+    """What was tried, but for kinds that have been found often enough; late, recorded columns need strong evidence."""
+    keys = [cause.tried.key for cause in found]
+    steps, waves = sum(key in MANY for key in keys), keys.count(WAVE)
+    enough = [*(MANY if steps >= MOST_STEPS else ()), *([WAVE] if waves >= MOST_WAVES else ())]
+    late = len(found) - steps >= LATE
+    return [t for t in tried if t.key not in enough and not (late and t.key[1] is not None and t.score < STRONG)]
 
 
 def _six_digits(seconds: float) -> float:

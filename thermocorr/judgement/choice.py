@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .levels import EVEN, GAIN, LEVEL, NEAR, SPEAKS, STRONG, TIE
+from .levels import CLEAR, EVEN, GAIN, LEVEL, NEAR, SPEAKS, STRONG, TIE
 from .pool import Explanation, Key
 from .worth import Worth
 
@@ -81,7 +81,7 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
     proven = [t for t in tried if t.proven and not _harms(t)]
     helpful = [t for t in proven if t.worth.both >= GAIN]
     if not proven:
-        helpful = [t for t in tried if t.worth.both >= GAIN and _spoken_for(t) and not by_chance(t)]
+        helpful = [t for t in tried if t.worth.both >= _enough(t) and _spoken_for(t) and not by_chance(t)]
     if not proven and not helpful:
         return None, []
     least = NEAR * max((t.worth.both for t in helpful), default=-np.inf)
@@ -112,6 +112,11 @@ def _harms(t: Tried) -> bool:
     if t.explanation.effect.is_product:
         return True
     return t.worth.mean <= -GAIN and not (t.scatter <= EVEN and t.score >= STRONG)
+
+
+def _enough(t: Tried) -> float:
+    """Help from which what is not proven is named [dB]; other places' columns may help a little by chance."""
+    return GAIN if t.key[1] is None else CLEAR
 
 
 def _spoken_for(t: Tried) -> bool:
