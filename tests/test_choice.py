@@ -18,7 +18,7 @@ from thermocorr.effects import (
     SensitivityDrift,
     Step,
 )
-from thermocorr.judgement.causes import Search
+from thermocorr.judgement.causes import Search, _still_sought
 from thermocorr.judgement.choice import Tried, chosen
 from thermocorr.judgement.pool import Explanation
 from thermocorr.judgement.worth import Worth
@@ -126,6 +126,24 @@ def test_of_two_that_say_the_same_the_likelier_is_the_cause(rival, overlap, same
     search = object.__new__(Search)
     search.judged = SimpleNamespace(overlap=lambda one, other: overlap if (one, other) == (0, 1) else 0.0)
     assert search._likelier(modulation, [drift, *own], own).explanation.effect.kind == winner
+
+
+def test_help_alone_names_a_recorded_column_only_where_it_is_clear():
+    assert best_of(tried(Covariate("pressure"), -2.0, 2.8, 3.4, p_value=1.0)) is None
+    assert best_of(tried(Covariate("pressure"), -2.0, 4.6, 4.5, p_value=1.0)) == "covariate"
+
+
+def test_late_a_recorded_column_needs_strong_evidence_and_waves_are_counted():
+    wave, hinge = tried(Periodic("1 d", 1), 50.0, 0.0, 0.0), tried(Hinge(22.0), 9.0, 0.0, 0.0)
+    weak, strong = tried(Covariate("pressure"), 12.0, 2.0, 2.0), tried(Covariate("supply"), 20.0, 2.0, 2.0)
+    every = [wave, hinge, weak, strong]
+
+    def left(*found):
+        return [t.key for t in _still_sought(every, [SimpleNamespace(tried=t) for t in found])]
+
+    assert left(*[hinge] * 7, *[tried(Step(60.0), 30.0, 0.0, 0.0)] * 5) == [t.key for t in every]
+    assert left(*[hinge] * 8) == [wave.key, hinge.key, strong.key]
+    assert left(*[wave] * 6) == [hinge.key, weak.key, strong.key]
 
 
 def needed(found, level_with):

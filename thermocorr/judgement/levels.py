@@ -117,8 +117,8 @@ GAIN = 1.0
 """Fall of the squared error [dB], on later stretches and on held-out blocks alike, that counts as help: a tenth of the
 error is what a user notices."""
 CLEAR = 4.0
-"""The same for a recorded column that the likelihood does not prove. On measured records, columns of other places that
-were named for their help alone had 2.0 to 2.9 dB (of forty record and column sets, two); true ones 4.5 and 5.0."""
+"""Help that names a recorded column which the likelihood does not prove [dB]. On measured records, two of forty sets of
+columns of other places had one that helped by 2.0 to 2.9 dB; true ones helped by 4.5 and 5.0."""
 NEAR = 0.75
 """Share of the greatest help [dB] from which another explanation is nearly as good, and the likelihood decides."""
 HALF = 0.5
