@@ -135,15 +135,18 @@ def test_help_alone_names_a_recorded_column_only_where_it_is_clear():
 
 def test_late_a_recorded_column_needs_strong_evidence_and_waves_are_counted():
     wave, hinge = tried(Periodic("1 d", 1), 50.0, 0.0, 0.0), tried(Hinge(22.0), 9.0, 0.0, 0.0)
-    weak, strong = tried(Covariate("pressure"), 12.0, 2.0, 2.0), tried(Covariate("supply"), 20.0, 2.0, 2.0)
-    every = [wave, hinge, weak, strong]
+    weak, uneven, strong = (
+        tried(Covariate(column), score, 2.0, 2.0, scatter=scatter)
+        for column, score, scatter in (("pressure", 12.0, 0.6), ("humidity", 50.0, 1.4), ("supply", 20.0, 0.6))
+    )
+    every = [wave, hinge, weak, uneven, strong]
 
     def left(*found):
         return [t.key for t in _still_sought(every, [SimpleNamespace(tried=t) for t in found])]
 
     assert left(*[hinge] * 7, *[tried(Step(60.0), 30.0, 0.0, 0.0)] * 5) == [t.key for t in every]
     assert left(*[hinge] * 8) == [wave.key, hinge.key, strong.key]
-    assert left(*[wave] * 6) == [hinge.key, weak.key, strong.key]
+    assert left(*[wave] * 6) == [hinge.key, weak.key, uneven.key, strong.key]
 
 
 def needed(found, level_with):

@@ -25,6 +25,7 @@ from .levels import (
     BY_CHANCE,
     DIFFERENT,
     DRAWS,
+    EVEN,
     FINER,
     GAIN,
     HALF,
@@ -329,12 +330,13 @@ class Search:
 
 
 def _still_sought(tried: Sequence[Tried], found: Sequence[Cause]) -> list[Tried]:
-    """What was tried, but for kinds that have been found often enough; late, recorded columns need strong evidence."""
+    """What was tried, less kinds found often enough, and late, recorded columns without strong and even evidence."""
     keys = [cause.tried.key for cause in found]
     steps, waves = sum(key in MANY for key in keys), keys.count(WAVE)
     enough = [*(MANY if steps >= MOST_STEPS else ()), *([WAVE] if waves >= MOST_WAVES else ())]
     late = len(found) - steps >= LATE
-    return [t for t in tried if t.key not in enough and not (late and t.key[1] is not None and t.score < STRONG)]
+    weak = [t for t in tried if t.key[1] is not None and (t.score < STRONG or t.scatter > EVEN)] if late else []
+    return [t for t in tried if t.key not in enough and t not in weak]
 
 
 def _six_digits(seconds: float) -> float:
