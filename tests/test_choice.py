@@ -18,8 +18,8 @@ from thermocorr.effects import (
     SensitivityDrift,
     Step,
 )
-from thermocorr.judgement.causes import Search, _still_sought
-from thermocorr.judgement.choice import Tried, chosen
+from thermocorr.judgement.causes import Search
+from thermocorr.judgement.choice import Tried, chosen, still_sought
 from thermocorr.judgement.pool import Explanation
 from thermocorr.judgement.worth import Worth
 
@@ -141,10 +141,12 @@ def test_late_a_recorded_column_needs_strong_evidence_and_waves_are_counted():
     )
     every = [wave, hinge, weak, uneven, strong]
 
-    def left(*found):
-        return [t.key for t in _still_sought(every, [SimpleNamespace(tried=t) for t in found])]
+    step = tried(Step(60.0), 30.0, 0.0, 0.0)
 
-    assert left(*[hinge] * 7, *[tried(Step(60.0), 30.0, 0.0, 0.0)] * 5) == [t.key for t in every]
+    def left(*found):
+        return [t.key for t in still_sought(every, [SimpleNamespace(tried=t) for t in found], found.count(step))]
+
+    assert left(*[hinge] * 7, *[step] * 5) == [t.key for t in every]
     assert left(*[hinge] * 8) == [wave.key, hinge.key, strong.key]
     assert left(*[wave] * 6) == [hinge.key, weak.key, uneven.key, strong.key]
 

@@ -7,7 +7,8 @@ anew? And what is it worth: how far does the error fall on data that it was not 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +18,7 @@ from scipy.special import chdtrc
 from ..effects import Delay, Periodic
 from ..effects.grids import longest_segment
 from .anywhere import best_period, filtered
-from .choice import Cause, Tried, chosen, first_of_each
+from .choice import WAVE, Cause, Tried, chosen, first_of_each, still_sought
 from .dated import DATED, MANY, dated, tries
 from .levels import (
     ALIKE,
@@ -25,21 +26,17 @@ from .levels import (
     BY_CHANCE,
     DIFFERENT,
     DRAWS,
-    EVEN,
     FINER,
     GAIN,
     HALF,
-    LATE,
     LEAST,
     LEVEL,
     LOOKS,
     MOST,
     MOST_STEPS,
-    MOST_WAVES,
     OF_PRODUCTS,
     SCATTER,
     SHARES,
-    STRONG,
     THERMAL,
     TUNED,
     USUAL,
@@ -52,8 +49,6 @@ from .worth import HeldOut, Worth
 
 ANYWHERE = (*DATED, "periodic", "delay")
 """Kinds that are looked for at every row, at every period and at every delay of whole rows."""
-
-WAVE: Key = ("periodic", None)
 
 
 class Search:
@@ -84,12 +79,13 @@ class Search:
         self.sizes |= {key: size for key, size in every.items() if key[0] in anywhere}
         tests = LOOKS * sum(min(size, DIFFERENT) for size in self.sizes.values())
         if "delay" in anywhere:
-            self.sizes["delay", None] = self.sizes.get(("delay", None), 0) + 2 * self.shifts.most
+            self.sizes["delay", None] = self.sizes.get(("delay", None), 0) + 2 * self.shifts.most  # and between rows
         self.anywhere, self.small = anywhere, small
         self.tests = {key: max(tests, float(size)) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
 
-        self._remembered: set[int] = set()
+        self._best: set[int] = set()
+        """Numbers of what was the best of its kind in some look, or was taken in."""
         self._chance: tuple[HeldOut, dict[Key, float], float] | None = None
         """For a base: usual help of noise to each kind and column [dB], and the multiple of it that is rare in all."""
 
@@ -98,7 +94,7 @@ class Search:
         found: list[Cause] = []
         while True:
             steps = sum(cause.tried.key in MANY for cause in found)
-            tried = _still_sought(self.look(), found)
+            tried = still_sought(self.look(), found, steps)
             best, rivals = chosen(tried, self.by_chance)
             if best is None or len(found) - steps == MOST:
                 return self._needed(found), tried
@@ -107,7 +103,7 @@ class Search:
                 best = (self._tuned([best], FINER) or [best])[0]
             same = [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
             alike, others = first_of_each(same), [t for t in tried if t.key != best.key]
-            self._given_up({best.number, *(t.number for t in (*first_of_each(tried), *alike))})
+            self._keep_only({best.number, *(t.number for t in (*first_of_each(tried), *alike))})
             found.append(self._taken_in(best, alike, others))
             if best.key in MANY:
                 least = max((t.score for t in others if t.key not in MANY), default=0.0)
@@ -253,11 +249,10 @@ class Search:
         self.coarse += [self.pool.coarse(explanation.columns) for explanation in explanations]
         return list(range(len(self.tried) - len(explanations), len(self.tried)))
 
-    def _given_up(self, kept: Collection[int]) -> None:
+    def _keep_only(self, best: Collection[int]) -> None:
         """Forget what was tried beyond the pool and is not the best of its kind: each look tries some seventy more."""
-        for i in set(range(len(self.pool.explanations), len(self.tried))) - set(kept) - self._remembered:
-            self.judged.give_up(i)
-        self._remembered.update(kept)
+        self._best.update(best)
+        self._forget(set(range(len(self.pool.explanations), len(self.tried))) - self._best)
 
     def _weighed(self, which: Sequence[int], worths: dict[int, Worth]) -> list[Tried]:
         fits = self.judged.refit(which)
@@ -324,19 +319,12 @@ class Search:
             self._forget([i for i in which if i != best])
         return found
 
-    def _forget(self, which: Sequence[int]) -> None:
+    def _forget(self, which: Iterable[int]) -> None:
+        """Explanations that are tried no more, and their columns."""
         for i in which:
             self.judged.explanations[i] = None
-
-
-def _still_sought(tried: Sequence[Tried], found: Sequence[Cause]) -> list[Tried]:
-    """What was tried, less kinds found often enough, and late, recorded columns without strong and even evidence."""
-    keys = [cause.tried.key for cause in found]
-    steps, waves = sum(key in MANY for key in keys), keys.count(WAVE)
-    enough = [*(MANY if steps >= MOST_STEPS else ()), *([WAVE] if waves >= MOST_WAVES else ())]
-    late = len(found) - steps >= LATE
-    weak = [t for t in tried if t.key[1] is not None and (t.score < STRONG or t.scatter > EVEN)] if late else []
-    return [t for t in tried if t.key not in enough and t not in weak]
+            self.tried[i] = replace(self.tried[i], columns=self.tried[i].columns[:0].copy())
+            self.coarse[i] = self.coarse[i][:0].copy()
 
 
 def _six_digits(seconds: float) -> float:

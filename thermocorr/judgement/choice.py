@@ -7,9 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .levels import CLEAR, EVEN, GAIN, LEVEL, NEAR, SPEAKS, STRONG, TIE
+from .dated import MANY
+from .levels import CLEAR, EVEN, GAIN, LATE, LEVEL, MOST_STEPS, MOST_WAVES, NEAR, SPEAKS, STRONG, TIE
 from .pool import Explanation, Key
 from .worth import Worth
+
+WAVE: Key = ("periodic", None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +38,11 @@ class Tried:
     def proven(self) -> bool:
         """Whether the likelihood proves it."""
         return self.p_value <= LEVEL and self.score > 0
+
+    @property
+    def sure(self) -> bool:
+        """Whether its evidence is strong, and lies evenly over the record."""
+        return self.score >= STRONG and self.scatter <= EVEN
 
     @property
     def key(self) -> Key:
@@ -68,6 +76,16 @@ def first_of_each(ranked: Iterable[Tried]) -> list[Tried]:
     for tried in ranked:
         best.setdefault(tried.key, tried)
     return list(best.values())
+
+
+def still_sought(tried: Sequence[Tried], found: Sequence[Cause], steps: int) -> list[Tried]:
+    """What was tried, less kinds found often enough; of recorded columns, late, only those of sure evidence.
+
+    `steps` of the causes found are steps or disturbances.
+    """
+    waves, late = sum(cause.tried.key == WAVE for cause in found), len(found) - steps >= LATE
+    enough = [*(MANY if steps >= MOST_STEPS else ()), *([WAVE] if waves >= MOST_WAVES else ())]
+    return [t for t in tried if t.key not in enough and (t.sure or not late or t.key[1] is None)]
 
 
 def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[Tried | None, list[Tried]]:
@@ -111,7 +129,7 @@ def _harms(t: Tried) -> bool:
         return False
     if t.explanation.effect.is_product:
         return True
-    return t.worth.mean <= -GAIN and not (t.scatter <= EVEN and t.score >= STRONG)
+    return t.worth.mean <= -GAIN and not t.sure
 
 
 def _enough(t: Tried) -> float:

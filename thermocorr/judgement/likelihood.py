@@ -112,10 +112,6 @@ class Comparison:
             found = Columns(rows=rows, own=own, base=np.ascontiguousarray(base[:, :, kept]), reading=reading[:, kept])
             self.explanations.append(found if len(kept) else None)
 
-    def give_up(self, i: int) -> None:
-        """Forget an explanation: it is as if the base held it."""
-        self.explanations[i] = None
-
     def width(self, i: int) -> int:
         """Columns of an explanation that the base does not hold already."""
         found = self.explanations[i]
