@@ -34,7 +34,7 @@ def test_corrected_log_has_the_same_rows_and_the_model_loads(log, tmp_path, caps
     assert printed.err == ""
     before, after = pd.read_csv(log), pd.read_csv(out / "corrected.csv", keep_default_na=False)
     pd.testing.assert_frame_equal(after[before.columns], before)
-    assert list(after.columns[-4:]) == ["corrected", "model", "residual", "flag"]
+    assert list(after.columns[-5:]) == ["corrected", "model", "residual", "flag", "u"]
     model = load_model(out / "model.json")
     np.testing.assert_allclose(model.predict(before.drop(columns="reading")), after["model"], rtol=1e-12)
     assert "lag[600 s]" in (out / "model.txt").read_text()
@@ -119,3 +119,18 @@ def test_columns_without_a_log_are_refused(capsys):
 def test_the_first_line_says_whether_to_use_the_correction(log, capsys):
     assert analyze(log, "--out", str(log.parent / "first")) == 0
     assert capsys.readouterr().out.startswith("Use it: better in 5 of 5 later blocks")
+
+
+def test_uncertainties_of_a_corrected_log(log, tmp_path, capsys):
+    """`correct --uncertainty` writes what `analyze` wrote, and what Python says."""
+    out = tmp_path / "result"
+    assert analyze(log, "--out", str(out)) == 0
+    files = "--model", str(out / "model.json"), "--out", str(tmp_path / "again.csv")
+    assert main(["correct", str(log), *files, "--uncertainty", "--average", "5"]) == 0
+    again, before = pd.read_csv(tmp_path / "again.csv"), pd.read_csv(out / "corrected.csv")
+    assert list(again.columns[-2:]) == ["u", "u_smoothed"]
+    np.testing.assert_allclose(again["u"], before["u"], rtol=1e-12)
+    raw = pd.read_csv(log)
+    stated = load_model(out / "model.json").correct(raw.drop(columns="reading"), raw["reading"], return_std=True)[1]
+    np.testing.assert_allclose(again["u"], stated, rtol=1e-12)
+    assert main(["correct", str(log), *files, "--uncertainty"]) == 0  # its own file is overwritten

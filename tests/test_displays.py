@@ -11,6 +11,8 @@ from sklearn.exceptions import NotFittedError
 
 from thermocorr import (
     AllanDisplay,
+    Budget,
+    BudgetDisplay,
     ContributionsDisplay,
     DynamicBiasRegressor,
     ParquetLog,
@@ -30,6 +32,7 @@ from thermocorr import (
 from thermocorr.datasets import make_record
 from thermocorr.effects import Delay, Drift
 from thermocorr.equations import allan_deviation, moving_average
+from thermocorr.estimators.uncertainty.budget import Line
 
 pytestmark = pytest.mark.usefixtures("drawing")
 
@@ -330,3 +333,18 @@ def test_what_is_no_fitted_model_is_refused(fitted):
         SpectrumDisplay.from_estimator(TimeConstantSearch(refit=False))
     with pytest.raises(NotFittedError):
         ResidualsDisplay.from_estimator(DynamicBiasRegressor(), X, y)
+
+
+def test_a_budget_is_drawn_with_its_shares():
+    lines = (
+        Line(quantity="noise", estimate=1.0, uncertainty=3.0, unit="mV"),
+        Line(quantity="thermometer", estimate=0.0, uncertainty=0.4, unit="K", sensitivity=10.0, type="B"),
+        Line(quantity="nothing", estimate=0.0, uncertainty=0.0, unit="mV", type="B, not declared"),
+    )
+    budget = Budget(name="corrected", value=10.0, unit="mV", lines=lines, coverage=0.95, status="signed")
+    display = BudgetDisplay.from_budget(budget).plot()
+    display.figure_.canvas.draw()
+    np.testing.assert_allclose([bar.get_width() for bar in display.ax_.patches], [64.0, 36.0])
+    assert [label.get_text() for label in display.ax_.get_yticklabels()] == ["thermometer (B)", "noise (A)"]
+    assert display.frame()["share"].tolist() == pytest.approx([0.64, 0.36, 0.0])
+    assert display.ax_.get_xlabel().endswith("[%]") and "10.0(9.8) mV" in display.ax_.get_title(loc="left")

@@ -138,6 +138,8 @@ def test_foreign_files_are_overwritten_by_force_only(tmp_path):
         (b'<!DOCTYPE html>\n<html lang="en"><head><meta name="generator" content="thermocorr">', True),
         (b"/* Made by thermocorr; see bridge.h. */\n", True),
         (b"time,temperature,reading,corrected,model,residual,flag\n1,2,3", True),
+        (b"time,temperature,reading,corrected,model,residual,flag,u\n1,2,3", True),
+        (b"time,T,corrected,bias,flag,smoothed,u,u_smoothed\n", True),
         (b"time,T,flag,corrected,bias,flag_thermocorr,smoothed,reference\r\n", True),
         (b"import thermocorr\n", False),
         (b"time,temperature,corrected,reading\n", False),

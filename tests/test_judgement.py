@@ -15,8 +15,9 @@ import thermocorr
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.equations.noise import Bands, fitted_parts
+from thermocorr.estimators.evenness import evenness
 from thermocorr.judgement.anywhere import best_period, filtered, step_gains
-from thermocorr.judgement.blocks import averaged, evenness, spans
+from thermocorr.judgement.blocks import averaged, spans
 from thermocorr.judgement.candidates import record_of, suspect_record
 from thermocorr.judgement.levels import RIDGE
 from thermocorr.judgement.likelihood import Comparison

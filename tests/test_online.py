@@ -26,6 +26,7 @@ from thermocorr import (
     load_model,
     save_model,
 )
+from thermocorr.datasets import make_record
 from thermocorr.effects import Drift, LaggedCovariate
 
 
@@ -311,3 +312,24 @@ def test_it_is_fast_enough(default):
             update(*row)
         best = min(best, (time.process_time() - begin) / len(T))
     assert best < 60e-6
+
+
+@pytest.mark.parametrize("times", ["auto", ["5 min", "90 min"]], ids=["searched", "given"])
+def test_live_uncertainties_are_those_of_correct(times):
+    """One by one, in blocks, and after a stop: to 12 digits of what `correct` states for the whole."""
+    lab = make_record(2600, seed=12)
+    X, y = lab[["temperature"]], lab["reading"].copy()
+    y.iloc[2100:2105] = np.nan
+    model = DynamicBiasRegressor("temperature", times).fit(X[:2000], y[:2000])
+    u = model.correct(X, y, return_std=True)[1].to_numpy()
+    blocks = OnlineCorrector(model, uncertainty=True, average=30)
+    together = pd.concat([blocks.update_many(X[low:high], y[low:high]) for low, high in ((0, 900), (900, 2600))])
+    np.testing.assert_allclose(together["u"], u, rtol=1e-12)
+    live = OnlineCorrector(model, uncertainty=True, average=30)
+    singly = [live.update(*row) for row in zip(X.index[:950], X["temperature"][:950], y[:950], strict=True)]
+    np.testing.assert_allclose([one.u for one in singly], u[:950], rtol=1e-12)
+    np.testing.assert_allclose([one.u_smoothed for one in singly], together["u_smoothed"][:950], rtol=1e-12)
+    assert (together["u_smoothed"][100:] < together["u"][100:]).sum() == np.isfinite(u[100:]).sum()
+    again = OnlineCorrector.from_state(model, json.loads(json.dumps(live.state())))
+    np.testing.assert_allclose(again.update_many(X[950:], y[950:])["u"], u[950:], rtol=1e-12)
+    assert "u" not in OnlineCorrector(model).update_many(X[:20], y[:20])

@@ -7,11 +7,14 @@ from ._version import __version__
 
 if TYPE_CHECKING:
     from .estimators import (
+        Budget,
         DiffusiveFeatures,
         DynamicBiasRegressor,
         LaterErrors,
         MergedRidge,
+        Sensor,
         TimeConstantSearch,
+        Uncertainty,
         VariantComparison,
         compare_variants,
         held_out_residuals,
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     from .live import OnlineCorrector
     from .pictures import (
         AllanDisplay,
+        BudgetDisplay,
         ContributionsDisplay,
         RefinementDisplay,
         ResidualLoopDisplay,
@@ -37,16 +41,18 @@ if TYPE_CHECKING:
 
 _ROOMS = {
     "estimators": (
-        "DiffusiveFeatures", "DynamicBiasRegressor", "LaterErrors", "MergedRidge", "TimeConstantSearch",
-        "VariantComparison", "compare_variants", "held_out_residuals", "later_errors",
+        "Budget", "DiffusiveFeatures", "DynamicBiasRegressor", "LaterErrors", "MergedRidge", "Sensor",
+        "TimeConstantSearch", "Uncertainty", "VariantComparison", "compare_variants", "held_out_residuals",
+        "later_errors",
     ),
     "files.codec": ("ModelFileError",),
     "files.model_file": ("load_model", "save_model"),
     "judgement": ("Diagnosis", "Refinement", "diagnose", "refine"),
     "live": ("OnlineCorrector",),
     "pictures": (
-        "AllanDisplay", "ContributionsDisplay", "RefinementDisplay", "ResidualLoopDisplay", "ResidualsDisplay",
-        "SpectrumDisplay", "StepResponseDisplay", "SuspectsDisplay", "VariantsDisplay", "WhereDisplay",
+        "AllanDisplay", "BudgetDisplay", "ContributionsDisplay", "RefinementDisplay", "ResidualLoopDisplay",
+        "ResidualsDisplay", "SpectrumDisplay", "StepResponseDisplay", "SuspectsDisplay", "VariantsDisplay",
+        "WhereDisplay",
     ),
     "records": ("ParquetLog", "RecordError", "RecordWarning"),
 }  # fmt: skip
@@ -54,6 +60,8 @@ _ROOMS = {
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 __all__ = [
     "AllanDisplay",
+    "Budget",
+    "BudgetDisplay",
     "ContributionsDisplay",
     "Diagnosis",
     "DiffusiveFeatures",
@@ -69,10 +77,12 @@ __all__ = [
     "RefinementDisplay",
     "ResidualLoopDisplay",
     "ResidualsDisplay",
+    "Sensor",
     "SpectrumDisplay",
     "StepResponseDisplay",
     "SuspectsDisplay",
     "TimeConstantSearch",
+    "Uncertainty",
     "VariantComparison",
     "VariantsDisplay",
     "WhereDisplay",

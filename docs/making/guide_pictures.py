@@ -25,6 +25,9 @@ PICTURES: dict[str, dict[str, Callable[[dict[str, Any]], Any]]] = {
         "where": lambda made: _displays().WhereDisplay.from_diagnosis(made["diagnosis"]),
         "refinement": lambda made: _displays().RefinementDisplay.from_refinement(made["refinement"]),
     },
+    "uncertainty": {
+        "budget": lambda made: _displays().BudgetDisplay.from_budget(made["signed"].budget(7000)),
+    },
     "trust": {
         "allan": lambda made: _displays().AllanDisplay.from_estimator(made["model"], made["X"], made["y"]),
     },

@@ -149,10 +149,10 @@ def _run(
 
 
 def _evaluated(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series, say: Callable[[str], None]) -> pd.DataFrame:
-    """`evaluate`, its warnings among what is said."""
+    """`evaluate` with uncertainties, its warnings among what is said."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RecordWarning)
-        evaluated = model.evaluate(X, y)
+        evaluated = model.evaluate(X, y, return_std=True)
     for warning in caught:
         say(f"Note: {warning.message}\n")
     return evaluated

@@ -47,6 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     columns.add_argument("--reading", metavar="COLUMN", help="what the instrument shows")
     columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds")
     more = parser.add_argument_group("beside the corrected reading")
+    more.add_argument(
+        "--uncertainty", action="store_true", help="its standard uncertainty, as `u`; that of the mean as `u_smoothed`"
+    )
     more.add_argument("--average", type=int, metavar="N", help="its mean over the last N samples, as `smoothed`")
     more.add_argument(
         "--track",
@@ -62,7 +65,7 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
     Returns 1 where lines were left out or refused for their time, else 0.
     """
     model = load(options.model)
-    live = OnlineCorrector(model, average=options.average, track=options.track)
+    live = OnlineCorrector(model, average=options.average, track=options.track, uncertainty=options.uncertainty)
     saved = None
     if options.state and Path(options.state).exists():
         saved = read_state(options.state, model)

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from ..live.corrector import OnlineCorrector
+from ..live.given import COLUMNS
 from ..records import RecordError
 from ..records.csvlines import fields_of, header_of, miscounted
 from ..records.errors import listing, quoted, times_word
@@ -21,7 +22,6 @@ from ..records.files import TIME_NAMES
 from ..records.grammar import label, number
 from .outputs import new_names
 
-RESULTS = ("corrected", "bias", "flag")
 REFUSED = ("stale time", "backward time")
 """Flags of rows that get no result for their time."""
 _SHOWN = 20
@@ -92,9 +92,7 @@ class LogRows:
         self._time = self._place(name, "time") if self._timed else None
         self._others = {column: self._place(str(column), "") for column in self.live.columns}
         self._run = None if model.run is None else self._place(str(model.run), "")
-        self._extra = [*RESULTS]
-        self._extra += [] if self.live.average is None else ["smoothed"]
-        self._extra += [] if self.live.track is None else ["reference"]
+        self._extra = self.live.names
         return [*header, *new_names(self._extra, header)]
 
     def read(self, line: bytes) -> Sample | None:
@@ -139,7 +137,7 @@ class LogRows:
         stamps = np.array([sample.stamp for sample in samples]) if self._timed else None
         runs = None if self._run is None else pd.Series([sample.run for sample in samples], dtype=object)
         out = self.live.update_stamps(stamps, values, reading, runs)
-        columns = [getattr(out, {"flag": "flags"}.get(name, name)).tolist() for name in self._extra]
+        columns = [getattr(out, COLUMNS.get(name, name)).tolist() for name in self._extra]
         for flag, corrected in zip(out.flags, out.corrected, strict=True):
             self._count(flag, corrected)
         return [[_cell(value) for value in row] for row in zip(*columns, strict=True)]

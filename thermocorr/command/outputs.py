@@ -15,11 +15,11 @@ from ..files.model_file import content_of
 from ..records import RecordError
 from ..records.text import printable
 
-RESULT_COLUMNS = ("corrected", "model", "residual", "flag")
+RESULT_COLUMNS = ("corrected", "model", "residual", "flag", "u")
 
 
 def write_corrected(outputs: Outputs, folder: Path, log: pd.DataFrame, evaluated: pd.DataFrame, index: bool) -> Path:
-    """Write corrected.csv: the log as it came, and four columns more."""
+    """Write corrected.csv: the log as it came, and five columns more."""
     names = new_names(RESULT_COLUMNS, log.columns)
     result = log.assign(**{new: evaluated[old].to_numpy() for new, old in zip(names, RESULT_COLUMNS, strict=True)})
     path = folder / "corrected.csv"

@@ -13,6 +13,7 @@ walk to 15 % but for its first eight rows, where it falls to a third (2500 and 2
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,6 +24,8 @@ RATIO = 3.0
 """Between neighbouring correlation times."""
 LONGEST = 1 / 3
 """Longest correlation time, as a share of all rows: beyond, a part looks like a random walk."""
+SHORT_PAUSE = 0.01
+"""Share of the record that a pause may last for noise to go on over it, wherever it lies."""
 SINGLE = 40
 """Lowest rows of the transform that stand alone: there the power changes from row to row."""
 PER_E = 20
@@ -79,9 +82,12 @@ class Bands:
         """Power of each part of the noise in each band, shape (bands, parts): white first, unit variance each."""
         n = len(self.segment)
         count = max(0, int(np.log(LONGEST * n) / np.log(RATIO)) + 1)
-        kept = np.exp(-1 / RATIO ** np.arange(count))  # correlation of neighbouring rows
-        wandering = (1 - kept**2) / (1 - 2 * kept * np.cos(self.middle)[:, None] + kept**2)
-        return np.column_stack((np.ones(len(self.middle)), wandering))
+        return np.column_stack((np.ones(len(self.middle)), self.powers(RATIO ** np.arange(count))))
+
+    def powers(self, correlation_times: np.ndarray) -> np.ndarray:
+        """Power of Ornstein-Uhlenbeck noises of unit variance in each band, shape (bands, times), times in rows."""
+        kept = np.exp(-1 / correlation_times)  # correlation of neighbouring rows
+        return np.asarray((1 - kept**2) / (1 - 2 * kept * np.cos(self.middle)[:, None] + kept**2))
 
     def sums(self, rows: np.ndarray) -> np.ndarray:
         """Sums over each band of rows in order of frequency."""
@@ -133,6 +139,29 @@ def fitted_parts(parts: np.ndarray, share: np.ndarray, power: np.ndarray, start:
 def whittle(share: np.ndarray, power: np.ndarray, S: np.ndarray) -> np.ndarray:
     """Log likelihood of sums of squares of bands under powers S, both of shape (bands, records)."""
     return np.asarray(-0.5 * np.sum(share[:, None] * np.log(S) + power / S, axis=0))
+
+
+def spans(segment: np.ndarray, seconds: np.ndarray, runs: Sequence[object]) -> np.ndarray:
+    """Number of the span of each row: noise goes on over short pauses, though heat may have to start anew.
+
+    A pause is short beside what lies before or after it, or beside the whole; between runs none is.
+
+    Parameters
+    ----------
+    segment, seconds : arrays of shape (n,)
+        Number of the segment and time [s] of each row, in the order of time within segments.
+    runs : sequence
+        Label of the run of each segment, in the order of `segment`.
+    """
+    edges = np.flatnonzero(np.diff(segment, prepend=-1))
+    first, last = seconds[edges], seconds[[*(edges[1:] - 1), -1]]
+    label = [runs[i] for i in segment[edges]]
+    short, began, ends = SHORT_PAUSE * float(np.ptp(seconds)), 0, np.zeros(len(segment), int)
+    for i in range(1, len(edges)):
+        most = max(last[i - 1] - first[began], last[i] - first[i], short)
+        if label[i] != label[i - 1] or not 0 <= first[i] - last[i - 1] <= most:
+            ends[edges[i]], began = 1, i
+    return np.cumsum(ends)
 
 
 def inverse_kernel(theta: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:

@@ -6,14 +6,18 @@ from .later import LaterErrors, later_errors
 from .regressor import DynamicBiasRegressor
 from .ridge import MergedRidge
 from .time_constant_search import TimeConstantSearch
+from .uncertainty import Budget, Sensor, Uncertainty
 from .variants import VariantComparison, compare_variants
 
 __all__ = [
+    "Budget",
     "DiffusiveFeatures",
     "DynamicBiasRegressor",
     "LaterErrors",
     "MergedRidge",
+    "Sensor",
     "TimeConstantSearch",
+    "Uncertainty",
     "VariantComparison",
     "compare_variants",
     "held_out_residuals",

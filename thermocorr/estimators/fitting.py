@@ -14,6 +14,7 @@ from ..effects.protocol import Effect
 from ..effects.stream import Walked, own_starts, walk
 from ..equations import RidgeSolution, TriangularFactor, solve_ridge
 from ..records import BLOCK_ROWS, Record, RecordError
+from .binned import Binned, Binning
 from .flat import flat_effects
 
 N_CHUNKS = 20
@@ -28,11 +29,14 @@ class Swept:
     end_states: list[list[Any]]
     reading_offset: float
     """Subtracted from every reading before it was swept in, so that its digits are kept."""
+    binned: Binned | None = None
+    """The record, averaged over short stretches; None where nobody gathered it."""
 
     def ordered(self, effects: Sequence[int], columns: Sequence[int]) -> Swept:
         """Factors and end states with columns and effects in another order, as `decays_first` gives it."""
         ends = [[states[effects.index(i)] for i in range(len(states))] for states in self.end_states]
-        return Swept([chunk.select(columns) for chunk in self.chunks], ends, self.reading_offset)
+        chunks = [chunk.select(columns) for chunk in self.chunks]
+        return Swept(chunks, ends, self.reading_offset, self.binned and self.binned.ordered(columns[1:-1]))
 
     def without(self, columns: Sequence[int]) -> Swept:
         """Put zeros in these columns of ``[1 | Q | U]``, so that they get no coefficient."""
@@ -128,9 +132,11 @@ def sweep(
     chunks: list[TriangularFactor] = []
     ends: list[list[Any]] = []
     begun: dict[tuple[int, int], TriangularFactor] = {}
+    binning = Binning(record)
     for step in steps:
         block, rows = step.block, step.columns
         reading = np.asarray(record.reading[block.rows], float) - offset
+        binning.take(block, rows[:, :-2], reading)
         rows[:, -2] = 1.0
         rows[:, -1] = reading
         if block.stop == record.segments[block.segment].stop:
@@ -148,7 +154,7 @@ def sweep(
                 begun.setdefault((chunk, block.segment), TriangularFactor(rows.shape[1])).update(piece)
     for (chunk, _), factor in begun.items():
         chunks[chunk].merge(factor.behind(factor.r.shape[1] - chunks[chunk].r.shape[1]))
-    return Swept(chunks, ends, offset)
+    return Swept(chunks, ends, offset, binning.binned())
 
 
 def _pieces(edges: np.ndarray, places: np.ndarray) -> Iterator[tuple[int, slice]]:

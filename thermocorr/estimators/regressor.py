@@ -20,9 +20,9 @@ from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import solve_ridge
 from ..records import Block, Record, RecordWarning, seconds_of
 from ..records.numbers import numeric_reading
+from .aligned import like, no_flags
 from .cancellation import cancelling
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
-from .fitted import FittedModel
 from .fitting import equal_edges, require_rows, sweep_effects
 from .flat import flat_columns
 from .reading import Reading, check_corrected, check_plausible
@@ -32,12 +32,13 @@ from .threads import one_blas_thread
 from .time_constants.resolution import spectrum_table, unresolved
 from .time_constants.search import SearchSettings, TimeConstantChoice, search
 from .time_constants.spectrum import DECAY_SHARE, POOL_SIZE
+from .uncertainty.signing import SignedModel
 
 WASHOUT_TIME_CONSTANTS = 3.0
 """An unknown start is felt for this many of the longest time constant: 5 % of it is left then."""
 
 
-class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseEstimator):
+class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseEstimator):
     """Learns how temperature moves a reading, late, and removes it: the model of eqs. (21)-(24).
 
     Parameters
@@ -179,7 +180,8 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
         features.remember(record, self._swept.end_states)
         ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
         self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
-        self.__dict__.pop("standard_errors_", None)
+        for learned in ("standard_errors_", "joint_errors_"):
+            self.__dict__.pop(learned, None)
         self.reading_ = reading
         effects = features.effect_list()
         doubts = [*self._unresolved(record), *flat_columns(record, effects)]
@@ -197,25 +199,38 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
             self.feature_names_in_ = features.feature_names_in_
         return self
 
-    def predict(self, X: Any) -> np.ndarray:
-        """Modelled reading, eq. (22), shape (n_rows,); NaN in rows without a temperature, or a refused one."""
-        return np.asarray(self._contributions(X).sum(axis=1) + self.intercept_)
+    def predict(self, X: Any, return_std: bool = False) -> Any:
+        """Modelled reading, eq. (22), shape (n_rows,); NaN in rows without a temperature, or a refused one.
 
-    def bias(self, X: Any) -> Any:
-        """What `correct` takes away: modelled reading less U0 (and less effects that are to be kept)."""
-        return like(X, self._removed_from(self._contributions(X)), "bias")
+        With `return_std` a tuple: the standard uncertainty of one reading to come beside it, its noise included.
+        """
+        value = np.asarray(self._contributions(X).sum(axis=1) + self.intercept_)
+        return (value, self._uncertain(X, "reading")) if return_std else value
 
-    def correct(self, X: Any, y: Any) -> Any:
+    def bias(self, X: Any, return_std: bool = False) -> Any:
+        """What `correct` takes away: modelled reading less U0 (and less effects that are to be kept).
+
+        With `return_std` a tuple: its standard uncertainty beside it, without the noise of readings.
+        """
+        value = like(X, self._removed_from(self._contributions(X)), "bias")
+        return (value, like(X, self._uncertain(X, "bias"), "u")) if return_std else value
+
+    def correct(self, X: Any, y: Any, return_std: bool = False) -> Any:
         """Corrected reading: reading minus bias, eq. (24). A Series where X is a DataFrame.
 
         NaN where a reading or a temperature is missing or refused, see `screen`. Warns (`RecordWarning`) where it
-        leaves all readings far behind.
+        leaves all readings far behind. With `return_std` a tuple: its standard uncertainty beside it; `uncertainty`
+        has more to say.
         """
         reading = numeric_reading(y, X)
         parts, believed = self._parts(X, reading)
         corrected = believed - self._removed_from(parts)
         check_corrected(self.reading_, corrected, reading, self._level_asked_for())
-        return like(X, corrected, "corrected")
+        value = like(X, corrected, "corrected")
+        if not return_std:
+            return value
+        u = np.where(np.isfinite(corrected), self._uncertain(X, "corrected"), np.nan)
+        return value, like(X, u, "u")
 
     def residuals(self, X: Any, y: Any) -> Any:
         """Measured minus modelled reading, NaN as in `correct`. A Series where X is a DataFrame."""
@@ -241,10 +256,10 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
             flags[block.rows] = self.block_flags(block, None if reading is None else reading[block.rows])
         return like(X, flags, "flag")
 
-    def evaluate(self, X: Any, y: Any) -> pd.DataFrame:
+    def evaluate(self, X: Any, y: Any, return_std: bool = False) -> pd.DataFrame:
         """Everything about a record in one frame: corrected, model, residual, flag; rows as they came.
 
-        Warns as `correct` does.
+        Warns as `correct` does. With `return_std` a column more: `u`, the standard uncertainty of `corrected`.
         """
         reading = numeric_reading(y, X)
         n_rows = len(reading)
@@ -255,6 +270,8 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
             for name, part in values.items():
                 columns[name][block.rows] = part
         check_corrected(self.reading_, columns["corrected"], reading, self._level_asked_for())
+        if return_std:
+            columns["u"] = np.where(np.isfinite(columns["corrected"]), self._uncertain(X, "corrected"), np.nan)
         return pd.DataFrame(columns, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     def evaluate_blocks(self, X: Any, y: Any) -> Iterator[pd.DataFrame]:
@@ -374,16 +391,3 @@ class DynamicBiasRegressor(FittedModel, RegressorMixin, EffectsParameters, BaseE
         tags.input_tags.allow_nan = True  # rows with NaN in the temperature are passed over
         tags.regressor_tags.poor_score = True  # of many columns it uses one, unless effects name others
         return tags
-
-
-def no_flags(record: Record) -> np.ndarray:
-    """Flags of rows that belong to no block: why they have no temperature, shape (n_rows,)."""
-    flags = np.full(record.n_rows, "no temperature", dtype=object)
-    for refused in record.refused:
-        flags[refused.rows] = refused.reason
-    return flags
-
-
-def like(X: Any, values: np.ndarray, name: str) -> Any:
-    """Values as a Series beside a DataFrame, as an array beside an array."""
-    return pd.Series(values, index=X.index, name=name) if isinstance(X, pd.DataFrame) else values

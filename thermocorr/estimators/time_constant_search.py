@@ -183,7 +183,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     @available_if(lambda self: self.refit)
     def predict(self, X: Any) -> np.ndarray:
         """Modelled reading of the best model."""
-        return self._best().predict(X)
+        return np.asarray(self._best().predict(X))
 
     @available_if(lambda self: self.refit)
     def correct(self, X: Any, y: Any) -> Any:

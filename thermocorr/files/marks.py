@@ -17,7 +17,8 @@ _MARKS = (
     re.compile(re.escape(TEXT_MARK.encode())),
     re.compile(  # corrected log: its last columns
         rb"[^\n]*\bcorrected(_thermocorr)?,(model(_thermocorr)?,residual(_thermocorr)?|bias(_thermocorr)?),"
-        rb"flag(_thermocorr)?(,smoothed(_thermocorr)?)?(,reference(_thermocorr)?)?\r?\n"
+        rb"flag(_thermocorr)?(,smoothed(_thermocorr)?)?(,reference(_thermocorr)?)?(,u(_thermocorr)?)?"
+        rb"(,u_smoothed(_thermocorr)?)?\r?\n"
     ),
 )
 

@@ -29,7 +29,7 @@ from .effect_nodes import EffectCodec
 from .model_nodes import pack_model, unpack_model
 
 FORMAT = "thermocorr model"
-VERSION = 3
+VERSION = 4
 LONGEST_MESSAGE = 400
 """Characters of what is said about a file's content, which may be anything."""
 HISTORY_ROWS = 4096
@@ -218,10 +218,18 @@ def _without_screen(node: dict[str, Any]) -> dict[str, Any]:
     return {**node, "version": 3, "model": model}
 
 
+def _without_errors(node: dict[str, Any]) -> dict[str, Any]:
+    """Version 3: no joint errors, no noise."""
+    if not isinstance(node.get("model"), dict):
+        raise ModelFileError("$.model is no object")
+    return {**node, "version": 4, "model": {"errors": None, **node["model"]}}
+
+
 MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     0: _from_draft,
     1: _from_digest_inside,
     2: _without_screen,
+    3: _without_errors,
 }
 """Version -> what makes of its content that of the next version."""
 

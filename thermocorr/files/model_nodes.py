@@ -36,6 +36,7 @@ from .codec import (
     vector,
 )
 from .effect_nodes import EffectCodec, check_state
+from .error_nodes import pack_errors, unpack_errors
 from .screen_nodes import pack_screen, unpack_screen
 
 KINDS = ("datetime", "datetime with time zone", "timedelta", "seconds", "rows")
@@ -214,7 +215,7 @@ def unpack_reading(node: Any, where: str) -> Reading:
 
 _MODEL = (
     "parameters", "intercept", "coefficients", "standard_errors", "columns", "alpha", "rank", "residual_std", "washout",
-    "notes", "n_features_in", "feature_names_in", "reading", "effects", "history",
+    "notes", "n_features_in", "feature_names_in", "reading", "effects", "history", "errors",
 )  # fmt: skip
 
 
@@ -246,6 +247,7 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
         "feature_names_in": None if names is None else [str(column) for column in names],
         "effects": effects,
         "history": pack_history(history, features.effect_list(), codec),
+        "errors": pack_errors(model.joint_errors(), codec) if model.knows_noise else None,
     }
 
 
@@ -290,6 +292,9 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
         _check_names(checked, features, f"{where}.feature_names_in")
         features.feature_names_in_ = model.feature_names_in_ = np.array(checked, dtype=object)
     _restore_numbers(model, features, node, where)
+    errors = unpack_errors(node["errors"], f"{where}.errors", features.effect_list(), features.history_, codec)
+    if errors is not None:
+        model.joint_errors_ = errors
     return model
 
 

@@ -12,13 +12,13 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts, walk
+from ..equations import noise
 from ..records import BLOCK_ROWS, Record
 from ..records.thinned import Thinned
-from .levels import COARSE, MOST_UNEVEN, NEARBY, SHORT_PAUSE, UNEVEN
+from .levels import COARSE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,38 +116,8 @@ def with_exact(short: Thinned, record: Record, effects: Sequence[Effect]) -> Thi
 
 
 def spans(data: Averages, record: Record) -> np.ndarray:
-    """Number of the span of each stretch: noise goes on over short pauses, though heat may have to start anew.
-
-    A pause is short beside what lies before or after it, or beside the whole record; between runs none is.
-    """
-    edges = np.flatnonzero(np.diff(data.segment, prepend=-1))
-    first, last = data.seconds[edges], data.seconds[[*(edges[1:] - 1), -1]]
-    runs = [record.segments[i].run for i in data.segment[edges]]
-    short, began, ends = SHORT_PAUSE * float(np.ptp(data.seconds)), 0, np.zeros(len(data.segment), int)
-    for i in range(1, len(edges)):
-        most = max(last[i - 1] - first[began], last[i] - first[i], short)
-        if runs[i] != runs[i - 1] or not 0 <= first[i] - last[i - 1] <= most:
-            ends[edges[i]], began = 1, i
-    return np.cumsum(ends)
-
-
-def evenness(residual: np.ndarray, segment: np.ndarray) -> np.ndarray:
-    """Usual size of the noise over its size near each row; ones unless it clearly changes in the course of the record.
-
-    The size is that of the steps between neighbouring rows, of which the largest count less: a quantised reading moves
-    in few of them, and a spike is no noise.
-    """
-    steps = np.abs(np.diff(residual))[np.diff(segment) == 0]
-    jump = np.abs(np.diff(residual, prepend=np.nan))
-    jump[np.diff(segment, prepend=segment[0]) != 0] = np.nan
-    if len(steps) < 10 * NEARBY or not steps.any():
-        return np.ones(len(residual))
-    squares = pd.Series(np.minimum(jump, 4 * np.mean(steps)) ** 2)
-    size = np.sqrt(squares.rolling(NEARBY, center=True, min_periods=NEARBY // 4).mean().bfill().ffill().to_numpy())
-    low, usual, high = np.quantile(size, (0.05, 0.5, 0.95))
-    if not high > UNEVEN * low or usual == 0:
-        return np.ones(len(residual))
-    return np.asarray(1 / np.clip(size / usual, 1 / MOST_UNEVEN, MOST_UNEVEN))
+    """Number of the span of each stretch, see `thermocorr.equations.noise.spans`."""
+    return noise.spans(data.segment, data.seconds, [segment.run for segment in record.segments])
 
 
 def filled(record: Record, used: Collection[Any], most_missing: float = 0.05) -> Record:

@@ -68,16 +68,8 @@ OUTSTANDING = 3.0
 """Distance from the median of five, in robust standard deviations, beyond which a reading counts no more for a
 disturbance. Without a limit, two of four records with heavy tails (Student, three degrees of freedom) and one of four
 with bursts were said to have short disturbances."""
-SHORT_PAUSE = 0.01
-"""Share of the record that a pause may last for noise to go on over it, wherever it lies."""
 ROUNDING = 1e-14
 """Size of what the base leaves of the reading, over the usual reading, that is arithmetic: nothing is looked for."""
-NEARBY = 100
-"""Rows over which the size of the noise is measured where it changes with time: known to 7 %."""
-UNEVEN = 2.0
-"""Largest over smallest size of the noise (95 % and 5 %), above which rows are weighted by it."""
-MOST_UNEVEN = 10.0
-"""Most that a weight departs from 1 to either side."""
 
 # Likelihood
 

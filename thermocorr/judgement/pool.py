@@ -13,10 +13,11 @@ import numpy as np
 from ..effects import StaticPolynomial
 from ..effects.protocol import Effect
 from ..equations.spikes import spikes
+from ..estimators.evenness import evenness
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record, RecordError
 from .base import slowest_of_base, thermal_base
-from .blocks import Averages, averaged, evenness, spans
+from .blocks import Averages, averaged, spans
 from .levels import COARSE, FEWEST, FINE, MOST_EMPTY, ROUNDING
 from .likelihood import orthonormal
 from .starts import Starts, starts_of

@@ -16,6 +16,7 @@ from ..estimators import DynamicBiasRegressor
 from ..records import Record, Segment, SegmentStart
 from ..records.read import GAP_STEPS
 from .clock import Clock
+from .live_errors import LiveErrors
 from .state import StreamState
 
 SUSPECT_GAPS = 1000.0
@@ -34,6 +35,8 @@ class Advanced(NamedTuple):
     flags: tuple[str, ...]
     counts: bool
     """Whether its corrected reading may move a tracked reference."""
+    variances: np.ndarray | None = None
+    """What `LiveErrors.variances` says of it, shape (2, 1); None unless asked for, and where there is no trust."""
 
 
 class Stream:
@@ -44,24 +47,30 @@ class Stream:
     model : DynamicBiasRegressor
     continues : bool
         Whether the stream may continue or repeat the fitted record.
+    errors : LiveErrors, optional
+        Where uncertainties are asked for.
     """
 
-    def __init__(self, model: DynamicBiasRegressor, continues: bool):
+    def __init__(self, model: DynamicBiasRegressor, continues: bool, errors: LiveErrors | None = None):
         features = model.features_
         self.model, self.continues = model, continues
-        self.history = history = features.history_
-        self.effects = features.effect_list()
+        self.history = history = features.history_ if errors is None else errors.history
+        self.effects = features.effect_list() if errors is None else errors.effects
+        self.errors = errors
         self.temperature = temperature = history.record.temperature_name
         self.inputs = [column for column in needed_columns(self.effects) if column != temperature]
         self._steppers = [
             stepper_of(effect, history.record.times, history.zero, temperature) for effect in self.effects
         ]
-        self._removed = [effect.removed_by_correct for effect in self.effects]
+        self._removed = [effect.removed_by_correct for effect in features.effect_list()]
         edges = np.cumsum([0, *(len(effect.names()) for effect in self.effects)]).tolist()
+        coef = np.zeros(edges[-1])
+        coef[: len(model.coef_)] = model.coef_
+        counted = [*self._removed, *(False for _ in self.effects[len(self._removed) :])]
         self._coefficients = [
-            (model.coef_[low:high] * removed).tolist()
-            for (low, high), removed in zip(pairwise(edges), self._removed, strict=True)
+            (coef[low:high] * removed).tolist() for (low, high), removed in zip(pairwise(edges), counted, strict=True)
         ]
+        self._edges = edges
         self._low, self._high = model.reading_.temperature_range
         self._washout = model.washout_
         self._max_gap = math.inf if history.max_gap is None else history.max_gap
@@ -145,7 +154,12 @@ class Stream:
             bias, mask = math.nan, mask | OUTSIDE
         if step > self.gap:
             mask |= GAP if step <= SUSPECT_GAPS * self.gap else SUSPECT
-        return Advanced(bias, FLAGS[mask], not mask & ~GAP)
+        if self.errors is None or mask & (NO_READING | WASHOUT) or bias != bias:
+            return Advanced(bias, FLAGS[mask], not mask & ~GAP)
+        columns = np.zeros((1, self._edges[-1]))
+        columns[0, self._active] = row
+        at = (np.array([value]) for value in (sample.seconds, T, bias))
+        return Advanced(bias, FLAGS[mask], not mask & ~GAP, self.errors.variances(columns, *at))
 
     def _settle(self, elapsed: float) -> None:
         """Leave out effects that have nothing more to say in this segment: start-up decays that are over."""
@@ -153,6 +167,7 @@ class Stream:
         active = [i for i, stepper in enumerate(self._steppers) if stepper.over(key) >= elapsed]
         self._steps = [self._steppers[i].step for i in active]
         self._weights = [weight for i in active for weight in self._coefficients[i]]
+        self._active = [column for i in active for column in range(self._edges[i], self._edges[i + 1])]
         self._until = min((self._steppers[i].over(key) for i in active), default=math.inf)
 
     def _begin(self, stamp: Any, run: Any, values: Any) -> float:
@@ -224,6 +239,10 @@ class Stream:
                 flags[(flags == "") & (steps[block.rows] > self.gap)] = "gap"
                 flags[steps[block.rows] > SUSPECT_GAPS * self.gap] = "suspect time"
                 out.bias[into], out.flags[into] = bias, flags
+                if self.errors is not None:
+                    found = self.errors.variances(walked[0].columns, block.seconds, block.temperature, bias)
+                    found[:, np.isin(flags, ("washout", "no reading"))] = np.nan
+                    out.variances[:, into] = found
         self._open, self._until = True, -math.inf
         self._take_up(walked[0].block.segment_key, walked[0].block.segment_zero, walked[0].states)
         return out
@@ -263,8 +282,10 @@ class AdvancedBlock(NamedTuple):
 
     bias: np.ndarray
     flags: np.ndarray
+    variances: np.ndarray
+    """What `LiveErrors.variances` says, shape (2, n)."""
 
     @classmethod
     def empty(cls, n: int) -> AdvancedBlock:
         """No biases and no flags yet."""
-        return cls(np.full(n, np.nan), np.full(n, "", dtype=object))
+        return cls(np.full(n, np.nan), np.full(n, "", dtype=object), np.full((2, n), np.nan))

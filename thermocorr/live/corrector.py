@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,8 +29,10 @@ from .given import (
     refused_rows,
     stretches,
 )
+from .live_errors import LiveErrors
+from .resumable import Resumable
 from .smoothing import MovingAverage, Tracker
-from .state import Place, Settings, StreamState, from_json, to_json
+from .state import StreamState
 
 _SHORT = 16
 """Fewer rows are faster one by one than in a block."""
@@ -39,7 +40,7 @@ _PIECE = 1 << 16
 """Rows of one block at most."""
 
 
-class OnlineCorrector:
+class OnlineCorrector(Resumable):
     """Corrects a stream of samples: the same numbers as `DynamicBiasRegressor.correct` on the whole of it.
 
     A stream whose first sample follows on the fitted record in time continues its lags; one that begins with a fitted
@@ -66,6 +67,9 @@ class OnlineCorrector:
         For a model of a record without times: number of the stream's first row, counted from the first fitted one. By
         default a first block is placed as `correct` places its rows, and a first single sample on the fitted row that
         it repeats, where only one has these digits; any other follows on the fitted record.
+    uncertainty : bool, default False
+        Report the standard uncertainty of each corrected reading too, `u`, and of the moving average, `u_smoothed`: as
+        ``correct(X, y, return_std=True)``. NaN where there is no corrected reading, and in the washout.
 
     Examples
     --------
@@ -88,6 +92,7 @@ class OnlineCorrector:
         track: Any = None,
         continues: bool = True,
         first_row: int | None = None,
+        uncertainty: bool = False,
     ):
         if not isinstance(model, DynamicBiasRegressor):
             raise TypeError(f"The model must be a DynamicBiasRegressor. Got {type(model).__name__}.")
@@ -97,12 +102,22 @@ class OnlineCorrector:
         self.average = None if average is None else MovingAverage(average)
         self.track = None if track is None else Tracker(track, model.intercept_)
         self.continues, self.first_row = bool(continues), first_row
-        self._stream = Stream(model, self.continues)
+        self.errors = LiveErrors(model) if uncertainty else None
+        self._stream = Stream(model, self.continues, self.errors)
         self._screen = self._stream.history.screen or Screen()
         self.columns = tuple(self._stream.inputs)
         """Recorded columns that the model needs beside the temperature."""
         self._given = [column_text(column) for column in self.columns]
         self.reset()
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the results: those that were asked for beside the corrected reading stand last."""
+        names = ["corrected", "bias", "flag"]
+        names += [] if self.average is None else ["smoothed"]
+        names += [] if self.track is None else ["reference"]
+        names += [] if self.errors is None else ["u"]
+        return names + ([] if self.errors is None or self.average is None else ["u_smoothed"])
 
     def reset(self) -> None:
         """Forget the stream: the next sample is taken as the first."""
@@ -213,7 +228,7 @@ class OnlineCorrector:
         if doubted:
             done = done._replace(flags=tuple(doubted if flag == "no reading" else flag for flag in done.flags))
         corrected = U - done.bias if known else math.nan
-        if self.average is None and self.track is None:
+        if self.average is None and self.track is None and self.errors is None:
             return Corrected(corrected, done.bias, done.flags)
         return self._accompanied(corrected, done, stamp)
 
@@ -221,7 +236,12 @@ class OnlineCorrector:
         smoothed = math.nan if self.average is None else self.average.one(corrected)
         seconds = stamp * self._stream.clock.unit
         reference = math.nan if self.track is None else self.track.one(seconds, corrected, done.counts)
-        return Corrected(corrected, done.bias, done.flags, smoothed, reference)
+        u = u_smoothed = math.nan
+        if self.errors is not None and done.variances is not None and not math.isnan(corrected):
+            u = float(self.errors.u(done.variances)[0])
+            if self.average is not None:
+                u_smoothed = float(self.errors.u(done.variances, len(self.average.values))[0])
+        return Corrected(corrected, done.bias, done.flags, smoothed, reference, u, u_smoothed)
 
     def _consider(self, stamp: Any, run: Any) -> None:
         """Before a sample: forget the last one if its time was false; doubt this one if it jumps."""
@@ -247,7 +267,8 @@ class OnlineCorrector:
         Returns
         -------
         DataFrame
-            `corrected`, `bias`, `flag`, and `smoothed`, `reference` where they were asked for; rows as they came.
+            `corrected`, `bias`, `flag`, and `smoothed`, `reference`, `u`, `u_smoothed` where they were asked for; rows
+            as they came.
         """
         X = from_polars(X)
         X = X if is_frame(X) else np.asarray(X)
@@ -255,15 +276,14 @@ class OnlineCorrector:
         reading = np.full(n, np.nan) if y is None else readings(y, n)
         values = {stream.temperature: column_of(X, stream.temperature, "temperature")}
         values |= {name: column_of(X, name, "column") for name in self.columns}
-        more = self.average is not None, self.track is not None
         if not n:
-            return Columns(0).frame(X, *more)
+            return Columns(0).frame(X, self.names)
         times = times_of(X, self.model.features_.layout())
         labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run])
         short = n + 1 if n < _SHORT else 1
         untimed = stream.clock.kind == times.kind == "rows"
         stamps = None if untimed else stream.clock.stamps(times)
-        return self.update_stamps(stamps, values, reading, labels, short).frame(X, *more)
+        return self.update_stamps(stamps, values, reading, labels, short).frame(X, self.names)
 
     def update_stamps(
         self,
@@ -325,6 +345,8 @@ class OnlineCorrector:
         for doubted, _ in self._screen.reading.reasons(reading[rows], lambda k: stamps[rows.start + k].item()):
             corrected[doubted] = np.nan
         out.corrected[rows], out.bias[rows], out.flags[rows] = corrected, block.bias, block.flags
+        if self.errors is not None:
+            out.u[rows], out.u_smoothed[rows] = self.errors.of_block(block.variances, corrected, self.average)
         if self.average is not None:
             out.smoothed[rows] = self.average.many(corrected)
         if self.track is not None:
@@ -337,56 +359,4 @@ class OnlineCorrector:
             done = self.update_stamp(stamps[k].item(), run, one, float(reading[k]))
             out.corrected[k], out.bias[k], out.flags[k] = done.corrected, done.bias, done.flag
             out.smoothed[k], out.reference[k] = done.smoothed, done.reference
-
-    # ------------------------------------------------------------------------------------------------ stop and go on
-
-    def state(self) -> dict[str, Any]:
-        """All that is needed to go on later, in another process: a dict for `json.dumps`."""
-        average = None if self.average is None else self.average.count
-        settings = Settings(self.continues, average, None if self.track is None else self.track.time_constant)
-        place = Place(self._stream.clock.next_row, self._placed)
-        return to_json(self.model, settings, place, self._state(), self._doubt)
-
-    @classmethod
-    def from_state(cls, model: DynamicBiasRegressor, state: dict[str, Any]) -> OnlineCorrector:
-        """Go on where `state` was taken, with the same model.
-
-        Raises
-        ------
-        ModelFileError
-            A ValueError: the state is damaged, or belongs to another model.
-        """
-        settings, place, now, doubt = from_json(model, state)
-        corrector = cls(model, average=settings.average, track=settings.track, continues=settings.continues)
-        corrector.go_on(now, doubt, place)
-        return corrector
-
-    def go_on(self, now: StreamState, doubt: StreamState | None = None, place: Place | None = None) -> None:
-        """Go on where a stream stood.
-
-        Parameters
-        ----------
-        now : StreamState
-            What it remembered of its samples.
-        doubt : StreamState, optional
-            What it remembered before a sample whose time is in doubt.
-        place : Place, optional
-            Where the next sample stands in a record without times.
-        """
-        if place is not None:
-            self._stream.clock.next_row, self._placed = place
-        self._put(now)
-        self._doubt = doubt
-
-    def _state(self) -> StreamState:
-        averaged = () if self.average is None else tuple(self.average.values)
-        tracked = None if self.track is None else (self.track.value, self.track.last)
-        return replace(self._stream.state(), averaged=averaged, tracked=tracked)
-
-    def _put(self, state: StreamState) -> None:
-        self._stream.put(state)
-        if self.average is not None:
-            self.average.reset()
-            self.average.values.extend(state.averaged)
-        if self.track is not None and state.tracked is not None:
-            self.track.value, self.track.last = state.tracked
+            out.u[k], out.u_smoothed[k] = done.u, done.u_smoothed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -33,6 +34,10 @@ class Corrected(NamedTuple):
     """Moving average of the corrected reading, eq. (26); NaN unless asked for."""
     reference: float = math.nan
     """Tracked U0; NaN unless asked for."""
+    u: float = math.nan
+    """Standard uncertainty of the corrected reading; NaN unless asked for."""
+    u_smoothed: float = math.nan
+    """Standard uncertainty of the moving average; NaN unless both are asked for."""
 
     @property
     def flag(self) -> str:
@@ -40,18 +45,21 @@ class Corrected(NamedTuple):
         return self.flags[0] if self.flags else ""
 
 
+COLUMNS = {"flag": "flags"}
+"""Name of a result -> attribute of `Columns`, where they differ."""
+
+
 class Columns:
     """Columns of the result, as they are filled."""
 
     def __init__(self, n: int):
         self.corrected, self.bias, self.smoothed, self.reference = (np.full(n, np.nan) for _ in range(4))
+        self.u, self.u_smoothed = (np.full(n, np.nan) for _ in range(2))
         self.flags = np.full(n, "", dtype=object)
 
-    def frame(self, X: Any, smoothed: bool, reference: bool) -> pd.DataFrame:
-        """What was asked for, beside the rows of X."""
-        result = {"corrected": self.corrected, "bias": self.bias, "flag": self.flags}
-        result |= {"smoothed": self.smoothed} if smoothed else {}
-        result |= {"reference": self.reference} if reference else {}
+    def frame(self, X: Any, names: Sequence[str]) -> pd.DataFrame:
+        """The columns of these names, beside the rows of X."""
+        result = {name: getattr(self, COLUMNS.get(name, name)) for name in names}
         return pd.DataFrame(result, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     def spread(self, why: np.ndarray, reference: float) -> Columns:

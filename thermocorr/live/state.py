@@ -24,6 +24,7 @@ from ..files.codec import (
 )
 from ..files.effect_nodes import EffectCodec, check_state
 from ..records.grammar import LARGEST
+from .live_errors import LiveErrors
 
 _MOST_CORRECTED = 1e300
 """Bound of corrected readings, which hold states times coefficients; sums of them are numbers."""
@@ -61,6 +62,7 @@ class Settings:
     continues: bool
     average: int | None
     track: float | None
+    uncertainty: bool = False
 
 
 class Place(NamedTuple):
@@ -79,16 +81,21 @@ def model_mark(model: DynamicBiasRegressor) -> str:
 
 
 def to_json(
-    model: DynamicBiasRegressor, settings: Settings, place: Place, state: StreamState, doubt: StreamState | None
+    model: DynamicBiasRegressor,
+    effects: Sequence[Effect],
+    settings: Settings,
+    place: Place,
+    state: StreamState,
+    doubt: StreamState | None,
 ) -> dict[str, Any]:
-    """All of a stream as plain values for `json.dumps`."""
-    effects = model.features_.effect_list()
+    """All of a stream as plain values for `json.dumps`; `effects` are those that its states belong to."""
     return {
         "format": FORMAT,
         "model": model_mark(model),
         "continues": settings.continues,
         "average": settings.average,
         "track": settings.track,
+        **({"uncertainty": True} if settings.uncertainty else {}),
         "next_row": place.next_row,
         "placed": place.sure,
         "state": _packed(state, effects),
@@ -103,16 +110,18 @@ _STATE_FIELDS = tuple(StreamState.__dataclass_fields__)
 def from_json(model: DynamicBiasRegressor, node: Any) -> tuple[Settings, Place, StreamState, StreamState | None]:
     """Settings, place of the next row, state and the state to return to; every value is checked."""
     try:
-        node = fields(node, "$", _FIELDS)
+        node = fields(node, "$", _FIELDS, ("uncertainty",))
         if node["format"] != FORMAT:
             raise unexpected("$.format", repr(node["format"])[:60], repr(FORMAT))
         if node["model"] != model_mark(model):
             raise ModelFileError("it belongs to another model")
         average = None if node["average"] is None else integer(node["average"], "$.average", 1)
         track = None if node["track"] is None else positive(node["track"], "$.track")
-        settings = Settings(_truth(node, "$", "continues"), average, track)
-        doubt = None if node["doubt"] is None else _unpacked(node["doubt"], "$.doubt", model, settings)
-        state = _unpacked(node["state"], "$.state", model, settings)
+        uncertain = "uncertainty" in node and _truth(node, "$", "uncertainty")
+        settings = Settings(_truth(node, "$", "continues"), average, track, uncertain)
+        effects = LiveErrors(model).effects if uncertain else model.features_.effect_list()
+        doubt = None if node["doubt"] is None else _unpacked(node["doubt"], "$.doubt", model, effects, settings)
+        state = _unpacked(node["state"], "$.state", model, effects, settings)
         place = Place(counted(node["next_row"], "$.next_row"), _truth(node, "$", "placed"))
         return settings, place, state, doubt
     except ModelFileError as error:
@@ -138,9 +147,11 @@ def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
     }
 
 
-def _unpacked(node: Any, where: str, model: DynamicBiasRegressor, settings: Settings) -> StreamState:
+def _unpacked(
+    node: Any, where: str, model: DynamicBiasRegressor, effects: Sequence[Effect], settings: Settings
+) -> StreamState:
     node = fields(node, where, _STATE_FIELDS)
-    history, effects, codec = model.features_.history_, model.features_.effect_list(), EffectCodec()
+    history, codec = model.features_.history_, EffectCodec()
 
     def stamp(key: str) -> Any:
         place = f"{where}.{key}"

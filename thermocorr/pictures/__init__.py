@@ -1,6 +1,7 @@
 """Pictures: each answers one question at a glance. `frame()` has the numbers, `plot()` draws (extra "plot")."""
 
 from .allan_deviation import AllanDisplay
+from .budget_shares import BudgetDisplay
 from .comparison import VariantsDisplay
 from .contributions import ContributionsDisplay
 from .overview import plot_diagnosis, plot_refinement
@@ -14,6 +15,7 @@ from .time_constant_spectrum import SpectrumDisplay
 
 __all__ = [
     "AllanDisplay",
+    "BudgetDisplay",
     "ContributionsDisplay",
     "RefinementDisplay",
     "ResidualLoopDisplay",

@@ -65,13 +65,13 @@ class StepResponseDisplay:
         effects = fitted.features_.effect_list()
         times = _times(fitted)
         columns = _columns(fitted, effects, times, step)
-        response = pd.DataFrame(
-            {
-                "time": times,
-                "response": columns @ fitted.coef_,
-                "standard_error": fitted.combined_errors(columns),
-            }
-        )
+        value = columns @ fitted.coef_
+        if fitted.knows_noise:
+            joint = fitted.joint_errors()
+            error = joint.combined(_columns(fitted, joint.effects, times, step), value)
+        else:
+            error = fitted.combined_errors(columns)
+        response = pd.DataFrame({"time": times, "response": value, "standard_error": error})
         reading = fitted.reading_
         return cls(
             response=response,
@@ -130,7 +130,7 @@ def _columns(fitted: Any, effects: list[Effect], times: np.ndarray, step: float)
     name = fitted.features_.history_.record.temperature_name
     frame = pd.DataFrame({"seconds": seconds, name: np.where(np.arange(len(seconds)) == 0, T0, T0 + step)})
     record = read_record(frame, Layout(name, "seconds"), quiet=True)
-    result = np.zeros((len(times), len(fitted.coef_)))
+    result = np.zeros((len(times), sum(len(effect.names()) for effect in effects)))
     at = 0
     for effect in effects:
         width = len(effect.names())

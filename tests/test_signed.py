@@ -1,0 +1,166 @@
+"""Signed values: corrected readings with status, means, budgets and declared inputs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from noisy import TIMES, device
+
+from thermocorr import DynamicBiasRegressor, Sensor, diagnose
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    X, y, truth = device(3000, 11, np.random.default_rng(11).standard_normal(3000))
+    return DynamicBiasRegressor("temperature", TIMES, degree=1).fit(X, y), X, y, truth
+
+
+# ------------------------------------------------------------------------------------------------------- signed values
+
+
+def test_a_mean_is_as_uncertain_as_the_covariance_matrix_says(fitted):
+    model, X, y, _ = fitted
+    signed = model.uncertainty(X, y, reference=0.03)
+    for rows in (slice(500, 501), slice(500, 560), slice(0, 3000, 50)):
+        matrix = signed.covariance(rows)
+        assert signed.mean(rows).u == pytest.approx(np.sqrt(matrix.mean()), rel=0.02)
+    assert np.diag(signed.covariance(slice(700, 703))) == pytest.approx(signed.u[700:703] ** 2, rel=1e-9)
+
+
+def test_labels_and_numbers_mean_the_same_rows(fitted):
+    model, X, y, _ = fitted
+    signed = model.uncertainty(X, y)
+    assert signed.budget(X.index[40]).value == signed.budget(40).value == signed.corrected[40]
+    assert signed.mean(slice(X.index[40], X.index[49])).u == signed.mean(slice(40, 50)).u
+
+
+def test_an_incomplete_model_signs_nothing(fitted, tmp_path):
+    _, X, y, _ = fitted
+    poor = DynamicBiasRegressor("temperature", ["3 h"]).fit(X, y)
+    signed = poor.uncertainty(X, y)
+    assert set(signed.frame()["status"]) == {"provisional"}
+    assert (signed.frame()["u_structure"] > 0).all()
+    with pytest.raises(ValueError, match=r"provisional: .* of the residual variance wanders"):
+        signed.to_csv(tmp_path / "signed.csv")
+    with pytest.raises(ValueError, match="allow_missing=True"):
+        signed.certificate()
+    allowed = poor.uncertainty(X, y, allow_missing=True)
+    assert "provisional" in allowed.certificate(slice(0, 10))
+    allowed.to_csv(tmp_path / "signed.csv")
+    assert pd.read_csv(tmp_path / "signed.csv")["status"].eq("provisional").all()
+
+
+def test_a_diagnosis_has_the_last_word(fitted):
+    model, X, y, _ = fitted
+    diagnosis = diagnose(model, X, y)
+    assert diagnosis.verdict == "nothing missing"
+    assert model.uncertainty(X, y, diagnosis=diagnosis).frame()["status"].eq("signed").all()
+    wrong = DynamicBiasRegressor("temperature", ["3 h"]).fit(X, y)
+    found = diagnose(wrong, X, y)
+    assert not wrong.uncertainty(X, y, diagnosis=found).frame()["status"].eq("signed").any()
+    assert repr(found.verdict) in wrong.uncertainty(X, y, diagnosis=found).why_provisional
+
+
+def test_outside_the_fitted_temperatures_nothing_is_signed():
+    X, y, _ = device(4000, 9, np.random.default_rng(9).standard_normal(4000), nonlinearity=0.005)
+    cold = (X["temperature"] < X["temperature"].quantile(0.7)).to_numpy()
+    first = int(np.argmax(~cold))
+    model = DynamicBiasRegressor("temperature", TIMES, degree=1).fit(X[:first], y[:first])
+    frame = model.uncertainty(X, y).frame()
+    outside = (X["temperature"] > model.temperature_range_[1] + 0.2).to_numpy()
+    assert outside.any() and not frame["status"][outside].eq("signed").any()
+    assert (frame["u_extrapolation"][outside] > 0).all() and (frame["u_extrapolation"][~outside][:first] == 0).all()
+    assert frame["u"][outside].mean() > 1.05 * frame["u"][:first].mean()
+
+
+def test_another_instrument_of_the_kind_has_no_number_in_its_washout(fitted):
+    _, X, y, _ = fitted
+    later = X.set_axis(X.index + pd.Timedelta("400 D"))
+    strange = DynamicBiasRegressor("temperature", TIMES, max_gap="1 h").fit(X, y)
+    frame = strange.uncertainty(later, pd.Series(y.to_numpy(), later.index)).frame()
+    washed = frame["status"] == "washout"
+    assert washed.sum() == pytest.approx(3 * 5124 / 60, abs=2)
+    assert frame["u"][washed].isna().all() and frame["u"][~washed].notna().all()
+    assert strange.bias(later, return_std=True)[1][washed.to_numpy()].isna().all()
+
+
+# ------------------------------------------------------------------------------------------------------- type B inputs
+
+
+def test_a_thermometer_that_has_moved_counts_with_the_static_gain(fitted):
+    model, X, y, _ = fitted
+    signed = model.uncertainty(X, y, sensor=Sensor(drift_since_learning=0.02))
+    np.testing.assert_allclose(signed.frame()["u_sensor"], 0.2, rtol=0.01)  # 10 ppm/K
+    line = next(line for line in signed.budget(1000).lines if "thermometer" in line.quantity)
+    assert (line.type, line.unit, line.uncertainty) == ("B", "K", 0.02)
+    assert line.sensitivity == pytest.approx(10, rel=0.01)
+
+
+def test_a_constant_error_of_the_thermometer_cancels(fitted):
+    model, X, y, _ = fitted
+    assert model.uncertainty(X, y, sensor=Sensor(calibration=0.3)).frame()["u_sensor"].eq(0).all()
+    moved = model.uncertainty(X, y, sensor=Sensor(calibration=0.3, exchanged=True)).frame()["u_sensor"]
+    assert moved.iloc[0] == pytest.approx(3.0, rel=0.01)
+
+
+def test_noise_of_the_thermometer_counts_as_far_as_the_device_follows_it(fitted):
+    """Beside readings corrected with noisy temperatures, which the model turns into noise of the bias."""
+    model, X, y, _ = fitted
+    stated = model.uncertainty(X, y, sensor=Sensor(noise=0.05)).frame()["u_sensor"].iloc[500]
+    noisy = X + 0.05 * np.random.default_rng(1).standard_normal(X.shape)
+    fresh = DynamicBiasRegressor("temperature", TIMES, degree=1, screen=False).fit(X, y)
+    shifted = noisy.set_axis(noisy.index)
+    assert stated == pytest.approx((fresh.bias(shifted) - fresh.bias(X))[500:].std(), rel=0.1)
+
+
+def test_a_slower_thermometer_counts_where_the_temperature_moves(fitted):
+    model, X, y, _ = fitted
+    u = model.uncertainty(X, y, sensor=Sensor(time_constant=60.0)).frame()["u_sensor"].to_numpy()
+    rate = np.abs(np.gradient(X["temperature"].to_numpy(), 60.0))
+    np.testing.assert_allclose(u[1:-1], 10 * 60 * rate[1:-1], rtol=0.05, atol=1e-3)
+
+
+def test_the_reference_adds_to_everything(fitted):
+    model, X, y, _ = fitted
+    plain, held = model.uncertainty(X, y), model.uncertainty(X, y, reference=0.1, reference_dof=8)
+    np.testing.assert_allclose(held.u**2 - plain.u**2, 0.01, rtol=1e-9)
+    line = held.budget(3).lines[-1]
+    assert (line.uncertainty, line.dof, line.type) == (0.1, 8, "B")
+    assert plain.budget(3).lines[-1].type == "B, not declared"
+
+
+# -------------------------------------------------------------------------------------------------------- wrong inputs
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"coverage": 95}, "share between 0 and 1"),
+        ({"coverage": 0}, "share between 0 and 1"),
+        ({"reference": -1}, "zero or above"),
+        ({"reference": "much"}, "zero or above"),
+        ({"reference_dof": 0}, "above zero"),
+    ],
+)
+def test_what_is_no_uncertainty_is_refused(fitted, settings, said):
+    model, X, y, _ = fitted
+    with pytest.raises(ValueError, match=said):
+        model.uncertainty(X, y, **settings)
+
+
+@pytest.mark.parametrize(
+    "settings", [{"noise": -1.0}, {"noise": "loud"}, {"drift_since_learning": np.inf}, {"calibration": True}]
+)
+def test_a_sensor_refuses_what_is_no_uncertainty(settings):
+    with pytest.raises(ValueError, match="standard uncertainty in K"):
+        Sensor(**settings)
+
+
+def test_rows_that_are_none(fitted):
+    model, X, y, _ = fitted
+    signed = model.uncertainty(X, y)
+    with pytest.raises(ValueError, match="None of these rows has an uncertainty"):
+        signed.budget(slice(10, 10))
+    with pytest.raises(KeyError):
+        signed.budget("1999-01-01")

@@ -1,0 +1,99 @@
+"""A fitted record, averaged over short stretches of time: what is kept of it to learn the noise from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..effects.protocol import Effect
+from ..effects.stream import own_starts, walk
+from ..records import Block, History, Record
+from ..records.history import HISTORY_ROWS
+
+BINS = 1 << 13
+"""Bins of a record that its history keeps whole; noise that forgets within a bin is taken for white there."""
+FEWER_BINS = 1 << 12
+"""Bins of a longer record, whose columns must be averaged while it is at hand."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Binned:
+    """Averages over stretches of equal numbers of rows, none across a segment's end."""
+
+    segment: np.ndarray
+    """Number of the segment, shape (n,)."""
+    begins: np.ndarray
+    """Time of the first row since the record began [s], shape (n,)."""
+    count: np.ndarray
+    """Rows with a reading, shape (n,)."""
+    reading: np.ndarray
+    """Mean of the readings; 0 where there are none."""
+    width: int
+    """Rows of a bin."""
+    columns: np.ndarray | None = None
+    """Means of the model's columns, shape (n, p); None where the history holds every row to make them from."""
+
+    def ordered(self, columns: Sequence[int]) -> Binned:
+        """The columns in another order."""
+        return self if self.columns is None else replace(self, columns=self.columns[:, list(columns)])
+
+
+class Binning:
+    """Gathers `Binned`, block by block."""
+
+    def __init__(self, record: Record):
+        self.whole = record.n_used <= HISTORY_ROWS
+        self.width = max(1, -(-record.n_used // (BINS if self.whole else FEWER_BINS)))
+        sizes = [-(-(segment.stop - segment.start) // self.width) for segment in record.segments]
+        self.first = np.cumsum([0, *sizes])
+        self.starts = np.array([segment.start for segment in record.segments])
+        self.sums, self.count = np.zeros(self.first[-1]), np.zeros(self.first[-1])
+        self.begins = np.full(self.first[-1], np.inf)
+        self.columns: np.ndarray | None = None
+
+    def take(self, block: Block, columns: np.ndarray, reading: np.ndarray) -> None:
+        """Columns of the model and readings of a block's rows, NaN where there is no reading."""
+        bins = self.first[block.segment] + (block.places - self.starts[block.segment]) // self.width
+        at = np.flatnonzero(np.diff(bins, prepend=-1))
+        known = np.isfinite(reading)
+        self.sums[bins[at]] += np.add.reduceat(np.where(known, reading, 0.0), at)
+        self.count[bins[at]] += np.add.reduceat(known.astype(float), at)
+        self.begins[bins[at]] = np.minimum(self.begins[bins[at]], block.seconds[at])
+        if not self.whole:
+            if self.columns is None:
+                self.columns = np.zeros((len(self.sums), columns.shape[1]))
+            self.columns[bins[at]] += np.add.reduceat(columns * known[:, None], at, axis=0)
+
+    def binned(self) -> Binned:
+        """All that was gathered; bins whose rows were all passed over are left out."""
+        seen = np.isfinite(self.begins)
+        segment = np.repeat(np.arange(len(self.starts)), np.diff(self.first))
+        count = np.maximum(self.count[seen], 1.0)
+        return Binned(
+            segment=segment[seen],
+            begins=self.begins[seen],
+            count=self.count[seen],
+            reading=self.sums[seen] / count,
+            width=self.width,
+            columns=None if self.columns is None else self.columns[seen] / count[:, None],
+        )
+
+
+def binned_columns(effects: Sequence[Effect], history: History, bins: Binned) -> tuple[np.ndarray, list[list[object]]]:
+    """Means of effects' columns in the bins of a history that keeps every row, and their states at segments' ends."""
+    record = history.record
+    means = np.zeros((len(bins.begins), sum(len(effect.names()) for effect in effects)))
+    count = np.zeros(len(bins.begins))
+    edges = np.searchsorted(bins.segment, np.arange(len(record.segments) + 1))
+    ends: list[list[object]] = []
+    for block, columns, states in walk(effects, record, starts=own_starts(record)):
+        low, high = edges[block.segment], edges[block.segment + 1]
+        at = low + np.maximum(np.searchsorted(bins.begins[low:high], block.seconds, side="right") - 1, 0)
+        first = np.flatnonzero(np.diff(at, prepend=-1))
+        means[at[first]] += np.add.reduceat(columns, first, axis=0)
+        count[at[first]] += np.diff([*first, len(at)])
+        if block.stop == record.segments[block.segment].stop:
+            ends.append(list(states))
+    return means / np.maximum(count, 1.0)[:, None], ends

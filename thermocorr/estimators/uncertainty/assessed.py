@@ -1,0 +1,83 @@
+"""A record walked through with everything that makes its corrected readings uncertain."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...records import Record
+from .declared import Reference, Sensor
+from .joint import JointErrors
+from .rows import ErrorWalk
+from .sensor_response import sensor_variance
+from .signed import PARTS, Uncertainty
+
+WANDERS = 0.05
+"""Wandering share of the residual variance from which on, without a diagnosis, a model counts as incomplete."""
+
+
+def uncertainty_of(
+    model: Any,
+    joint: JointErrors,
+    record: Record,
+    index: Any,
+    *,
+    sensor: Sensor,
+    reference: Reference,
+    coverage: float,
+    why_provisional: str,
+    allow_missing: bool,
+) -> Uncertainty:
+    """Walk once through a record that was read with its readings.
+
+    Where the model is incomplete, what is missing may go with the temperature: then the model has taken as much of it
+    as it has left in the residuals, and its coefficients are wrong by as much again as wandering makes them by chance.
+    That is "structure".
+    """
+    n = record.n_rows
+    corrected, bias, shared = (np.full(n, np.nan) for _ in range(3))
+    variances = {part: np.full(n, np.nan) for part in PARTS}
+    status = np.full(n, "no temperature", dtype=object)
+    noise = joint.noise
+    doubt = 1.0 if why_provisional else 0.0
+    for block, value, errors in ErrorWalk(model, joint, removed=True).blocks(record):
+        rows = block.rows
+        assert record.reading is not None
+        given = np.asarray(record.reading[rows], float)
+        flags = model.block_flags(block, given)
+        measured = np.where(flags == "washout", np.nan, model.believed(block, given))
+        corrected[rows], bias[rows] = measured - value, value
+        lost = np.where(np.isfinite(measured), 0.0, np.nan)
+        wander, bias_variance = noise.wander_variance * errors.noise, errors.level + errors.coefficients
+        each = {
+            "noise": noise.white * errors.noise, "wander": wander, "level": errors.level,
+            "coefficients": errors.coefficients, "extrapolation": errors.extrapolation,
+            "structure": doubt * (wander + bias_variance), "reference": reference.uncertainty**2,
+        }  # fmt: skip
+        for part, variance in each.items():
+            variances[part][rows] = variance + lost
+        shared[rows] = errors.shared + lost
+        fine = "provisional" if why_provisional else "signed"
+        status[rows] = np.where(flags == "", fine, flags)
+    fixed, own = sensor_variance(model, record, sensor)
+    variances["sensor"] = fixed + own + 0.0 * variances["noise"]
+    return Uncertainty(
+        model=model, joint=joint, record=record, index=index, corrected=corrected, bias=bias, variances=variances,
+        shared=shared, status=status, sensor=sensor, reference=reference, coverage=coverage,
+        why_provisional=why_provisional, allow_missing=allow_missing,
+    )  # fmt: skip
+
+
+def why_incomplete(joint: JointErrors, diagnosis: Any) -> str:
+    """What keeps corrected readings from being signed; "" where nothing does."""
+    if diagnosis is not None:
+        verdict = str(diagnosis.verdict)
+        return "" if verdict == "nothing missing" else f"the diagnosis says {verdict!r}."
+    share = joint.noise.wander_variance / joint.noise.variance if joint.noise.variance > 0 else 0.0
+    if share <= WANDERS:
+        return ""
+    return (
+        f"{100 * share:.0f} % of the residual variance wanders, which a missing effect may do "
+        "(diagnosis=diagnose(model, X, y) looks for it)."
+    )

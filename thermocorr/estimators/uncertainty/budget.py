@@ -1,0 +1,174 @@
+"""`Budget`: the GUM's table of an uncertainty, quantity by quantity."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.special import stdtrit
+
+COLUMNS = (
+    "quantity", "estimate", "standard uncertainty", "unit", "degrees of freedom", "sensitivity", "contribution",
+    "share", "type",
+)  # fmt: skip
+LARGE = 1000.0
+"""Degrees of freedom from which on they are printed as infinite: k differs by 0.1 % then."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """One input quantity of a budget."""
+
+    quantity: str
+    estimate: float
+    """NaN for a correction whose estimate is no number of its own."""
+    uncertainty: float
+    """Standard uncertainty, in `unit`."""
+    unit: str
+    dof: float = np.inf
+    sensitivity: float = 1.0
+    """Unit of the result per `unit`."""
+    type: str = "A"
+    """"A" from the data, "B" declared; "B, not declared" counts as zero."""
+
+    @property
+    def contribution(self) -> float:
+        """Standard uncertainty of the result that comes from this quantity."""
+        return abs(self.sensitivity) * self.uncertainty
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Budget:
+    """Input quantities of one corrected value, and what they make of its uncertainty (GUM, JCGM 100:2008, 5.1 and G.4).
+
+    The quantities are uncorrelated: what shares a cause stands in one line.
+    """
+
+    name: str
+    value: float
+    unit: str
+    lines: tuple[Line, ...]
+    coverage: float
+    status: str
+
+    @property
+    def u(self) -> float:
+        """Combined standard uncertainty, GUM (10)."""
+        return float(np.sqrt(sum(line.contribution**2 for line in self.lines)))
+
+    @property
+    def dof(self) -> float:
+        """Effective degrees of freedom, GUM (G.2b), by Welch and Satterthwaite."""
+        return effective_dof([line.contribution**2 for line in self.lines], [line.dof for line in self.lines])
+
+    @property
+    def k(self) -> float:
+        """Coverage factor."""
+        return float(coverage_factor(self.dof, self.coverage))
+
+    @property
+    def U(self) -> float:
+        """Expanded uncertainty."""
+        return self.k * self.u
+
+    def frame(self) -> pd.DataFrame:
+        """One row for each quantity, columns `COLUMNS`."""
+        total = self.u**2 or 1.0
+        rows = [
+            (each.quantity, each.estimate, each.uncertainty, each.unit, each.dof, each.sensitivity, each.contribution,
+             each.contribution**2 / total, each.type)
+            for each in self.lines
+        ]  # fmt: skip
+        return pd.DataFrame(rows, columns=list(COLUMNS))
+
+    def __str__(self) -> str:
+        table = pd.DataFrame([self._cells(line) for line in self.lines], columns=list(COLUMNS))
+        return f"{table.to_string(index=False)}\n{self.result()}"
+
+    __repr__ = __str__
+
+    def result(self) -> str:
+        """The value with its uncertainty in one line: ``103.957 12(13) mV, k = 2.0, 95 %``."""
+        note = "" if self.status == "signed" else f", {self.status}"
+        return f"{self.name} = {self.short()}, k = {self.k:.2f}, {100 * self.coverage:g} %{note}"
+
+    def short(self) -> str:
+        """Value and expanded uncertainty in its last digits: ``103.957 12(13) mV``."""
+        return f"{concise(self.value, self.U)} {self.unit}".strip()
+
+    def to_html(self) -> str:
+        """The table as HTML; everything escaped."""
+        head = "".join(f"<th>{html.escape(name)}</th>" for name in COLUMNS)
+        rows = "".join(
+            "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in self._cells(line)) + "</tr>"
+            for line in self.lines
+        )
+        caption = html.escape(self.result())
+        return f"<table><caption>{caption}</caption><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+
+    def to_latex(self) -> str:
+        """The table as LaTeX (tabular)."""
+        lines = [" & ".join(_latex(cell) for cell in self._cells(line)) + r" \\" for line in self.lines]
+        head = " & ".join(COLUMNS) + r" \\ \hline"
+        return "\n".join(
+            [r"\begin{tabular}{" + "l" * len(COLUMNS) + "}", head, *lines, r"\hline", r"\end{tabular}",
+             _latex(self.result())]
+        )  # fmt: skip
+
+    def _cells(self, line: Line) -> tuple[str, ...]:
+        total = self.u**2 or 1.0
+        return (
+            line.quantity,
+            "" if np.isnan(line.estimate) else f"{line.estimate:.9g}",
+            f"{line.uncertainty:.3g}",
+            line.unit,
+            "infinite" if line.dof > LARGE else f"{line.dof:.0f}",
+            f"{line.sensitivity:.4g}",
+            f"{line.contribution:.3g}",
+            f"{100 * line.contribution**2 / total:.1f} %",
+            line.type,
+        )
+
+
+def effective_dof(variances: Sequence[float], dofs: Sequence[float]) -> float:
+    """Degrees of freedom of a sum of independent variances, GUM (G.2b)."""
+    total = float(sum(variances))
+    spread = sum(v**2 / dof for v, dof in zip(variances, dofs, strict=True) if v > 0 and np.isfinite(dof))
+    return total**2 / spread if spread > 0 else np.inf
+
+
+def coverage_factor(dof: np.ndarray | float, coverage: float) -> np.ndarray | float:
+    """Half width of a central interval in standard uncertainties: Student's t, GUM G.3."""
+    value = stdtrit(np.minimum(np.maximum(dof, 1.0), 1e9), 0.5 + coverage / 2)
+    return float(value) if np.ndim(dof) == 0 else np.asarray(value)
+
+
+def concise(value: float, U: float) -> str:
+    """``103.957 12(13)``: two digits of uncertainty, digits in groups of three (GUM 7.2.2, ISO 80000-1)."""
+    if not (np.isfinite(value) and np.isfinite(U)):
+        return f"{value:.6g}"
+    if U <= 0:
+        return f"{value:.9g}(0)"
+    place = int(np.floor(np.log10(U))) - 1
+    digits = round(U / 10.0**place)
+    if digits == 100:
+        place, digits = place + 1, 10
+    if place >= 0:
+        return f"{round(value / 10**place) * 10**place:.0f}({digits * 10**place:.0f})"
+    whole, _, fraction = f"{value:.{-place}f}".partition(".")
+    grouped = " ".join(fraction[i : i + 3] for i in range(0, len(fraction), 3))
+    if -place <= 1:  # 250.1(1.2)
+        return f"{whole}.{grouped}({digits / 10.0**-place:.{-place}f})"
+    return f"{whole}.{grouped}({digits})"
+
+
+_ESCAPES = str.maketrans(
+    {"\\": r"\textbackslash{}", **{sign: "\\" + sign for sign in "%_&#${}"}, "^": r"\^{}", "~": r"\~{}"}
+)
+
+
+def _latex(text: str) -> str:
+    return text.translate(_ESCAPES)

@@ -1,0 +1,231 @@
+"""Joint errors of a fitted model's coefficients, and its noise, from the record that it was fitted to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...effects import StaticPolynomial
+from ...effects.protocol import Effect
+from ...equations import RidgeSolution, TriangularFactor
+from ...equations.noise import spans
+from ...records import History
+from ..evenness import evenness
+from ..fitting import Swept
+from ..time_constants.spectrum import TOLERANCE
+from .basis import Basis, basis_of
+from .noise_model import NoiseModel
+from .restricted import Record, Restricted, Within
+
+UNKNOWN = (
+    "This model does not know the noise of the record it was fitted to: it was read from an old file, or fitted on "
+    "several processes. Fit it again with DynamicBiasRegressor.fit to have uncertainties."
+)
+FORGETS = 1.2
+"""Variance of a bin's mean over that of white noise, from which on the noise within bins is taken to remember."""
+SIZES = 200
+"""Moments at which the size of a noise that changes with time is kept."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beyond:
+    """The next power of the static law, which the model leaves out: what it may do outside the fitted temperatures."""
+
+    power: int
+    size: float
+    """Root mean square of its coefficient, from estimate and standard error [reading per K^power]."""
+    alike: np.ndarray
+    """Combination of the intercept and the columns that is like it inside, shape (1 + p,)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointErrors:
+    """The best estimate of a model's coefficients, its covariance and the noise, in the unit of the reading.
+
+    Where time constants were searched, the columns are lags of the whole grid, with a prior: what the chosen few leave
+    out counts, too. The fit's own error is that of this estimate plus the distance between the two.
+    """
+
+    effects: list[Effect]
+    history: History
+    own: bool
+    """Whether these are the model's own effects."""
+    coef: np.ndarray
+    """Intercept and coefficients by generalised least squares, shape (1 + p,)."""
+    half: np.ndarray
+    """``half @ half.T`` is their covariance, shape (1 + p, rank)."""
+    dof: float
+    """Degrees of freedom of the bias's variance."""
+    mean: np.ndarray
+    """Mean of the columns over the record, 1 first, shape (1 + p,)."""
+    noise: NoiseModel
+    last: np.ndarray
+    """Covariance of the coefficients with each part of the noise at the record's end, shape (1 + p, parts)."""
+    end: float
+    """Time of the record's end since it began [s]."""
+    representation: float
+    """Variance of what the chosen time constants may leave of the modelled reading."""
+    beyond: Beyond | None
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of intercept and coefficients, shape (1 + p, 1 + p)."""
+        return np.asarray(self.half @ self.half.T)
+
+    def combined(self, columns: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """Standard errors of what the fit says, of linear combinations of the columns, shape (k,).
+
+        Parameters
+        ----------
+        columns : array of shape (k, p)
+            Of `effects`.
+        value : array of shape (k,)
+            The same by the fit.
+        """
+        variance = np.sum((columns @ self.half[1:]) ** 2, axis=1) + (columns @ self.coef[1:] - value) ** 2
+        return np.asarray(np.sqrt(variance + self.representation))
+
+    def fading(self, seconds: np.ndarray) -> np.ndarray:
+        """Correlation of each part of the noise at times after the record with its end, shape (n, parts); 0 inside."""
+        later = np.maximum(seconds - self.end, 0.0)
+        if not later.any():
+            return np.zeros((len(seconds), len(self.noise.wander)))
+        with np.errstate(under="ignore"):
+            return np.asarray(np.exp(-later[:, None] / self.noise.correlation_times) * (later > 0)[:, None])
+
+
+def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErrors:
+    """Errors of a fitted `DynamicBiasRegressor`, from what its fit has swept together and solved.
+
+    Raises
+    ------
+    ValueError
+        Where the record was not averaged.
+    """
+    if swept.binned is None:
+        raise ValueError(UNKNOWN)
+    basis = basis_of(model, swept.binned, swept.reading_offset)
+    scaled = Scaled.of(basis)
+    groups = [] if basis.own else [basis.lags() / scaled.norms**2]
+    within = _within(swept.total(), basis, scaled) if basis.own else None
+    record = Record(scaled.columns, scaled.reading, scaled.span, groups, within)
+    found = record.said()
+    residual = solution.residual_sum_of_squares / max(solution.n_rows, 1)
+    noise = _noise(basis, scaled, record, found, residual)
+    scale = scaled.unit / scaled.norms
+    coef, mean = np.zeros(basis.width), np.zeros(basis.width)
+    coef[basis.free] = found.coef * scale
+    coef[0] += scaled.mean + basis.offset
+    mean[basis.free] = basis.columns.mean(axis=0)
+    values, vectors = np.linalg.eigh(found.covariance)
+    half, last = np.zeros((basis.width, len(values))), np.zeros((basis.width, len(noise.wander)))
+    half[basis.free] = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    last[basis.free] = scale[:, None] * scaled.unit * record.last_covariance(_end_correlations(basis, noise))
+    last *= scaled.size[-1]
+    inner = (basis.columns / scaled.norms).T @ (basis.columns / scaled.norms) / len(basis.columns)
+    inner[0], inner[:, 0] = 0.0, 0.0  # the bias has no intercept
+    return JointErrors(
+        effects=basis.effects, history=basis.history, own=basis.own, coef=coef, half=half, dof=found.freedom(inner),
+        mean=mean, noise=noise, last=last, end=float(basis.begins.max()),
+        representation=TOLERANCE * residual if basis.own and model.search_ is not None else 0.0,
+        beyond=_beyond(basis, scaled, record),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scaled:
+    """A basis in columns of unit length and a reading of unit noise, of the same size at all times."""
+
+    columns: np.ndarray
+    reading: np.ndarray
+    norms: np.ndarray
+    """Shape (p,): a column is that many times `columns` times `size`."""
+    unit: float
+    mean: float
+    """Mean of the reading, taken off."""
+    size: np.ndarray
+    """Size of the noise at each bin, over its usual one, shape (bins,)."""
+    span: np.ndarray
+
+    @classmethod
+    def of(cls, basis: Basis) -> Scaled:
+        """From columns and readings as they are."""
+        norms = np.linalg.norm(basis.columns, axis=0)
+        norms[norms == 0] = 1.0
+        columns, mean = basis.columns / norms, float(basis.reading.mean())
+        reading = basis.reading - mean
+        rest = reading - columns @ np.linalg.lstsq(columns, reading, rcond=1e-10)[0]
+        runs = [segment.run for segment in basis.history.record.segments]
+        size = 1 / evenness(rest, basis.segment)
+        unit = float(np.std(rest)) or 1.0
+        return cls(
+            columns=columns / size[:, None], reading=reading / unit / size, norms=norms, unit=unit, mean=mean,
+            size=size, span=spans(basis.segment, basis.begins, runs),
+        )  # fmt: skip
+
+
+def _within(factor: TriangularFactor, basis: Basis, scaled: Scaled) -> Within | None:
+    """What rows say beside their bins, from the factor of all rows; None where nobody knows, or a bin is a row."""
+    if basis.rows == 1 or len(basis.free) < basis.width:
+        return None
+    r = factor.r.copy()
+    r[:, -1] -= scaled.mean * r[:, 0]
+    whole, columns, y = r.T @ r, basis.columns, basis.reading - scaled.mean
+    products = (whole[:-1, :-1] - columns.T @ (basis.count[:, None] * columns)) / (scaled.norms[:, None] * scaled.norms)
+    values, vectors = np.linalg.eigh(products)
+    half = vectors * np.sqrt(np.maximum(values, 0.0))
+    return Within(
+        columns=half @ half.T,
+        moments=(whole[:-1, -1] - columns.T @ (basis.count * y)) / scaled.norms / scaled.unit,
+        power=max(float(whole[-1, -1] - basis.count @ y**2), 0.0) / scaled.unit**2,
+        freedom=factor.n_rows - len(columns),
+    )
+
+
+def _noise(basis: Basis, scaled: Scaled, record: Record, found: Restricted, residual: float) -> NoiseModel:
+    """Noise of single readings; `residual` is the mean square that the fit leaves of them."""
+    theta, covariance, rows = found.theta, found.theta_covariance, basis.rows
+    white = float(theta[0])
+    if rows > 1:
+        left = (scaled.reading - scaled.columns @ found.coef) * scaled.size
+        between = max(residual / scaled.unit**2 - float(np.mean(left**2)), 0.0) * rows / (rows - 1)
+        white = found.within or between or white
+    memory = rows * float(theta[0]) / white
+    kept = (memory - 1) / (memory + 1) if memory > FORGETS else 0.0
+    wander, spread = theta[1:], float(covariance[1:, 1:].sum())
+    at: np.ndarray = np.unique(np.linspace(0, len(scaled.size) - 1, SIZES).astype(int))
+    at = at[:0] if np.ptp(scaled.size) == 0 else at
+    return NoiseModel(
+        white=white * scaled.unit**2,
+        recent=-basis.bin_seconds() / rows / float(np.log(kept)) if kept > 0 else 0.0,
+        wander=wander * scaled.unit**2,
+        correlation_times=basis.bin_seconds() * record.times,
+        white_dof=float(max(len(scaled.reading) - len(scaled.norms), 1)),
+        wander_dof=2 * float(wander.sum()) ** 2 / spread if spread > 0 else np.inf,
+        size_seconds=basis.begins[at],
+        sizes=scaled.size[at],
+    )
+
+
+def _end_correlations(basis: Basis, noise: NoiseModel) -> np.ndarray:
+    """Correlation of each bin with the record's end, for each wandering part, shape (bins, parts)."""
+    with np.errstate(under="ignore"):
+        return np.asarray(np.exp(-(basis.begins.max() - basis.begins)[:, None] / noise.correlation_times))
+
+
+def _beyond(basis: Basis, scaled: Scaled, record: Record) -> Beyond | None:
+    first = basis.effects[0]
+    if not isinstance(first, StaticPolynomial) or first.degree < 1 or first.lowest_power > 1:
+        return None
+    power = first.degree + 1
+    column = basis.columns[:, 1] ** power
+    alike = np.linalg.lstsq(basis.columns / scaled.norms, column, rcond=1e-10)[0] / scaled.norms
+    rest = column - basis.columns @ alike
+    if not float(np.linalg.norm(rest)) > 1e-9 * float(np.linalg.norm(column)):
+        return None
+    coef, variance = record.beside(rest / scaled.size)
+    every = np.zeros(basis.width)
+    every[basis.free] = alike
+    return Beyond(power=power, size=float(np.sqrt(coef**2 + variance)) * scaled.unit, alike=every)

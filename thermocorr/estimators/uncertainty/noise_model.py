@@ -1,0 +1,84 @@
+"""`NoiseModel`: noise of one reading, and of means of several, after a fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseModel:
+    """White noise, noise that forgets within some rows, and Ornstein-Uhlenbeck parts of many correlation times.
+
+    Variances in the unit of the reading squared.
+    """
+
+    white: float
+    """Variance of one reading that the readings before it do not foretell: white, or forgotten within `recent`."""
+    recent: float
+    """Correlation time of that part [s]; 0 for white noise."""
+    wander: np.ndarray
+    """Variances of the parts, shape (parts,)."""
+    correlation_times: np.ndarray
+    """Correlation times of the parts [s], increasing."""
+    white_dof: float
+    """Degrees of freedom of `white`."""
+    wander_dof: float
+    """Degrees of freedom of the wandering variance."""
+    size_seconds: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """Times at which the size of the noise is known, where it changes in the course of the record [s]."""
+    sizes: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """Size of the noise then, over the one that the variances are of."""
+
+    @property
+    def wander_variance(self) -> float:
+        """Variance of all wandering parts together."""
+        return float(self.wander.sum())
+
+    @property
+    def variance(self) -> float:
+        """Variance of one reading."""
+        return self.white + self.wander_variance
+
+    def size(self, seconds: np.ndarray) -> np.ndarray:
+        """Size of the noise at times [s], over that of the variances; the last one known for what comes later."""
+        return np.interp(seconds, self.size_seconds, self.sizes) if len(self.sizes) else np.ones(len(seconds))
+
+    @property
+    def dof(self) -> float:
+        """Degrees of freedom of `variance` (Welch and Satterthwaite)."""
+        spread = self.white**2 / self.white_dof + self.wander_variance**2 / self.wander_dof
+        return self.variance**2 / spread if spread > 0 else np.inf
+
+    def white_covariance(self, lag: np.ndarray) -> np.ndarray:
+        """Covariance of the unforeseen part at distances of `lag` [s]."""
+        lag = np.abs(np.asarray(lag, float))
+        return np.asarray(self.white * (np.exp(-lag / self.recent) if self.recent > 0 else (lag == 0).astype(float)))
+
+    def wander_covariance(self, lag: np.ndarray) -> np.ndarray:
+        """Covariance of the wandering parts at distances of `lag` [s]."""
+        lag = np.abs(np.asarray(lag, float))
+        with np.errstate(under="ignore"):
+            return np.asarray(np.exp(-lag[..., None] / self.correlation_times) @ self.wander)
+
+    def of_mean(self, seconds: np.ndarray) -> tuple[float, float]:
+        """Variances of the mean of readings at increasing times [s]: unforeseen part, wandering parts."""
+        steps = np.diff(np.asarray(seconds, float))
+        larger = float(np.mean(self.size(seconds) ** 2))
+        parts = zip(self.wander.tolist(), self.correlation_times.tolist(), strict=True)
+        wander = sum(variance * _mean_correlation(steps, time) for variance, time in parts if variance > 0)
+        return larger * self.white * _mean_correlation(steps, self.recent), larger * float(wander)
+
+
+def _mean_correlation(steps: np.ndarray, correlation_time: float) -> float:
+    """Mean of exp(-|t_i - t_j| / correlation_time) over all pairs of times with the given steps [s]."""
+    if correlation_time <= 0:
+        return 1 / (len(steps) + 1)
+    with np.errstate(under="ignore"):
+        kept = np.exp(-steps / correlation_time)
+    behind = before = 0.0
+    for k in kept:  # sum of correlations with all earlier times
+        before = k * (before + 1.0)
+        behind += before
+    return (len(steps) + 1 + 2 * behind) / (len(steps) + 1) ** 2

@@ -1,0 +1,113 @@
+"""Variances of what a fitted model says of each row, block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...effects.stream import Walked, resume, walk
+from ...records import Block, Record
+from .joint import JointErrors
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowErrors:
+    """Variances in the rows of one block, in the unit of the reading squared unless said, shape (n,) each."""
+
+    level: np.ndarray
+    """The bias: what all rows of a record like the fitted one share."""
+    coefficients: np.ndarray
+    """The bias: the rest of what the coefficients make, and the distance of the fit from the best estimate."""
+    extrapolation: np.ndarray
+    """The bias, outside the fitted temperatures."""
+    noise: np.ndarray
+    """Variance of the noise, over that of `NoiseModel.variance`."""
+    shared: np.ndarray
+    """Covariance of the bias with the wandering noise of its own row: above 0 shortly after the fitted record."""
+    columns: np.ndarray
+    """What the coefficients are multiplied by, shape (n, 1 + p): for covariances between rows."""
+
+
+class ErrorWalk:
+    """Walks through a record with a model and its joint errors.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+        Fitted.
+    joint : JointErrors
+        Of that model.
+    removed : bool
+        Errors of the bias that `correct` removes; else of the modelled reading, U0 and all effects.
+    """
+
+    def __init__(self, model: Any, joint: JointErrors, removed: bool):
+        self.model, self.joint, self.removed = model, joint, removed
+        kept = [effect.removed_by_correct or not removed for effect in joint.effects for _ in effect.names()]
+        self.used = np.array([not removed, *kept], float)
+        mean = joint.mean * self.used
+        shared = mean @ joint.half
+        size = float(np.linalg.norm(shared))
+        self.level = shared / size if size > 0 else shared
+
+    def blocks(self, record: Record) -> Iterator[tuple[Block, np.ndarray, RowErrors]]:
+        """Each block with the value that the model gives (the bias, or the modelled reading), and its errors."""
+        model, joint = self.model, self.joint
+        own, starts, states = model.features_.resume(record)
+        walked: list[Walked] = []
+
+        def noted() -> Iterator[Walked]:
+            for step in model.features_.walk_resumed(own, starts, states):
+                walked[:] = [step]
+                yield step
+
+        wide: Iterator[Walked] = iter(())
+        if not joint.own:
+            kept, begun, known = resume(joint.effects, joint.history, record)
+            wide = walk(joint.effects, kept, zero=joint.history.zero, starts=begun, states=known)
+        parts = [effect.removed_by_correct or not self.removed for effect in model.features_.effect_list()]
+        constant = 0.0 if self.removed else model.intercept_
+        for block, contributions in model.weighed(noted()):
+            value = contributions[:, parts].sum(axis=1) + constant
+            columns = next(wide, walked[0]).columns
+            yield block, value, self.errors(columns, block.seconds, block.temperature, value)
+
+    def errors(self, columns: np.ndarray, seconds: np.ndarray, temperature: np.ndarray, value: np.ndarray) -> RowErrors:
+        """Errors of rows from their columns, shape (n, p), of the effects of the joint errors.
+
+        Parameters
+        ----------
+        columns : array of shape (n, p)
+        seconds : array of shape (n,)
+            Since the fitted record began [s].
+        temperature : array of shape (n,)
+        value : array of shape (n,)
+            What the model gives.
+        """
+        joint = self.joint
+        Z = np.column_stack((np.ones(len(columns)), columns)) * self.used
+        active = np.flatnonzero(Z.any(axis=0))  # decays that are over are zero
+        through = Z[:, active] @ joint.half[active]
+        level = (through @ self.level) ** 2
+        distance = Z @ joint.coef - value
+        rest = np.maximum(np.einsum("ij,ij->i", through, through) - level, 0.0)
+        return RowErrors(
+            level=level,
+            coefficients=rest + distance**2 + joint.representation,
+            extrapolation=self._beyond(Z, columns, temperature),
+            noise=joint.noise.size(seconds) ** 2,
+            shared=np.einsum("ij,ij->i", Z @ joint.last, joint.fading(seconds)),
+            columns=Z,
+        )
+
+    def _beyond(self, Z: np.ndarray, columns: np.ndarray, temperature: np.ndarray) -> np.ndarray:
+        beyond = self.joint.beyond
+        low, high = self.model.temperature_range_
+        outside = (temperature < low) | (temperature > high)
+        if beyond is None or not outside.any():
+            return np.zeros(len(Z))
+        part = (columns[:, 0] ** beyond.power - Z @ beyond.alike) * beyond.size
+        return np.asarray(np.where(outside, part**2, 0.0))

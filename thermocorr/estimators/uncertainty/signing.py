@@ -1,0 +1,159 @@
+"""The part of `DynamicBiasRegressor` that says what its numbers are worth."""
+
+from __future__ import annotations
+
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from sklearn.utils.validation import check_is_fitted
+
+from ..fitted import FittedModel
+from ..threads import one_blas_thread
+from .assessed import uncertainty_of, why_incomplete
+from .budget import coverage_factor
+from .declared import Reference, Sensor
+from .joint import UNKNOWN, JointErrors, joint_errors
+from .rows import ErrorWalk
+from .signed import Uncertainty
+
+
+class SignedModel(FittedModel):
+    """Uncertainties of a fitted model."""
+
+    if TYPE_CHECKING:
+
+        def predict(self, X: Any, return_std: bool = False) -> Any:
+            """Modelled reading, of `DynamicBiasRegressor`."""
+
+    @property
+    def knows_noise(self) -> bool:
+        """Whether the model can tell uncertainties: not if it was read from a file, or fitted on several processes."""
+        return hasattr(self, "joint_errors_") or getattr(getattr(self, "_swept", None), "binned", None) is not None
+
+    def joint_errors(self) -> JointErrors:
+        """Best estimate and covariance of the coefficients, and the noise of the fitted record; kept once made."""
+        check_is_fitted(self, "pipeline_")
+        if not hasattr(self, "joint_errors_"):
+            if not self.knows_noise:
+                raise ValueError(UNKNOWN)
+            with one_blas_thread():
+                self.joint_errors_ = joint_errors(self, self._swept, self._solution)
+        return self.joint_errors_
+
+    def uncertainty(
+        self,
+        X: Any,
+        y: Any,
+        *,
+        sensor: Sensor | None = None,
+        reference: float | None = None,
+        reference_dof: float = np.inf,
+        coverage: float = 0.95,
+        diagnosis: Any = None,
+        allow_missing: bool = False,
+    ) -> Uncertainty:
+        """Corrected readings with their uncertainties, after the GUM.
+
+        Parameters
+        ----------
+        X, y : as for `fit`
+            Any record: the fitted one, its continuation, or another of the same device.
+        sensor : Sensor, optional
+            What is known of the thermometer (type B); nothing by default, and listed as not declared.
+        reference : float, optional
+            Standard uncertainty of what the level of the readings was set with, in the unit of y (type B).
+        reference_dof : float, default inf
+            Its degrees of freedom.
+        coverage : float, default 0.95
+            Of the intervals.
+        diagnosis : Diagnosis, optional
+            Of this model: readings are signed where it says "nothing missing". Without it they are signed where what
+            wanders in the residuals is at most a twentieth of their variance.
+        allow_missing : bool, default False
+            Whether what is provisional may be exported all the same.
+
+        Returns
+        -------
+        Uncertainty
+
+        Raises
+        ------
+        ValueError
+            For a model that does not know the noise of its record, or parameters out of range.
+
+        Examples
+        --------
+        >>> from thermocorr import DynamicBiasRegressor
+        >>> from thermocorr.datasets import make_record
+        >>> record = make_record(4000, seed=1)
+        >>> X, y = record[["temperature"]], record["reading"].rename("reading [ppm]")
+        >>> signed = DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y).uncertainty(X, y)
+        >>> list(signed.frame().columns[:7]), signed.frame()["status"].iloc[-1]
+        (['corrected', 'u', 'dof', 'k', 'U', 'low', 'high'], 'signed')
+        """
+        _check_share("coverage", coverage)
+        _check_not_negative("reference", 0.0 if reference is None else reference)
+        _check_not_negative("reference_dof", reference_dof, strictly=True)
+        joint = self.joint_errors()
+        record, _, _ = self.features_.resume(X, y)
+        return uncertainty_of(
+            self,
+            joint,
+            record,
+            X.index if isinstance(X, pd.DataFrame) else None,
+            sensor=Sensor() if sensor is None else sensor,
+            reference=Reference(
+                uncertainty=float(reference or 0.0), dof=float(reference_dof), declared=reference is not None
+            ),
+            coverage=float(coverage),
+            why_provisional=why_incomplete(joint, diagnosis),
+            allow_missing=allow_missing,
+        )
+
+    def predict_interval(self, X: Any, coverage: float | list[float] = 0.95) -> pd.DataFrame:
+        """Intervals for a reading, in the form of skpro: columns (name, coverage, "lower" or "upper").
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+        coverage : float or list of float, default 0.95
+        """
+        value, u = self.predict(X, return_std=True)
+        columns = {}
+        joint = self.joint_errors()
+        for share in np.atleast_1d(np.asarray(coverage, float)).tolist():
+            _check_share("coverage", share)
+            k = coverage_factor(joint.noise.dof, share)
+            columns[self.reading_.name, share, "lower"] = value - k * u
+            columns[self.reading_.name, share, "upper"] = value + k * u
+        return pd.DataFrame(columns, index=X.index if isinstance(X, pd.DataFrame) else None)
+
+    def _uncertain(self, X: Any, of: str) -> np.ndarray:
+        """Standard uncertainty of the "bias", the "corrected" reading, or a "reading" to come, shape (n_rows,)."""
+        joint = self.joint_errors()
+        record, _, _ = self.features_.resume(X)
+        result = np.full(record.n_rows, np.nan)
+        walk = ErrorWalk(self, joint, removed=of != "reading")
+        for block, _, errors in walk.blocks(record):
+            variance = errors.level + errors.coefficients + errors.extrapolation
+            if of != "bias":
+                variance = np.maximum(variance + joint.noise.variance * errors.noise - 2 * errors.shared, 0.0)
+            variance[self.block_flags(block, None) == "washout"] = np.nan
+            result[block.rows] = np.sqrt(variance)
+        return result
+
+
+def _check_share(name: str, value: Any) -> None:
+    if isinstance(value, bool) or not isinstance(value, Real) or not 0 < float(value) < 1:
+        raise ValueError(
+            f"The {name!r} parameter must be a share between 0 and 1, such as 0.95. Got {value!r} instead."
+        )
+
+
+def _check_not_negative(name: str, value: Any, strictly: bool = False) -> None:
+    number = isinstance(value, Real) and not isinstance(value, bool)
+    if not number or not (float(value) > 0 if strictly else 0 <= float(value) < np.inf):
+        least = "above zero" if strictly else "zero or above"
+        raise ValueError(f"The {name!r} parameter must be a number, {least}. Got {value!r} instead.")

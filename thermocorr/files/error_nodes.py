@@ -1,0 +1,167 @@
+"""Joint errors of a fitted model and its noise, as JSON and back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..effects.protocol import Effect
+from ..effects.thermal import ThermalLag
+from ..estimators.uncertainty.joint import Beyond, JointErrors
+from ..estimators.uncertainty.noise_model import NoiseModel
+from ..records import History
+from ..records.grammar import LARGEST
+from .codec import fields, integer, items, number, pack, positive, unexpected, unpack, vector
+from .effect_nodes import EffectCodec, check_state
+
+_ERRORS = ("lag", "coef", "half", "dof", "mean", "noise", "last", "end", "representation", "beyond")
+_NOISE = (
+    "white", "recent", "wander", "correlation_times", "white_dof", "wander_dof", "size_seconds", "sizes",
+)  # fmt: skip
+MOST_POWER = 12
+"""Highest power of the static law that a file may speak of."""
+
+
+def pack_errors(joint: JointErrors, codec: EffectCodec) -> dict[str, Any]:
+    """Everything but the effects and the history that the model has itself."""
+    noise = joint.noise
+    return {
+        "lag": None if joint.own else _pack_lag(joint, codec),
+        "coef": pack(joint.coef, "the best coefficients"),
+        "half": pack(joint.half, "their covariance"),
+        "dof": _finite(joint.dof),
+        "mean": pack(joint.mean, "the columns' means"),
+        "noise": {
+            "white": noise.white,
+            "recent": noise.recent,
+            "wander": pack(noise.wander, "the wandering noise"),
+            "correlation_times": pack(noise.correlation_times, "its correlation times"),
+            "white_dof": _finite(noise.white_dof),
+            "wander_dof": _finite(noise.wander_dof),
+            "size_seconds": pack(noise.size_seconds, "times of the noise"),
+            "sizes": pack(noise.sizes, "sizes of the noise"),
+        },
+        "last": pack(joint.last, "errors at the record's end"),
+        "end": joint.end,
+        "representation": joint.representation,
+        "beyond": joint.beyond
+        and {
+            "power": joint.beyond.power,
+            "size": joint.beyond.size,
+            "alike": pack(joint.beyond.alike, "what is like the next power"),
+        },
+    }
+
+
+def unpack_errors(
+    node: Any, where: str, effects: list[Effect], history: History, codec: EffectCodec
+) -> JointErrors | None:
+    """The errors, every number checked; None for a model that does not know them."""
+    if node is None:
+        return None
+    node = fields(node, where, _ERRORS)
+    own = node["lag"] is None
+    if not own:
+        effects, history = _unpack_lag(node["lag"], f"{where}.lag", effects, history, codec)
+    width = 1 + sum(len(effect.names()) for effect in effects)
+    noise = _unpack_noise(node["noise"], f"{where}.noise")
+    return JointErrors(
+        effects=effects,
+        history=history,
+        own=own,
+        coef=_vector(node, "coef", where, width),
+        half=_matrix(node, "half", where, width),
+        dof=_dof(node, "dof", where),
+        mean=_vector(node, "mean", where, width),
+        noise=noise,
+        last=_matrix(node, "last", where, width, len(noise.wander)),
+        end=number(node["end"], f"{where}.end", 0.0, LARGEST),
+        representation=number(node["representation"], f"{where}.representation", 0.0, LARGEST),
+        beyond=None if node["beyond"] is None else _unpack_beyond(node["beyond"], f"{where}.beyond", width),
+    )
+
+
+def _pack_lag(joint: JointErrors, codec: EffectCodec) -> dict[str, Any]:
+    at = next(i for i, effect in enumerate(joint.effects) if isinstance(effect, ThermalLag))
+    ends = [
+        pack(states[at], "the state of a lag of the spectrum", codec.pack_learned)
+        for states in joint.history.end_states
+    ]
+    return {
+        "effect": codec.pack(joint.effects[at], "the lags of the spectrum", learned=True),
+        "end_states": ends,
+    }
+
+
+def _unpack_lag(
+    node: Any, where: str, effects: list[Effect], history: History, codec: EffectCodec
+) -> tuple[list[Effect], History]:
+    """The model's effects and history with the lags of the spectrum in the place of its own."""
+    node = fields(node, where, ("effect", "end_states"))
+    lag = codec.unpack(node["effect"], f"{where}.effect", learned=True)
+    at = [i for i, effect in enumerate(effects) if isinstance(effect, ThermalLag)]
+    if not isinstance(lag, ThermalLag) or not at:
+        raise unexpected(f"{where}.effect", type(lag).__name__, "the lags of a model that has some")
+    given = items(node["end_states"], f"{where}.end_states", len(history.end_states))
+    ends = []
+    for i, (state, states) in enumerate(zip(given, history.end_states, strict=True)):
+        found = unpack(state, f"{where}.end_states[{i}]", codec.unpack_nested)
+        check_state(lag, found, f"{where}.end_states[{i}]")
+        ends.append([*states[: at[0]], found, *states[at[0] + 1 :]])
+    wide: list[Effect] = [*effects[: at[0]], lag, *effects[at[0] + 1 :]]
+    return wide, replace(history, end_states=tuple(ends))
+
+
+def _unpack_noise(node: Any, where: str) -> NoiseModel:
+    node = fields(node, where, _NOISE)
+    wander = _vector(node, "wander", where)
+    sizes = _vector(node, "sizes", where)
+    times, moments = (
+        _vector(node, "correlation_times", where, len(wander)),
+        _vector(node, "size_seconds", where, len(sizes)),
+    )
+    if (wander < 0).any() or (times <= 0).any() or (sizes <= 0).any() or (np.diff(moments) <= 0).any():
+        raise unexpected(where, "numbers", "variances, times and sizes above zero, moments in order")
+    return NoiseModel(
+        white=number(node["white"], f"{where}.white", 0.0, LARGEST**2),
+        recent=number(node["recent"], f"{where}.recent", 0.0, LARGEST),
+        wander=wander,
+        correlation_times=times,
+        white_dof=_dof(node, "white_dof", where),
+        wander_dof=_dof(node, "wander_dof", where),
+        size_seconds=moments,
+        sizes=sizes,
+    )
+
+
+def _unpack_beyond(node: Any, where: str, width: int) -> Beyond:
+    node = fields(node, where, ("power", "size", "alike"))
+    return Beyond(
+        power=integer(node["power"], f"{where}.power", 2, MOST_POWER),
+        size=number(node["size"], f"{where}.size", 0.0, LARGEST**2),
+        alike=_vector(node, "alike", where, width),
+    )
+
+
+def _finite(dof: float) -> float | None:
+    return float(dof) if np.isfinite(dof) else None
+
+
+def _dof(node: dict[str, Any], key: str, where: str) -> float:
+    return np.inf if node[key] is None else positive(node[key], f"{where}.{key}")
+
+
+def _vector(node: dict[str, Any], key: str, where: str, length: int | None = None) -> np.ndarray:
+    return vector(unpack(node[key], f"{where}.{key}"), f"{where}.{key}", length, LARGEST**2)
+
+
+def _matrix(node: dict[str, Any], key: str, where: str, rows: int, columns: int | None = None) -> np.ndarray:
+    place = f"{where}.{key}"
+    found = unpack(node[key], place)
+    right = isinstance(found, np.ndarray) and found.ndim == 2 and found.dtype == np.float64
+    if not right or found.shape != (rows, found.shape[1] if columns is None else columns):
+        raise unexpected(place, repr(node[key])[:60], f"a table of {rows} rows")
+    vector(found.ravel(), place, most=LARGEST**2)
+    return np.asarray(found)
