@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from noisy import TIMES, device
 
-from thermocorr import DynamicBiasRegressor, Sensor, diagnose
+from thermocorr import DynamicBiasRegressor, RecordWarning, Sensor, diagnose
 
 
 @pytest.fixture(scope="module")
@@ -164,3 +164,36 @@ def test_rows_that_are_none(fitted):
         signed.budget(slice(10, 10))
     with pytest.raises(KeyError):
         signed.budget("1999-01-01")
+
+
+# ------------------------------------------------------------------------------------------------------ strange records
+
+
+def test_a_record_too_short_for_its_noise_is_said():
+    rng = np.random.default_rng(2)
+    X, y, _ = device(3000, 2, np.cumsum(rng.standard_normal(3000)) / 10)
+    model = DynamicBiasRegressor("temperature", TIMES).fit(X, y)
+    with pytest.warns(RecordWarning, match=r"remembers for about .* Record for at least \d"):
+        model.uncertainty(X, y)
+
+
+@pytest.mark.parametrize("reading", ["constant", "exact", "huge", "tiny"])
+def test_readings_of_any_size(reading):
+    """Without noise there is hardly an uncertainty; with it, it has the unit of the reading."""
+    X, y, truth = device(2000, 3, np.random.default_rng(3).standard_normal(2000))
+    scale = {"constant": 0.0, "exact": 1.0, "huge": 1e9, "tiny": 1e-12}[reading]
+    y = 5.0 + 0 * y if reading == "constant" else truth if reading == "exact" else y * scale
+    u = DynamicBiasRegressor("temperature", TIMES).fit(X, y).correct(X, y, return_std=True)[1]
+    assert np.isfinite(u).all()
+    if scale in (0.0, 1.0):
+        assert u.max() < 0.05
+    else:
+        assert u.median() == pytest.approx(0.2 * scale, rel=0.05)
+
+
+@pytest.mark.parametrize("n", [8, 20, 60])
+def test_short_records_have_wide_intervals(n):
+    X, y, _ = device(n, 3, np.random.default_rng(3).standard_normal(n))
+    signed = DynamicBiasRegressor("temperature", ["5 min"], degree=1).fit(X, y).uncertainty(X, y)
+    assert np.isfinite(signed.frame()[["u", "k", "U"]]).all(axis=None)
+    assert (signed.frame()["k"] > 1.96).all()

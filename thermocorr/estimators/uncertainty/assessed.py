@@ -13,6 +13,8 @@ from .rows import ErrorWalk
 from .sensor_response import sensor_variance
 from .signed import PARTS, Uncertainty
 
+MEMORIES = 5.0
+"""Correlation times of its noise that a record must last for the size of that noise to be known."""
 WANDERS = 0.05
 """Wandering share of the residual variance from which on, without a diagnosis, a model counts as incomplete."""
 
@@ -80,4 +82,16 @@ def why_incomplete(joint: JointErrors, diagnosis: Any) -> str:
     return (
         f"{100 * share:.0f} % of the residual variance wanders, which a missing effect may do "
         "(diagnosis=diagnose(model, X, y) looks for it)."
+    )
+
+
+def too_short(joint: JointErrors) -> str:
+    """A sentence on a record that is too short for its noise; "" where it is not."""
+    noise = joint.noise
+    if noise.wander_variance <= WANDERS * noise.variance or MEMORIES * noise.memory <= joint.end:
+        return ""
+    return (
+        f"The noise remembers for about {noise.memory:.3g} s, and the fitted record lasts {joint.end:.3g} s: what "
+        f"wanders so slowly has hardly been seen, and uncertainties may be too small. Record for at least "
+        f"{MEMORIES * noise.memory:.3g} s."
     )

@@ -41,6 +41,12 @@ class NoiseModel:
         """Variance of one reading."""
         return self.white + self.wander_variance
 
+    @property
+    def memory(self) -> float:
+        """Mean correlation time of what wanders, each part by its variance [s]; 0 where nothing does."""
+        total = self.wander_variance
+        return float(self.wander @ self.correlation_times) / total if total > 0 else 0.0
+
     def size(self, seconds: np.ndarray) -> np.ndarray:
         """Size of the noise at times [s], over that of the variances; the last one known for what comes later."""
         return np.interp(seconds, self.size_seconds, self.sizes) if len(self.sizes) else np.ones(len(seconds))

@@ -32,6 +32,8 @@ FEWER_ROUNDS = 30
 """Further ones, for a slightly different record."""
 DRAWS = 60
 """Records drawn from the noise found, by which the uncertainty of its variances is told."""
+EXACT = 1e-24
+"""Variance of a reading that is exact, in units of its residuals'."""
 LEAST = 1e-12
 """Directions in which the columns have less than this share of the largest carry no information."""
 
@@ -106,11 +108,11 @@ class Record:
         edges = [*self.bands.starts.tolist(), len(z)]
         self.products = np.stack([A[a:b].T @ A[a:b] for a, b in pairwise(edges)])
         self.moments = self.bands.sums(A * z[:, None])
-        self.power = np.maximum(self.bands.sums(z**2), 1e-300)
+        self.power = np.maximum(self.bands.sums(z**2), EXACT)
         self.groups, self.within = groups, within
         self.scales = np.full(len(groups), float(np.sum(z**2)) / columns.shape[1])
         self.fast = within.power / max(within.freedom, 1) if within else 0.0
-        variance = float(np.mean(z**2))
+        variance = max(float(np.mean(z**2)), EXACT)
         parts = self.parts.shape[1]
         self.models = AveragedModels(self.parts)
         self.theta = np.r_[variance / 2, np.full(parts - 1, variance / 2 / max(parts - 1, 1))]

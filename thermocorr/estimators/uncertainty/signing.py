@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -9,9 +10,10 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
+from ...records import RecordWarning
 from ..fitted import FittedModel
 from ..threads import one_blas_thread
-from .assessed import uncertainty_of, why_incomplete
+from .assessed import too_short, uncertainty_of, why_incomplete
 from .budget import coverage_factor
 from .declared import Reference, Sensor
 from .joint import UNKNOWN, JointErrors, joint_errors
@@ -83,6 +85,11 @@ class SignedModel(FittedModel):
         ValueError
             For a model that does not know the noise of its record, or parameters out of range.
 
+        Warns
+        -----
+        RecordWarning
+            For a record shorter than five correlation times of its noise, with the length that is needed.
+
         Examples
         --------
         >>> from thermocorr import DynamicBiasRegressor
@@ -97,6 +104,8 @@ class SignedModel(FittedModel):
         _check_not_negative("reference", 0.0 if reference is None else reference)
         _check_not_negative("reference_dof", reference_dof, strictly=True)
         joint = self.joint_errors()
+        if doubt := too_short(joint):
+            warnings.warn(doubt, RecordWarning, stacklevel=2)
         record, _, _ = self.features_.resume(X, y)
         return uncertainty_of(
             self,
