@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from ..effects import InitialTransient
 from ..effects.protocol import Effect
 from ..effects.thermal import ThermalLag
 from ..estimators.uncertainty.joint import Beyond, JointErrors
@@ -16,7 +18,7 @@ from ..records.grammar import LARGEST
 from .codec import fields, integer, items, number, pack, positive, unexpected, unpack, vector
 from .effect_nodes import EffectCodec, check_state
 
-_ERRORS = ("lag", "coef", "half", "dof", "mean", "noise", "last", "end", "representation", "beyond")
+_ERRORS = ("wider", "coef", "half", "dof", "mean", "noise", "last", "end", "representation", "beyond")
 _NOISE = (
     "white", "recent", "wander", "correlation_times", "white_dof", "wander_dof", "size_seconds", "sizes",
 )  # fmt: skip
@@ -24,11 +26,12 @@ MOST_POWER = 12
 """Highest power of the static law that a file may speak of."""
 
 
-def pack_errors(joint: JointErrors, codec: EffectCodec) -> dict[str, Any]:
-    """Everything but the effects and the history that the model has itself."""
+def pack_errors(joint: JointErrors, own: Sequence[Effect], codec: EffectCodec) -> dict[str, Any]:
+    """Everything but what the model has itself: its `own` effects, and the history."""
     noise = joint.noise
+    wider = [i for i, effect in enumerate(joint.effects) if all(effect is not each for each in own)]
     return {
-        "lag": None if joint.own else _pack_lag(joint, codec),
+        "wider": [_pack_wider(i, joint, codec) for i in wider],
         "coef": pack(joint.coef, "the best coefficients"),
         "half": pack(joint.half, "their covariance"),
         "dof": _finite(joint.dof),
@@ -62,15 +65,15 @@ def unpack_errors(
     if node is None:
         return None
     node = fields(node, where, _ERRORS)
-    own = node["lag"] is None
-    if not own:
-        effects, history = _unpack_lag(node["lag"], f"{where}.lag", effects, history, codec)
+    wider = items(node["wider"], f"{where}.wider")
+    for i, item in enumerate(wider):
+        effects, history = _unpack_wider(item, f"{where}.wider[{i}]", effects, history, codec)
     width = 1 + sum(len(effect.names()) for effect in effects)
     noise = _unpack_noise(node["noise"], f"{where}.noise")
     return JointErrors(
         effects=effects,
         history=history,
-        own=own,
+        own=not wider,
         coef=_vector(node, "coef", where, width),
         half=_matrix(node, "half", where, width),
         dof=_dof(node, "dof", where),
@@ -83,35 +86,29 @@ def unpack_errors(
     )
 
 
-def _pack_lag(joint: JointErrors, codec: EffectCodec) -> dict[str, Any]:
-    at = next(i for i, effect in enumerate(joint.effects) if isinstance(effect, ThermalLag))
-    ends = [
-        pack(states[at], "the state of a lag of the spectrum", codec.pack_learned)
-        for states in joint.history.end_states
-    ]
-    return {
-        "effect": codec.pack(joint.effects[at], "the lags of the spectrum", learned=True),
-        "end_states": ends,
-    }
+def _pack_wider(at: int, joint: JointErrors, codec: EffectCodec) -> dict[str, Any]:
+    """An effect that stands for one of the model with more time constants."""
+    what = f"the wider {joint.effects[at].label()!r}"
+    ends = [pack(states[at], f"the state of {what}", codec.pack_learned) for states in joint.history.end_states]
+    return {"place": at, "effect": codec.pack(joint.effects[at], what, learned=True), "end_states": ends}
 
 
-def _unpack_lag(
+def _unpack_wider(
     node: Any, where: str, effects: list[Effect], history: History, codec: EffectCodec
 ) -> tuple[list[Effect], History]:
-    """The model's effects and history with the lags of the spectrum in the place of its own."""
-    node = fields(node, where, ("effect", "end_states"))
-    lag = codec.unpack(node["effect"], f"{where}.effect", learned=True)
-    at = [i for i, effect in enumerate(effects) if isinstance(effect, ThermalLag)]
-    if not isinstance(lag, ThermalLag) or not at:
-        raise unexpected(f"{where}.effect", type(lag).__name__, "the lags of a model that has some")
+    """Effects and history with one effect, and its states, in the place of the model's."""
+    node = fields(node, where, ("place", "effect", "end_states"))
+    at = integer(node["place"], f"{where}.place", 0, len(effects) - 1)
+    wide = codec.unpack(node["effect"], f"{where}.effect", learned=True)
+    if type(wide) is not type(effects[at]) or not isinstance(wide, ThermalLag | InitialTransient):
+        raise unexpected(f"{where}.effect", type(wide).__name__, f"another {type(effects[at]).__name__}")
     given = items(node["end_states"], f"{where}.end_states", len(history.end_states))
     ends = []
     for i, (state, states) in enumerate(zip(given, history.end_states, strict=True)):
         found = unpack(state, f"{where}.end_states[{i}]", codec.unpack_nested)
-        check_state(lag, found, f"{where}.end_states[{i}]")
-        ends.append([*states[: at[0]], found, *states[at[0] + 1 :]])
-    wide: list[Effect] = [*effects[: at[0]], lag, *effects[at[0] + 1 :]]
-    return wide, replace(history, end_states=tuple(ends))
+        check_state(wide, found, f"{where}.end_states[{i}]")
+        ends.append([*states[:at], found, *states[at + 1 :]])
+    return [*effects[:at], wide, *effects[at + 1 :]], replace(history, end_states=tuple(ends))
 
 
 def _unpack_noise(node: Any, where: str) -> NoiseModel:

@@ -247,7 +247,7 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
         "feature_names_in": None if names is None else [str(column) for column in names],
         "effects": effects,
         "history": pack_history(history, features.effect_list(), codec),
-        "errors": pack_errors(model.joint_errors(), codec) if model.knows_noise else None,
+        "errors": pack_errors(model.joint_errors(), features.effect_list(), codec) if model.knows_noise else None,
     }
 
 

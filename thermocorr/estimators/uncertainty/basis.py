@@ -1,7 +1,12 @@
-"""Columns that stand for a fitted model in the bins of its record: its own, or those of a whole spectrum."""
+"""Columns that stand for a fitted model in the bins of its record: its own, and what it leaves out.
+
+A model that has searched its time constants has left out all others of the grid. One that fits the starts of segments
+has left out the decays of its slow bodies, which over a record look like drift; they are there all the same.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -45,11 +50,12 @@ class Basis:
     count: np.ndarray
     rows: int
     """Rows of a bin."""
-
-    def lags(self) -> np.ndarray:
-        """Which of the columns are lags, shape (p,)."""
-        lags = np.array([False, *(isinstance(e, ThermalLag) for e in self.effects for _ in e.names())])
-        return np.asarray(lags[self.free])
+    groups: list[np.ndarray]
+    """Coefficients that have a prior: 1 for those drawn alike, 0 for others, shape (p,) each."""
+    in_fit: np.ndarray
+    """Where each of the columns stands in the fit's factors, -1 for those that the model leaves out, shape (p,)."""
+    searched: bool
+    """Whether the lags of a whole grid stand for those of the model."""
 
     def bin_seconds(self) -> float:
         """Usual time from bin to bin [s]."""
@@ -63,10 +69,14 @@ def basis_of(model: Any, bins: Binned, offset: float) -> Basis:
     if bins.columns is not None:
         means, own = bins.columns, True
     else:
-        effects, own = [_with_times(effect, grid, history) for effect in effects], not len(grid)
+        wide = [_widened(effect, grid, history) for effect in effects]
+        own = all(one is other for one, other in zip(effects, wide, strict=True))
+        effects = wide
         means, ends = binned_columns(effects, history, bins)
         history = replace(history, end_states=tuple(ends))
     columns = np.column_stack((np.ones(len(means)), means))
+    names = ["", *(name for effect in effects for name in effect.names())]
+    fitted_names = ["", *model.features_.get_feature_names_out()]
     free, starts = np.arange(columns.shape[1]), np.zeros(len(columns))
     if len(history.record.segments) > MOST_SEGMENTS:  # their starts have no say on the rest
         decays = np.array([False, *(isinstance(e, InitialTransient) for e in effects for _ in e.names())])
@@ -76,8 +86,22 @@ def basis_of(model: Any, bins: Binned, offset: float) -> Basis:
     return Basis(
         effects=effects, history=history, own=own, columns=columns[known][:, free], free=free, width=columns.shape[1],
         reading=(bins.reading - starts)[known], offset=offset, segment=bins.segment[known],
-        begins=bins.begins[known], count=bins.count[known], rows=bins.width,
+        begins=bins.begins[known], count=bins.count[known], rows=bins.width, searched=not own and len(grid) > 0,
+        in_fit=np.array([fitted_names.index(names[i]) if names[i] in fitted_names else -1 for i in free]),
+        groups=[group[free] for group in _priors(effects, model.features_.effect_list())],
     )  # fmt: skip
+
+
+def _priors(effects: Sequence[Effect], own: Sequence[Effect]) -> list[np.ndarray]:
+    """Columns of the lags and of the decays that are not the model's own: 1 for those, 0 for others, shape (1 + p,)."""
+    groups = []
+    for kind in (ThermalLag, InitialTransient):
+        known = {name for effect in own if isinstance(effect, kind) for name in effect.names()}
+        drawn = [isinstance(effect, kind) and name not in known for effect in effects for name in effect.names()]
+        if kind is ThermalLag and any(drawn):  # the chosen ones are not known better than their neighbours
+            drawn = [isinstance(effect, kind) for effect in effects for _ in effect.names()]
+        groups.append(np.array([False, *drawn], float))
+    return [group for group in groups if group.any()]
 
 
 def _spectrum(model: Any) -> np.ndarray:
@@ -90,10 +114,14 @@ def _spectrum(model: Any) -> np.ndarray:
     return np.asarray(choice.grid[choice.grid <= longest])
 
 
-def _with_times(effect: Effect, grid: np.ndarray, history: History) -> Effect:
-    """A lag with all time constants of a grid; other effects, and all where there is no grid, as they are."""
-    if not (len(grid) and isinstance(effect, ThermalLag)):
+def _widened(effect: Effect, grid: np.ndarray, history: History) -> Effect:
+    """A lag with all time constants of a grid, start-up decays with those that the model leaves out; others as are."""
+    if isinstance(effect, ThermalLag) and len(grid):
+        changed: dict[str, Any] = {"time_constants": grid}
+    elif isinstance(effect, InitialTransient) and len(history.record.segments) <= MOST_SEGMENTS:
+        changed = {"longest_share": 1.0}
+    else:
         return effect
-    wide: Effect = clone(effect).set_params(time_constants=grid)
+    wide: Effect = clone(effect).set_params(**changed)
     wide.learn(history.record)
-    return wide
+    return effect if wide.names() == effect.names() else wide

@@ -108,8 +108,8 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
         raise ValueError(UNKNOWN)
     basis = basis_of(model, swept.binned, swept.reading_offset)
     scaled = Scaled.of(basis)
-    groups = [] if basis.own else [basis.lags() / scaled.norms**2]
-    within = _within(swept.total(), basis, scaled) if basis.own else None
+    groups = [group / scaled.norms**2 for group in basis.groups]
+    within = _within(swept.total(), basis, scaled)
     record = Record(scaled.columns, scaled.reading, scaled.span, groups, within)
     found = record.said()
     residual = solution.residual_sum_of_squares / max(solution.n_rows, 1)
@@ -129,7 +129,7 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
     return JointErrors(
         effects=basis.effects, history=basis.history, own=basis.own, coef=coef, half=half, dof=found.freedom(inner),
         mean=mean, noise=noise, last=last, end=float(basis.begins.max()),
-        representation=TOLERANCE * residual if basis.own and model.search_ is not None else 0.0,
+        representation=TOLERANCE * residual if not basis.searched and model.search_ is not None else 0.0,
         beyond=_beyond(basis, scaled, record),
     )  # fmt: skip
 
@@ -168,17 +168,21 @@ class Scaled:
 
 def _within(factor: TriangularFactor, basis: Basis, scaled: Scaled) -> Within | None:
     """What rows say beside their bins, from the factor of all rows; None where nobody knows, or a bin is a row."""
-    if basis.rows == 1 or len(basis.free) < basis.width:
+    if basis.rows == 1 or basis.searched or len(basis.free) < basis.width:
         return None
-    r = factor.r.copy()
+    own = basis.in_fit >= 0  # decays that the model leaves out hardly change within a bin
+    r = factor.r[:, [*basis.in_fit[own], -1]]
     r[:, -1] -= scaled.mean * r[:, 0]
-    whole, columns, y = r.T @ r, basis.columns, basis.reading - scaled.mean
-    products = (whole[:-1, :-1] - columns.T @ (basis.count[:, None] * columns)) / (scaled.norms[:, None] * scaled.norms)
-    values, vectors = np.linalg.eigh(products)
-    half = vectors * np.sqrt(np.maximum(values, 0.0))
+    whole, columns, y, norms = r.T @ r, basis.columns[:, own], basis.reading - scaled.mean, scaled.norms[own]
+    values, vectors = np.linalg.eigh(
+        (whole[:-1, :-1] - columns.T @ (basis.count[:, None] * columns)) / norms[:, None] / norms
+    )
+    half, moments = np.zeros((len(own), len(values))), np.zeros(len(own))
+    half[own] = vectors * np.sqrt(np.maximum(values, 0.0))
+    moments[own] = (whole[:-1, -1] - columns.T @ (basis.count * y)) / norms / scaled.unit
     return Within(
         columns=half @ half.T,
-        moments=(whole[:-1, -1] - columns.T @ (basis.count * y)) / scaled.norms / scaled.unit,
+        moments=moments,
         power=max(float(whole[-1, -1] - basis.count @ y**2), 0.0) / scaled.unit**2,
         freedom=factor.n_rows - len(columns),
     )
