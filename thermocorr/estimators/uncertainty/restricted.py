@@ -110,7 +110,7 @@ class Record:
         self.moments = self.bands.sums(A * z[:, None])
         self.power = np.maximum(self.bands.sums(z**2), EXACT)
         self.groups, self.within = groups, within
-        self.scales = np.full(len(groups), float(np.sum(z**2)) / columns.shape[1])
+        self.scales = np.full(len(groups), max(float(np.sum(z**2)) / columns.shape[1], EXACT))
         self.fast = within.power / max(within.freedom, 1) if within else 0.0
         variance = max(float(np.mean(z**2)), EXACT)
         parts = self.parts.shape[1]
