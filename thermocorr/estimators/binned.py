@@ -69,12 +69,12 @@ class Binning:
     def binned(self) -> Binned:
         """All that was gathered; bins whose rows were all passed over are left out."""
         seen = np.isfinite(self.begins)
-        segment = np.repeat(np.arange(len(self.starts)), np.diff(self.first))
+        segment = np.repeat(np.arange(len(self.starts), dtype=np.int32), np.diff(self.first))
         count = np.maximum(self.count[seen], 1.0)
         return Binned(
             segment=segment[seen],
             begins=self.begins[seen],
-            count=self.count[seen],
+            count=self.count[seen].astype(np.float32),  # a model is kept with these: half the size is enough
             reading=self.sums[seen] / count,
             width=self.width,
             columns=None if self.columns is None else self.columns[seen] / count[:, None],
