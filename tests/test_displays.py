@@ -348,3 +348,17 @@ def test_a_budget_is_drawn_with_its_shares():
     assert [label.get_text() for label in display.ax_.get_yticklabels()] == ["thermometer (B)", "noise (A)"]
     assert display.frame()["share"].tolist() == pytest.approx([0.64, 0.36, 0.0])
     assert display.ax_.get_xlabel().endswith("[%]") and "10.0(9.8) mV" in display.ax_.get_title(loc="left")
+
+
+def test_a_band_of_uncertainty_holds_the_residuals():
+    record = make_record(9000, seed=3)
+    X, y = record[["temperature"]], record["reading"]
+    model = DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X[:6000], y[:6000])
+    display = ResidualsDisplay.from_estimator(model, X, y, uncertainty=True).plot()
+    display.figure_.canvas.draw()
+    u = model.predict(X, return_std=True)[1]
+    assert display.frame()["u_low"].min() == pytest.approx(u.min(), rel=1e-12)
+    assert display.frame()["u"].mean() == pytest.approx(u.mean(), rel=1e-3)
+    labels = [text.get_text() for text in display.axes_[1].get_legend().get_texts()]
+    assert "95 % of readings" in labels
+    assert "u" not in ResidualsDisplay.from_estimator(model, X, y).frame()

@@ -52,7 +52,7 @@ class LiveErrors:
         `columns` are those of all `effects`, shape (n, p).
         """
         errors = self._walk.errors(columns[:, self._columns], seconds, temperature, bias)
-        return np.stack((errors.level + errors.coefficients + errors.extrapolation - 2 * errors.shared, errors.noise))
+        return np.stack((errors.bias - 2 * errors.shared, errors.noise))
 
     def u(self, variances: np.ndarray, count: int = 1) -> np.ndarray:
         """Standard uncertainty of corrected readings, or of the mean of the last `count`, shape (n,).

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import repeat
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from ..estimators.time_constants.resolution import CONFIDENCE_95
 from ..records import Record, RecordError, Segment
 from ..records.times import times_from
 from ..records.units import unit_of
@@ -23,7 +25,7 @@ from .axes import (
     name_runs,
     plain,
 )
-from .cells import cells_of
+from .cells import cells_of, with_breaks
 from .intervals import stretches
 from .protocols import DiagnosisLike
 from .timeline import TimeLine
@@ -69,7 +71,9 @@ class ResidualsDisplay:
         self.noise_floor = noise_floor
 
     @classmethod
-    def from_estimator(cls, model: Any, X: Any, y: Any, diagnosis: DiagnosisLike | None = None) -> ResidualsDisplay:
+    def from_estimator(
+        cls, model: Any, X: Any, y: Any, diagnosis: DiagnosisLike | None = None, *, uncertainty: bool = False
+    ) -> ResidualsDisplay:
         """From a fitted model and a record of any length, in one pass and bounded memory.
 
         Parameters
@@ -79,16 +83,21 @@ class ResidualsDisplay:
         X, y : as for `DynamicBiasRegressor.evaluate_blocks`
         diagnosis : DiagnosisLike, optional
             Of the same model and record: its worst stretches of time are shaded, its noise floor is drawn.
+        uncertainty : bool, default False
+            Draw a band around the residuals that holds 95 % of them, from ``predict(X, return_std=True)``.
         """
         walk = Walk(model, X, y)
         U0 = walk.model.intercept_
+        names = (*NAMES, "u") if uncertainty else NAMES
 
         def parts() -> Any:
-            for part in walk.parts():
+            stated = walk.uncertainties() if uncertainty else repeat(None)
+            for part, u in zip(walk.parts(), stated, strict=False):
                 modelled = part.contributions.sum(axis=1) + U0
-                yield part.segment, part.seconds, np.column_stack((part.measured, modelled, part.measured - modelled))
+                values = [part.measured, modelled, part.measured - modelled]
+                yield part.segment, part.seconds, np.column_stack(values if u is None else [*values, u])
 
-        cells = cells_of(walk.timeline, NAMES, walk.n_rows, parts())
+        cells = cells_of(walk.timeline, names, walk.n_rows, parts())
         failing = [] if diagnosis is None else stretches(diagnosis, walk.timeline)
         reading = walk.model.reading_
         floor = None if diagnosis is None else diagnosis.noise_floor
@@ -145,7 +154,8 @@ class ResidualsDisplay:
         """The numbers drawn: one row per cell of time, every row of the record up to 4000 rows.
 
         Columns time (dates, else seconds since the first row), segment, seconds, n (rows in the cell), and of each of
-        measured, modelled and residual its mean and its extremes ``_low`` and ``_high``.
+        measured, modelled and residual (and ``u``, the standard uncertainty of a reading, where it was asked for) its
+        mean and its extremes ``_low`` and ``_high``.
         """
         return self.cells.copy()
 
@@ -157,6 +167,10 @@ class ResidualsDisplay:
         draw_cells(top, self.cells, self.timeline, "modelled", VERMILION, "modelled")
         draw_cells(bottom, self.cells, self.timeline, "residual", BLUE)
         bottom.axhline(0.0, color="0.4", lw=0.8, zorder=1)
+        if "u" in self.cells:
+            x, spaced = with_breaks(self.cells, self.timeline)
+            half = CONFIDENCE_95 * spaced["u"]
+            bottom.fill_between(x, -half, half, color=GREY, alpha=0.25, lw=0, zorder=1, label="95 % of readings")
         if self.noise_floor is not None:
             for sign in (-2, 2):
                 label = "noise floor, two standard deviations" if sign > 0 else None

@@ -12,6 +12,7 @@ from ..effects.thermal import column_text
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.tables import distinct
 from ..estimators.time_constant_search import TimeConstantSearch
+from ..estimators.uncertainty.rows import ErrorWalk
 from ..records import Block, Record
 from ..records.numbers import numeric_reading
 from .timeline import TimeLine, zone_of
@@ -70,6 +71,12 @@ class Walk:
         """Walk; once."""
         for block, contributions in chain([self._first], self._blocks):
             yield self._part(block, contributions)
+
+    def uncertainties(self) -> Iterator[np.ndarray]:
+        """Standard uncertainty of a reading in the rows of each of the `parts`, shape (n,)."""
+        joint = self.model.joint_errors()
+        for _, _, errors in ErrorWalk(self.model, joint, removed=False).blocks(self.record):
+            yield np.sqrt(errors.of_readings(joint.noise))
 
     def _part(self, block: Block, contributions: np.ndarray) -> Part:
         if self._reading is None:

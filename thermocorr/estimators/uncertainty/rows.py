@@ -11,6 +11,7 @@ import numpy as np
 from ...effects.stream import Walked, resume, walk
 from ...records import Block, Record
 from .joint import JointErrors
+from .noise_model import NoiseModel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +30,15 @@ class RowErrors:
     """Covariance of the bias with the wandering noise of its own row: above 0 shortly after the fitted record."""
     columns: np.ndarray
     """What the coefficients are multiplied by, shape (n, 1 + p): for covariances between rows."""
+
+    @property
+    def bias(self) -> np.ndarray:
+        """Variance of the bias, or of the modelled reading, without noise."""
+        return np.asarray(self.level + self.coefficients + self.extrapolation)
+
+    def of_readings(self, noise: NoiseModel) -> np.ndarray:
+        """Variance of a corrected reading, or of one to come, noise included."""
+        return np.asarray(np.maximum(self.bias + noise.variance * self.noise - 2 * self.shared, 0.0))
 
 
 class ErrorWalk:

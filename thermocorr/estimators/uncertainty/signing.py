@@ -146,9 +146,7 @@ class SignedModel(FittedModel):
         result = np.full(record.n_rows, np.nan)
         walk = ErrorWalk(self, joint, removed=of != "reading")
         for block, _, errors in walk.blocks(record):
-            variance = errors.level + errors.coefficients + errors.extrapolation
-            if of != "bias":
-                variance = np.maximum(variance + joint.noise.variance * errors.noise - 2 * errors.shared, 0.0)
+            variance = errors.bias if of == "bias" else errors.of_readings(joint.noise)
             variance[self.block_flags(block, None) == "washout"] = np.nan
             result[block.rows] = np.sqrt(variance)
         return result
