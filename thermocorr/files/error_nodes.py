@@ -18,7 +18,7 @@ from ..records.grammar import LARGEST
 from .codec import fields, integer, items, number, pack, positive, unexpected, unpack, vector
 from .effect_nodes import EffectCodec, check_state
 
-_ERRORS = ("wider", "coef", "half", "dof", "mean", "noise", "last", "end", "representation", "beyond")
+_ERRORS = ("wider", "coef", "half", "dof", "usual", "mean", "noise", "last", "end", "representation", "beyond")
 _NOISE = (
     "white", "recent", "wander", "correlation_times", "white_dof", "wander_dof", "size_seconds", "sizes",
 )  # fmt: skip
@@ -35,6 +35,7 @@ def pack_errors(joint: JointErrors, own: Sequence[Effect], codec: EffectCodec) -
         "coef": pack(joint.coef, "the best coefficients"),
         "half": pack(joint.half, "their covariance"),
         "dof": _finite(joint.dof),
+        "usual": joint.usual,
         "mean": pack(joint.mean, "the columns' means"),
         "noise": {
             "white": noise.white,
@@ -77,6 +78,7 @@ def unpack_errors(
         coef=_vector(node, "coef", where, width),
         half=_matrix(node, "half", where, width),
         dof=_dof(node, "dof", where),
+        usual=number(node["usual"], f"{where}.usual", 0.0, LARGEST**2),
         mean=_vector(node, "mean", where, width),
         noise=noise,
         last=_matrix(node, "last", where, width, len(noise.wander)),

@@ -60,6 +60,8 @@ class PageData:
     """`StepResponseDisplay.frame`: bias after a step of temperature by one unit."""
     shares: pd.Series
     """`ContributionsDisplay.rms`: what each effect moves the reading by, largest first."""
+    uncertainties: tuple[tuple[str, float], ...]
+    """Usual standard uncertainty of a corrected reading, and of its parts, in words; empty where nobody knows."""
     versions: tuple[tuple[str, str], ...]
 
     @classmethod
@@ -112,6 +114,7 @@ class PageData:
             loop=ResidualLoopDisplay.from_estimator(model, X, y).frame(),
             step_response=StepResponseDisplay.from_estimator(model).frame(),
             shares=ContributionsDisplay.from_estimator(model, X).rms,
+            uncertainties=_uncertainties(model),
             versions=versions(),
         )
 
@@ -128,6 +131,20 @@ class PageData:
             return f"{said}, at unknown times{many}."
         zone = "" if self.timeline.zone is None else " UTC"
         return f"{said}, {self.span}{zone}, every {time_text(self.step)}{many}."
+
+
+def _uncertainties(model: Any) -> tuple[tuple[str, float], ...]:
+    """What makes a corrected reading of the fitted record uncertain, usually."""
+    if not model.knows_noise:
+        return ()
+    joint = model.joint_errors()
+    parts = {
+        "noise that its past does not foretell": joint.noise.white,
+        "noise that remembers": joint.noise.wander_variance,
+        "the bias": joint.usual,
+    }
+    whole = ("one corrected reading", float(np.sqrt(sum(parts.values()))))
+    return (whole, *((name, float(np.sqrt(variance))) for name, variance in parts.items()))
 
 
 def versions() -> tuple[tuple[str, str], ...]:

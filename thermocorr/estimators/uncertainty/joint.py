@@ -58,6 +58,8 @@ class JointErrors:
     """``half @ half.T`` is their covariance, shape (1 + p, rank)."""
     dof: float
     """Degrees of freedom of the bias's variance."""
+    usual: float
+    """Mean variance of the bias over the fitted record, the fit's distance from the best estimate left aside."""
     mean: np.ndarray
     """Mean of the columns over the record, 1 first, shape (1 + p,)."""
     noise: NoiseModel
@@ -128,6 +130,7 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
     inner[0], inner[:, 0] = 0.0, 0.0  # the bias has no intercept
     return JointErrors(
         effects=basis.effects, history=basis.history, own=basis.own, coef=coef, half=half, dof=found.freedom(inner),
+        usual=float(np.sum(inner * found.covariance)) * scaled.unit**2,
         mean=mean, noise=noise, last=last, end=float(basis.begins.max()),
         representation=TOLERANCE * residual if not basis.searched and model.search_ is not None else 0.0,
         beyond=_beyond(basis, scaled, record),
