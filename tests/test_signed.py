@@ -8,6 +8,8 @@ import pytest
 from noisy import TIMES, device
 
 from thermocorr import DynamicBiasRegressor, RecordWarning, Sensor, diagnose
+from thermocorr.datasets import make_record
+from thermocorr.estimators.uncertainty import signed as signed_values
 
 
 @pytest.fixture(scope="module")
@@ -157,13 +159,20 @@ def test_a_sensor_refuses_what_is_no_uncertainty(settings):
         Sensor(**settings)
 
 
-def test_rows_that_are_none(fitted):
+def test_rows_that_are_none(fitted, monkeypatch):
     model, X, y, _ = fitted
     signed = model.uncertainty(X, y)
-    with pytest.raises(ValueError, match="None of these rows has an uncertainty"):
+    with pytest.raises(ValueError, match="No row is asked for"):
         signed.budget(slice(10, 10))
-    with pytest.raises(KeyError):
-        signed.budget("1999-01-01")
+    for rows in ("1999-01-01", 99_999, [1.0, 2.0], True, np.ones(5, bool)):
+        with pytest.raises(ValueError, match=r"There are no such rows: .* places from 0 to 2999, or labels from 2024"):
+            signed.budget(rows)
+    lost = model.uncertainty(X, y.where(np.arange(len(y)) != 7))
+    with pytest.raises(ValueError, match="None of these 1 rows has an uncertainty: no reading"):
+        lost.budget(7)
+    monkeypatch.setattr(signed_values, "MOST_ROWS", 10)
+    with pytest.raises(ValueError, match="choose at most 10"):
+        signed.covariance(slice(0, 11))
 
 
 # ------------------------------------------------------------------------------------------------------ strange records
@@ -197,3 +206,90 @@ def test_short_records_have_wide_intervals(n):
     signed = DynamicBiasRegressor("temperature", ["5 min"], degree=1).fit(X, y).uncertainty(X, y)
     assert np.isfinite(signed.frame()[["u", "k", "U"]]).all(axis=None)
     assert (signed.frame()["k"] > 1.96).all()
+
+
+# ------------------------------------------------------------------------------------------------ what a review found
+
+
+def test_rows_count_once(fitted):
+    model, X, y, _ = fitted
+    signed = model.uncertainty(X, y)
+    assert signed.mean([5, 5]).u == signed.mean([5]).u
+    assert signed.mean([-1, 2999]).u == signed.mean(2999).u
+    assert signed.mean([X.index[3], X.index[9]]).u == signed.mean([9, 3]).u
+
+
+def test_noise_of_different_runs_is_independent():
+    record = make_record(1000, runs=2, seed=5)
+    clock = np.tile(np.arange(1000) * 60.0, 2)  # both of the same time
+    X = record[["temperature", "run"]].reset_index(drop=True).assign(clock=clock)
+    y = record["reading"].reset_index(drop=True)
+    signed = DynamicBiasRegressor("temperature", TIMES, run="run", time="clock").fit(X, y).uncertainty(X, y)
+    matrix = signed.covariance([500, 1500])
+    assert matrix[0, 1] < 0.1 * matrix[0, 0]
+    rows = [500, 1500, 700, 1700]
+    assert signed.mean(rows).u == pytest.approx(np.sqrt(signed.covariance(rows).mean()), rel=0.02)
+
+
+def test_rows_outside_are_not_exported(fitted):
+    _, X, y, _ = fitted
+    first = int(np.argmax(X["temperature"] > X["temperature"].quantile(0.9)))
+    signed = DynamicBiasRegressor("temperature", TIMES, degree=1).fit(X[:first], y[:first]).uncertainty(X, y)
+    outside = np.flatnonzero(signed.status == "outside fitted range")
+    with pytest.raises(ValueError, match="not signed: outside fitted range"):
+        signed.certificate(outside)
+    assert f"{(signed.status == 'signed').sum()} of them signed" in str(signed)
+
+
+def test_a_diagnosis_of_another_model_is_refused(fitted):
+    model, X, y, _ = fitted
+    poor = DynamicBiasRegressor("temperature", ["3 h"]).fit(X, y)
+    with pytest.raises(ValueError, match="of another model"):
+        poor.uncertainty(X, y, diagnosis=diagnose(model, X, y))
+    with pytest.raises(ValueError, match="what diagnose"):
+        poor.uncertainty(X, y, diagnosis="nothing missing")
+
+
+def test_a_thermometer_has_moved_before_the_first_row(fitted):
+    """The same rows alone, and as the end of the whole record."""
+    _, X, y, _ = fitted
+    model = DynamicBiasRegressor("temperature", TIMES, degree=1).fit(X[:1500], y[:1500])
+    sensor = Sensor(drift_since_learning=0.02)
+    whole, alone = (model.uncertainty(X[k:], y[k:], sensor=sensor).frame()["u_sensor"] for k in (0, 1500))
+    np.testing.assert_allclose(alone, whole[1500:], rtol=1e-6)
+
+
+def test_noise_of_the_thermometer_falls_in_a_mean(fitted):
+    model, X, y, _ = fitted
+    signed = model.uncertainty(X, y, sensor=Sensor(noise=0.05))
+    one, many = (next(line for line in signed.mean(rows).lines if "thermometer" in line.quantity).contribution
+                 for rows in (500, slice(500, 600)))  # fmt: skip
+    assert many == pytest.approx(one / 10, rel=1e-6)
+    matrix = signed.covariance(slice(500, 600))
+    assert signed.mean(slice(500, 600)).u == pytest.approx(np.sqrt(matrix.mean()), rel=0.02)
+
+
+def test_a_sensor_counts_in_kelvin_whatever_the_thermometer_shows(fitted):
+    _, X, y, _ = fitted
+    hot = (X * 1.8 + 32).rename(columns={"temperature": "room_degF"})
+    model = DynamicBiasRegressor("room_degF", TIMES, degree=1).fit(hot, y)
+    moved = model.uncertainty(hot, y, sensor=Sensor(drift_since_learning=0.02)).frame()["u_sensor"]
+    np.testing.assert_allclose(moved, 0.2, rtol=0.01)
+
+
+def test_parts_of_one_estimate_share_their_degrees_of_freedom(fitted):
+    _, X, y, _ = fitted
+    signed = DynamicBiasRegressor("temperature", ["3 h"]).fit(X, y).uncertainty(X, y)
+    assert signed.dof.max() < 2.05 * max(signed.joint.noise.wander_dof, signed.joint.dof)  # of two estimates
+    assert signed.budget(1000).dof == pytest.approx(signed.dof[1000], rel=0.05)
+
+
+@pytest.mark.parametrize("settings", [{"sensor": 0.01}, {"sensor": {"noise": 1}}])
+def test_a_sensor_is_a_sensor(fitted, settings):
+    model, X, y, _ = fitted
+    with pytest.raises(ValueError, match="must be a Sensor"):
+        model.uncertainty(X, y, **settings)
+    with pytest.raises(ValueError, match="y is None"):
+        model.uncertainty(X, None)
+    with pytest.raises(ValueError, match="share between 0 and 1"):
+        model.predict_interval(X, "95 %")

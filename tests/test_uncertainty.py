@@ -38,13 +38,14 @@ def noise_model(**more):
 
 
 @pytest.mark.parametrize("recent", [0.0, 20.0])
-def test_the_variance_of_a_mean_is_the_mean_of_the_covariance_matrix(recent):
+@pytest.mark.parametrize("even", [False, True])
+def test_the_variance_of_a_mean_is_the_mean_of_the_covariance_matrix(recent, even):
+    """For one run, and for two whose noise is independent though they are of the same time."""
     noise = noise_model(recent=recent, size_seconds=np.array([0.0, 900.0]), sizes=np.array([1.5, 1.5]))
-    seconds = np.cumsum(np.random.default_rng(1).uniform(1, 60, 40))
-    lag = seconds[:, None] - seconds
-    white, wander = noise.of_mean(seconds)
-    assert white == pytest.approx(2.25 * noise.white_covariance(lag).mean(), rel=1e-12)
-    assert wander == pytest.approx(2.25 * noise.wander_covariance(lag).mean(), rel=1e-12)
+    seconds = np.arange(40) * 7.0 if even else np.cumsum(np.random.default_rng(1).uniform(1, 60, 40))
+    for runs in (np.zeros(40, int), np.arange(40) % 2):
+        when = seconds - seconds[1] * (runs if even else 0)
+        assert sum(noise.of_mean(when, runs)) == pytest.approx(noise.covariance(when, runs).mean(), rel=1e-9)
 
 
 def test_powers_of_means_are_exact():
@@ -233,3 +234,23 @@ def test_a_model_that_knows_no_noise_says_so(fitted):
     assert not poor.knows_noise
     with pytest.raises(ValueError, match="does not know the noise"):
         poor.predict(X, return_std=True)
+
+
+def test_few_readings_among_many_rows():
+    """Every third row has a reading: the noise is known all the same."""
+    X, y, _ = device(20_000, 12, np.random.default_rng(12).standard_normal(20_000))
+    y = y.where(np.arange(20_000) % 3 == 0)
+    model = DynamicBiasRegressor("temperature", TIMES).fit(X, y)
+    assert model.joint_errors().noise.white == pytest.approx(0.04, rel=0.1)
+    assert 0.001 < np.median(model.bias(X, return_std=True)[1]) < 0.02
+
+
+def test_what_follows_another_run_shares_no_noise_with_the_last():
+    """Beside the same rows as a continuation of their own run, where the wandering noise goes on."""
+    rng = np.random.default_rng(14)
+    X, y, _ = device(3000, 14, 3 * markov(rng, 3000, 800))
+    X = X.assign(run="a")
+    model = DynamicBiasRegressor("temperature", (), run="run").fit(X[:2000], y[:2000])
+    same = model.uncertainty(X[2000:2010], y[2000:2010])
+    other = model.uncertainty(X[2000:2010].assign(run="b"), y[2000:2010])
+    assert (same.shared > 0).all() and (other.shared == 0).all()

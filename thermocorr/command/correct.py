@@ -48,7 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds")
     more = parser.add_argument_group("beside the corrected reading")
     more.add_argument(
-        "--uncertainty", action="store_true", help="its standard uncertainty, as `u`; that of the mean as `u_smoothed`"
+        "--uncertainty",
+        action="store_true",
+        help="its standard uncertainty if no effect is missing, as `u`; that of the mean as `u_smoothed`",
     )
     more.add_argument("--average", type=int, metavar="N", help="its mean over the last N samples, as `smoothed`")
     more.add_argument(

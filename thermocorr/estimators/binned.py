@@ -32,6 +32,8 @@ class Binned:
     """Mean of the readings; 0 where there are none."""
     width: int
     """Rows of a bin."""
+    known: np.ndarray | None = None
+    """Which rows of the history have a reading, as packed bits; None where all have one."""
     columns: np.ndarray | None = None
     """Means of the model's columns, shape (n, p); None where the history holds every row to make them from."""
 
@@ -52,6 +54,9 @@ class Binning:
         self.sums, self.count = np.zeros(self.first[-1]), np.zeros(self.first[-1])
         self.begins = np.full(self.first[-1], np.inf)
         self.columns: np.ndarray | None = None
+        lengths = [segment.stop - segment.start for segment in record.segments]
+        self.before = np.cumsum([0, *lengths])
+        self.known = np.ones(self.before[-1] if self.whole else 0, bool)
 
     def take(self, block: Block, columns: np.ndarray, reading: np.ndarray) -> None:
         """Columns of the model and readings of a block's rows, NaN where there is no reading."""
@@ -61,7 +66,9 @@ class Binning:
         self.sums[bins[at]] += np.add.reduceat(np.where(known, reading, 0.0), at)
         self.count[bins[at]] += np.add.reduceat(known.astype(float), at)
         self.begins[bins[at]] = np.minimum(self.begins[bins[at]], block.seconds[at])
-        if not self.whole:
+        if self.whole:
+            self.known[self.before[block.segment] + block.places - self.starts[block.segment]] = known
+        else:
             if self.columns is None:
                 self.columns = np.zeros((len(self.sums), columns.shape[1]))
             self.columns[bins[at]] += np.add.reduceat(columns * known[:, None], at, axis=0)
@@ -77,13 +84,18 @@ class Binning:
             count=self.count[seen].astype(np.float32),  # a model is kept with these: half the size is enough
             reading=self.sums[seen] / count,
             width=self.width,
+            known=None if self.known.all() else np.packbits(self.known),
             columns=None if self.columns is None else self.columns[seen] / count[:, None],
         )
 
 
 def binned_columns(effects: Sequence[Effect], history: History, bins: Binned) -> tuple[np.ndarray, list[list[object]]]:
-    """Means of effects' columns in the bins of a history that keeps every row, and their states at segments' ends."""
+    """Means of effects' columns in the bins of a history that keeps every row, and their states at segments' ends.
+
+    Rows without a reading do not count.
+    """
     record = history.record
+    known = None if bins.known is None else np.unpackbits(bins.known, count=record.n_rows).astype(bool)
     means = np.zeros((len(bins.begins), sum(len(effect.names()) for effect in effects)))
     count = np.zeros(len(bins.begins))
     edges = np.searchsorted(bins.segment, np.arange(len(record.segments) + 1))
@@ -92,8 +104,9 @@ def binned_columns(effects: Sequence[Effect], history: History, bins: Binned) ->
         low, high = edges[block.segment], edges[block.segment + 1]
         at = low + np.maximum(np.searchsorted(bins.begins[low:high], block.seconds, side="right") - 1, 0)
         first = np.flatnonzero(np.diff(at, prepend=-1))
-        means[at[first]] += np.add.reduceat(columns, first, axis=0)
-        count[at[first]] += np.diff([*first, len(at)])
+        counts = np.ones(len(at)) if known is None else known[block.places].astype(float)
+        means[at[first]] += np.add.reduceat(columns if known is None else columns * counts[:, None], first, axis=0)
+        count[at[first]] += np.add.reduceat(counts, first)
         if block.stop == record.segments[block.segment].stop:
             ends.append(list(states))
     return means / np.maximum(count, 1.0)[:, None], ends

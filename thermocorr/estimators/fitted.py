@@ -55,13 +55,13 @@ class FittedModel:
         Raises
         ------
         ValueError
-            For a model read from a file, which holds the errors of single coefficients only.
+            For a model read from a file: ask its `joint_errors`.
         """
         check_is_fitted(self, "pipeline_")
         if not hasattr(self, "_swept"):
             raise ValueError(
-                "A model read from a file knows the errors of single coefficients only, not their correlations. "
-                "Fit it again to have bands of its response."
+                "A model read from a file does not hold the factors of its record. Ask joint_errors() for the "
+                "covariance of its coefficients, or fit it again."
             )
         rows = np.column_stack((np.zeros(len(combinations)), combinations))
         with one_blas_thread():

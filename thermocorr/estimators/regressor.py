@@ -219,8 +219,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         """Corrected reading: reading minus bias, eq. (24). A Series where X is a DataFrame.
 
         NaN where a reading or a temperature is missing or refused, see `screen`. Warns (`RecordWarning`) where it
-        leaves all readings far behind. With `return_std` a tuple: its standard uncertainty beside it; `uncertainty`
-        has more to say.
+        leaves all readings far behind. With `return_std` a tuple: its standard uncertainty beside it, the model taken
+        for complete; `uncertainty` has more to say.
         """
         reading = numeric_reading(y, X)
         parts, believed = self._parts(X, reading)

@@ -181,14 +181,14 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         return self
 
     @available_if(lambda self: self.refit)
-    def predict(self, X: Any) -> np.ndarray:
-        """Modelled reading of the best model."""
-        return np.asarray(self._best().predict(X))
+    def predict(self, X: Any, return_std: bool = False) -> Any:
+        """Modelled reading of the best model; with `return_std` its standard uncertainty beside it."""
+        return self._best().predict(X, return_std=return_std)
 
     @available_if(lambda self: self.refit)
-    def correct(self, X: Any, y: Any) -> Any:
-        """Corrected reading of the best model."""
-        return self._best().correct(X, y)
+    def correct(self, X: Any, y: Any, return_std: bool = False) -> Any:
+        """Corrected reading of the best model; with `return_std` its standard uncertainty beside it."""
+        return self._best().correct(X, y, return_std=return_std)
 
     def _best(self) -> DynamicBiasRegressor:
         check_is_fitted(self, "best_estimator_")

@@ -18,7 +18,9 @@ from ..records.grammar import LARGEST
 from .codec import fields, integer, items, number, pack, positive, unexpected, unpack, vector
 from .effect_nodes import EffectCodec, check_state
 
-_ERRORS = ("wider", "coef", "half", "dof", "usual", "mean", "noise", "last", "end", "representation", "beyond")
+_ERRORS = (
+    "wider", "coef", "half", "dof", "usual", "mean", "noise", "last", "end", "last_segment", "representation", "beyond",
+)  # fmt: skip
 _NOISE = (
     "white", "recent", "wander", "correlation_times", "white_dof", "wander_dof", "size_seconds", "sizes",
 )  # fmt: skip
@@ -49,6 +51,7 @@ def pack_errors(joint: JointErrors, own: Sequence[Effect], codec: EffectCodec) -
         },
         "last": pack(joint.last, "errors at the record's end"),
         "end": joint.end,
+        "last_segment": joint.last_segment,
         "representation": joint.representation,
         "beyond": joint.beyond
         and {
@@ -83,8 +86,9 @@ def unpack_errors(
         noise=noise,
         last=_matrix(node, "last", where, width, len(noise.wander)),
         end=number(node["end"], f"{where}.end", 0.0, LARGEST),
+        last_segment=integer(node["last_segment"], f"{where}.last_segment", 0, len(history.record.segments) - 1),
         representation=number(node["representation"], f"{where}.representation", 0.0, LARGEST),
-        beyond=None if node["beyond"] is None else _unpack_beyond(node["beyond"], f"{where}.beyond", width),
+        beyond=None if node["beyond"] is None else _unpack_beyond(node["beyond"], f"{where}.beyond"),
     )
 
 
@@ -135,12 +139,13 @@ def _unpack_noise(node: Any, where: str) -> NoiseModel:
     )
 
 
-def _unpack_beyond(node: Any, where: str, width: int) -> Beyond:
+def _unpack_beyond(node: Any, where: str) -> Beyond:
     node = fields(node, where, ("power", "size", "alike"))
+    power = integer(node["power"], f"{where}.power", 2, MOST_POWER)
     return Beyond(
-        power=integer(node["power"], f"{where}.power", 2, MOST_POWER),
+        power=power,
         size=number(node["size"], f"{where}.size", 0.0, LARGEST**2),
-        alike=_vector(node, "alike", where, width),
+        alike=_vector(node, "alike", where, power),
     )
 
 

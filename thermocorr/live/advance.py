@@ -158,8 +158,9 @@ class Stream:
             return Advanced(bias, FLAGS[mask], not mask & ~GAP)
         columns = np.zeros((1, self._edges[-1]))
         columns[0, self._active] = row
-        at = (np.array([value]) for value in (sample.seconds, T, bias))
-        return Advanced(bias, FLAGS[mask], not mask & ~GAP, self.errors.variances(columns, *at))
+        seconds, temperature, value = (np.array([number]) for number in (sample.seconds, T, bias))
+        found = self.errors.variances(columns, seconds, temperature, value, sample.key)
+        return Advanced(bias, FLAGS[mask], not mask & ~GAP, found)
 
     def _settle(self, elapsed: float) -> None:
         """Leave out effects that have nothing more to say in this segment: start-up decays that are over."""
@@ -240,7 +241,9 @@ class Stream:
                 flags[steps[block.rows] > SUSPECT_GAPS * self.gap] = "suspect time"
                 out.bias[into], out.flags[into] = bias, flags
                 if self.errors is not None:
-                    found = self.errors.variances(walked[0].columns, block.seconds, block.temperature, bias)
+                    found = self.errors.variances(
+                        walked[0].columns, block.seconds, block.temperature, bias, block.segment_key
+                    )
                     found[:, np.isin(flags, ("washout", "no reading"))] = np.nan
                     out.variances[:, into] = found
         self._open, self._until = True, -math.inf

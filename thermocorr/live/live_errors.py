@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -42,16 +41,16 @@ class LiveErrors:
             id(effect): range(low, high) for effect, (low, high) in zip(self.effects, pairwise(edges), strict=True)
         }
         self._columns = [column for effect in joint.effects for column in place[id(effect)]]
-        self.mean_variance = cache(self._mean_variance)
+        self._mean_variances: dict[int, float] = {}
 
     def variances(
-        self, columns: np.ndarray, seconds: np.ndarray, temperature: np.ndarray, bias: np.ndarray
+        self, columns: np.ndarray, seconds: np.ndarray, temperature: np.ndarray, bias: np.ndarray, key: int | None
     ) -> np.ndarray:
         """Variance of the bias (less what it shares with the noise), and of the noise over its usual one, shape (2, n).
 
-        `columns` are those of all `effects`, shape (n, p).
+        `columns` are those of all `effects`, shape (n, p); `key` is the fitted segment that the rows belong to.
         """
-        errors = self._walk.errors(columns[:, self._columns], seconds, temperature, bias)
+        errors = self._walk.errors(columns[:, self._columns], seconds, temperature, bias, key)
         return np.stack((errors.bias - 2 * errors.shared, errors.noise))
 
     def u(self, variances: np.ndarray, count: int = 1) -> np.ndarray:
@@ -59,7 +58,7 @@ class LiveErrors:
 
         The bias of a mean is taken to be as sure as that of its last reading.
         """
-        noise = self.joint.noise.variance if count == 1 else self.mean_variance(count)
+        noise = self.joint.noise.variance if count == 1 else self._mean_variance(count)
         return np.asarray(np.sqrt(np.maximum(variances[0] + noise * variances[1], 0.0)))
 
     def of_block(
@@ -76,5 +75,7 @@ class LiveErrors:
 
     def _mean_variance(self, count: int) -> float:
         """Variance of the mean of the noise of so many readings a usual step apart."""
-        noise = replace(self.joint.noise, size_seconds=np.zeros(0), sizes=np.zeros(0))
-        return sum(noise.of_mean(np.arange(count) * self.history.usual_step))
+        if count not in self._mean_variances:
+            noise = replace(self.joint.noise, size_seconds=np.zeros(0), sizes=np.zeros(0))
+            self._mean_variances[count] = sum(noise.of_mean(np.arange(count) * self.history.usual_step))
+        return self._mean_variances[count]

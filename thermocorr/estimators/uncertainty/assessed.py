@@ -6,13 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from ...records import Record
+from ...records import Record, RecordError
+from ..aligned import no_flags
 from .declared import Reference, Sensor
 from .joint import JointErrors
 from .rows import ErrorWalk
 from .sensor_response import sensor_variance
 from .signed import PARTS, Uncertainty
 
+OTHER = 2.0
+"""Ratio of residuals beyond which a diagnosis cannot be of this model."""
 MEMORIES = 5.0
 """Correlation times of its noise that a record must last for the size of that noise to be known."""
 WANDERS = 0.05
@@ -40,12 +43,13 @@ def uncertainty_of(
     n = record.n_rows
     corrected, bias, shared = (np.full(n, np.nan) for _ in range(3))
     variances = {part: np.full(n, np.nan) for part in PARTS}
-    status = np.full(n, "no temperature", dtype=object)
+    status = no_flags(record)
     noise = joint.noise
     doubt = 1.0 if why_provisional else 0.0
     for block, value, errors in ErrorWalk(model, joint, removed=True).blocks(record):
         rows = block.rows
-        assert record.reading is not None
+        if record.reading is None:
+            raise RecordError("There are no readings. Pass y, the readings of the rows of X.")
         given = np.asarray(record.reading[rows], float)
         flags = model.block_flags(block, given)
         measured = np.where(flags == "washout", np.nan, model.believed(block, given))
@@ -66,15 +70,15 @@ def uncertainty_of(
     variances["sensor"] = fixed + own + 0.0 * variances["noise"]
     return Uncertainty(
         model=model, joint=joint, record=record, index=index, corrected=corrected, bias=bias, variances=variances,
-        shared=shared, status=status, sensor=sensor, reference=reference, coverage=coverage,
+        shared=shared, sensor_own=own, status=status, sensor=sensor, reference=reference, coverage=coverage,
         why_provisional=why_provisional, allow_missing=allow_missing,
     )  # fmt: skip
 
 
-def why_incomplete(joint: JointErrors, diagnosis: Any) -> str:
+def why_incomplete(model: Any, joint: JointErrors, diagnosis: Any) -> str:
     """What keeps corrected readings from being signed; "" where nothing does."""
     if diagnosis is not None:
-        verdict = str(diagnosis.verdict)
+        verdict = _verdict_on(model, diagnosis)
         return "" if verdict == "nothing missing" else f"the diagnosis says {verdict!r}."
     share = joint.noise.wander_variance / joint.noise.variance if joint.noise.variance > 0 else 0.0
     if share <= WANDERS:
@@ -95,3 +99,18 @@ def too_short(joint: JointErrors) -> str:
         f"wanders so slowly has hardly been seen, and uncertainties may be too small. Record for at least "
         f"{MEMORIES * noise.memory:.3g} s."
     )
+
+
+def _verdict_on(model: Any, diagnosis: Any) -> str:
+    """What a diagnosis says of a model; ValueError for something else, and for one of another model."""
+    if not (hasattr(diagnosis, "verdict") and hasattr(diagnosis, "residual_rms")):
+        raise ValueError(
+            f"The 'diagnosis' parameter must be what diagnose(model, X, y) returns. Got {diagnosis!r:.60} instead."
+        )
+    found, own = float(diagnosis.residual_rms), model.residual_std_
+    if not own / OTHER <= found <= own * OTHER and max(found, own) > 0:
+        raise ValueError(
+            f"The diagnosis is of another model: it found a residual of {found:.3g}, and this model left {own:.3g} of "
+            "its record. Pass diagnose(model, X, y) of the same model."
+        )
+    return str(diagnosis.verdict)

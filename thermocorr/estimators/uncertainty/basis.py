@@ -1,7 +1,9 @@
 """Columns that stand for a fitted model in the bins of its record: its own, and what it leaves out.
 
-A model that has searched its time constants has left out all others of the grid. One that fits the starts of segments
-has left out the decays of its slow bodies, which over a record look like drift; they are there all the same.
+A model that has searched its time constants has left out all others of the grid. One that fits the starts of several
+segments has left out the decays of its slow bodies, which over a record look like drift; after a gap they are there all
+the same. (For a single start they would double the uncertainty of later readings and hold no more of them, see
+`benchmarks/signed_cases.py`.)
 """
 
 from __future__ import annotations
@@ -82,11 +84,13 @@ def basis_of(model: Any, bins: Binned, offset: float) -> Basis:
         decays = np.array([False, *(isinstance(e, InitialTransient) for e in effects for _ in e.names())])
         fitted = np.array([isinstance(e, InitialTransient) for e in model.features_.effect_list() for _ in e.names()])
         free, starts = np.flatnonzero(~decays), columns[:, decays] @ model.coef_[fitted]
-    known = bins.count >= bins.width / 2
+    usual = float(np.median(bins.count[bins.count > 0]))  # of readings: a record may have few, or nothing but bursts
+    known = bins.count >= usual / 2
     return Basis(
         effects=effects, history=history, own=own, columns=columns[known][:, free], free=free, width=columns.shape[1],
         reading=(bins.reading - starts)[known], offset=offset, segment=bins.segment[known],
-        begins=bins.begins[known], count=bins.count[known], rows=bins.width, searched=not own and len(grid) > 0,
+        begins=bins.begins[known], count=bins.count[known], rows=max(1, round(usual)),
+        searched=not own and len(grid) > 0,
         in_fit=np.array([fitted_names.index(names[i]) if names[i] in fitted_names else -1 for i in free]),
         groups=[group[free] for group in _priors(effects, model.features_.effect_list())],
     )  # fmt: skip
@@ -118,7 +122,7 @@ def _widened(effect: Effect, grid: np.ndarray, history: History) -> Effect:
     """A lag with all time constants of a grid, start-up decays with those that the model leaves out; others as are."""
     if isinstance(effect, ThermalLag) and len(grid):
         changed: dict[str, Any] = {"time_constants": grid}
-    elif isinstance(effect, InitialTransient) and len(history.record.segments) <= MOST_SEGMENTS:
+    elif isinstance(effect, InitialTransient) and 1 < len(history.record.segments) <= MOST_SEGMENTS:
         changed = {"longest_share": 1.0}
     else:
         return effect

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,6 +34,8 @@ class Line:
     """Unit of the result per `unit`."""
     type: str = "A"
     """"A" from the data, "B" declared; "B, not declared" counts as zero."""
+    cause: str = ""
+    """Lines with the same one rest on one estimate: their variances share its degrees of freedom."""
 
     @property
     def contribution(self) -> float:
@@ -44,7 +47,7 @@ class Line:
 class Budget:
     """Input quantities of one corrected value, and what they make of its uncertainty (GUM, JCGM 100:2008, 5.1 and G.4).
 
-    The quantities are uncorrelated: what shares a cause stands in one line.
+    The quantities are uncorrelated.
     """
 
     name: str
@@ -62,7 +65,9 @@ class Budget:
     @property
     def dof(self) -> float:
         """Effective degrees of freedom, GUM (G.2b), by Welch and Satterthwaite."""
-        return effective_dof([line.contribution**2 for line in self.lines], [line.dof for line in self.lines])
+        variances = [line.contribution**2 for line in self.lines]
+        causes = [line.cause or f"line {i}" for i, line in enumerate(self.lines)]
+        return float(effective_dof(variances, [line.dof for line in self.lines], causes))
 
     @property
     def k(self) -> float:
@@ -125,7 +130,7 @@ class Budget:
             "" if np.isnan(line.estimate) else f"{line.estimate:.9g}",
             f"{line.uncertainty:.3g}",
             line.unit,
-            "infinite" if line.dof > LARGE else f"{line.dof:.0f}",
+            "infinite" if line.dof > LARGE else f"{line.dof:.0f}" if line.dof >= 10 else f"{line.dof:.1f}",
             f"{line.sensitivity:.4g}",
             f"{line.contribution:.3g}",
             f"{100 * line.contribution**2 / total:.1f} %",
@@ -133,11 +138,27 @@ class Budget:
         )
 
 
-def effective_dof(variances: Sequence[float], dofs: Sequence[float]) -> float:
-    """Degrees of freedom of a sum of independent variances, GUM (G.2b)."""
-    total = float(sum(variances))
-    spread = sum(v**2 / dof for v, dof in zip(variances, dofs, strict=True) if v > 0 and np.isfinite(dof))
-    return total**2 / spread if spread > 0 else np.inf
+def effective_dof(
+    variances: Sequence[Any], dofs: Sequence[float], causes: Sequence[str] | None = None
+) -> np.ndarray | float:
+    """Degrees of freedom of a sum of variances, GUM (G.2b); those of one cause are added before.
+
+    Parameters
+    ----------
+    variances : sequence of float or of arrays of shape (n,)
+    dofs : sequence of float
+    causes : sequence of str, optional
+        By default each has its own.
+    """
+    together: dict[str, list[Any]] = {}
+    for i, (variance, dof) in enumerate(zip(variances, dofs, strict=True)):
+        known = together.setdefault(str(i) if causes is None else causes[i], [0.0, dof])
+        known[0] = known[0] + np.asarray(variance, float)
+    total = sum(variance for variance, _ in together.values())
+    spread = sum(variance**2 / dof for variance, dof in together.values())
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = np.where(spread > 0, total**2 / np.where(spread > 0, spread, 1.0), np.inf)
+    return float(found) if np.ndim(found) == 0 else np.asarray(found)
 
 
 def coverage_factor(dof: np.ndarray | float, coverage: float) -> np.ndarray | float:

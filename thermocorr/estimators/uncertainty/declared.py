@@ -37,6 +37,10 @@ class Sensor:
 
     def __post_init__(self) -> None:
         """Refuse what is no uncertainty."""
+        if not isinstance(self.exchanged, bool):
+            raise ValueError(
+                f"The 'exchanged' parameter of Sensor must be True or False. Got {self.exchanged!r} instead."
+            )
         for name in ("drift_since_learning", "calibration", "noise", "time_constant"):
             value = getattr(self, name)
             if name == "noise" and isinstance(value, str) and value == "auto":

@@ -37,7 +37,7 @@ class Beyond:
     size: float
     """Root mean square of its coefficient, from estimate and standard error [reading per K^power]."""
     alike: np.ndarray
-    """Combination of the intercept and the columns that is like it inside, shape (1 + p,)."""
+    """Combination of the lower powers that is like it inside, from the zeroth on, shape (power,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +67,8 @@ class JointErrors:
     """Covariance of the coefficients with each part of the noise at the record's end, shape (1 + p, parts)."""
     end: float
     """Time of the record's end since it began [s]."""
+    last_segment: int
+    """Number of the fitted segment that ends last: only what follows on it shares its noise."""
     representation: float
     """Variance of what the chosen time constants may leave of the modelled reading."""
     beyond: Beyond | None
@@ -89,10 +91,13 @@ class JointErrors:
         variance = np.sum((columns @ self.half[1:]) ** 2, axis=1) + (columns @ self.coef[1:] - value) ** 2
         return np.asarray(np.sqrt(variance + self.representation))
 
-    def fading(self, seconds: np.ndarray) -> np.ndarray:
-        """Correlation of each part of the noise at times after the record with its end, shape (n, parts); 0 inside."""
+    def fading(self, seconds: np.ndarray, key: int | None) -> np.ndarray:
+        """Correlation of each part of the noise at times after the record with its end, shape (n, parts); 0 inside.
+
+        `key` is the fitted segment that the times belong to: the noise of others, and of new ones, is another one.
+        """
         later = np.maximum(seconds - self.end, 0.0)
-        if not later.any():
+        if key != self.last_segment or not later.any():
             return np.zeros((len(seconds), len(self.noise.wander)))
         with np.errstate(under="ignore"):
             return np.asarray(np.exp(-later[:, None] / self.noise.correlation_times) * (later > 0)[:, None])
@@ -124,14 +129,15 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
     values, vectors = np.linalg.eigh(found.covariance)
     half, last = np.zeros((basis.width, len(values))), np.zeros((basis.width, len(noise.wander)))
     half[basis.free] = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    last[basis.free] = scale[:, None] * scaled.unit * record.last_covariance(_end_correlations(basis, noise))
-    last *= scaled.size[-1]
+    last[basis.free] = scale[:, None] * scaled.unit * record.last_covariance(_end_correlations(basis, scaled, noise))
+    last *= scaled.size[np.argmax(basis.begins)]
     inner = (basis.columns / scaled.norms).T @ (basis.columns / scaled.norms) / len(basis.columns)
     inner[0], inner[:, 0] = 0.0, 0.0  # the bias has no intercept
     return JointErrors(
         effects=basis.effects, history=basis.history, own=basis.own, coef=coef, half=half, dof=found.freedom(inner),
         usual=float(np.sum(inner * found.covariance)) * scaled.unit**2,
         mean=mean, noise=noise, last=last, end=float(basis.begins.max()),
+        last_segment=int(basis.segment[np.argmax(basis.begins)]),
         representation=TOLERANCE * residual if not basis.searched and model.search_ is not None else 0.0,
         beyond=_beyond(basis, scaled, record),
     )  # fmt: skip
@@ -216,10 +222,12 @@ def _noise(basis: Basis, scaled: Scaled, record: Record, found: Restricted, resi
     )
 
 
-def _end_correlations(basis: Basis, noise: NoiseModel) -> np.ndarray:
-    """Correlation of each bin with the record's end, for each wandering part, shape (bins, parts)."""
+def _end_correlations(basis: Basis, scaled: Scaled, noise: NoiseModel) -> np.ndarray:
+    """Correlation of each bin with the record's end, for each wandering part, shape (bins, parts); 0 in other spans."""
+    same = scaled.span == scaled.span[np.argmax(basis.begins)]
     with np.errstate(under="ignore"):
-        return np.asarray(np.exp(-(basis.begins.max() - basis.begins)[:, None] / noise.correlation_times))
+        before = np.exp(-(basis.begins.max() - basis.begins)[:, None] / noise.correlation_times)
+    return np.asarray(before * same[:, None])
 
 
 def _beyond(basis: Basis, scaled: Scaled, record: Record) -> Beyond | None:
@@ -227,12 +235,11 @@ def _beyond(basis: Basis, scaled: Scaled, record: Record) -> Beyond | None:
     if not isinstance(first, StaticPolynomial) or first.degree < 1 or first.lowest_power > 1:
         return None
     power = first.degree + 1
+    static = basis.columns[:, :power]  # the intercept and the lower powers
     column = basis.columns[:, 1] ** power
-    alike = np.linalg.lstsq(basis.columns / scaled.norms, column, rcond=1e-10)[0] / scaled.norms
-    rest = column - basis.columns @ alike
+    alike = np.linalg.lstsq(static / scaled.norms[:power], column, rcond=1e-10)[0] / scaled.norms[:power]
+    rest = column - static @ alike
     if not float(np.linalg.norm(rest)) > 1e-9 * float(np.linalg.norm(column)):
         return None
     coef, variance = record.beside(rest / scaled.size)
-    every = np.zeros(basis.width)
-    every[basis.free] = alike
-    return Beyond(power=power, size=float(np.sqrt(coef**2 + variance)) * scaled.unit, alike=every)
+    return Beyond(power=power, size=float(np.sqrt(coef**2 + variance)) * scaled.unit, alike=alike)

@@ -6,6 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+EVEN = 1e-9
+"""Spread of steps, as a share of one, up to which they are equal."""
+NEAR_ONE = 1e-5
+"""Correlation of neighbours, less than one by this, at which the series' sum would lose its digits."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseModel:
@@ -57,20 +62,27 @@ class NoiseModel:
         spread = self.white**2 / self.white_dof + self.wander_variance**2 / self.wander_dof
         return self.variance**2 / spread if spread > 0 else np.inf
 
-    def white_covariance(self, lag: np.ndarray) -> np.ndarray:
-        """Covariance of the unforeseen part at distances of `lag` [s]."""
-        lag = np.abs(np.asarray(lag, float))
-        return np.asarray(self.white * (np.exp(-lag / self.recent) if self.recent > 0 else (lag == 0).astype(float)))
-
-    def wander_covariance(self, lag: np.ndarray) -> np.ndarray:
-        """Covariance of the wandering parts at distances of `lag` [s]."""
-        lag = np.abs(np.asarray(lag, float))
+    def covariance(self, seconds: np.ndarray, runs: np.ndarray) -> np.ndarray:
+        """Covariance matrix of the noise of different readings, shape (n, n); that of different runs is independent."""
+        lag, size = np.abs(seconds[:, None] - seconds), self.size(seconds)
         with np.errstate(under="ignore"):
-            return np.asarray(np.exp(-lag[..., None] / self.correlation_times) @ self.wander)
+            total = np.exp(-lag / self.recent) * self.white if self.recent > 0 else self.white * np.eye(len(seconds))
+            for variance, time in zip(self.wander.tolist(), self.correlation_times.tolist(), strict=True):
+                if variance > 0:
+                    total += variance * np.exp(-lag / time)
+        return np.asarray(total * (runs[:, None] == runs) * size[:, None] * size)
 
-    def of_mean(self, seconds: np.ndarray) -> tuple[float, float]:
-        """Variances of the mean of readings at increasing times [s]: unforeseen part, wandering parts."""
-        steps = np.diff(np.asarray(seconds, float))
+    def of_mean(self, seconds: np.ndarray, runs: np.ndarray | None = None) -> tuple[float, float]:
+        """Variances of the mean of readings at times [s]: unforeseen part, wandering parts.
+
+        With the number of each reading's run, shape (n,): the noise of different runs is independent.
+        """
+        if runs is not None and (runs != runs[0]).any():
+            each = [(runs == run) for run in np.unique(runs)]
+            of_runs = [np.mean(one) ** 2 * np.array(self.of_mean(seconds[one])) for one in each]
+            white, slow = np.sum(of_runs, axis=0).tolist()
+            return white, slow
+        steps = np.diff(np.sort(np.asarray(seconds, float)))
         larger = float(np.mean(self.size(seconds) ** 2))
         parts = zip(self.wander.tolist(), self.correlation_times.tolist(), strict=True)
         wander = sum(variance * _mean_correlation(steps, time) for variance, time in parts if variance > 0)
@@ -79,12 +91,16 @@ class NoiseModel:
 
 def _mean_correlation(steps: np.ndarray, correlation_time: float) -> float:
     """Mean of exp(-|t_i - t_j| / correlation_time) over all pairs of times with the given steps [s]."""
-    if correlation_time <= 0:
-        return 1 / (len(steps) + 1)
+    n = len(steps) + 1
+    if correlation_time <= 0 or n == 1:
+        return 1 / n
     with np.errstate(under="ignore"):
         kept = np.exp(-steps / correlation_time)
+    if np.ptp(steps) <= EVEN * steps[0] and kept[0] < 1 - NEAR_ONE:  # a geometric series
+        k = float(kept[0])
+        return float((n + 2 * k * (n - 1 - n * k + k**n) / (1 - k) ** 2) / n**2)
     behind = before = 0.0
-    for k in kept:  # sum of correlations with all earlier times
+    for k in kept.tolist():  # sum of correlations with all earlier times
         before = k * (before + 1.0)
         behind += before
-    return (len(steps) + 1 + 2 * behind) / (len(steps) + 1) ** 2
+    return (n + 2 * behind) / n**2

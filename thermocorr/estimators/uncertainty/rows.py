@@ -83,9 +83,11 @@ class ErrorWalk:
         for block, contributions in model.weighed(noted()):
             value = contributions[:, parts].sum(axis=1) + constant
             columns = next(wide, walked[0]).columns
-            yield block, value, self.errors(columns, block.seconds, block.temperature, value)
+            yield block, value, self.errors(columns, block.seconds, block.temperature, value, block.segment_key)
 
-    def errors(self, columns: np.ndarray, seconds: np.ndarray, temperature: np.ndarray, value: np.ndarray) -> RowErrors:
+    def errors(
+        self, columns: np.ndarray, seconds: np.ndarray, temperature: np.ndarray, value: np.ndarray, key: int | None
+    ) -> RowErrors:
         """Errors of rows from their columns, shape (n, p), of the effects of the joint errors.
 
         Parameters
@@ -96,6 +98,8 @@ class ErrorWalk:
         temperature : array of shape (n,)
         value : array of shape (n,)
             What the model gives.
+        key : int or None
+            Fitted segment that the rows belong to.
         """
         joint = self.joint
         Z = np.column_stack((np.ones(len(columns)), columns)) * self.used
@@ -107,17 +111,18 @@ class ErrorWalk:
         return RowErrors(
             level=level,
             coefficients=rest + distance**2 + joint.representation,
-            extrapolation=self._beyond(Z, columns, temperature),
+            extrapolation=self._beyond(columns, temperature),
             noise=joint.noise.size(seconds) ** 2,
-            shared=np.einsum("ij,ij->i", Z @ joint.last, joint.fading(seconds)),
+            shared=np.einsum("ij,ij->i", Z @ joint.last, joint.fading(seconds, key)),
             columns=Z,
         )
 
-    def _beyond(self, Z: np.ndarray, columns: np.ndarray, temperature: np.ndarray) -> np.ndarray:
+    def _beyond(self, columns: np.ndarray, temperature: np.ndarray) -> np.ndarray:
         beyond = self.joint.beyond
         low, high = self.model.temperature_range_
         outside = (temperature < low) | (temperature > high)
         if beyond is None or not outside.any():
-            return np.zeros(len(Z))
-        part = (columns[:, 0] ** beyond.power - Z @ beyond.alike) * beyond.size
+            return np.zeros(len(columns))
+        powers = columns[:, :1] ** np.arange(beyond.power + 1)
+        part = (powers[:, -1] - powers[:, :-1] @ beyond.alike) * beyond.size
         return np.asarray(np.where(outside, part**2, 0.0))

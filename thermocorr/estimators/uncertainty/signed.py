@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from ...records import Record
 from ...records.units import difference_unit
-from .budget import Budget, Line, coverage_factor
+from .asked_rows import asked_rows
+from .budget import Budget, Line, coverage_factor, effective_dof
 from .declared import Reference, Sensor
 from .joint import JointErrors
 from .rows import ErrorWalk
 
 PARTS = ("noise", "level", "coefficients", "wander", "sensor", "reference", "structure", "extrapolation")
 """What an uncertainty consists of: columns ``u_...`` of `Uncertainty.frame`."""
+CAUSES = {
+    "noise": "noise", "wander": "wander", "structure": "wander", "level": "bias", "coefficients": "bias",
+    "extrapolation": "bias", "sensor": "sensor", "reference": "reference",
+}  # fmt: skip
+"""Parts that are estimates of the same thing: their variances have their degrees of freedom together."""
+MOST_ROWS = 5000
+"""Rows of a covariance matrix at most: a matrix of so many has 200 MB."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -39,6 +47,8 @@ class Uncertainty:
     """Variance of each of `PARTS` in each row, shape (n,)."""
     shared: np.ndarray
     """Covariance of the bias with the noise of its row, shape (n,)."""
+    sensor_own: np.ndarray
+    """Variance from the thermometer that each row has for itself, shape (n,)."""
     status: np.ndarray
     """"signed", "provisional", or why a row deserves no trust, shape (n,)."""
     sensor: Sensor
@@ -56,11 +66,8 @@ class Uncertainty:
     @property
     def dof(self) -> np.ndarray:
         """Effective degrees of freedom of each row (Welch and Satterthwaite), shape (n,)."""
-        spread = np.zeros(len(self.corrected))
-        for part, variance in self.variances.items():
-            spread += variance**2 / self._dof_of(part)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.where(spread > 0, sum(self.variances.values()) ** 2 / spread, np.inf))
+        variances = [self.variances[part] for part in PARTS]
+        return np.asarray(effective_dof(variances, [self._dof_of(p) for p in PARTS], [CAUSES[p] for p in PARTS]))
 
     def frame(self) -> pd.DataFrame:
         """One row for each reading: corrected, u, dof, k, U, low, high, a column for each part, status.
@@ -78,12 +85,17 @@ class Uncertainty:
         return pd.DataFrame({**columns, "status": self.status}, index=self.index)
 
     def budget(self, rows: Any = None) -> Budget:
-        """Budget of one row (a number, or a label of the index), or of the mean of several (a slice; all by default).
+        """Budget of one row, or of the mean of several.
+
+        Parameters
+        ----------
+        rows : int, label, slice or sequence, optional
+            Integers are places, counted from 0; anything else is a label of the index. All by default.
 
         Raises
         ------
         ValueError
-            Where none of the rows has an uncertainty.
+            Where there are no such rows, and where none of them has an uncertainty.
         """
         at = self._rows(rows)
         mean = self._mean_variances(at)
@@ -92,7 +104,7 @@ class Uncertainty:
         lines = [
             *(
                 Line(quantity=name, estimate=estimate, uncertainty=mean[part] ** 0.5, unit=unit, dof=self._dof_of(part),
-                     sensitivity=sensitivity)
+                     sensitivity=sensitivity, cause=CAUSES[part])
                 for part, name, estimate, sensitivity in (
                     ("noise", "reading, unforeseen noise", float(np.mean(self.corrected[at] + self.bias[at])), 1.0),
                     ("wander", "reading, wandering noise", np.nan, 1.0),
@@ -113,29 +125,34 @@ class Uncertainty:
         )  # fmt: skip
 
     def mean(self, rows: Any = None) -> Budget:
-        """Mean of the corrected readings of a slice: a `Budget`, whose `value`, `u`, `dof`, `k` and `U` are the mean's.
+        """Mean of some corrected readings: the same as `budget`; its `value`, `u`, `dof`, `k` and `U` are the mean's.
 
         Level and coefficients do not become better by averaging, noise that remembers does so slowly.
         """
         return self.budget(rows)
 
     def covariance(self, rows: Any) -> np.ndarray:
-        """Covariance matrix of the corrected readings of some rows, shape (m, m)."""
+        """Covariance matrix of the corrected readings of some rows, in the unit of the reading squared, shape (m, m).
+
+        Raises
+        ------
+        ValueError
+            For more than `MOST_ROWS` rows, and as `budget`.
+        """
         at = self._rows(rows)
-        seconds, Z = self._seconds(at), self._columns(at)
-        lag = seconds[:, None] - seconds
-        through = Z @ self.joint.half
-        size = self.joint.noise.size(seconds)
-        noise = self.joint.noise.white_covariance(lag) + self.joint.noise.wander_covariance(lag)
-        total = through @ through.T + size[:, None] * size * noise
-        alike = Z @ self.joint.last @ self.joint.fading(seconds).T
-        for part in ("sensor", "structure", "extrapolation"):  # whole records err alike
-            each = np.sqrt(self.variances[part][at])
+        if len(at) > MOST_ROWS:
+            raise ValueError(f"A covariance matrix of {len(at)} rows is too large: choose at most {MOST_ROWS}.")
+        chosen = self._chosen(at)
+        through = chosen.columns @ self.joint.half
+        total = through @ through.T + self.joint.noise.covariance(chosen.seconds, chosen.runs)
+        own = self.sensor_own[at]
+        bias = (self.variances["level"] + self.variances["coefficients"])[at] - np.einsum("ij,ij->i", through, through)
+        shared = self.variances["structure"][at], self.variances["extrapolation"][at]
+        for variance in (self.variances["sensor"][at] - own, *shared, bias):  # whole records err alike
+            each = np.sqrt(np.maximum(variance, 0.0))
             total = total + each[:, None] * each
-        distance = np.sqrt(np.maximum(self.variances["level"] + self.variances["coefficients"], 0.0))[at]
-        rest = np.maximum(distance**2 - np.einsum("ij,ij->i", through, through), 0.0) ** 0.5
-        total = total + rest[:, None] * rest + self.reference.uncertainty**2 - alike - alike.T
-        return np.asarray(total)
+        alike = chosen.columns @ self.joint.last @ chosen.fading.T
+        return np.asarray(total + np.diag(own) + self.reference.uncertainty**2 - alike - alike.T)
 
     def to_csv(self, path: Any) -> None:
         """Write the frame as CSV.
@@ -157,7 +174,13 @@ class Uncertainty:
             As `to_csv`.
         """
         self.require_signed()
-        return str(self.budget(rows))
+        found = self.budget(rows)
+        if found.status != "signed" and not self.allow_missing:
+            raise ValueError(
+                f"Some of these rows are not signed: {found.status}. Choose others (see the status in frame()), or "
+                "pass allow_missing=True to have them all the same, marked as what they are."
+            )
+        return str(found)
 
     def require_signed(self) -> None:
         """Refuse to sign what is provisional."""
@@ -173,7 +196,10 @@ class Uncertainty:
             return "No row has an uncertainty: see the status in frame()."
         middle = int(known[len(known) // 2])
         one = self.budget(middle)
-        said = "signed" if not self.why_provisional else f"provisional: {self.why_provisional}"
+        count = int((self.status[known] == "signed").sum())
+        said = "signed" if count == len(known) else f"{count} of them signed"
+        if self.why_provisional:
+            said = f"provisional: {self.why_provisional}"
         return (
             f"{len(known)} corrected readings, {said}\n"
             f"one of them: {one.short()}, k = {one.k:.2f}\n"
@@ -191,47 +217,34 @@ class Uncertainty:
         }[part]  # fmt: skip
 
     def _rows(self, rows: Any) -> np.ndarray:
-        """Numbers of the rows that are meant and have an uncertainty."""
-        n = len(self.corrected)
-        if rows is None:
-            at = np.arange(n)
-        elif isinstance(rows, slice):
-            at = np.arange(n)[rows] if self.index is None else np.arange(n)[self._positions(rows)]
-        elif isinstance(rows, (int, np.integer)) and not isinstance(rows, bool):
-            at = np.arange(n)[[int(rows)]]
-        elif np.ndim(rows) == 1 and not isinstance(rows, str):
-            at = np.arange(n)[np.asarray(rows)]
-        elif self.index is not None:
-            at = np.atleast_1d(np.arange(n)[self.index.get_loc(rows)])
-        else:
-            raise ValueError(f"Rows must be a number, a slice or row numbers. Got {rows!r} instead.")
-        at = at[np.isfinite(self.u[at])]
+        """Numbers of the rows that are meant and have an uncertainty, increasing."""
+        at = asked_rows(rows, len(self.corrected), self.index)
         if not len(at):
-            raise ValueError("None of these rows has an uncertainty: see the status in frame().")
-        return np.asarray(at)
-
-    def _positions(self, rows: slice) -> slice:
-        ends = [each for each in (rows.start, rows.stop) if each is not None]
-        if all(isinstance(each, (int, np.integer)) for each in ends):
-            return rows
-        positions: slice = self.index.slice_indexer(rows.start, rows.stop, rows.step)
-        return positions
+            raise ValueError(f"No row is asked for: {rows!r:.80} is empty.")
+        known = at[np.isfinite(self.u[at])]
+        if not len(known):
+            reasons = ", ".join(sorted(set(map(str, self.status[at]))))
+            raise ValueError(f"None of these {len(at)} rows has an uncertainty: {reasons}. See the status in frame().")
+        return np.asarray(known)
 
     def _mean_variances(self, at: np.ndarray) -> dict[str, float]:
         """Variance of each part of the mean of some rows."""
         if len(at) == 1:
             result = {part: float(variance[at[0]]) for part, variance in self.variances.items()}
             return result | {"wander": max(result["wander"] - 2 * float(self.shared[at[0]]), 0.0)}
-        Z = self._columns(at).mean(axis=0)
-        seconds = np.sort(self._seconds(at))
-        white, wander = self.joint.noise.of_mean(seconds)
-        alike = float(Z @ self.joint.last @ self.joint.fading(seconds).mean(axis=0))
+        chosen = self._chosen(at)
+        Z = chosen.columns.mean(axis=0)
+        white, wander = self.joint.noise.of_mean(chosen.seconds, chosen.runs)
+        alike = float(Z @ self.joint.last @ chosen.fading.mean(axis=0))
         through = Z @ self.joint.half
-        walk = ErrorWalk(self.model, self.joint, removed=True)
-        level = float(through @ walk.level) ** 2
+        level = float(through @ ErrorWalk(self.model, self.joint, removed=True).level) ** 2
         distance = float(Z @ self.joint.coef - np.mean(self.bias[at]))
         rest = max(float(through @ through) - level, 0.0) + distance**2 + self.joint.representation
         together = {part: float(np.mean(np.sqrt(self.variances[part][at]))) ** 2 for part in PARTS}
+        own = self.sensor_own[at]
+        together["sensor"] = float(
+            np.mean(np.sqrt(np.maximum(self.variances["sensor"][at] - own, 0.0))) ** 2 + own.sum() / len(at) ** 2
+        )
         return together | {
             "noise": white, "wander": max(wander - 2 * alike, 0.0), "level": level, "coefficients": rest,
         }  # fmt: skip
@@ -249,19 +262,31 @@ class Uncertainty:
         said = pd.unique(pd.Series(self.status[at]))
         return "signed" if list(said) == ["signed"] else next(text for text in said if text != "signed")
 
-    def _seconds(self, at: np.ndarray) -> np.ndarray:
-        seconds = np.full(len(self.corrected), np.nan)
-        zero = self.joint.history.zero
-        for block in self.record.blocks(zero=zero):
-            seconds[block.rows] = block.seconds
-        return np.asarray(seconds[at])
-
-    def _columns(self, at: np.ndarray) -> np.ndarray:
-        """What the coefficients are multiplied by in some rows, shape (m, 1 + p)."""
+    def _chosen(self, at: np.ndarray) -> Chosen:
+        """What covariances between some rows need."""
         place = np.full(len(self.corrected), -1)
         place[at] = np.arange(len(at))
-        result = np.zeros((len(at), len(self.joint.coef)))
+        seconds, runs = np.zeros(len(at)), np.zeros(len(at), int)
+        columns, fading = np.zeros((len(at), len(self.joint.coef))), np.zeros((len(at), len(self.joint.noise.wander)))
+        labels: dict[object, int] = {}
         for block, _, errors in ErrorWalk(self.model, self.joint, removed=True).blocks(self.record):
             wanted = place[block.rows]
-            result[wanted[wanted >= 0]] = errors.columns[wanted >= 0]
-        return result
+            inside, into = wanted >= 0, wanted[wanted >= 0]
+            run = block.record.segments[block.segment].run
+            runs[into] = labels.setdefault(run, len(labels))
+            seconds[into], columns[into] = block.seconds[inside], errors.columns[inside]
+            fading[into] = self.joint.fading(block.seconds, block.segment_key)[inside]
+        return Chosen(seconds, runs, columns, fading)
+
+
+class Chosen(NamedTuple):
+    """Some rows of a record."""
+
+    seconds: np.ndarray
+    """Time since the fitted record began [s], shape (m,)."""
+    runs: np.ndarray
+    """Number of the run, shape (m,)."""
+    columns: np.ndarray
+    """What the coefficients are multiplied by, shape (m, 1 + p)."""
+    fading: np.ndarray
+    """Correlation of each wandering part with the end of the fitted record, shape (m, parts)."""

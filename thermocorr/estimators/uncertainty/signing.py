@@ -31,7 +31,7 @@ class SignedModel(FittedModel):
 
     @property
     def knows_noise(self) -> bool:
-        """Whether the model can tell uncertainties: not if it was read from a file, or fitted on several processes."""
+        """Whether the model can tell uncertainties: not if it was fitted on several processes, nor from an old file."""
         return hasattr(self, "joint_errors_") or getattr(getattr(self, "_swept", None), "binned", None) is not None
 
     def joint_errors(self) -> JointErrors:
@@ -100,6 +100,12 @@ class SignedModel(FittedModel):
         >>> list(signed.frame().columns[:7]), signed.frame()["status"].iloc[-1]
         (['corrected', 'u', 'dof', 'k', 'U', 'low', 'high'], 'signed')
         """
+        if not isinstance(sensor, Sensor | None):
+            raise ValueError(
+                f"The 'sensor' parameter must be a Sensor, such as Sensor(noise=0.01). Got {sensor!r:.60}."
+            )
+        if y is None:
+            raise ValueError("The readings are missing: y is None. Pass the readings of the rows of X.")
         _check_share("coverage", coverage)
         _check_not_negative("reference", 0.0 if reference is None else reference)
         _check_not_negative("reference_dof", reference_dof, strictly=True)
@@ -117,7 +123,7 @@ class SignedModel(FittedModel):
                 uncertainty=float(reference or 0.0), dof=float(reference_dof), declared=reference is not None
             ),
             coverage=float(coverage),
-            why_provisional=why_incomplete(joint, diagnosis),
+            why_provisional=why_incomplete(self, joint, diagnosis),
             allow_missing=allow_missing,
         )
 
@@ -132,7 +138,7 @@ class SignedModel(FittedModel):
         value, u = self.predict(X, return_std=True)
         columns = {}
         joint = self.joint_errors()
-        for share in np.atleast_1d(np.asarray(coverage, float)).tolist():
+        for share in coverage if isinstance(coverage, list | tuple | np.ndarray) else [coverage]:
             _check_share("coverage", share)
             k = coverage_factor(joint.noise.dof, share)
             columns[self.reading_.name, share, "lower"] = value - k * u
