@@ -17,7 +17,7 @@ from thermocorr.equations.noise import Bands
 from thermocorr.estimators import binned
 from thermocorr.estimators.uncertainty.budget import coverage_factor
 from thermocorr.estimators.uncertainty.noise_model import NoiseModel
-from thermocorr.estimators.uncertainty.restricted import Record, exact_powers
+from thermocorr.estimators.uncertainty.restricted import BandSums, exact_powers
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def test_restricted_likelihood_finds_the_noise_of_a_record():
         rng = np.random.default_rng(seed)
         noise = rng.standard_normal(4000) + 2 * markov(rng, 4000, 40)
         columns = np.column_stack((np.ones(4000), np.linspace(-1, 1, 4000))) / 60
-        said = Record(columns, noise, np.zeros(4000, int)).said()
+        said = BandSums(columns, noise, np.zeros(4000, int)).said()
         found.append((said.theta[0], said.theta[1:].sum()))
     white, wander = np.mean(found, axis=0)
     assert white == pytest.approx(1.0, rel=0.15)
@@ -78,7 +78,7 @@ def test_the_covariance_is_that_of_generalised_least_squares():
     rng = np.random.default_rng(3)
     n = 600
     A = np.column_stack((np.ones(n), np.sin(np.arange(n) / 15), np.cumsum(rng.standard_normal(n)) / 20)) / np.sqrt(n)
-    record = Record(A, rng.standard_normal(n) + 2 * markov(rng, n, 20), np.zeros(n, int))
+    record = BandSums(A, rng.standard_normal(n) + 2 * markov(rng, n, 20), np.zeros(n, int))
     found = record.said()
     lags = np.arange(n)[:, None] / record.times
     sigma = toeplitz(np.exp(-lags) @ found.theta[1:]) + found.theta[0] * np.eye(n)

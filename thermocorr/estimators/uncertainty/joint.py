@@ -17,7 +17,7 @@ from ..fitting import Swept
 from ..time_constants.spectrum import TOLERANCE
 from .basis import Basis, basis_of
 from .noise_model import NoiseModel
-from .restricted import Record, Restricted, Within
+from .restricted import BandSums, Restricted, Within
 
 UNKNOWN = (
     "This model does not know the noise of the record it was fitted to: it was read from an old file, or fitted on "
@@ -25,6 +25,9 @@ UNKNOWN = (
 )
 FORGETS = 1.2
 """Variance of a bin's mean over that of white noise, from which on the noise within bins is taken to remember."""
+PER_MEMORY = 2.0
+"""Degrees of freedom that a correlation time adds to a wandering variance: 1 by its sum of squares alone (Bartlett,
+Biometrika 33, 1946), up to 7 where the shape of the spectrum is as the model has it."""
 SIZES = 200
 """Moments at which the size of a noise that changes with time is kept."""
 
@@ -117,10 +120,10 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
     scaled = Scaled.of(basis)
     groups = [group / scaled.norms**2 for group in basis.groups]
     within = _within(swept.total(), basis, scaled)
-    record = Record(scaled.columns, scaled.reading, scaled.span, groups, within)
-    found = record.said()
+    sums = BandSums(scaled.columns, scaled.reading, scaled.span, groups, within)
+    found = sums.said()
     residual = solution.residual_sum_of_squares / max(solution.n_rows, 1)
-    noise = _noise(basis, scaled, record, found, residual)
+    noise = _noise(basis, scaled, sums, found, residual)
     scale = scaled.unit / scaled.norms
     coef, mean = np.zeros(basis.width), np.zeros(basis.width)
     coef[basis.free] = found.coef * scale
@@ -129,7 +132,7 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
     values, vectors = np.linalg.eigh(found.covariance)
     half, last = np.zeros((basis.width, len(values))), np.zeros((basis.width, len(noise.wander)))
     half[basis.free] = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    last[basis.free] = scale[:, None] * scaled.unit * record.last_covariance(_end_correlations(basis, scaled, noise))
+    last[basis.free] = scale[:, None] * scaled.unit * sums.last_covariance(_end_correlations(basis, scaled, noise))
     last *= scaled.size[np.argmax(basis.begins)]
     inner = (basis.columns / scaled.norms).T @ (basis.columns / scaled.norms) / len(basis.columns)
     inner[0], inner[:, 0] = 0.0, 0.0  # the bias has no intercept
@@ -139,7 +142,7 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
         mean=mean, noise=noise, last=last, end=float(basis.begins.max()),
         last_segment=int(basis.segment[np.argmax(basis.begins)]),
         representation=TOLERANCE * residual if not basis.searched and model.search_ is not None else 0.0,
-        beyond=_beyond(basis, scaled, record),
+        beyond=_beyond(basis, scaled, sums),
     )  # fmt: skip
 
 
@@ -197,7 +200,7 @@ def _within(factor: TriangularFactor, basis: Basis, scaled: Scaled) -> Within | 
     )
 
 
-def _noise(basis: Basis, scaled: Scaled, record: Record, found: Restricted, residual: float) -> NoiseModel:
+def _noise(basis: Basis, scaled: Scaled, sums: BandSums, found: Restricted, residual: float) -> NoiseModel:
     """Noise of single readings; `residual` is the mean square that the fit leaves of them."""
     theta, covariance, rows = found.theta, found.theta_covariance, basis.rows
     white = float(theta[0])
@@ -208,15 +211,19 @@ def _noise(basis: Basis, scaled: Scaled, record: Record, found: Restricted, resi
     memory = rows * float(theta[0]) / white
     kept = (memory - 1) / (memory + 1) if memory > FORGETS else 0.0
     wander, spread = theta[1:], float(covariance[1:, 1:].sum())
+    times, total = basis.bin_seconds() * sums.times, float(wander.sum())
+    dof = 2 * total**2 / spread if spread > 0 else np.inf  # as long as the correlation times are right
+    if total > 0:
+        dof = min(dof, max(PER_MEMORY, PER_MEMORY * float(np.ptp(basis.begins)) * total / float(wander @ times)))
     at: np.ndarray = np.unique(np.linspace(0, len(scaled.size) - 1, SIZES).astype(int))
     at = at[:0] if np.ptp(scaled.size) == 0 else at
     return NoiseModel(
         white=white * scaled.unit**2,
         recent=-basis.bin_seconds() / rows / float(np.log(kept)) if kept > 0 else 0.0,
         wander=wander * scaled.unit**2,
-        correlation_times=basis.bin_seconds() * record.times,
+        correlation_times=times,
         white_dof=float(max(len(scaled.reading) - len(scaled.norms), 1)),
-        wander_dof=2 * float(wander.sum()) ** 2 / spread if spread > 0 else np.inf,
+        wander_dof=dof,
         size_seconds=basis.begins[at],
         sizes=scaled.size[at],
     )
@@ -230,7 +237,7 @@ def _end_correlations(basis: Basis, scaled: Scaled, noise: NoiseModel) -> np.nda
     return np.asarray(before * same[:, None])
 
 
-def _beyond(basis: Basis, scaled: Scaled, record: Record) -> Beyond | None:
+def _beyond(basis: Basis, scaled: Scaled, sums: BandSums) -> Beyond | None:
     first = basis.effects[0]
     if not isinstance(first, StaticPolynomial) or first.degree < 1 or first.lowest_power > 1:
         return None
@@ -241,5 +248,5 @@ def _beyond(basis: Basis, scaled: Scaled, record: Record) -> Beyond | None:
     rest = column - static @ alike
     if not float(np.linalg.norm(rest)) > 1e-9 * float(np.linalg.norm(column)):
         return None
-    coef, variance = record.beside(rest / scaled.size)
+    coef, variance = sums.beside(rest / scaled.size)
     return Beyond(power=power, size=float(np.sqrt(coef**2 + variance)) * scaled.unit, alike=alike)

@@ -76,7 +76,7 @@ class Restricted:
         return 2 * mean**2 / variance if variance > 0 else np.inf
 
 
-class Record:
+class BandSums:
     """Sums of a record in bands of frequency, and what they say under any noise.
 
     Parameters
@@ -90,6 +90,17 @@ class Record:
         Each the inverse variances, up to a common scale, of coefficients that are drawn alike; 0 for the others.
     within : Within, optional
         Beside bins of several rows.
+
+    Attributes
+    ----------
+    theta : ndarray of shape (parts,)
+        Variances of the parts of the noise, white first, by the turns so far.
+    times : ndarray of shape (parts - 1,)
+        Correlation times of the wandering parts [rows].
+    scales : ndarray of shape (groups,)
+        Prior variances of the groups.
+    fast : float
+        Variance of rows within their bins.
     """
 
     def __init__(
