@@ -1,13 +1,14 @@
 """Do 95 % intervals hold the truth in 95 % of all cases, and how wide are they?
 
     python benchmarks/interval_coverage.py --seeds 200 --jobs 2              # some minutes
-    python benchmarks/interval_coverage.py --seeds 40 --kinds white walk --records ../shared/records
+    python benchmarks/interval_coverage.py --seeds 40 --kinds white walk --only searched
 
 Two simulated devices (`make_record`: a package on a board, an instrument in a box) under noises that are drawn beside
 them, time constants given and searched. Covered share of the bias, the corrected reading, means of 10 and of 100
 corrected readings, the static gain, the step response after 600 s and 5000 s, and of readings after the fitted 70 % of
 the record. "wide" is the mean over the records of the standard uncertainty (root mean square over the rows), over the
-root mean square of the true error: what somebody would state who knows the noise. 1 is perfect.
+root mean square of the true error: what somebody would state who knows the noise. 1 is perfect. What may be missing
+("structure") is left out: nothing is.
 """
 
 from __future__ import annotations

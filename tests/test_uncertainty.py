@@ -203,7 +203,7 @@ def test_many_segments(monkeypatch):
 
 
 def test_a_parquet_log(tmp_path):
-    pytest.importorskip("pyarrow")
+    pytest.importorskip("pyarrow", reason="a ParquetLog needs pyarrow, the extra 'parquet'")
     X, y, _ = device(3000, 8, np.random.default_rng(8).standard_normal(3000))
     X.assign(reading=y).to_parquet(tmp_path / "log.parquet")
     log = ParquetLog(tmp_path / "log.parquet")

@@ -23,7 +23,9 @@ from ..binned import Binned, binned_columns
 from ..time_constants.columns import MOST_SEGMENTS
 
 SPECTRUM_SHARE = 1 / 8
-"""Longest time constant that may be there unseen, as a share of the longest segment: slower bodies are noise."""
+"""Longest time constant that may be there unseen, as a share of the longest segment: slower bodies are noise. With
+twice the share, the bias in white noise is stated 1.76 times its error instead of 1.36 times, with half of it 1.26
+times (searched time constants): `python benchmarks/interval_coverage.py --first 600 --seeds 24`."""
 BEYOND_CHOSEN = 1.3
 """It is at least this many times the longest one chosen."""
 

@@ -26,8 +26,9 @@ UNKNOWN = (
 FORGETS = 1.2
 """Variance of a bin's mean over that of white noise, from which on the noise within bins is taken to remember."""
 PER_MEMORY = 2.0
-"""Degrees of freedom that a correlation time adds to a wandering variance: 1 by its sum of squares alone (Bartlett,
-Biometrika 33, 1946), up to 7 where the shape of the spectrum is as the model has it."""
+"""Degrees of freedom that a correlation time adds to a wandering variance: a sum of squares alone would give 1, a known
+shape of the spectrum more. Corrected readings in a random walk are covered in 100, 99, 96 % with 1, 2, 4 (time
+constants given) and 90, 86, 83 % (searched): `python benchmarks/interval_coverage.py --first 600 --seeds 24`."""
 SIZES = 200
 """Moments at which the size of a noise that changes with time is kept."""
 

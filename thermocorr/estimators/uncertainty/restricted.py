@@ -17,7 +17,10 @@ import numpy as np
 from ...equations.noise import RATIO, Bands, fitted_parts
 
 LONGEST = 1.0
-"""Longest correlation time, as a share of the record: random walks are slower than any."""
+"""Longest correlation time, as a share of the record: random walks are slower than any. Readings in a random walk are
+covered in 93, 99, 100 % with 0.5, 1, 2; where the noise remembers a quarter of the record they are stated 1.0 times as
+uncertain as they are with 0.5, 1.4 times with 2 (time constants given):
+`python benchmarks/interval_coverage.py --first 600 --seeds 24`."""
 SLOPES = (-0.5, 0.0, 0.5)
 """Mixed kinds of wandering: variances of the parts go with this power of their correlation time; 0 is flicker noise."""
 SHORTEST = 0.7
