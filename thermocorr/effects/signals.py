@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..equations import LagState, decays, lag_differences
+from ..equations.lags import FELT
 from ..equations.compiled import play
 from ..records import Block
 
@@ -201,6 +202,6 @@ class BlockSignals(Signals):
     def decays(self, of_segments: Mapping[int, Numbers]) -> list[Any]:
         columns: list[Any] = []
         for key, taus in of_segments.items():
-            here = key == self.block.segment_key
-            columns += list(decays(self.block.elapsed, np.asarray(taus)).T) if here else [0.0] * len(taus)  # eq. (18)
+            felt = key == self.block.segment_key and self.block.least_elapsed() <= FELT * np.max(taus)
+            columns += list(decays(self.block.elapsed, np.asarray(taus)).T) if felt else [0.0] * len(taus)  # eq. (18)
         return columns

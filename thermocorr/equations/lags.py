@@ -36,6 +36,9 @@ class LagState(NamedTuple):
 _SMALL_STEP = 0.1
 """Step over time constant below which a rational approximation replaces the exponential."""
 
+FELT = 46.0
+"""Time constants after which a start is no longer felt: exp(-46) is below 1e-20."""
+
 
 def equilibrium(temperature: float, time_constants: ArrayLike) -> LagState:
     """State of a device that has been at `temperature` for ever: no lag difference."""
@@ -149,7 +152,7 @@ def lag_differences(
     recursion = compiled_recursion()
     if recursion is not None:
         if regular:
-            decay, gain = decay_and_gain(steps[:2, None], time_constants, hold)
+            decay, gain = _factors_of_two_steps(*steps[:2].tolist(), tuple(time_constants.tolist()), hold)
         else:
             decay, gain = (np.empty((n, n_lags), order="F") for _ in range(2))
             for j, time_constant in enumerate(time_constants):
@@ -159,6 +162,15 @@ def lag_differences(
     else:
         result = _solved(change, steps, time_constants, state.lag_difference, hold, regular)
     return result, LagState(result[-1].copy(), float(temperature[-1]))
+
+
+@lru_cache(maxsize=64)
+def _factors_of_two_steps(
+    first: float, later: float, time_constants: tuple[float, ...], hold: Hold
+) -> tuple[Floats, Floats]:
+    """Factors of the first step of a block and of all others, shape (2, J), Fortran order; not to be written to."""
+    factors = decay_and_gain(np.array([[first], [later]]), np.array(time_constants), hold)
+    return np.asfortranarray(factors[0]), np.asfortranarray(factors[1])
 
 
 def _solved(change: Floats, steps: Floats, time_constants: Floats, first: Floats, hold: Hold, regular: bool) -> Floats:
@@ -207,7 +219,7 @@ def _end_weights(steps: Floats, time_constants: Floats, hold: Hold) -> tuple[Flo
     with np.errstate(under="ignore"):
         for j, time_constant in enumerate(time_constants):
             ago = (elapsed - elapsed[-1]) / time_constant
-            felt = slice(int(np.searchsorted(ago, -46.0)), None)  # exp(-46) is below 1e-20
+            felt = slice(int(np.searchsorted(ago, -FELT)), None)
             weights[felt, j] = np.exp(ago[felt]) * decay_and_gain(steps[felt], time_constant, hold)[1]
         return weights, np.exp(-elapsed[-1] / time_constants)
 
@@ -253,11 +265,11 @@ def decays(elapsed: Floats, time_constants: Floats) -> Floats:
     """
     columns = np.empty((len(elapsed), len(time_constants)), order="F")
     for j, time_constant in enumerate(time_constants):
-        if len(elapsed) and elapsed.min() > 46.0 * time_constant:
+        if len(elapsed) and elapsed.min() > FELT * time_constant:
             columns[:, j] = 0.0
             continue
         exponent = elapsed / -time_constant
         with np.errstate(under="ignore"):
             np.exp(exponent, out=columns[:, j])
-        columns[exponent < -46.0, j] = 0.0
+        columns[exponent < -FELT, j] = 0.0
     return columns

@@ -60,18 +60,28 @@ class Binning:
 
     def take(self, block: Block, columns: np.ndarray, reading: np.ndarray) -> None:
         """Columns of the model and readings of a block's rows, NaN where there is no reading."""
-        bins = self.first[block.segment] + (block.places - self.starts[block.segment]) // self.width
-        at = np.flatnonzero(np.diff(bins, prepend=-1))
+        bins, at = self._bins(block)
         known = np.isfinite(reading)
-        self.sums[bins[at]] += np.add.reduceat(np.where(known, reading, 0.0), at)
-        self.count[bins[at]] += np.add.reduceat(known.astype(float), at)
-        self.begins[bins[at]] = np.minimum(self.begins[bins[at]], block.seconds[at])
-        if self.whole:
+        all_known = bool(known.all())
+        self.sums[bins] += np.add.reduceat(reading if all_known else np.where(known, reading, 0.0), at)
+        self.count[bins] += np.diff(at, append=len(block)) if all_known else np.add.reduceat(known.astype(float), at)
+        self.begins[bins] = np.minimum(self.begins[bins], block.seconds_at(at))
+        if self.whole and not all_known:
             self.known[self.before[block.segment] + block.places - self.starts[block.segment]] = known
-        else:
+        elif not self.whole:
             if self.columns is None:
                 self.columns = np.zeros((len(self.sums), columns.shape[1]))
-            self.columns[bins[at]] += np.add.reduceat(columns * known[:, None], at, axis=0)
+            self.columns[bins] += np.add.reduceat(columns if all_known else columns * known[:, None], at, axis=0)
+
+    def _bins(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of the bins that a block's rows fall into, and the first of its rows in each."""
+        first, low = self.first[block.segment], block.start - self.starts[block.segment]
+        if len(block) == block.stop - block.start:  # no row is passed over
+            inside = np.arange(low // self.width, (low + len(block) - 1) // self.width + 1)
+            return first + inside, np.maximum(inside * self.width - low, 0)
+        bins = first + (block.places - self.starts[block.segment]) // self.width
+        at = np.flatnonzero(np.diff(bins, prepend=-1))
+        return bins[at], at
 
     def binned(self) -> Binned:
         """All that was gathered; bins whose rows were all passed over are left out."""

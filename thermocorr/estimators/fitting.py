@@ -51,7 +51,7 @@ class Swept:
 
 def block_rows(n_used: int, n_chunks: int = N_CHUNKS) -> int:
     """Rows of a block such that a record has about `n_chunks` of them, or full blocks where it is long."""
-    return int(np.clip(-(-n_used // n_chunks), 64, BLOCK_ROWS))
+    return int(np.clip(-(-n_used // n_chunks), 2048, BLOCK_ROWS))
 
 
 def equal_edges(record: Record, n_chunks: int = N_CHUNKS) -> np.ndarray:

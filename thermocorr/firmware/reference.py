@@ -31,6 +31,10 @@ class Stretch:
     def __getitem__(self, column: Any) -> np.ndarray:
         return self.values[column]
 
+    def least_elapsed(self) -> float:
+        """The first of `elapsed` [s]."""
+        return float(self.elapsed[0])
+
 
 def reference_bias(
     target: Target,

@@ -120,15 +120,26 @@ class Block:
         """Where the rows stand in time order, shape (n,)."""
         return self.record.kept_places(self.start, self.stop)
 
-    @property
+    @cached_property
     def seconds(self) -> Floats:
         """Time since the first row of the fitted record [s], shape (n,)."""
         return self.record.times.seconds(self.rows, self.zero)
 
-    @property
+    @cached_property
     def elapsed(self) -> Floats:
         """Time since the start of the segment [s], shape (n,)."""
         return self.record.times.seconds(self.rows, self.segment_zero)
+
+    def seconds_at(self, numbers: NDArray[np.intp]) -> Floats:
+        """Some of `seconds`, by their numbers within the block [s]."""
+        if isinstance(self.rows, slice):
+            return self.record.times.seconds(numbers + self.rows.start, self.zero)
+        return self.record.times.seconds(self.rows[numbers], self.zero)
+
+    def least_elapsed(self) -> float:
+        """The first of `elapsed` [s]."""
+        first = self.start if isinstance(self.rows, slice) else int(self.rows[0])
+        return self.record.times.between(self.record.times.stamp(first), self.segment_zero)
 
     @property
     def temperature(self) -> Floats:
@@ -194,7 +205,8 @@ class Record:
     def kept_places(self, start: int, stop: int) -> NDArray[np.intp]:
         """The places of a stretch in time order, without those of rows that are passed over."""
         first, last = np.searchsorted(self.skipped, (start, stop))
-        return np.delete(np.arange(start, stop), self.skipped[first:last] - start)
+        places = np.arange(start, stop)
+        return places if first == last else np.delete(places, self.skipped[first:last] - start)
 
     def kept(self, start: int, stop: int) -> Rows:
         """The user's rows for a stretch in time order, without those that are passed over."""

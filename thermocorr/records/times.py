@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -20,6 +21,8 @@ _NS = 1_000_000_000
 BEYOND = "Times may lie 292 years from 1970 at most. Is the date damaged?"
 UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": _NS}
 """Ticks in a second, by the unit that pandas counts in."""
+_FAR = 1 << 62
+"""Integers that stay below this differ by one that does not wrap."""
 _DAY = "(?:[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}|[0-9]{8})"
 _CLOCK = "[T ][0-9]{2}(?::?[0-9]{2}(?::?[0-9]{2}(?:[.][0-9]+)?)?)?"
 _ZONE = " ?(?:Z|[+-][0-9]{2}(?::?[0-9]{2})?)"
@@ -60,7 +63,7 @@ class Times:
             return steps
         ticks = self.ticks[rows]
         steps = np.empty(len(ticks))
-        np.divide(difference(ticks[1:], ticks[:-1]), self.per_second, out=steps[1:])
+        np.divide(self._apart(ticks[1:], ticks[:-1]), self.per_second, out=steps[1:])
         steps[0] = 1.0 if before is None else (ticks[0].item() - self.ticks[before].item()) / self.per_second
         return steps
 
@@ -74,7 +77,17 @@ class Times:
         if self.kind == "seconds":
             return np.asarray(self.ticks[rows] - origin, float)
         whole, rest = divmod(int(origin), _NS // self.per_second)
-        return np.asarray(difference(self.ticks[rows], whole) / self.per_second - rest / _NS, float)
+        return np.asarray(self._apart(self.ticks[rows], whole) / self.per_second - rest / _NS, float)
+
+    def _apart(self, later: Any, earlier: Any) -> Any:
+        near = self._close and (isinstance(earlier, np.ndarray) or abs(earlier) < _FAR)
+        return later - earlier if near else difference(later, earlier)
+
+    @cached_property
+    def _close(self) -> bool:
+        """Whether no two times lie so far apart that their difference wraps; False where they are not in memory."""
+        in_memory = isinstance(self.ticks, np.ndarray) and len(self.ticks) > 0
+        return in_memory and -_FAR < self.ticks.min() and self.ticks.max() < _FAR  # type: ignore[union-attr]
 
     def stamp(self, row: int) -> float:
         """Absolute time of a row: nanoseconds for dates and spans (exact integer), seconds otherwise."""
