@@ -20,9 +20,10 @@ import thermocorr
 import thermocorr.command.correct as correcting
 from thermocorr.__main__ import start
 from thermocorr.command import cli
-from thermocorr.command.lines import FileLines, open_lines
+from thermocorr.command.lines import FileLines
 from thermocorr.command.results import Drafted
 from thermocorr.command.stopping import Endings, StopSignal, Terminated
+from thermocorr.command.table_lines import open_lines
 from thermocorr.files import OutputError, Outputs
 from thermocorr.files.drafts import Draft
 from thermocorr.files.marks import TEXT_MARK

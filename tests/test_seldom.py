@@ -17,7 +17,7 @@ from thermocorr import (
     RecordError,
     save_model,
 )
-from thermocorr.command import cli, lines, results
+from thermocorr.command import cli, lines, results, table_lines
 from thermocorr.command.stopping import StopSignal
 from thermocorr.files import AppendedFile, OutputError, Outputs, drafts, write_file
 from thermocorr.files.marks import TEXT_MARK
@@ -134,7 +134,7 @@ def correct(lab, *more):
 
 def test_a_log_and_a_state_that_cannot_be_read_are_said(lab, tmp_path, monkeypatch, capsys):
     with monkeypatch.context() as patched:
-        patched.setattr(lines, "FileLines", refusing())
+        patched.setattr(table_lines, "FileLines", refusing())
         assert correct(lab, lab / "log.csv") == 2
     assert "log.csv cannot be read: Permission denied." in capsys.readouterr().err
     (tmp_path / "state.json").write_text("{}")
@@ -175,7 +175,7 @@ def test_a_table_is_not_followed_and_its_rows_stop_where_they_are_told(lab, tmp_
     assert correct(lab, tmp_path / "log.parquet", "--follow") == 2
     assert "is Parquet, which cannot be followed while it grows. Leave out --follow." in capsys.readouterr().err
     stop = StopSignal()
-    rows = iter(lines.TableLines(tmp_path / "log.parquet", stop))
+    rows = iter(table_lines.TableLines(tmp_path / "log.parquet", stop))
     assert next(rows).startswith(b"temperature,") and next(rows).count(b",") >= 2
     stop.number = 15
     assert list(rows) == []

@@ -13,16 +13,19 @@ import pandas as pd
 from ..datasets import load_voltage_reference
 from ..estimators import DynamicBiasRegressor, compare_variants, later_errors
 from ..files import Outputs
+from ..foreign import RUN, Table, as_runs, joined, read_log, with_times
 from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..pages import Findings
 from ..pages.report import report_text
 from ..pictures.added_noise import added_noise
 from ..pictures.words import aspect_text, each_row, interval_text
 from ..records import RecordError, RecordWarning
-from ..records.files import TIME_NAMES, read_table, require_column
+from ..records.files import TIME_NAMES, require_column
 from ..records.times import dates_once
+from ..records.units import unit_of
 from .outputs import write_corrected, write_model
 from .spans import number_or_span
+from .table_options import add_table_options, how_to_read
 
 RESULTS = ("corrected.csv", "model.json", "model.txt")
 """Files in the folder of --out."""
@@ -31,7 +34,13 @@ RESULTS = ("corrected.csv", "model.json", "model.txt")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `thermocorr analyze`."""
     parser.add_argument(
-        "log", nargs="?", help="CSV or Parquet file; without one, a built-in voltage reference with a hidden effect"
+        "log",
+        nargs="*",
+        help="CSV, text, spreadsheet, Parquet, Feather; without one, a built-in voltage reference with a hidden effect",
+    )
+    add_table_options(parser)
+    parser.add_argument(
+        "--join", action="store_true", help="join several files by their times; without it, each is a run of its own"
     )
     columns = parser.add_argument_group("columns of the log")
     columns.add_argument("--temperature", metavar="COLUMN", help="ambient temperature (default: temperature)")
@@ -78,7 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> None:
     """Do it: `say` prints results, `progress` shows what is being done."""
-    with Outputs([] if options.log is None else [options.log], options.force) as outputs:
+    with Outputs(options.log, options.force) as outputs:
         _run(options, say, progress, outputs)
 
 
@@ -94,7 +103,7 @@ def _run(
         outputs.claim(path)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RecordWarning)
-        log, index, model, reading = _load(options)
+        log, index, model, reading, understood = _load(options)
         X, y = log.drop(columns=reading), log[reading]
         if model.time is not None:
             X[model.time] = dates_once(X[model.time])
@@ -115,6 +124,9 @@ def _run(
         )
     kept, best = list(comparison.models.items())[-1]
     say(f"{later.advice(kept)}\n")
+    if understood:
+        said = [*understood, f"{best.features_.history_.usual_step:.5g} s steps", unit_of(best.temperature, log)]
+        say(f"Read as: {', '.join(filter(None, said))}.\n")
     say(f"{best.reading_.n_readings} readings of {reading!r}, temperature {best.temperature!r}\n")
     for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
         say(f"Note: {note}\n")
@@ -137,7 +149,7 @@ def _run(
             comparison=comparison,
             advice=f"{later.advice(kept)} {noise}".strip(),
             unjudged=judged.reason,
-            source=options.log or "the built-in voltage reference with a hidden effect",
+            source=", ".join(options.log) or "the built-in voltage reference with a hidden effect",
             command=options.as_written,
         )
         outputs.write(report, report_text(best, X, y, findings))
@@ -209,23 +221,25 @@ def places(found: Diagnosis) -> str:
     return frame.to_string(index=False, float_format=lambda value: f"{value:.3g}")
 
 
-def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasRegressor, str]:
-    """The log, whether its index is to be written, the unfitted model, and the reading's column."""
+def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasRegressor, str, tuple[str, ...]]:
+    """The log, whether its index is to be written, the unfitted model, the reading's column; how it was understood."""
     time_constants = parse_time_constants(options.time_constants)
-    if options.log is None:
+    if not options.log:
         if options.reading or options.temperature or options.time or options.run:
             raise RecordError("Columns are named but no log is given. Put the log's file name after 'analyze'.")
         log = load_voltage_reference(hidden="moisture")
         model = DynamicBiasRegressor("temperature", time_constants, options.degree, screen=not options.no_screen)
-        return log, True, model, "voltage"
-    log = read_table(options.log)
+        return log, True, model, "voltage", ()
+    table = _table(options)
+    log = table.frame
     reading = require_column(log.columns, options.reading, "reading", ("reading",))
     temperature = require_column(log.columns, options.temperature, "temperature", ("temperature",))
     if reading == temperature:
         raise RecordError(
             f"--reading and --temperature both name {reading!r}. The reading is what the instrument shows."
         )
-    run = None if options.run is None else require_column(log.columns, options.run, "run")
+    of_files = RUN if len(options.log) > 1 and not options.join else None
+    run = of_files if options.run is None else require_column(log.columns, options.run, "run")
     stamped = isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex)
     time = None
     if options.sampling_period is None and not (stamped and options.time is None):
@@ -234,6 +248,8 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
         )
     elif options.time is not None:
         raise RecordError("Give --time or --sampling-period, not both.")
+    if len(options.log) == 1:
+        table = with_times(table, time, how_to_read(options))
     layout: dict[str, Any] = {
         "time": time,
         "run": run,
@@ -241,7 +257,16 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
         "max_gap": options.max_gap,
         "screen": not options.no_screen,
     }
-    return log, stamped, DynamicBiasRegressor(temperature, time_constants, options.degree, **layout), reading
+    model = DynamicBiasRegressor(temperature, time_constants, options.degree, **layout)
+    return table.frame, stamped, model, reading, table.said
+
+
+def _table(options: argparse.Namespace) -> Table:
+    """The log of one file, or of several."""
+    how = how_to_read(options)
+    if len(options.log) == 1:
+        return read_log(options.log[0], how)
+    return (joined if options.join else as_runs)(options.log, options.time, how)
 
 
 def parse_time_constants(text: str) -> Any:

@@ -15,11 +15,13 @@ from ..live.corrector import OnlineCorrector
 from ..records import RecordError
 from ..records.csvlines import CUT
 from ..records.text import printable
-from .lines import Lines, TableLines, open_lines
+from .lines import Lines
 from .log_rows import LogRows, Sample, csv_text
 from .results import Results, Saved, open_results, read_state
 from .spans import number_or_span
 from .stopping import Stopped, StopSignal
+from .table_lines import TableLines, open_lines
+from .table_options import add_table_options, how_to_read
 
 STATE_EVERY = 10.0
 """Time between savings of the state [s]."""
@@ -30,8 +32,12 @@ BLOCK = 8192
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `thermocorr correct`."""
     parser.add_argument(
-        "log", nargs="?", default="-", help="CSV file with a header line, or Parquet; - or nothing: standard input"
+        "log",
+        nargs="?",
+        default="-",
+        help="CSV, text, spreadsheet, Parquet or Feather; - or nothing: plain CSV from standard input",
     )
+    add_table_options(parser)
     parser.add_argument(
         "--model", required=True, metavar="FILE", help="model.json, as `thermocorr analyze --out` writes"
     )
@@ -78,7 +84,9 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
         if path is not None:
             claims.claim(path)
     with StopSignal() as stop:
-        lines = open_lines(options.log, options.follow, options.idle if options.follow else None, stop)
+        times = options.time or model.time
+        idle = options.idle if options.follow else None
+        lines = open_lines(options.log, options.follow, idle, stop, how_to_read(options), times)
         try:
             rows = LogRows(live, options, _complain, lines.time_name if isinstance(lines, TableLines) else None)
             _pump(rows, lines, options, inputs, saved, stop)

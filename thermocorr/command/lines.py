@@ -1,30 +1,25 @@
-"""Where the lines of a log come from: a file, one that grows, a pipe, a Parquet file. Whole lines only."""
+"""Where the lines of a log come from: a file, one that grows, a pipe. Whole lines only."""
 
 from __future__ import annotations
 
 import os
 import select
-import stat
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
-
-import pandas as pd
+from typing import BinaryIO
 
 from ..files.appending import Position, position
 from ..records import RecordError
 from ..records.csvlines import LONGEST
-from ..records.files import existing_file, format_of, read_table
-from ..records.types import kind_of
 from .stopping import StopSignal
 
 POLL = 0.1
 """Time between looks at a log that does not grow [s]."""
 PATIENCE = 1.0
 """How long the rest of a line is waited for once the command is told to stop [s]."""
-_CHUNK = 1 << 16
+CHUNK = 1 << 16
+"""Bytes, or rows, that are read together."""
 
 
 class Lines:
@@ -132,7 +127,7 @@ class PipeLines(Lines):
                 if self.idle is not None and time.monotonic() - last > self.idle:
                     return
                 continue
-            piece = os.read(descriptor, _CHUNK)
+            piece = os.read(descriptor, CHUNK)
             if not piece:
                 return
             last = time.monotonic()
@@ -154,61 +149,6 @@ class PipeLines(Lines):
         """Close the pipe."""
         if self.own:
             os.close(self.descriptor)
-
-
-class TableLines(Lines):
-    """Rows of a table, such as Parquet, as lines of CSV, every digit of them."""
-
-    def __init__(self, path: Path, stop: StopSignal):
-        self.path, self.stop = path, stop
-        self.frame = read_table(path)
-        index = self.frame.index
-        self.stamped = isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex)
-        self.time_name = str(index.name) if self.stamped and index.name is not None else "time"
-        """Name of the index, where that holds the times."""
-
-    def __iter__(self) -> Iterator[bytes | None]:
-        written: dict[str, Any] = {"index": self.stamped, "index_label": self.time_name}
-        yield self.frame[:0].to_csv(**written).encode()
-        for start in range(0, len(self.frame), _CHUNK):
-            for line in self._text(self.frame[start : start + _CHUNK], written).splitlines(keepends=True):
-                if self.stop:
-                    return
-                yield line.encode()
-
-    def _text(self, part: pd.DataFrame, written: dict[str, Any]) -> str:
-        try:
-            part = part.assign(**{name: _written(part[name]) for name in part.columns})
-            text: str = part.to_csv(header=False, **written)
-            return text
-        except (ValueError, ArithmeticError, NotImplementedError) as error:  # dates that Python does not know
-            reason = " ".join(str(error).split())
-            raise RecordError(f"{self.path} cannot be read row by row: {reason}. Are its dates damaged?") from None
-
-
-def _written(column: pd.Series[Any]) -> pd.Series[Any]:
-    """A column whose text is its numbers' in double precision, and stands on one line."""
-    if column.dtype.kind == "f":
-        return column.astype(float)
-    return column.replace({r"[\r\n\0]": " "}, regex=True) if kind_of(column) == "text" else column
-
-
-def open_lines(log: str, follow: bool, idle: float | None, stop: StopSignal) -> Lines:
-    """The lines of what a command was given: the name of a file, or - for standard input."""
-    if log == "-":
-        return PipeLines(sys.stdin.fileno(), idle, stop)
-    path = existing_file(log)
-    said = format_of(path)
-    if said is not None:
-        if follow:
-            raise RecordError(f"{path} is {said.name}, which cannot be followed while it grows. Leave out --follow.")
-        return TableLines(path, stop)
-    try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            return PipeLines(os.open(path, os.O_RDONLY), idle, stop, own=True)
-        return FileLines(path, follow, idle, stop)
-    except OSError as error:
-        raise RecordError(f"{path} cannot be read: {error.strerror}.") from None
 
 
 def _refuse_endless(line: bytes, what: object) -> None:

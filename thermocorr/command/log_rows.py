@@ -16,7 +16,7 @@ import pandas as pd
 from ..live.corrector import OnlineCorrector
 from ..live.given import COLUMNS
 from ..records import RecordError
-from ..records.csvlines import fields_of, header_of, miscounted
+from ..records.csvlines import fields_of, header_of, is_comment, miscounted
 from ..records.errors import listing, quoted, times_word
 from ..records.files import TIME_NAMES
 from ..records.grammar import label, number
@@ -101,7 +101,7 @@ class LogRows:
         assert self.header is not None
         try:
             fields = fields_of(line)
-            if not fields or fields == self.header:
+            if not fields or fields == self.header or is_comment(fields[0], len(fields), len(self.header)):
                 return None
             if len(fields) != len(self.header):
                 raise RecordError(miscounted(len(fields), len(self.header)))

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..equations import LagState, decays, lag_differences
-from ..equations.lags import FELT
 from ..equations.compiled import play
+from ..equations.lags import FELT
 from ..records import Block
 
 Numbers = Sequence[float] | np.ndarray

@@ -48,6 +48,11 @@ def fields_of(line: bytes) -> list[str]:
         raise RecordError(f"it is no CSV: {reason}") from None
 
 
+def is_comment(line: str, n_fields: int, n_columns: int) -> bool:
+    """Whether a line of a log is none of its rows: it begins with #, and has another number of fields."""
+    return line.lstrip().startswith("#") and n_fields != n_columns
+
+
 def header_of(line: bytes) -> list[str]:
     """Names of the columns, from the first line of a log.
 
@@ -65,6 +70,11 @@ def header_of(line: bytes) -> list[str]:
         raise RecordError(
             "The log seems to be separated by semicolons or tabs. Save it with commas between its columns."
         )
+    return checked_names(names)
+
+
+def checked_names(names: list[str]) -> list[str]:
+    """The names of a header; RecordError for one that stands twice."""
     counted = Counter(filter(None, names))
     twice = next((name for name in names if counted[name] > 1), None)
     if twice is not None:
@@ -79,7 +89,7 @@ def miscounted(found: int, wanted: int) -> str:
     return f"it has {found} fields where the header has {wanted}"
 
 
-def check_lines(content: bytes, n_columns: int, start: int) -> tuple[int, int]:
+def check_lines(content: bytes, n_columns: int, start: int, line: int = 2) -> tuple[int, int]:
     """Check every line behind the header of a whole file.
 
     Parameters
@@ -90,6 +100,8 @@ def check_lines(content: bytes, n_columns: int, start: int) -> tuple[int, int]:
         Fields of the header.
     start : int
         Where the line behind the header begins.
+    line : int
+        Its number in the file.
 
     Returns
     -------
@@ -114,7 +126,7 @@ def check_lines(content: bytes, n_columns: int, start: int) -> tuple[int, int]:
             if len(found) != n_columns:
                 raise RecordError(miscounted(len(found), n_columns))
         except RecordError as error:
-            raise RecordError(f"line {row + 2}: {error}") from None
+            raise RecordError(f"line {row + line}: {error}") from None
     return len(ends) - int(empty.sum()), end
 
 

@@ -12,12 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from .csvlines import CUT, check_lines, header_of
+from .csvlines import CUT, check_lines, checked_names, header_of
 from .errors import RecordError, RecordWarning, listing, quoted
 from .grammar import MISSING
 from .parquet import open_parquet
+from .units import name_and_unit
 
-TIME_NAMES = ("time", "timestamp", "datetime", "date", "time_s")
+TIME_NAMES = (
+    "time", "timestamp", "datetime", "date", "time_s", "date/time", "date time", "date_time", "time stamp", "_time",
+    "zeit", "zeitstempel", "datum", "uhrzeit", "t", "x_value",
+)  # fmt: skip
 """Columns that are taken as times where none is named, the first that is there."""
 EVERY_DIGIT: dict[str, Any] = (
     {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
@@ -75,15 +79,35 @@ def read_table(path: str | Path) -> pd.DataFrame:
 
 
 def _read_csv(path: Path) -> pd.DataFrame:
-    content = path.read_bytes()
+    return csv_table(path.read_bytes(), path)
+
+
+def csv_table(content: bytes, path: Path, names: list[str] | None = None, line: int = 1) -> pd.DataFrame:
+    """Read plain CSV: commas, decimal points, UTF-8.
+
+    Parameters
+    ----------
+    content : bytes
+        The file, or what it was translated to.
+    path : Path
+        What it is called in messages.
+    names : list of str, optional
+        Of the columns, where `content` begins behind its header.
+    line : int
+        The number of its first line in the file.
+
+    Raises RecordError for the first line that is no row of the table.
+    """
     if not content.strip():
+        if names is not None:
+            return pd.DataFrame(columns=names)
         raise RecordError(
             f"{path} is empty: a header line with the columns' names is needed, then one line per sample."
         )
-    start = content.find(b"\n") + 1 or len(content)
+    start = 0 if names is not None else content.find(b"\n") + 1 or len(content)
     try:
-        names = header_of(content[:start])
-        rows, end = check_lines(content, len(names), start)
+        names = checked_names(names) if names is not None else header_of(content[:start])
+        rows, end = check_lines(content, len(names), start, line + (start > 0))
     except RecordError as error:
         raise RecordError(f"{path} cannot be read as a table: {error}") from None
     if end < len(content) and start < len(content):
@@ -133,12 +157,17 @@ FORMATS = {ending: Format("Parquet", _read_parquet) for ending in (".parquet", "
 
 
 def require_column(names: Iterable[Any], name: str | None, option: str, guesses: tuple[str, ...] = ()) -> str:
-    """The column that an option names, or the first of `guesses` that is there."""
+    """The column that an option names, or the first of `guesses` that is there.
+
+    Where none is there as it stands, capitals and a unit behind the name do not count: "Temperature [°C]".
+    """
     columns = [str(column) for column in names]
     if name is None:
-        for guess in guesses:
-            if guess in columns:
-                return guess
+        bare = {name_and_unit(column)[0].strip().lower(): column for column in reversed(columns)}
+        for known in ({column: column for column in columns}, bare):
+            for guess in guesses:
+                if guess in known:
+                    return known[guess]
         raise RecordError(f"Which column is the {option}? Say it with --{option}; there are {listing(columns)}.")
     if name not in columns:
         raise RecordError(f"There is no column {quoted(name)} for --{option}; there are {listing(columns)}.")

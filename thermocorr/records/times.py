@@ -87,7 +87,7 @@ class Times:
     def _close(self) -> bool:
         """Whether no two times lie so far apart that their difference wraps; False where they are not in memory."""
         in_memory = isinstance(self.ticks, np.ndarray) and len(self.ticks) > 0
-        return in_memory and -_FAR < self.ticks.min() and self.ticks.max() < _FAR  # type: ignore[union-attr]
+        return in_memory and self.ticks.min() > -_FAR and self.ticks.max() < _FAR  # type: ignore[union-attr]
 
     def stamp(self, row: int) -> float:
         """Absolute time of a row: nanoseconds for dates and spans (exact integer), seconds otherwise."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 _SUFFIXES = {
@@ -12,6 +13,19 @@ _SUFFIXES = {
     "urad": "urad", "mrad": "mrad", "rad": "rad", "deg": "deg", "ustrain": "ustrain", "s": "s", "A2": "A^2",
     "m3m3": "m3/m3",
 }  # fmt: skip
+"""Ending of a name, behind an underscore -> unit."""
+_WRITTEN = {
+    "°c": "degC", "℃": "degC", "deg c": "degC", "celsius": "degC", "c": "degC", "°f": "degF", "℉": "degF",
+    "deg f": "degF", "fahrenheit": "degF", "f": "degF", "kelvin": "K", "°k": "K", "µv": "uV", "μv": "uV", "ω": "ohm",
+    "ohms": "ohm", "kω": "kohm", "kohms": "kohm", "vdc": "V", "vac": "V", "volt": "V", "volts": "V", "adc": "A",
+    "µa": "uA", "μa": "uA", "µm": "um", "μm": "um", "%": "%", "% rh": "%", "%rh": "%", "% r.h.": "%", "rh": "%",
+    "sec": "s", "seconds": "s", "ms": "ms", "min": "min", "h": "h", "hours": "h", "bar": "bar", "mhz": "MHz",
+}  # fmt: skip
+"""How people and programs write units, in small letters, beside the values of `_SUFFIXES`."""
+_KNOWN = {unit: unit for unit in _SUFFIXES.values()}
+_BRACKETS = re.compile(r"(?P<name>.*?)\s*(?:[\[(<](?P<inside>[^\[\]()<>]+)[\])>]|\s/\s*(?P<behind>\S+))\s*")
+_OHM_SIGN = str.maketrans({"\u2126": "\u03a9"})
+"""The sign for ohm of its own, which looks like the capital letter."""
 
 
 def difference_unit(unit: str) -> str:
@@ -25,4 +39,31 @@ def unit_of(name: object, data: Any) -> str:
     if isinstance(noted, dict) and name in noted:
         return str(noted[name])
     text = str(name)
-    return _SUFFIXES.get(text.rsplit("_", 1)[-1], "") if "_" in text else ""
+    if "_" in text and (unit := _SUFFIXES.get(text.rsplit("_", 1)[-1], "")):
+        return unit
+    return name_and_unit(text)[1]
+
+
+def unit_of_text(text: str) -> str:
+    """The unit that a text is: ``"°C"`` is degC; "" for a text that is none.
+
+    Examples
+    --------
+    >>> unit_of_text("mV"), unit_of_text("kΩ"), unit_of_text("reading")
+    ('mV', 'kohm', '')
+    """
+    bare = text.strip()
+    return _KNOWN.get(bare) or _WRITTEN.get(bare.translate(_OHM_SIGN).lower(), "")
+
+
+def name_and_unit(text: str) -> tuple[str, str]:
+    """A column's name without the unit that it ends in, in brackets or behind a slash, and that unit.
+
+    Examples
+    --------
+    >>> name_and_unit("Temp. [°C]"), name_and_unit("U / mV"), name_and_unit("reading (raw)")
+    (('Temp.', 'degC'), ('U', 'mV'), ('reading (raw)', ''))
+    """
+    found = _BRACKETS.fullmatch(text)
+    unit = unit_of_text(found["inside"] or found["behind"]) if found else ""
+    return (found["name"], unit) if found and unit else (text, "")

@@ -1,0 +1,284 @@
+"""Logs as other programs write them: right numbers, or a sentence that says what to pass; nothing silently wrong."""
+
+from __future__ import annotations
+
+import io
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from corpus.foreign_logs import DAY, GOOD, LONGER, REFUSED, TIMES, N, T, U, comma, plain, semicolons
+
+from thermocorr import RecordError
+from thermocorr.command.cli import main
+from thermocorr.foreign import HowToRead, as_runs, joined, read_log, with_times
+from thermocorr.records.files import TIME_NAMES, require_column
+from thermocorr.records.read import Layout, read_record
+from thermocorr.records.units import unit_of
+
+ENDINGS = {"gz": "log.csv.gz", "zip": "log.zip", "two files in a zip": "log.zip", "a gz that was cut": "log.csv.gz"}
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Function that writes a file and returns its path."""
+
+    def write(content, name="log.csv"):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
+
+
+def understood(path, names=None, **said):
+    """Temperature, reading, seconds since the first row; what was said of the file."""
+    how = HowToRead(**said)
+    table = read_log(path, how)
+    column = require_column(table.frame.columns, None, "time", TIME_NAMES)
+    table = with_times(table, column, how)
+    names = names or {}
+    temperature = names.get("temperature") or next(c for c in table.frame if str(c).lower().startswith("temp"))
+    reading = names.get("reading") or next(c for c in table.frame if str(c).lower().startswith(("read", "mess")))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        record = read_record(table.frame, Layout(temperature, column), y=table.frame[reading], quiet=True)
+    seconds = np.concatenate([block.seconds for block in record.blocks()])
+    return table, record.columns[temperature], np.asarray(record.reading), seconds
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_a_file_is_read_with_its_numbers(name, written):
+    content, names = GOOD[name] if isinstance(GOOD[name], tuple) else (GOOD[name], None)
+    _, temperature, reading, seconds = understood(written(content, ENDINGS.get(name, "log.csv")), names)
+    np.testing.assert_array_equal(temperature, T)
+    np.testing.assert_array_equal(reading, U)
+    step = 10.0 if name == "seconds" else 60.0
+    np.testing.assert_allclose(seconds, step * np.arange(N), atol=2e-3)  # days of a spreadsheet have eight digits
+
+
+@pytest.mark.parametrize("name", [name for name in GOOD if not isinstance(GOOD[name], tuple)])
+def test_both_commands_read_it_alike(name, written, capsys):
+    """`correct` gives the rows of `analyze` whatever program wrote the log."""
+    path = written(GOOD[name], ENDINGS.get(name, "log.csv"))
+    columns = understood(path)[0].frame.columns
+    options = [
+        f"--{role}={next(c for c in columns if str(c).lower().startswith(begins))}"
+        for role, begins in (("temperature", "temp"), ("reading", ("read", "mess")))
+    ]
+    out = path.parent / "out"
+    assert main(["analyze", str(path), *options, "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
+    assert "Read as:" in capsys.readouterr().out or table_is_plain(name)
+    assert main(["correct", str(path), "--model", str(out / "model.json"), *options]) in (0, 1)
+    shown = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    analysed = pd.read_csv(out / "corrected.csv")
+    np.testing.assert_allclose(shown["corrected"], analysed["corrected"], rtol=0, atol=1e-9)
+
+
+def table_is_plain(name):
+    """Whether there is nothing to be said of a file."""
+    return name in {
+        "commas", "T between date and time", "seconds", "line ends of Windows", "line ends of old Macs",
+        "a byte-order mark", "capitals in the header", "units in the header", "a unit behind a slash",
+        "comments between rows", "everything in quotes", "a zone in every time",
+        "the header again, when the logger restarts", "thousands with commas, in quotes",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_file_that_can_be_read_in_two_ways_or_none_is_refused(name, written):
+    content, words = REFUSED[name]
+    with pytest.raises(RecordError, match=words):
+        understood(written(content, ENDINGS.get(name, "log.csv")))
+
+
+def test_what_was_understood_is_said(written):
+    path = written(semicolons(head="My log\nDatum;Temperatur [°C];Messwert [mV]\n").encode("latin-1"))
+    table = understood(path)[0]
+    assert table.said == (
+        "Windows-1252, as far as one can tell", "separated by semicolons", "decimal comma",
+        "1 line before the header", "dates as day, month, year",
+    )  # fmt: skip
+
+
+def test_day_and_month_are_told_apart_by_the_order_of_the_rows(written):
+    """Twelve-hour steps through May: read the other way, the rows would step back."""
+    seconds = understood(written(plain(DAY, times=LONGER)))[3]
+    np.testing.assert_allclose(seconds, 43_200.0 * np.arange(N))
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "first"),
+    [
+        ("day and month in doubt", {"time_format": "%d/%m/%Y %H:%M:%S"}, "2024-05-06 23:40"),
+        ("day and month in doubt", {"time_format": "%m/%d/%Y %H:%M:%S"}, "2024-06-05 23:40"),
+    ],
+)
+def test_the_user_says_which_is_the_day(name, said, first, written):
+    content = REFUSED[name][0].splitlines()[:10]  # before midnight
+    table = understood(written("\n".join(content) + "\n"), **said)[0]
+    assert table.frame["time"].iloc[0] == pd.Timestamp(first)
+
+
+def test_the_user_says_how_numbers_are_written(written):
+    path = written(plain().replace(",", ";"))
+    np.testing.assert_array_equal(understood(path, separator=";", decimal=".")[1], T)
+    path = written("time;temperature;reading\n" + "".join(f"{60 * k};{comma(T[k])};7\n" for k in range(N)))
+    np.testing.assert_array_equal(understood(path, separator="semicolon", decimal=",")[1], T)
+    for said in ({"separator": "x"}, {"decimal": "'"}):
+        with pytest.raises(RecordError, match=r"--sep|--decimal"):
+            HowToRead(**said)
+
+
+def test_numbers_that_are_seconds_stay_seconds(written):
+    """A log of seconds that happens to lie where days of a spreadsheet lie says so by its name or its steps."""
+    rows = "".join(f"{40_000 + 60 * k},{T[k]},{U[k]}\n" for k in range(N))
+    np.testing.assert_allclose(understood(written("time,temperature,reading\n" + rows))[3], 60.0 * np.arange(N))
+    rows = "".join(f"{40_000 + k / 10},{T[k]},{U[k]}\n" for k in range(N))
+    table, *_, seconds = understood(written("time [s],temperature,reading\n" + rows))
+    np.testing.assert_allclose(seconds, np.arange(N) / 10, atol=1e-9)
+    assert table.said == ()
+    assert understood(written("time,temperature,reading\n" + rows))[0].said == ("days of a spreadsheet",)
+    seconds = understood(written("time,temperature,reading\n" + rows), time_format="seconds")[3]
+    np.testing.assert_allclose(seconds, np.arange(N) / 10, atol=1e-9)
+
+
+def local(zone, first, rows=N, step="10min"):
+    """A log in local time."""
+    moments = pd.date_range(first, periods=rows, freq=step, tz="UTC").tz_convert(zone)
+    values = zip(moments, T, U, strict=False)
+    return "time,temperature,reading\n" + "".join(f"{t:%Y-%m-%d %H:%M:%S},{a},{b}\n" for t, a, b in values)
+
+
+@pytest.mark.parametrize(
+    ("zone", "first"),
+    [("Europe/Berlin", "2024-10-26 22:00"), ("America/New_York", "2024-11-03 04:00"),
+     ("Europe/Berlin", "2024-03-30 23:00"), ("Australia/Lord_Howe", "2024-04-06 13:00"),
+     ("Asia/Kolkata", "2024-05-01 00:00")],
+)  # fmt: skip
+def test_local_times_become_utc_over_the_change_of_summer_time(zone, first, written):
+    table, *_, seconds = understood(written(local(zone, first)), timezone=zone)
+    np.testing.assert_allclose(seconds, 600.0 * np.arange(N))
+    assert table.frame["time"].iloc[0] == pd.Timestamp(first, tz="UTC")
+
+
+def test_hours_that_clocks_leave_out_or_repeat_are_explained(written):
+    for times, words in (
+        (["01:50", "02:10", "03:10"], "No clock in Europe/Berlin showed 2024-03-31 02:10"),
+        (["2024-10-27 01:50", "2024-10-27 02:10", "2024-10-27 03:10"], "twice, when summer time ended"),
+    ):
+        dated = [t if " " in t else f"2024-03-31 {t}" for t in times]
+        path = written("time,temperature,reading\n" + "".join(f"{t}:00,21,{k}\n" for k, t in enumerate(dated)))
+        with pytest.raises(RecordError, match=words):
+            understood(path, timezone="Europe/Berlin")
+    path = written(local("Europe/Berlin", "2024-10-27 01:10", 6))  # begins in the second of the two hours
+    assert understood(path, timezone="Europe/Berlin")[0].frame["time"].iloc[0] == pd.Timestamp(
+        "2024-10-27 01:10", tz="UTC"
+    )
+    for zone, words in (("Mars/Olympus", "not known"), ("UTC", None)):
+        if words:
+            with pytest.raises(RecordError, match=words):
+                understood(path, timezone=zone)
+        else:
+            assert understood(path, timezone=zone)[0].said == ("local time of UTC",)
+    with pytest.raises(RecordError, match="is for dates"):
+        understood(written(GOOD["seconds"]), timezone="UTC")
+    with pytest.raises(RecordError, match="zone of their own"):
+        understood(written(GOOD["Home Assistant"]), timezone="UTC")
+
+
+def test_rows_are_sorted_where_that_is_asked_for(written):
+    head, *rows = plain().splitlines()
+    path = written("\n".join([head, *rows[20:], *rows[:20]]) + "\n")
+    with pytest.raises(RecordError, match="Time goes backward"):
+        understood(path)
+    table, temperature, *_ = understood(path, sort=True)
+    np.testing.assert_array_equal(temperature, T)
+    assert table.said == ("sorted by time: 40 rows moved",)
+
+
+def test_a_spreadsheet_is_read(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl", reason="spreadsheets need openpyxl: pip install 'thermocorr[excel]'")
+    book = openpyxl.Workbook()
+    sheet = book.active
+    sheet.append(["Log of room 5"])
+    sheet.append(["time", "temperature", "reading"])
+    for row in zip(TIMES, T, U, strict=True):
+        sheet.append([row[0].to_pydatetime(), float(row[1]), float(row[2])])
+    book.create_sheet("empty")
+    book.save(tmp_path / "log.xlsx")
+    _, temperature, reading, seconds = understood(tmp_path / "log.xlsx")
+    np.testing.assert_array_equal(temperature, T)
+    np.testing.assert_array_equal(reading, U)
+    np.testing.assert_allclose(seconds, 60.0 * np.arange(N))
+    book.create_sheet("other").append(["a"])
+    book["other"].append(["b"])
+    book.save(tmp_path / "log.xlsx")
+    with pytest.raises(RecordError, match=r"several sheets: 'Sheet', 'other'. Say which with --sheet"):
+        read_log(tmp_path / "log.xlsx")
+    with pytest.raises(RecordError, match="no sheet 'x'"):
+        read_log(tmp_path / "log.xlsx", HowToRead(sheet="x"))
+    np.testing.assert_array_equal(understood(tmp_path / "log.xlsx", sheet="Sheet")[1], T)
+    (tmp_path / "log.xlsx").write_bytes(b"no book")
+    with pytest.raises(RecordError, match="cannot be read as a spreadsheet"):
+        read_log(tmp_path / "log.xlsx")
+
+
+def test_feather_is_read(tmp_path):
+    pytest.importorskip("pyarrow", reason="Feather needs pyarrow: pip install 'thermocorr[parquet]'")
+    pd.DataFrame({"time": TIMES, "temperature": T, "reading": U}).to_feather(tmp_path / "log.feather")
+    np.testing.assert_array_equal(understood(tmp_path / "log.feather")[1], T)
+    (tmp_path / "log.feather").write_bytes(b"none")
+    with pytest.raises(RecordError, match="cannot be read as Feather"):
+        read_log(tmp_path / "log.feather")
+
+
+def test_files_of_one_table_are_runs(written):
+    paths = [written(plain(), "a.csv"), written(plain(times=TIMES + pd.Timedelta("1D")), "b.csv")]
+    table = as_runs(paths, None, HowToRead())
+    assert table.frame["file"].tolist() == ["a.csv"] * N + ["b.csv"] * N and table.said == ("2 files, a run each",)
+    with pytest.raises(RecordError, match="--join"):
+        as_runs([paths[0], written("time,oven\n0,1\n60,2\n", "c.csv")], None, HowToRead())
+
+
+def test_files_of_two_loggers_are_joined_in_time(written):
+    """A room's thermometer every three minutes, and a voltmeter: straight lines between its values."""
+    room = written(
+        "Zeit;Temperatur\n"
+        + "".join(f"{t:%d.%m.%Y %H:%M:%S};{comma(a)}\n" for t, a in zip(TIMES[::3], T[::3], strict=True)),
+        "room.csv",
+    )
+    meter = written(
+        "time,dmm\n" + "".join(f"{t:%Y-%m-%d %H:%M:%S},{b}\n" for t, b in zip(TIMES, U, strict=True)), "meter.csv"
+    )
+    table = joined([room, meter], None, HowToRead(reading="dmm"))
+    np.testing.assert_array_equal(table.frame["dmm"], U)
+    np.testing.assert_allclose(
+        table.frame["Temperatur"], np.interp(np.arange(N), np.arange(0, N, 3), T[::3]), atol=1e-12
+    )
+    assert "2 files joined on the times of meter.csv" in table.said
+    with pytest.raises(RecordError, match="In which file is the reading"):
+        joined([room, meter], None, HowToRead())
+    with pytest.raises(RecordError, match="cannot be joined"):
+        joined([written(GOOD["seconds"], "s.csv"), meter], None, HowToRead())
+
+
+def test_a_foreign_log_is_not_followed_and_a_stream_is_plain(written, tmp_path, capsys):
+    path = written(semicolons())
+    out = tmp_path / "out"
+    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
+    capsys.readouterr()
+    assert main(["correct", str(path), "--model", str(out / "model.json"), "--follow"]) == 2
+    assert "no plain CSV" in capsys.readouterr().err
+    assert main(["correct", "-", "--model", str(out / "model.json"), "--sep", ";"]) == 2
+    assert "line by line, as plain CSV" in capsys.readouterr().err
+
+
+def test_units_of_names():
+    for name, unit in (
+        ("Temp. [°C]", "degC"), ("T (F)", "degF"), ("U / mV", "mV"), ("R [kΩ]", "kohm"), ("reading (raw)", ""),
+        ("R [k\u2126]", "kohm"), ("x", ""),
+        ("oven_temp_degC", "degC"), ("p [hPa]", "hPa"), ("a/b", ""),
+    ):  # fmt: skip
+        assert unit_of(name, None) == unit

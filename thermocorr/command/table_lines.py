@@ -1,0 +1,130 @@
+"""The lines of a log that a command was given: of plain CSV as they stand, of everything else as plain CSV."""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ..foreign import HowToRead, read_log, with_times
+from ..foreign.log_files import plain_head
+from ..records import RecordError
+from ..records.files import TIME_NAMES, existing_file, format_of, require_column
+from ..records.types import kind_of
+from .lines import CHUNK, FileLines, Lines, PipeLines
+from .stopping import StopSignal
+
+
+class TableLines(Lines):
+    """Rows of a table that is no plain CSV, such as Parquet, as lines of plain CSV, every digit of them.
+
+    Parameters
+    ----------
+    path : Path
+    stop : StopSignal
+    how : HowToRead, optional
+        What the user says of the file.
+    time : str, optional
+        The column of times; by default the first that is called like one.
+    """
+
+    def __init__(self, path: Path, stop: StopSignal, how: HowToRead | None = None, time: str | None = None):
+        self.path, self.stop = path, stop
+        how = how or HowToRead()
+        table = read_log(path, how)
+        index = table.frame.index
+        self.stamped = isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex)
+        self.time_name = str(index.name) if self.stamped and index.name is not None else "time"
+        """Name of the index, where that holds the times, or of the column that does."""
+        column = None if self.stamped else _time_column(table.frame.columns, time)
+        if column is not None:
+            table, self.time_name = with_times(table, column, how), column
+        self.frame, self.said = table.frame, table.said
+
+    def __iter__(self) -> Iterator[bytes | None]:
+        written: dict[str, Any] = {"index": self.stamped, "index_label": self.time_name}
+        yield self.frame[:0].to_csv(**written).encode()
+        for start in range(0, len(self.frame), CHUNK):
+            for line in self._text(self.frame[start : start + CHUNK], written).splitlines(keepends=True):
+                if self.stop:
+                    return
+                yield line.encode()
+
+    def _text(self, part: pd.DataFrame, written: dict[str, Any]) -> str:
+        try:
+            part = part.assign(**{name: _written(part[name]) for name in part.columns})
+            text: str = part.to_csv(header=False, **written)
+            return text
+        except (ValueError, ArithmeticError, NotImplementedError) as error:  # dates that Python does not know
+            reason = " ".join(str(error).split())
+            raise RecordError(f"{self.path} cannot be read row by row: {reason}. Are its dates damaged?") from None
+
+
+def _written(column: pd.Series[Any]) -> pd.Series[Any]:
+    """A column whose text is its numbers' in double precision, and stands on one line."""
+    if column.dtype.kind == "f":
+        return column.astype(float)
+    return column.replace({r"[\r\n\0]": " "}, regex=True) if kind_of(column) == "text" else column
+
+
+def open_lines(
+    log: str,
+    follow: bool,
+    idle: float | None,
+    stop: StopSignal,
+    how: HowToRead | None = None,
+    time: str | None = None,
+) -> Lines:
+    """The lines of what a command was given: the name of a file, or - for standard input."""
+    how = how or HowToRead()
+    if log == "-":
+        _refuse_foreign("standard input", how)
+        return PipeLines(sys.stdin.fileno(), idle, stop)
+    path = existing_file(log)
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            _refuse_foreign(str(path), how)
+            return PipeLines(os.open(path, os.O_RDONLY), idle, stop, own=True)
+        if _is_native(path, how, time):
+            return FileLines(path, follow, idle, stop)
+    except OSError as error:
+        raise RecordError(f"{path} cannot be read: {error.strerror}.") from None
+    if follow:
+        said = format_of(path)
+        what = said.name if said is not None else "no plain CSV (commas, decimal points, ISO 8601 dates or seconds)"
+        raise RecordError(f"{path} is {what}, which cannot be followed while it grows. Leave out --follow.")
+    return TableLines(path, stop, how, time)
+
+
+def _refuse_foreign(what: str, how: HowToRead) -> None:
+    if how != HowToRead():
+        raise RecordError(f"{what} is read line by line, as plain CSV. Give a file to read it in another way.")
+
+
+def _is_native(path: Path, how: HowToRead, time: str | None) -> bool:
+    """Whether the lines of a file, as they stand, are plain CSV with times that need no understanding."""
+    try:
+        head = plain_head(path, how)
+    except RecordError:  # whoever reads the lines says what is wrong with them
+        return True
+    if head is None:
+        return False
+    column = _time_column(head.frame.columns, time)
+    try:
+        read = head if column is None else with_times(head, column, how)
+    except RecordError:  # the whole file may tell more
+        return False
+    return all(said.startswith("Unix times in seconds") for said in read.said)
+
+
+def _time_column(names: Iterable[Any], time: str | None) -> str | None:
+    """The column of times: as named, or called like one; None where there is none."""
+    try:
+        return require_column(names, time, "time", TIME_NAMES)
+    except RecordError:
+        return None

@@ -1,0 +1,37 @@
+"""Options of every command that reads a log: what the file does not tell of itself."""
+
+from __future__ import annotations
+
+import argparse
+
+from ..foreign import HowToRead
+
+
+def add_table_options(parser: argparse.ArgumentParser) -> None:
+    """Add them to a parser."""
+    group = parser.add_argument_group("the log's file (understood from its content where nothing is said)")
+    group.add_argument("--sep", metavar="CHAR", help="between columns: , ; tab | blanks")
+    group.add_argument("--decimal", metavar="CHAR", help="decimal sign: . or ,")
+    group.add_argument("--encoding", metavar="NAME", help="such as utf-8, utf-16, latin-1")
+    group.add_argument(
+        "--time-format",
+        metavar="FORMAT",
+        help="as for strptime ('%%d/%%m/%%Y %%H:%%M:%%S'), or excel, unix, 'unix ms', 'unix us', 'unix ns', seconds",
+    )
+    group.add_argument("--timezone", metavar="ZONE", help="of local times, such as Europe/Berlin; they become UTC")
+    group.add_argument("--sheet", metavar="NAME", help="of a spreadsheet")
+    group.add_argument("--sort", action="store_true", help="sort the rows by time")
+
+
+def how_to_read(options: argparse.Namespace) -> HowToRead:
+    """What the user said."""
+    return HowToRead(
+        separator=options.sep,
+        decimal=options.decimal,
+        encoding=options.encoding,
+        time_format=options.time_format,
+        timezone=options.timezone,
+        sheet=options.sheet,
+        sort=options.sort,
+        reading=options.reading,
+    )

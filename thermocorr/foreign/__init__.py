@@ -1,0 +1,8 @@
+"""Floor 1: logs as other programs write them, understood: their separators, decimal commas, dates and headers."""
+
+from .how import HowToRead, Table
+from .log_files import read_log
+from .several import RUN, as_runs, joined
+from .timed import with_times
+
+__all__ = ["RUN", "HowToRead", "Table", "as_runs", "joined", "read_log", "with_times"]

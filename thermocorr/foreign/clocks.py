@@ -1,0 +1,224 @@
+"""Times as loggers write them: from a column to dates, spans or seconds, and in words what was understood."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from ..records import RecordError
+from ..records.errors import quoted
+from ..records.types import kind_of
+from .zones import in_zone
+
+DAYS_OF_EXCEL = (25_569.0, 73_051.0)
+"""Serial numbers of 1970 and 2100 in a spreadsheet, whose day 0 is 1899-12-30."""
+_EXCEL_ZERO = pd.Timestamp("1899-12-30")
+_SECONDS = ("s", "sec", "second", "elapsed")
+"""Endings and parts of names of columns that hold seconds."""
+EPOCHS = {"ms": (1e11, 1e14), "us": (1e14, 1e17), "ns": (1e17, 9.3e18)}
+"""Unit of Unix times -> their size; what is smaller is seconds."""
+UNIX = (5e8, 5e9)
+"""Unix times in seconds, 1985 to 2128."""
+
+_CLOCK = r"(?P<clock>\d{1,2}:\d{2}(?::\d{2})?)(?:[.,:](?P<fraction>\d+))?(?:\s*(?P<half>[AaPp]\.?[Mm]\.?))?"
+_DATES = {
+    r"\d{1,2}\.\d{1,2}\.\d{4}": ("%d.%m.%Y",),
+    r"\d{1,2}\.\d{1,2}\.\d{2}": ("%d.%m.%y",),
+    r"\d{1,2}/\d{1,2}/\d{4}": ("%d/%m/%Y", "%m/%d/%Y"),
+    r"\d{1,2}/\d{1,2}/\d{2}": ("%d/%m/%y", "%m/%d/%y"),
+    r"\d{1,2}-\d{1,2}-\d{4}": ("%d-%m-%Y", "%m-%d-%Y"),
+    r"\d{4}/\d{1,2}/\d{1,2}": ("%Y/%m/%d",),
+    r"\d{4}\.\d{1,2}\.\d{1,2}": ("%Y.%m.%d",),
+    r"\d{4}-\d{1,2}-\d{1,2}": ("%Y-%m-%d",),
+    r"\d{1,2}-[A-Za-z]{3}-\d{4}": ("%d-%b-%Y",),
+    r"\d{1,2}-[A-Za-z]{3}-\d{2}": ("%d-%b-%y",),
+    r"\d{1,2} [A-Za-z]{3} \d{4}": ("%d %b %Y",),
+    r"[A-Za-z]{3} \d{1,2},? \d{4}": ("%b %d %Y",),
+}
+"""How dates look, and which formats may be meant, of `strptime`."""
+_IN_WORDS = {"%d": "day", "%m": "month", "%Y": "year", "%y": "year", "%b": "month"}
+
+
+class Understood(NamedTuple):
+    """Times, and in words how they were read; nothing where there was nothing to understand."""
+
+    times: pd.Series[Any]
+    said: str = ""
+
+
+def understood(values: pd.Series[Any], form: str | None = None, zone: str | None = None) -> Understood:
+    """Times of a column as dates, spans or seconds.
+
+    Parameters
+    ----------
+    values : Series of shape (n,)
+        Text, numbers or dates.
+    form : str, optional
+        A format of `strptime`, or "excel", "unix", "unix ms", "unix us", "unix ns", "seconds".
+    zone : str, optional
+        Time zone of local times, such as "Europe/Berlin": they become UTC.
+
+    Raises
+    ------
+    RecordError
+        For dates that have two readings, and those that have none.
+    """
+    if kind_of(values) == "text":
+        text: Any = values.astype("string").str.strip()
+        numbers = pd.to_numeric(text, errors="coerce")
+        if numbers.notna().all() and len(values):
+            values = numbers.astype(float)
+    read = _of_numbers(values, form) if kind_of(values) == "number" else _of_text(values, form)
+    if zone is None:
+        return read
+    return Understood(in_zone(read.times, zone), f"{read.said + ', ' if read.said else ''}local time of {zone}")
+
+
+def _of_numbers(values: pd.Series[Any], form: str | None) -> Understood:
+    numbers = values.to_numpy(dtype=float, na_value=np.nan)
+    known = numbers[np.isfinite(numbers)]
+    if form is None and len(known):
+        form = _form_of(known, str(values.name))
+    if form is None or form == "seconds":
+        return Understood(values)
+    if form == "excel":
+        whole = np.round((numbers - DAYS_OF_EXCEL[0]) * 86_400e3)  # a day's fraction has digits for microseconds
+        dates: pd.Series[Any] = pd.Series(pd.to_datetime(whole, unit="ms"), index=values.index, name=values.name)
+        return Understood(dates, "days of a spreadsheet")
+    unit = form.removeprefix("unix").strip() or "s"
+    if unit not in ("s", *EPOCHS):
+        raise _unknown_form(form)
+    if unit == "s":
+        return Understood(values, "Unix times in seconds")
+    counted: Any = values if unit == "ns" else values.astype(float)
+    given: Any = unit
+    dates = pd.Series(pd.to_datetime(counted, unit=given), index=values.index, name=values.name)
+    return Understood(dates, f"Unix times in {unit}")
+
+
+def _form_of(known: np.ndarray, name: str) -> str | None:
+    """What numbers of this size are; None for seconds."""
+    low, high = float(known.min()), float(known.max())
+    for unit, (least, most) in EPOCHS.items():
+        if least <= low and high < most:
+            return f"unix {unit}"
+    if UNIX[0] <= low and high < UNIX[1]:
+        return "unix s"
+    says_seconds = any(part in _SECONDS for part in re.split(r"[^a-z]+", name.lower()))
+    like_days = DAYS_OF_EXCEL[0] <= low and high < DAYS_OF_EXCEL[1] and (known % 1.0).any()
+    dense = len(known) > 1 and np.median(np.abs(np.diff(known))) < 0.5
+    return "excel" if like_days and dense and not says_seconds else None
+
+
+def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
+    """Text in the form that all of it has; text in the forms of ISO 8601, and what is no text, stays."""
+    if kind_of(values) != "text":
+        return Understood(values)
+    text = values.astype("string").str.strip()
+    if form is not None:
+        return Understood(_parsed(text, values, form), f"times as {form}")
+    first = next((cell for cell in text if isinstance(cell, str) and cell), "")
+    parts = re.fullmatch(rf"(?P<date>.*?)(?:[T ,]+{_CLOCK})?", first)
+    forms = next((forms for look, forms in _DATES.items() if parts and re.fullmatch(look, parts["date"])), ())
+    if not forms:
+        return _of_clocks(values, text) if re.fullmatch(_CLOCK, first) else Understood(values)
+    if forms == ("%Y-%m-%d",) and not (parts and parts["half"]):
+        return Understood(values)  # ISO 8601, which every reader knows
+    readings = {date: _dates(text, date) for date in forms}
+    whole = {date: times for date, times in readings.items() if times.notna().all()}
+    if not whole:
+        raise _unread(values, text, readings)
+    if len(whole) > 1:
+        forward = {date: times for date, times in whole.items() if not (times.diff() < pd.Timedelta(0)).any()}
+        whole = forward if len(forward) == 1 else whole
+    if len(whole) > 1:
+        row = int(
+            np.argmax(np.logical_or.reduce([(a != b).to_numpy() for a in whole.values() for b in whole.values()]))
+        )
+        read = " or ".join(f"{times.iloc[row]:%d %B %Y} ({date})" for date, times in whole.items())
+        if len({times.iloc[row] for times in whole.values()}) > 1:
+            raise RecordError(
+                f"Is {text.iloc[row]!r} in {quoted(values.name)}, row {row}, {read}? Every row can be read either way. "
+                f"Say which it is with --time-format, such as --time-format '{next(iter(whole))} %H:%M:%S'."
+            )
+    date, times = next(iter(whole.items()))
+    order = ", ".join(_IN_WORDS[part] for part in re.findall("%[dmYyb]", date))
+    return Understood(_named(times, values), f"dates as {order}")
+
+
+def _of_clocks(values: pd.Series[Any], text: pd.Series[Any]) -> Understood:
+    """Times of day without a date: spans, where they go on."""
+    spans = pd.to_timedelta(_day_share(text)["span"])
+    if spans.isna().any() or (spans.diff() < pd.Timedelta(0)).any():
+        row = int(spans.isna().to_numpy().argmax() or (spans.diff() < pd.Timedelta(0)).to_numpy().argmax())
+        raise RecordError(
+            f"The times in {quoted(values.name)} have no date, and {text.iloc[row]!r} in row {row} does not follow on. "
+            "A column of dates beside it is joined with it where it is called date."
+        )
+    return Understood(_named(spans, values), "times of day without a date")
+
+
+def _dates(text: pd.Series[Any], date: str) -> pd.Series[Any]:
+    """Text as dates in one form, with a time of day or without; NaT for what is not."""
+    parts = text.str.extract(rf"^(?P<date>.*?)(?:[T ,]+(?P<rest>{_CLOCK}))?$")
+    days = pd.to_datetime(parts["date"].str.replace(",", ""), format=date.replace(",", ""), errors="coerce")
+    share = _day_share(parts["rest"])
+    known = parts["rest"].isna() | share["span"].notna()
+    return (days.astype("datetime64[ns]") + share["span"].fillna(pd.Timedelta(0))).where(known)
+
+
+def _day_share(text: pd.Series[Any]) -> pd.DataFrame:
+    """Time since midnight, as `span`; NaT for what is no time of day."""
+    parts = text.str.strip().str.extract(f"^{_CLOCK}$")
+    shown: Any = parts["clock"].str.extract(r"^(\d+):(\d+)(?::(\d+))?$")
+    hours, minutes, seconds = (pd.to_numeric(shown[k], errors="coerce").astype(float) for k in range(3))
+    half = parts["half"].str.replace(".", "").str.lower()
+    hours = hours.where(half.isna(), hours % 12 + 12.0 * (half == "pm").fillna(False).astype(float))
+    digits: Any = "0." + parts["fraction"].fillna("0")
+    fraction = pd.to_numeric(digits).astype(float)
+    whole = hours * 3600 + minutes * 60 + seconds.fillna(0.0)
+    whole = whole.where((hours < 24) & (minutes < 60) & ~(seconds >= 61))
+    nanoseconds = whole * 1e9 + (fraction * 1e9).round()
+    return pd.DataFrame({"span": pd.to_timedelta(nanoseconds, unit="ns")})
+
+
+def _parsed(text: pd.Series[Any], values: pd.Series[Any], form: str) -> pd.Series[Any]:
+    """Text in a form that the user says."""
+    try:
+        times = pd.to_datetime(text, format=form, errors="coerce")
+    except ValueError:
+        raise _unknown_form(form) from None
+    bad = (times.isna() & text.notna()).to_numpy()
+    if bad.any():
+        row = int(bad.argmax())
+        raise RecordError(f"{text.iloc[row]!r} in {quoted(values.name)}, row {row}, is not written as {form!r}.")
+    return _named(times, values)
+
+
+def _named(times: Any, values: pd.Series[Any]) -> pd.Series[Any]:
+    """Times under the name of the column that they were read from."""
+    return pd.Series(times, index=values.index, name=values.name)
+
+
+def _unknown_form(form: str) -> RecordError:
+    return RecordError(
+        f"--time-format {form!r} is none. Write it as for strptime (%d.%m.%Y %H:%M:%S), or one of excel, unix, "
+        "unix ms, unix us, unix ns, seconds."
+    )
+
+
+def _unread(values: pd.Series[Any], text: pd.Series[Any], readings: dict[str, pd.Series[Any]]) -> RecordError:
+    """No form reads every row: name the first row that the best one does not read."""
+    form, times = max(readings.items(), key=lambda item: int(item[1].notna().sum()))
+    row = int((times.isna() & text.notna()).to_numpy().argmax())
+    missing = times.isna() & text.isna()
+    if missing.any() and not (times.isna() & text.notna()).any():
+        row = int(missing.to_numpy().argmax())
+        return RecordError(f"{quoted(values.name)} has no time in row {row}. Every row needs its time.")
+    return RecordError(
+        f"{text.iloc[row]!r} in {quoted(values.name)}, row {row}, is no date like the others, which are written as "
+        f"{form}. Mend the row, or say the format with --time-format."
+    )

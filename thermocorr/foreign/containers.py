@@ -1,0 +1,78 @@
+"""Files in files: gz and zip around a log, and tables of other programs (spreadsheet, Feather)."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ..records import RecordError
+from ..records.errors import listing
+
+SHEETS = (".xlsx", ".xlsm")
+FEATHER = (".feather", ".arrow")
+PACKED = (".gz", ".zip")
+
+
+def unpacked(path: Path) -> tuple[bytes, str]:
+    """The content of a file, unpacked where its ending says gz or zip, and the name of what is in it."""
+    content = path.read_bytes()
+    ending = path.suffix.lower()
+    try:
+        if ending == ".gz":
+            return gzip.decompress(content), path.stem
+        if ending == ".zip":
+            with zipfile.ZipFile(io.BytesIO(content)) as archive:
+                names = [info.filename for info in archive.infolist() if not info.is_dir()]
+                names = [name for name in names if not name.startswith("__MACOSX/")]
+                if len(names) != 1:
+                    raise RecordError(f"{path} holds {len(names)} files ({listing(names)}). Unpack the log.")
+                return archive.read(names[0]), names[0]
+    except (OSError, EOFError, zlib.error, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+        raise RecordError(f"{path} cannot be unpacked: {error}. Was it cut while it was copied?") from None
+    return content, path.name
+
+
+def spreadsheet(path: Path, sheet: str | None) -> pd.DataFrame:
+    """A sheet of a spreadsheet as cells, the first one by default; its header is looked for as in a file of text."""
+    try:
+        import openpyxl  # type: ignore[import-untyped]  # it has no types
+    except ImportError:
+        raise RecordError(
+            f"{path} is a spreadsheet, and openpyxl is needed to read it: pip install 'thermocorr[excel]'."
+        ) from None
+    try:
+        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    except Exception as error:  # openpyxl raises whatever its parsers do
+        raise RecordError(f"{path} cannot be read as a spreadsheet: {' '.join(str(error).split())}.") from None
+    try:
+        if sheet is not None and sheet not in book.sheetnames:
+            raise RecordError(f"{path} has no sheet {sheet!r}; it has {listing(book.sheetnames)}.")
+        if sheet is None and len(book.sheetnames) > 1:
+            filled = [name for name in book.sheetnames if book[name].max_row and book[name].max_row > 1]
+            if len(filled) > 1:
+                raise RecordError(f"{path} has several sheets: {listing(filled)}. Say which with --sheet.")
+            sheet = filled[0] if filled else None
+        rows = [list(row) for row in book[sheet or book.sheetnames[0]].iter_rows(values_only=True)]
+    finally:
+        book.close()
+    return pd.DataFrame(rows, dtype=object)
+
+
+def feather(path: Path) -> pd.DataFrame:
+    """A file of Feather (Arrow IPC)."""
+    try:
+        from pyarrow import feather as format_
+    except ImportError:
+        raise RecordError(f"{path} is Feather. Install pyarrow: pip install 'thermocorr[parquet]'.") from None
+    try:
+        frame: Any = format_.read_feather(path)
+    except (ValueError, OSError) as error:
+        raise RecordError(f"{path} cannot be read as Feather: {' '.join(str(error).split())}.") from None
+    result: pd.DataFrame = frame
+    return result

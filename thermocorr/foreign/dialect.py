@@ -1,0 +1,121 @@
+"""How a file writes its table: separator, decimal sign, where its header stands; and the same table in plain CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from ..records import RecordError
+from ..records.csvlines import is_comment
+from .values import IN_DOUBT, plain_cell
+
+BLANKS = " "
+"""The separator of columns that stand apart by blanks, any number of them."""
+SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", BLANKS: "blanks"}
+"""Separator -> its name. The first is taken where several fit alike."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dialect:
+    """How a table is written; lines count from 0."""
+
+    separator: str = ","
+    decimal: str = "."
+    names: tuple[str, ...] = ()
+    units: dict[str, str] = field(default_factory=dict)
+    """Column -> unit, from a row below the header."""
+    header: int = 0
+    first: int = 1
+    """The first line with a row."""
+    comments: bool = False
+    """Whether lines that begin with # are none of the table."""
+    spare: int = 0
+    """Empty columns without a name behind the others."""
+    grouped: bool = False
+    """Whether there are signs between thousands."""
+    remarks: bool = False
+    """Whether a row may have a remark behind its cells, which is left out."""
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the file is CSV as this package writes it; there may be comments between its rows."""
+        return (self.separator, self.decimal, self.header, self.first, self.grouped) == (",", ".", 0, 1, False)
+
+    def said(self) -> list[str]:
+        """What is unusual, in words."""
+        words = [] if self.separator == "," else [f"separated by {SEPARATORS.get(self.separator, self.separator)}s"]
+        words = [word.replace("blankss", "blanks") for word in words]
+        if self.decimal == ",":
+            words.append("decimal comma")
+        if self.header:
+            words.append(f"{self.header} line{'' if self.header == 1 else 's'} before the header")
+        if self.units:
+            words.append("units below the header")
+        return words
+
+    def fields(self, line: str) -> list[str]:
+        """The cells of a line."""
+        if self.separator == BLANKS:
+            return line.split()
+        if '"' not in line:
+            return line.split(self.separator)
+        try:
+            return next(csv.reader([line], delimiter=self.separator, strict=True), [])
+        except csv.Error:
+            return []
+
+    def plain(self, text: str) -> str:
+        """The rows of a file as plain CSV, each on the line on which it stood; what is no row is an empty line.
+
+        Raises RecordError for a number that may be a thousandfold of another one.
+        """
+        rows = text.split("\n", self.first)[-1] if self.first else text
+        if self._replaceable(rows):
+            rows = rows if self.decimal == "." else rows.replace(",", ".")
+            return rows.replace(self.separator, ",").replace("\r", "")
+        out = io.StringIO()
+        written = csv.writer(out, lineterminator="\n")
+        for number, line in enumerate(rows.split("\n"), self.first + 1):
+            line = line.removesuffix("\r")
+            cells = self.fields(line) if line.strip() else []
+            if not cells or is_comment(line, len(cells), len(self.names)):
+                out.write("\n")
+                continue
+            if (self.spare and not any(cells[len(self.names) :])) or (self.remarks and len(cells) > 1):
+                del cells[len(self.names) :]
+            if [cell.strip() for cell in cells] == list(self.names):  # the logger began anew
+                out.write("\n")
+                continue
+            written.writerow(list(self._plain_cells(cells, number)))
+        return out.getvalue().removesuffix("\n") if not rows.endswith("\n") else out.getvalue()[: -len("\n")]
+
+    def _plain_cells(self, cells: list[str], number: int) -> Iterator[str]:
+        for place, cell in enumerate(cells):
+            try:
+                yield plain_cell(cell, self.decimal)
+            except ValueError:
+                name = self.names[place] if place < len(self.names) else f"field {place + 1}"
+                raise RecordError(
+                    f"line {number}: {cell.strip()!r} in {name!r} may be thousands or a fraction. Write numbers "
+                    "without signs between their thousands, and all with the same decimal sign (--decimal)."
+                ) from None
+
+    def _replaceable(self, rows: str) -> bool:
+        """Whether replacing characters is enough: no quotes, comments or blanks, no comma but in numbers."""
+        if (
+            self.comments
+            or self.spare
+            or self.remarks
+            or self.separator == BLANKS
+            or '"' in rows
+            or self.names[0] in rows
+        ):
+            return False
+        if self.decimal == ".":
+            return "," not in rows
+        mark = re.escape(self.separator)
+        doubt = rf"(?:^|{mark})\s*(?:{IN_DOUBT[','].pattern}|[+-]?\d+\.\d+(?:[eE][+-]?\d+)?)(?:,\d+)?\s*(?=$|{mark})"
+        return not (re.search(r"[^\d;\t|\n+-],|,[^\d;\t|\neE]|,\d+,", rows) or re.search(doubt, rows, re.MULTILINE))

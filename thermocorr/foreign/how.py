@@ -1,0 +1,51 @@
+"""What a user says of a log's file, and what is made of it: a frame, and in words how it was understood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import pandas as pd
+
+from ..records import RecordError
+from .dialect import SEPARATORS
+
+_SAID_SEPARATORS = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "bar": "|", "blanks": " ", "space": " "}
+
+
+@dataclass(frozen=True, kw_only=True)
+class HowToRead:
+    """What a user says of a file that does not tell it: None where it does."""
+
+    separator: str | None = None
+    decimal: str | None = None
+    encoding: str | None = None
+    time_format: str | None = None
+    timezone: str | None = None
+    sheet: str | None = None
+    sort: bool = False
+    reading: str | None = None
+    """The column that keeps its own times, where several are brought on the same: what the instrument shows."""
+
+    def __post_init__(self) -> None:
+        mark = self.separator
+        if mark is not None:
+            object.__setattr__(self, "separator", _SAID_SEPARATORS.get(mark.lower(), mark))
+        if self.separator is not None and self.separator not in SEPARATORS:
+            raise RecordError(f"--sep {mark!r} is none of: {', '.join(SEPARATORS.values())}.")
+        if self.decimal not in (None, ".", ","):
+            raise RecordError(f"--decimal {self.decimal!r} is neither . nor a comma.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A log, read."""
+
+    frame: pd.DataFrame
+    """``attrs["units"]`` has the units that the file names."""
+    said: tuple[str, ...] = ()
+    """How it was understood, where that was not a matter of course."""
+
+    def with_said(self, frame: pd.DataFrame, *words: str) -> Table:
+        """The log with another frame, and more to be said."""
+        frame.attrs = {**self.frame.attrs, **frame.attrs}
+        return replace(self, frame=frame, said=(*self.said, *filter(None, words)))

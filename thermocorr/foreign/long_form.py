@@ -1,0 +1,108 @@
+"""Cells to columns of numbers: logs with one line for each value, and numbers with their unit behind."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from ..records.types import kind_of
+from ..records.units import unit_of_text
+from .values import is_number, plain_cell
+
+_WITH_UNIT = re.compile(r"(?P<number>[-+0-9.,eE]+)\s*(?P<unit>[^\d\s.,+-].*)")
+
+
+class Shape(NamedTuple):
+    """Columns of a log in which every line holds one value."""
+
+    time: str
+    name: str
+    value: str
+
+
+SHAPES = (
+    Shape("_time", "_field", "_value"),  # InfluxDB
+    Shape("last_changed", "entity_id", "state"),  # Home Assistant
+    Shape("last_updated", "entity_id", "state"),
+)
+
+
+def widened(frame: pd.DataFrame, reading: str | None = None) -> tuple[pd.DataFrame, str]:
+    """A frame with a column for each name, and what was done; as it came where it is not in such a form.
+
+    It has the times of the `reading`, or of the column with most values. Values of the other columns are taken as a
+    straight line in time between their own, as the temperature is.
+    """
+    shape = next((shape for shape in SHAPES if set(shape) <= set(frame.columns)), None)
+    if shape is None:
+        return frame, ""
+    names = frame[shape.name].astype(str)
+    names = names.where(~names.str.startswith("sensor."), names.str.removeprefix("sensor."))
+    times = pd.to_datetime(frame[shape.time], format="ISO8601", errors="coerce", utc=True)
+    values = pd.to_numeric(frame[shape.value], errors="coerce")  # "unavailable" is no number
+    known = times.notna() & values.notna()
+    columns = {name: _series(times[known & (names == name)], values) for name in names[known].unique()}
+    if not columns:
+        return frame, ""
+    wanted = next((name for name in (reading, "reading") if name in columns), None)
+    lead = wanted or max(columns, key=lambda name: len(columns[name]))
+    index: Any = columns[lead].index
+    wide = {name: on_times(series, index) for name, series in columns.items()}
+    result = pd.DataFrame({"time": index, **wide}).reset_index(drop=True)
+    return result, f"one line for each value: {len(columns)} columns, on the times of {lead!r}"
+
+
+def _series(times: pd.Series[Any], values: pd.Series[Any]) -> pd.Series[Any]:
+    series = pd.Series(values[times.index].to_numpy(float), index=pd.DatetimeIndex(times))
+    series = series[~series.index.duplicated(keep="last")]
+    return series.sort_index()
+
+
+def on_times(series: pd.Series[Any], index: Any) -> np.ndarray:
+    """Values at other times: a straight line between neighbours, nothing beyond the first and the last.
+
+    Both indices hold dates (of one zone or none), spans, or seconds.
+    """
+    given, at = _numbers(series.index), _numbers(index)
+    inside = np.interp(at - given[0], given - given[0], series.to_numpy(float))
+    return np.where((at >= given[0]) & (at <= given[-1]), inside, np.nan)
+
+
+def _numbers(index: Any) -> np.ndarray:
+    """Nanoseconds of dates and spans; seconds as they are."""
+    if isinstance(index, pd.DatetimeIndex):
+        index = index.tz_localize(None)
+    if isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex):
+        return np.asarray(index.as_unit("ns").asi8)
+    return np.asarray(index, float)
+
+
+def without_units(frame: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:
+    """The frame with numbers in place of columns like ``23.5 °C``, all of one unit; and these units."""
+    columns, units = {}, {}
+    for name in frame.columns:
+        if kind_of(frame[name]) == "text" and (found := _numbers_of(frame[name])) is not None:
+            columns[name], units[str(name)] = found
+    return frame.assign(**columns) if columns else frame, units
+
+
+def _numbers_of(cells: pd.Series[Any]) -> tuple[np.ndarray, str] | None:
+    numbers, units = np.full(len(cells), np.nan), set()
+    for row, cell in enumerate(cells):
+        if not isinstance(cell, str):
+            continue
+        found = _WITH_UNIT.fullmatch(cell.strip())
+        decimal = "," if found and "," in found["number"] else "."
+        if not found or not is_number(found["number"], decimal) or not unit_of_text(found["unit"]):
+            return None
+        try:
+            numbers[row] = float(plain_cell(found["number"], decimal))
+        except ValueError:
+            return None
+        units.add(unit_of_text(found["unit"]))
+        if len(units) > 1:
+            return None
+    return (numbers, units.pop()) if units else None

@@ -1,0 +1,128 @@
+"""Several files as one log: one run each, or columns that belong together in time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..records import RecordError
+from ..records.errors import listing, quoted
+from ..records.files import TIME_NAMES, require_column
+from ..records.times import dates_once
+from ..records.types import kind_of
+from .how import HowToRead, Table
+from .log_files import read_log
+from .long_form import on_times
+from .timed import with_times
+
+RUN = "file"
+"""Column of the names of files, each a run."""
+
+
+def as_runs(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> Table:
+    """Files with the same columns, one below the other; `RUN` tells which row is whose.
+
+    Raises RecordError for files with other columns.
+    """
+    tables = [_timed(path, time, how) for path in paths]
+    first = tables[0].frame
+    for path, table in zip(paths[1:], tables[1:], strict=True):
+        if set(table.frame.columns) != set(first.columns):
+            raise RecordError(
+                f"{path} has the columns {listing(table.frame.columns)}, and {paths[0]} has {listing(first.columns)}. "
+                "Files that belong together in time, such as a room's and an instrument's, are joined by --join."
+            )
+    if RUN in first.columns:
+        raise RecordError(f"There is a column {quoted(RUN)} already: name the runs yourself, in one file, with --run.")
+    names = _names(paths)
+    parts = [table.frame.assign(**{RUN: name}) for name, table in zip(names, tables, strict=True)]
+    _refuse_other_clocks(parts, paths, time)
+    said = tuple(dict.fromkeys(word for table in tables for word in table.said))
+    frame = pd.concat(parts, ignore_index=True)
+    return Table(frame=frame, said=said).with_said(_with_units(frame, tables), f"{len(paths)} files, a run each")
+
+
+def joined(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> Table:
+    """Files of one stretch of time: the rows of the one with the reading, and of the others their columns there.
+
+    A straight line between two of their values, none before the first and behind the last.
+    """
+    tables = [_timed(path, time, how) for path in paths]
+    columns = [_time_name(table.frame, time) for table in tables]
+    main = next((k for k, table in enumerate(tables) if how.reading in table.frame.columns), None)
+    if main is None:
+        main = next((k for k, table in enumerate(tables) if "reading" in table.frame.columns), None)
+    if main is None:
+        raise RecordError("In which file is the reading? Name its column with --reading.")
+    if any(column is None for column in columns):
+        at = columns.index(None)
+        raise RecordError(f"{paths[at]} has no column of times that is called so. Files are joined by their times.")
+    _refuse_other_clocks([table.frame for table in tables], paths, time)
+    frame, index = tables[main].frame, _index(tables[main].frame, str(columns[main]))
+    for k, table in enumerate(tables):
+        if k == main:
+            continue
+        source = table.frame.set_index(_index(table.frame, str(columns[k]))).drop(columns=[str(columns[k])])
+        source = source[~source.index.duplicated(keep="last")].sort_index()
+        for name in source.columns:
+            if kind_of(source[name]) not in ("number", "switch"):
+                continue
+            known = source[name][source[name].notna()]
+            label = name if name not in frame.columns else f"{name} ({Path(paths[k]).stem})"
+            values = on_times(known, index) if len(known) else np.full(len(frame), np.nan)
+            frame = frame.assign(**{str(label): values})
+    said = tuple(dict.fromkeys(word for table in tables for word in table.said))
+    words = f"{len(paths)} files joined on the times of {Path(paths[main]).name}"
+    return Table(frame=frame, said=said).with_said(_with_units(frame, tables), words)
+
+
+def _timed(path: str | Path, time: str | None, how: HowToRead) -> Table:
+    table = read_log(path, how)
+    column = _time_name(table.frame, time)
+    if column is None:
+        return table
+    table = with_times(table, column, how)
+    return table.with_said(table.frame.assign(**{column: dates_once(table.frame[column])}))
+
+
+def _time_name(frame: pd.DataFrame, time: str | None) -> str | None:
+    try:
+        return require_column(frame.columns, time if time in frame.columns else None, "time", TIME_NAMES)
+    except RecordError:
+        return None
+
+
+def _index(frame: pd.DataFrame, column: str) -> Any:
+    times = frame[column]
+    return pd.Index(times) if kind_of(times) != "number" else pd.Index(times.astype(float))
+
+
+def _refuse_other_clocks(frames: Sequence[pd.DataFrame], paths: Sequence[str | Path], time: str | None) -> None:
+    """Refuse files of which one has dates and another seconds, or only some a zone."""
+    clocks = []
+    for frame in frames:
+        column = _time_name(frame, time)
+        dtype = None if column is None else frame[column].dtype
+        zoned = isinstance(dtype, pd.DatetimeTZDtype)
+        clocks.append(None if column is None else "dates with a zone" if zoned else f"{kind_of(frame[column])}s")
+    for path, clock in zip(paths[1:], clocks[1:], strict=True):
+        if clock != clocks[0]:
+            raise RecordError(
+                f"The times of {paths[0]} are {clocks[0]}, those of {path} {clock}: they cannot be joined."
+            )
+
+
+def _names(paths: Sequence[str | Path]) -> list[str]:
+    names = [Path(path).name for path in paths]
+    return names if len(set(names)) == len(names) else [str(path) for path in paths]
+
+
+def _with_units(frame: pd.DataFrame, tables: Sequence[Table]) -> pd.DataFrame:
+    units = {name: unit for table in tables for name, unit in table.frame.attrs.get("units", {}).items()}
+    if units:
+        frame.attrs["units"] = units
+    return frame

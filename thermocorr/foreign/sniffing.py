@@ -1,0 +1,196 @@
+"""From the first lines of a file to its dialect."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from ..records import RecordError
+from ..records.grammar import is_missing
+from ..records.units import unit_of_text
+from .dialect import SEPARATORS, Dialect
+from .values import GROUPED, is_number, is_unit, is_value
+
+SAMPLE = 400
+"""Lines that are looked at."""
+TYPED = 0.8
+"""Share of the cells of a column, or of the columns of values in a row, that hold a value."""
+
+
+REMARKS = ("comment", "comments", "remark", "kommentar")
+"""Names of a last column that rows need not have: LabVIEW's measurement files are written so."""
+
+
+class Looked(NamedTuple):
+    """The sample under one separator."""
+
+    dialect: Dialect
+    rows: list[list[str]]
+    """Cells of each line; none for a comment and an empty line."""
+    width: int
+    values: list[bool]
+    """Which columns hold values."""
+    score: float
+
+
+def sniff(lines: Sequence[str], separator: str | None = None, decimal: str | None = None) -> Dialect | None:
+    """The dialect of a file; None where its lines are no table.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        The first lines, `SAMPLE` of them or all.
+    separator, decimal : str, optional
+        Where the user says them.
+
+    Raises
+    ------
+    RecordError
+        Where numbers have decimal points and decimal commas.
+    """
+    choices = list(SEPARATORS) if separator is None else [separator]
+    looks = [look for mark in choices if (look := _looked_at(lines, mark, decimal, forced=separator is not None))]
+    if not looks:
+        return None
+    best = max(looks, key=lambda look: look.score)  # the first of those that fit alike
+    found = _with_header(lines, best)
+    if found is None:
+        first = next((k for k, row in enumerate(best.rows) if row), 0)
+        if best.dialect.separator != "," and best.score > TYPED and _is_row(best.rows[first], best):
+            raise RecordError(
+                f"line {first + 1} is a row already, and no line above it has the columns' names. Put them there, "
+                "with the same separator"
+            )
+        return None
+    rows = [row for row in best.rows[found.first :] if len(row) == best.width]
+    sign = decimal or _decimal(found, rows)
+    grouped = any(GROUPED[sign].fullmatch(cell.strip()) for row in rows for cell in row)
+    return replace(found, decimal=sign, grouped=grouped)
+
+
+def _looked_at(lines: Sequence[str], mark: str, decimal: str | None, forced: bool) -> Looked | None:
+    dialect = Dialect(separator=mark)
+    rows = [[] if not line.strip() or line.lstrip().startswith("#") else dialect.fields(line) for line in lines]
+    tail = [row for row in rows if row][-max(1, 2 * len(rows) // 3) :]
+    widths = Counter(map(len, tail))
+    if not widths:
+        return None
+    width = max(widths, key=lambda n: (widths[n], n))
+    if width < 2 and not forced:
+        return None
+    full = [row for row in tail if len(row) == width]
+    signs = [decimal] if decimal else [".", ","] if mark != "," or any('"' in line for line in lines) else ["."]
+    cells = [[any(is_value(row[j], sign) for sign in signs) for row in full] for j in range(width)]
+    known = [[not is_missing(row[j]) for row in full] for j in range(width)]
+    values = [any(held) and sum(held) >= TYPED * max(sum(there), 1) for held, there in zip(cells, known, strict=True)]
+    share = sum(map(sum, cells)) / max(sum(map(sum, known)), 1)
+    return Looked(dialect, rows, width, values, share * len(full) / len(tail)) if any(values) else None
+
+
+def _with_header(lines: Sequence[str], look: Looked) -> Dialect | None:
+    """The dialect with the place of its header: the line of names that the least number of lines speaks against.
+
+    Against it are lines behind it that are no rows, and rows before it.
+    """
+    data = [_is_row(row, look) for row in look.rows]
+    filled = [bool(row) for row in look.rows]
+    candidates = []
+    for k, row in enumerate(look.rows):
+        behind = next((i for i in range(k + 1, len(data)) if filled[i]), None)
+        if data[k] or behind is None or not _is_header(row, look) or _are_units(row):
+            continue
+        units = behind if not data[behind] and _are_units(look.rows[behind]) else None
+        first = k + 1 if units is None else units + 1
+        if not any(data[first:]):
+            continue
+        rest = range(first, len(data))
+        against = sum(filled[i] and not data[i] and look.rows[i] != row for i in rest) + sum(data[:k])
+        candidates.append((against, -k, first, units))
+    comments = any(line.lstrip().startswith("#") for line in lines)
+    if not candidates:
+        return _with_commented_header(lines, look, data)
+    _, place, first, units = min(candidates)
+    names = [cell.strip() for cell in look.rows[-place]]
+    remarks = len(names) > look.width
+    names = names[: look.width]
+    spare = _spare(names, [row for row, is_row in zip(look.rows, data, strict=True) if is_row])
+    names = names[: len(names) - spare]
+    noted = {} if units is None else dict(zip(names, map(_unit, look.rows[units]), strict=False))
+    return replace(
+        look.dialect,
+        names=tuple(names),
+        units={name: unit for name, unit in noted.items() if unit},
+        header=-place,
+        first=first,
+        comments=comments,
+        spare=spare,
+        remarks=remarks,
+    )
+
+
+def _with_commented_header(lines: Sequence[str], look: Looked, data: Sequence[bool]) -> Dialect | None:
+    """Names that stand in the last comment before the rows: ``# time temperature reading``."""
+    if True not in data:
+        return None
+    first = data.index(True)
+    above = next((k for k in range(first - 1, -1, -1) if lines[k].strip()), None)
+    if above is None or not lines[above].lstrip().startswith("#"):
+        return None
+    names = look.dialect.fields(lines[above].lstrip().lstrip("#").strip())
+    if len(names) != look.width or not _is_header(names, look):
+        return None
+    return replace(
+        look.dialect, names=tuple(name.strip() for name in names), header=above, first=above + 1, comments=True
+    )
+
+
+def _is_row(row: list[str], look: Looked) -> bool:
+    if len(row) != look.width:
+        return False
+    held = [cell for cell, is_one in zip(row, look.values, strict=True) if is_one]
+    good = sum(is_missing(cell) or is_value(cell, ".") or is_value(cell, ",") for cell in held)
+    return good >= TYPED * len(held) and any(not is_missing(cell) for cell in row)
+
+
+def _is_header(row: list[str], look: Looked) -> bool:
+    if len(row) == look.width + 1 and row[-1].strip().lower() in REMARKS:
+        row = row[:-1]
+    if len(row) != look.width or sum(map(bool, map(str.strip, row))) < len(row) / 2:
+        return False
+    held = [cell for cell, is_one in zip(row, look.values, strict=True) if is_one and cell.strip()]
+    return any(not is_number(cell) for cell in held) and not is_value(held[0])
+
+
+def _are_units(row: list[str]) -> bool:
+    cells = [cell for cell in row if cell.strip()]
+    return bool(cells) and sum(map(is_unit, cells)) >= len(cells) / 2
+
+
+def _unit(cell: str) -> str:
+    text = cell.strip()
+    return unit_of_text(text.strip("[]()<>")) or text
+
+
+def _spare(names: list[str], rows: list[list[str]]) -> int:
+    """Columns at the end without a name and without a cell."""
+    spare = 0
+    while spare < len(names) - 1 and not names[-1 - spare] and not any(row[-1 - spare].strip() for row in rows):
+        spare += 1
+    return spare
+
+
+def _decimal(dialect: Dialect, rows: list[list[str]]) -> str:
+    """The decimal sign of the numbers."""
+    cells = [cell.strip() for row in rows for cell in row]
+    points = [cell for cell in cells if "." in cell and is_number(cell, ".")]
+    commas = [cell for cell in cells if "," in cell and is_number(cell, ",")]
+    if dialect.separator == "," and points:
+        return "."  # a quoted 1,234 is refused where it is read
+    if points and commas:
+        raise RecordError(
+            f"Some numbers have a decimal point ({points[0]!r}), others a decimal comma ({commas[0]!r}). Say which it "
+            "is with --decimal."
+        )
+    return "," if commas else "."

@@ -1,0 +1,117 @@
+"""From the bytes of a file of text to a table: plain CSV as it stands, any other dialect translated to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from ..records import RecordError
+from ..records.files import csv_table
+from .dialect import Dialect
+from .encoding import Decoded, decoded
+from .how import HowToRead, Table
+from .long_form import widened, without_units
+from .sniffing import SAMPLE, sniff
+
+HEAD = 1 << 16
+"""Bytes of a file from which is told whether it is plain."""
+
+
+def is_plain(head: bytes, how: HowToRead) -> bool:
+    """Whether a file is CSV as this package writes it, as far as the first lines tell; comments may stand in it."""
+    if replace(how, reading=None) != HowToRead():
+        return False
+    text, found = _sniffed(head, how)
+    return text is None or (text.name == "UTF-8" and (found is None or found.is_plain) and b"\n" in head)
+
+
+def first_lines(content: bytes) -> bytes:
+    """The first lines of a file, whole ones; all of a short one."""
+    head = content[:HEAD]
+    wide = b"\0" in head[:100]
+    return head if wide or len(head) < HEAD else head[: head.rfind(b"\n") + 1] or head
+
+
+def text_table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...] = ()) -> Table:
+    """The table in the content of a file.
+
+    Parameters
+    ----------
+    content : bytes
+    path : Path
+        What it is called in messages.
+    how : HowToRead
+    said : tuple of str
+        What was understood before.
+
+    Raises
+    ------
+    RecordError
+        For what is no table.
+    """
+    try:
+        if is_plain(first_lines(content), how) and not _is_broken_up(content):
+            return _arranged(Table(frame=csv_table(content, path), said=said), how.reading)
+        text, found = _sniffed(content, how)
+    except RecordError as error:
+        if "cannot be read as a table" in str(error):
+            raise
+        raise RecordError(f"{path} cannot be read as a table: {error}") from None
+    if text is None or found is None:  # the reader of plain CSV says what is wrong
+        return _arranged(Table(frame=csv_table(content if text is None else text.text.encode(), path), said=said), None)
+    if text.name != "UTF-8" or how.encoding is not None:
+        said = (*said, f"{text.name}{'' if text.doubt is None else ', as far as one can tell'}")
+    return _translated(text.text, found, path, said, how.reading)
+
+
+def _is_broken_up(content: bytes) -> bool:
+    """Whether there are comments between the rows, or the header once more: the logger was started anew."""
+    header = content[: content.find(b"\n") + 1].removeprefix(b"\xef\xbb\xbf")
+    return b"\n#" in content or (len(header) > 2 and b"\n" + header in content)
+
+
+def _sniffed(content: bytes, how: HowToRead) -> tuple[Decoded | None, Dialect | None]:
+    """The text of a file and its dialect; no text for one that is damaged UTF-8."""
+    text = decoded(content, how.encoding)
+    if text is None:
+        return None, None
+    if "\n" not in text.text:
+        text = text._replace(text=text.text.replace("\r", "\n"))
+    found = sniff(_lines(text.text)[:SAMPLE], how.separator, how.decimal)
+    if text.doubt is not None:
+        header = 0 if found is None else found.first
+        if text.text.count("\n", 0, text.doubt) >= header:  # a byte in a row, and none in the header: it is damaged
+            return None, None
+    return text, found
+
+
+def _lines(text: str) -> list[str]:
+    """The first lines of a text, one more than are looked at."""
+    head = text[: HEAD * 16]
+    lines = head.split("\n", SAMPLE + 1)
+    cut = lines[:-1] if len(lines) > 1 and (len(lines) > SAMPLE or len(head) < len(text)) else lines
+    return [line.removesuffix("\r") for line in cut]
+
+
+def _translated(text: str, found: Dialect, path: Path, said: tuple[str, ...], reading: str | None) -> Table:
+    """The table of a text, by the way of plain CSV: one strict reader for every file."""
+    try:
+        rows = replace(found, comments=found.comments or "\n#" in text).plain(text)
+    except RecordError as error:
+        raise RecordError(f"{path} cannot be read as a table: {error}") from None
+    frame = csv_table(rows.encode(), path, list(found.names), found.first + 1)
+    if found.units:
+        frame.attrs["units"] = dict(found.units)
+    return _arranged(Table(frame=frame, said=(*said, *found.said())), reading)
+
+
+def _arranged(table: Table, reading: str | None) -> Table:
+    """One column for each quantity, of numbers without their units."""
+    wide, words = widened(table.frame, reading)
+    table = table.with_said(wide, words) if words else table
+    bare, units = without_units(table.frame)
+    if not units:
+        return table
+    table = table.with_said(bare, "units in the cells")
+    table.frame.attrs["units"] = {**table.frame.attrs.get("units", {}), **units}
+    return table

@@ -1,0 +1,89 @@
+"""The column of times of a log that was read: dates and times of day joined, every way of writing them understood."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..records import RecordError
+from ..records.errors import quoted
+from ..records.times import dates_once
+from ..records.types import kind_of
+from ..records.units import name_and_unit
+from .clocks import understood
+from .how import HowToRead, Table
+from .values import is_moment
+
+DATES = ("date", "datum", "day", "tag")
+CLOCKS = ("time", "clock", "zeit", "uhrzeit", "time of day", "heure", "hora")
+"""Names, in small letters, of columns of dates and of times of day."""
+
+
+def with_times(table: Table, column: str | None, how: HowToRead) -> Table:
+    """The log with its times as dates, spans or seconds; text in the forms of ISO 8601 stays as it came.
+
+    Parameters
+    ----------
+    table : Table
+    column : str, optional
+        The column of times; without one only `HowToRead.sort` could be asked for, which needs one.
+    how : HowToRead
+
+    Raises
+    ------
+    RecordError
+        For times that can be read in two ways, and those that cannot be read.
+    """
+    if column is None:
+        if how.time_format or how.timezone or how.sort:
+            raise RecordError("--time-format, --timezone and --sort are for a column of times. Name it with --time.")
+        return table
+    frame, words = _joined(table.frame, column)
+    read = understood(frame[column], how.time_format, how.timezone)
+    if read.times is not frame[column]:
+        frame = frame.assign(**{column: read.times})
+    table = table.with_said(frame, words, read.said)
+    return _sorted(table, column) if how.sort else table
+
+
+def _joined(frame: pd.DataFrame, column: str) -> tuple[pd.DataFrame, str]:
+    """Dates in one column and times of day in another become one, under the name of the times."""
+    if kind_of(frame[column]) != "text":
+        return frame, ""
+    cell = _first(frame[column])
+    if not is_moment(cell):
+        return frame, ""
+    clock_only, date_only = ":" in cell and not _has_date(cell), ":" not in cell
+    wanted = DATES if clock_only else CLOCKS if date_only else ()
+    other = next((name for name in frame.columns if _plain_name(name) in wanted and name != column), None)
+    if other is None or kind_of(frame[other]) != "text" or not is_moment(_first(frame[other])):
+        return frame, ""
+    dates, clocks = (other, column) if clock_only else (column, other)
+    together = frame[dates].astype("string").str.strip() + " " + frame[clocks].astype("string").str.strip()
+    rest = frame.drop(columns=[other]).assign(**{column: together.astype(object)})
+    return rest, f"{quoted(dates)} and {quoted(clocks)} joined"
+
+
+def _has_date(cell: str) -> bool:
+    return any(mark in cell.split(":")[0] for mark in "/-.") or " " in cell.split(":")[0].strip()
+
+
+def _first(values: pd.Series[Any]) -> str:
+    return next((cell.strip() for cell in values if isinstance(cell, str) and cell.strip()), "")
+
+
+def _plain_name(name: object) -> str:
+    return name_and_unit(str(name))[0].strip().lower()
+
+
+def _sorted(table: Table, column: str) -> Table:
+    times = dates_once(table.frame[column])
+    if kind_of(times) == "text":  # the record says what is wrong with it
+        return table
+    order = np.argsort(times.to_numpy(), kind="stable")
+    moved = int((order != np.arange(len(order))).sum())
+    if not moved:
+        return table
+    return table.with_said(table.frame.iloc[order].reset_index(drop=True), f"sorted by time: {moved} rows moved")
