@@ -1,11 +1,13 @@
-"""A fleet of devices: one model each, fitted by the processes of a Dask cluster (extra "dask")."""
+"""A fleet of devices: one model each, fitted side by side by joblib, an executor, or a Dask cluster."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import Executor
 from typing import Any
 
 import numpy as np
+from joblib import Parallel, delayed
 from sklearn.base import clone
 
 from ..estimators.features import DiffusiveFeatures
@@ -16,20 +18,26 @@ from ..estimators.time_constants.spectrum import POOL_SIZE, Projected, log_grid,
 from ..records import RecordError
 from .parts import Part, opened
 
+BATCHES = 64
+"""Batches into which an executor's tasks are cut: it hands them over one by one otherwise."""
+
 
 def fit_fleet(
-    client: Any,
+    workers: Any,
     devices: Mapping[Any, Any],
     reading: str,
     model: DynamicBiasRegressor | None = None,
     *,
     shared_time_constants: bool = False,
+    history_rows: int | None = None,
 ) -> dict[Any, DynamicBiasRegressor]:
     """Fit one model for each device, in parallel.
 
     Parameters
     ----------
-    client : dask.distributed.Client
+    workers : int, concurrent.futures.Executor, dask.distributed.Client, or None
+        Who does it: so many processes (joblib's ``n_jobs``; None for what joblib is set to), an executor, or a cluster
+        (extra "dask").
     devices : mapping of name to ParquetLog, DataFrame, path, or future of one of these
         The devices' records.
     reading : str
@@ -40,6 +48,8 @@ def fit_fleet(
         Devices of one make have the same bodies inside: choose one set of time constants for all (with
         ``time_constants="auto"`` or a number), by the sum of the devices' misfits over their noise. Each device keeps
         its own coefficients and ridge penalty.
+    history_rows : int, optional
+        Keep so many rows of each device's record at most, see `DynamicBiasRegressor.slim`.
 
     Returns
     -------
@@ -56,30 +66,42 @@ def fit_fleet(
         raise RecordError("The fleet has no devices.")
     parts = [opened(device) for device in devices.values()]
     if not shared_time_constants or model.count_to_choose() == 0:
-        return dict(zip(names, _each(client, _fit, parts, names, [(reading, model)] * len(parts)), strict=True))
-    looks = _each(client, _span, parts, names, [(reading, model)] * len(parts))
+        return dict(
+            zip(names, _each(workers, _fit, parts, names, [(reading, model, history_rows)] * len(parts)), strict=True)
+        )
+    looks = _each(workers, _span, parts, names, [(reading, model)] * len(parts))
     grid = log_grid(min(step for step, _ in looks), max(span for _, span in looks), POOL_SIZE)
-    found: list[tuple[Projected, float]] = _each(client, _spectrum, parts, names, [(reading, model, grid)] * len(parts))
+    found: list[tuple[Projected, float]] = _each(
+        workers, _spectrum, parts, names, [(reading, model, grid)] * len(parts)
+    )
     path = project([projected for projected, _ in found], model.count_to_choose())
     chosen = grid[list(path[-1])] if path else np.zeros(0)
     own = [clone(model).set_params(time_constants=chosen) for _ in parts]
     if model.alpha == "auto":
         own = [one.set_params(alpha=alpha) for one, (_, alpha) in zip(own, found, strict=True)]
-    return dict(zip(names, _each(client, _fit, parts, names, [(reading, one) for one in own]), strict=True))
+    return dict(
+        zip(names, _each(workers, _fit, parts, names, [(reading, one, history_rows) for one in own]), strict=True)
+    )
 
 
-def _each(client: Any, function: Any, parts: list[Part], names: list[Any], arguments: list[Any]) -> list[Any]:
+def _each(workers: Any, function: Any, parts: list[Part], names: list[Any], arguments: list[Any]) -> list[Any]:
     """``function(part, name, *arguments)`` for each device, by the workers."""
-    jobs = zip(parts, names, arguments, strict=True)
-    futures = [client.submit(function, part, name, *own, pure=False) for part, name, own in jobs]
-    answers: list[Any] = client.gather(futures)
-    return answers
+    jobs = [(part, name, *own) for part, name, own in zip(parts, names, arguments, strict=True)]
+    if hasattr(workers, "gather"):
+        answers: list[Any] = workers.gather([workers.submit(function, *job, pure=False) for job in jobs])
+        return answers
+    if isinstance(workers, Executor):
+        return list(workers.map(function, *zip(*jobs, strict=True), chunksize=max(1, len(jobs) // BATCHES)))
+    return list(Parallel(n_jobs=workers)(delayed(function)(*job) for job in jobs))
 
 
-def _fit(part: Part, name: Any, reading: str, model: DynamicBiasRegressor) -> DynamicBiasRegressor:
+def _fit(
+    part: Part, name: Any, reading: str, model: DynamicBiasRegressor, history_rows: int | None
+) -> DynamicBiasRegressor:
     with _Named(name):
         own: DynamicBiasRegressor = clone(model)
-        return own.fit(part, part[reading])
+        own.fit(part, part[reading])
+    return own if history_rows is None else own.slim(history_rows)
 
 
 def _span(part: Part, name: Any, reading: str, model: DynamicBiasRegressor) -> tuple[float, float]:

@@ -18,6 +18,7 @@ from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..pages import Findings
 from ..pages.report import report_text
 from ..pictures.added_noise import added_noise
+from ..pictures.timeline import time_text
 from ..pictures.words import aspect_text, each_row, interval_text
 from ..records import RecordError, RecordWarning
 from ..records.files import TIME_NAMES, require_column
@@ -125,13 +126,17 @@ def _run(
     kept, best = list(comparison.models.items())[-1]
     say(f"{later.advice(kept)}\n")
     if understood:
-        said = [*understood, f"{best.features_.history_.usual_step:.5g} s steps", unit_of(best.temperature, log)]
+        said = [
+            *understood,
+            f"steps of {time_text(best.features_.history_.usual_step)}",
+            unit_of(best.temperature, log),
+        ]
         say(f"Read as: {', '.join(filter(None, said))}.\n")
     say(f"{best.reading_.n_readings} readings of {reading!r}, temperature {best.temperature!r}\n")
     for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
         say(f"Note: {note}\n")
     say(f"{comparison}\n\n{later}\n")
-    say(f"Time constants of the last model: {', '.join(f'{tau:.4g} s' for tau in best.time_constants_)}\n")
+    say(f"Time constants of the last model: {', '.join(map(time_text, best.time_constants_))}\n")
     judged = _judge(best, X, y, options, say, progress)
     best = judged.model
     noise = added_noise(best, X, y)

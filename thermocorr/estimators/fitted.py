@@ -14,10 +14,12 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects.stream import Walked
 from ..effects.thermal import column_text
 from ..records import Block, Record
+from ..records.numbers import numeric_reading
+from .aligned import like, no_flags
 from .features import DiffusiveFeatures
 from .fitting import standard_errors
 from .reading import Reading, check_range
-from .tables import coefficient_table, equation_text
+from .tables import coefficient_table, distinct, equation_text
 from .threads import one_blas_thread
 
 
@@ -124,6 +126,25 @@ class FittedModel:
         """T0."""
         return self.features_.reference_temperature_
 
+    def contributions(self, X: Any) -> pd.DataFrame:
+        """What each effect adds to U0, in the unit of y: one column per effect."""
+        parts = self._contributions(X)
+        labels = distinct([effect.label() for effect in self.features_.effect_list()])
+        return pd.DataFrame(parts, columns=labels, index=X.index if isinstance(X, pd.DataFrame) else None)
+
+    def flags(self, X: Any, y: Any = None) -> Any:
+        """Why a row deserves no trust, or "".
+
+        "no temperature", "no reading", "sentinel" or "spike" (of the temperature or the reading, see `screen`),
+        "washout", "outside fitted range".
+        """
+        reading = None if y is None else numeric_reading(y, X)
+        record, starts, _ = self.features_.resume(X)
+        flags = no_flags(record)
+        for block in record.blocks(starts=starts, zero=self.features_.history_.zero):
+            flags[block.rows] = self.block_flags(block, None if reading is None else reading[block.rows])
+        return like(X, flags, "flag")
+
     def _all_coefficients(self) -> np.ndarray:
         return np.concatenate(([self.intercept_], self.coef_))
 
@@ -139,6 +160,23 @@ class FittedModel:
         for block, parts in self.contribution_blocks(record):
             measured = self.believed(block, np.asarray(record.reading[block.rows], float))
             yield block, measured - (parts.sum(axis=1) + self.intercept_)
+
+    def _contributions(self, X: Any) -> np.ndarray:
+        """Contribution of each effect at each row, shape (n_rows, n_effects)."""
+        return self._parts(X)[0]
+
+    def _parts(self, X: Any, reading: Any = None) -> tuple[np.ndarray, np.ndarray]:
+        """`_contributions`, and the readings that the screen believes, shape (n_rows,)."""
+        parts: np.ndarray | None = None
+        believed = np.array([] if reading is None else reading[:], float)
+        for block, values in self.contribution_blocks(X):
+            if parts is None:
+                parts = np.full((block.record.n_rows, values.shape[1]), np.nan)
+            parts[block.rows] = values
+            if reading is not None:
+                believed[block.rows] = self.believed(block, believed[block.rows])
+        assert parts is not None  # a record has at least one block
+        return parts, believed
 
     def weighed(self, steps: Iterator[Walked]) -> Iterator[tuple[Block, np.ndarray]]:
         """Each block of a walk, and the contributions of all effects in its rows, shape (n, n_effects)."""

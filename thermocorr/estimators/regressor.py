@@ -14,6 +14,7 @@ from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils._param_validation import Interval, StrOptions
 
+from ..effects import SeveralSteps
 from ..effects.products import CoarseProducts
 from ..effects.protocol import Effect
 from ..effects.wrap import EffectsParameters, as_effects
@@ -27,7 +28,7 @@ from .fitting import equal_edges, require_rows, sweep_effects
 from .flat import flat_columns
 from .reading import Reading, check_corrected, check_plausible
 from .ridge import MergedRidge
-from .tables import distinct
+from .run_levels import RunLevels, run_levels
 from .threads import one_blas_thread
 from .time_constants.resolution import spectrum_table, unresolved
 from .time_constants.search import SearchSettings, TimeConstantChoice, search
@@ -65,6 +66,9 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         85.0 of a thermometer at power-on) and isolated spikes, see `thermocorr.equations.spikes`. They are named in a
         warning and in `notes_`, and flagged "sentinel" or "spike" wherever they are met again.
     reference_temperature, initial_state, hold, time, run, sampling_period, max_gap : see `DiffusiveFeatures`
+    run_offset : {"auto", "each", "same"}, default "auto"
+        Whether each run has a U0 of its own (steps that `correct` keeps), or all have the same. "auto": each where
+        levels are more than ten times as far apart as what is left within the runs, and the temperature varies there.
     washout : float, time span or "auto", default "auto"
         How long rows are flagged after a start that the fit does not know [s]; "auto" is three times the longest time
         constant.
@@ -80,6 +84,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         The fitted `DiffusiveFeatures` and `MergedRidge`.
     search_ : TimeConstantChoice or None
         How the time constants were chosen.
+    run_levels_ : RunLevels
+        When the level of the reading changes from run to run, see `run_offset`.
     alpha_ : float
         The ridge penalty used.
     residual_std_ : float
@@ -107,6 +113,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         **THERMAL_CONSTRAINTS,
         "time_constants": "no_validation",
         "alpha": [Interval(Real, 0, None, closed="left"), StrOptions({"auto"})],
+        "run_offset": [StrOptions({"auto", "each", "same"})],
         "washout": "no_validation",
     }
 
@@ -126,6 +133,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         screen: bool = True,
         time: Any = None,
         run: Any = None,
+        run_offset: str = "auto",
         sampling_period: Any = None,
         max_gap: Any = None,
         washout: Any = "auto",
@@ -143,6 +151,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.screen = screen
         self.time = time
         self.run = run
+        self.run_offset = run_offset
         self.sampling_period = sampling_period
         self.max_gap = max_gap
         self.washout = washout
@@ -166,6 +175,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         if y is None:
             raise ValueError("This DynamicBiasRegressor requires y to be passed, but the target y is None.")
         with one_blas_thread():
+            self.learn_levels(X, y)
             self.search_ = self._search(X, y)
             chosen = self.time_constants if self.search_ is None else self.search_.time_constants
             features = self.unfitted_features(chosen)
@@ -184,7 +194,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             self.__dict__.pop(learned, None)
         self.reading_ = reading
         effects = features.effect_list()
-        doubts = [*self._unresolved(record), *flat_columns(record, effects)]
+        doubts = [*filter(None, [self.run_levels_.note]), *self._unresolved(record), *flat_columns(record, effects)]
         doubts += cancelling(effects, total, self._solution, reading)
         for text in doubts:
             warnings.warn(text, RecordWarning, stacklevel=2)
@@ -236,25 +246,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         """Measured minus modelled reading, NaN as in `correct`. A Series where X is a DataFrame."""
         parts, believed = self._parts(X, numeric_reading(y, X))
         return like(X, believed - (parts.sum(axis=1) + self.intercept_), "residual")
-
-    def contributions(self, X: Any) -> pd.DataFrame:
-        """What each effect adds to U0, in the unit of y: one column per effect."""
-        parts = self._contributions(X)
-        labels = distinct([effect.label() for effect in self.features_.effect_list()])
-        return pd.DataFrame(parts, columns=labels, index=X.index if isinstance(X, pd.DataFrame) else None)
-
-    def flags(self, X: Any, y: Any = None) -> Any:
-        """Why a row deserves no trust, or "".
-
-        "no temperature", "no reading", "sentinel" or "spike" (of the temperature or the reading, see `screen`),
-        "washout", "outside fitted range".
-        """
-        reading = None if y is None else numeric_reading(y, X)
-        record, starts, _ = self.features_.resume(X)
-        flags = no_flags(record)
-        for block in record.blocks(starts=starts, zero=self.features_.history_.zero):
-            flags[block.rows] = self.block_flags(block, None if reading is None else reading[block.rows])
-        return like(X, flags, "flag")
 
     def evaluate(self, X: Any, y: Any, return_std: bool = False) -> pd.DataFrame:
         """Everything about a record in one frame: corrected, model, residual, flag; rows as they came.
@@ -311,6 +302,14 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             return float(self.alpha)
         return 0.0 if self.search_ is None else self.search_.alpha
 
+    def learn_levels(self, X: Any, y: Any) -> None:
+        """Find out where the runs of a record change their level: the first step of `fit`."""
+        self.run_levels_ = RunLevels()
+        if self.run is not None and self.run_offset != "same":
+            features = self.unfitted_features(())
+            record = features.learn(X, y, quiet=True)
+            self.run_levels_ = run_levels(features, record, self.run_offset == "each")
+
     def _search(self, X: Any, y: Any) -> TimeConstantChoice | None:
         """Choose time constants where the user left it to the data; None where they are given."""
         count = self.count_to_choose()
@@ -319,7 +318,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         settings = SearchSettings(count=count, longest_decay_share=self.longest_decay_share)
         plain = self.unfitted_features(())
         if self.products:  # the lags are chosen beside products of a coarse grid, lest they imitate these
-            plain.set_params(products=False, effects=[*as_effects(self.effects), ("products", CoarseProducts())])
+            plain.set_params(products=False, effects=[*as_effects(plain.effects), ("products", CoarseProducts())])
         found = search(plain, X, y, settings)
         spectrum = None
         if found.factored is not None and found.reference is not None:
@@ -343,25 +342,10 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         """Features with the settings of this model and the time constants given, before their fit."""
         names = (set(DiffusiveFeatures._get_param_names()) & set(self._get_param_names())) - {"time_constants"}
         features = DiffusiveFeatures(time_constants, **{name: getattr(self, name) for name in names})
+        if levels := getattr(self, "run_levels_", RunLevels()).times:
+            features.set_params(effects=[*as_effects(self.effects), ("run_levels", SeveralSteps(list(levels)))])
         features.set_output(transform="default")  # arrays inside, whatever scikit-learn is set to
         return features
-
-    def _contributions(self, X: Any) -> np.ndarray:
-        """Contribution of each effect at each row, shape (n_rows, n_effects)."""
-        return self._parts(X)[0]
-
-    def _parts(self, X: Any, reading: Any = None) -> tuple[np.ndarray, np.ndarray]:
-        """`_contributions`, and the readings that the screen believes, shape (n_rows,)."""
-        parts: np.ndarray | None = None
-        believed = np.array([] if reading is None else reading[:], float)
-        for block, values in self.contribution_blocks(X):
-            if parts is None:
-                parts = np.full((block.record.n_rows, values.shape[1]), np.nan)
-            parts[block.rows] = values
-            if reading is not None:
-                believed[block.rows] = self.believed(block, believed[block.rows])
-        assert parts is not None  # a record has at least one block
-        return parts, believed
 
     def _removed_from(self, parts: np.ndarray) -> np.ndarray:
         """The bias that is removed, from the contributions, shape (n_rows,)."""

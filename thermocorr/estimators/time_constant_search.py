@@ -168,6 +168,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         model = DynamicBiasRegressor() if self.estimator is None else clone(self.estimator)
         started = time.perf_counter()
         with one_blas_thread():
+            model.learn_levels(X, y)
             choice = search(model.unfitted_features(()), X, y, self._settings(model))
             self._conclude(choice)
         self.search_time_ = time.perf_counter() - started

@@ -29,7 +29,7 @@ from .effect_nodes import EffectCodec
 from .model_nodes import pack_model, unpack_model
 
 FORMAT = "thermocorr model"
-VERSION = 4
+VERSION = 5
 LONGEST_MESSAGE = 400
 """Characters of what is said about a file's content, which may be anything."""
 HISTORY_ROWS = 4096
@@ -225,11 +225,20 @@ def _without_errors(node: dict[str, Any]) -> dict[str, Any]:
     return {**node, "version": 4, "model": {"errors": None, **node["model"]}}
 
 
+def _with_one_level(node: dict[str, Any]) -> dict[str, Any]:
+    """Version 4: all runs had the same U0."""
+    model = node.get("model")
+    if not (isinstance(model, dict) and isinstance(model.get("parameters"), dict)):
+        raise ModelFileError("$.model has no parameters")
+    return {**node, "version": 5, "model": {**model, "parameters": {"run_offset": "same", **model["parameters"]}}}
+
+
 MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     0: _from_draft,
     1: _from_digest_inside,
     2: _without_screen,
     3: _without_errors,
+    4: _with_one_level,
 }
 """Version -> what makes of its content that of the next version."""
 

@@ -27,7 +27,7 @@ def thermal_base(model: DynamicBiasRegressor, record: Record, slowest: float) ->
     """The base: static law, fast and middle lags, the model's further effects. And the model's slow lags."""
     own = np.asarray(model.time_constants_, float)
     grid = np.geomspace(FASTEST * record.usual_step(), slowest, LAGS)
-    further = [clone(effect) for _, effect in as_effects(model.effects)]
+    further = [clone(effect) for _, effect in as_effects(model.features_.effects)]
     if model.products:
         further += [clone(effect) for effect in model.features_.effect_list() if effect.kind == "lag_products"]
     static = StaticPolynomial(model.degree, model.reference_temperature)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,14 +14,15 @@ from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.features import check_columns
 from ..estimators.regressor import DynamicBiasRegressor
-from ..records import Log, ParquetLog, Record, read_record
+from ..records import Log, ParquetLog, Record, RecordWarning, read_record
+from ..records.errors import listing
 from ..records.log import SomeColumns
 from ..records.numbers import is_frame, numeric_reading
 from ..records.screen import screened
 from ..records.thinned import Thinned, thinned
 from .base import slowest_of_base, thermal_base
 from .blocks import filled, with_exact
-from .levels import MOST_ROWS, MOST_SOUND, TIME_LIKE
+from .levels import COPY, MOST_ROWS, MOST_SOUND, TIME_LIKE
 
 
 def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Effect] = ()) -> Record:
@@ -57,6 +59,15 @@ def suspect_record(
         short = with_exact(short, read, [*base[0], *base[1], *map(clone, model.features_.effect_list())])
     values = {name: short.columns[name] for name in suspects if sound[name] > MOST_SOUND}
     known = {name: column for name, column in values.items() if not _clock(column, short)}
+    copies = [name for name, column in known.items() if _is_reading(column, short)]
+    if copies:
+        warnings.warn(
+            f"{listing(copies)}: that is the reading itself, or a straight line of it, and explains nothing. Not under "
+            "suspicion. Leave such columns out of X.",
+            RecordWarning,
+            stacklevel=3,
+        )
+        known = {name: column for name, column in known.items() if name not in copies}
     kept = {**{name: short.columns[name] for name in read.columns}, **known}
     return filled(replace(short, columns=kept, known_moments={}), used=read.columns)
 
@@ -78,6 +89,15 @@ def _clock(column: np.ndarray, read: Record) -> bool:
     sound = np.isfinite(column)
     together = np.corrcoef(rows[sound], column[sound])
     return bool(abs(together[0, 1]) > TIME_LIKE)
+
+
+def _is_reading(column: np.ndarray, read: Record) -> bool:
+    """Whether a column is the reading in other units: a cause never explains all of the noise too."""
+    reading = np.asarray(read.reading, float)
+    sound = np.isfinite(column) & np.isfinite(reading)
+    if len(column) != len(reading) or sound.sum() < 3 or not np.ptp(column[sound]) or not np.ptp(reading[sound]):
+        return False
+    return bool(np.corrcoef(reading[sound], column[sound])[0, 1] ** 2 > 1 - COPY)
 
 
 def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:

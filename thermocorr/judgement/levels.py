@@ -37,6 +37,9 @@ HELD = 1e-9
 """Share of a column in a segment, beside its start-up decays, that is the rounding of nothing."""
 TIME_LIKE = 0.999_999
 """Correlation with time above which a recorded column is a clock, no suspect."""
+COPY = 1e-9
+"""Share of a recorded column's variance, beside a straight line of the reading, below which it is the reading itself:
+noise alone is more, in any record."""
 
 MOST_EMPTY = 8
 """Steps of time for each averaged row, above which a search for waves counts rows instead: pauses of months."""

@@ -21,6 +21,8 @@ from .times import Times, seconds_of, times_from
 
 GAP_STEPS = 10.0
 """A step of more than so many usual ones is a gap, where there is no `max_gap`."""
+SHUFFLED = 0.2
+"""Share of the steps that go back in time, from which on the rows have no order: shuffled ones have half."""
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
 
@@ -273,7 +275,8 @@ def _check_steps(
         inside[[k - 1 - start for k in starts_run if start < k < stop]] = False
         bad = inside & (steps <= 0)
         if bad.any():
-            _refuse_order(times, order, start + 1 + int(bad.argmax()), layout)
+            shuffled = bad.sum() > SHUFFLED * inside.sum() and not bad.all()
+            _refuse_order(times, order, start + 1 + int(bad.argmax()), layout, shuffled)
         if usual is None:
             usual = float(np.median(steps[inside])) if inside.any() else None
         if usual is not None:
@@ -293,11 +296,14 @@ def _check_steps(
     return np.zeros(0, np.intp)
 
 
-def _refuse_order(times: Times, order: NDArray[np.intp] | None, k: int, layout: Layout) -> None:
+def _refuse_order(times: Times, order: NDArray[np.intp] | None, k: int, layout: Layout, shuffled: bool = False) -> None:
     row, before = (k, k - 1) if order is None else (int(order[k]), int(order[k - 1]))
     hint = (
-        "Sort the rows by time; if the log holds several runs, name their column with run=...; local times without a "
-        "zone step back when summer time ends."
+        "The rows are shuffled: split with shuffle=False or TimeSeriesSplit; a search that draws rows at random, such "
+        "as HalvingGridSearchCV, cannot be used (GridSearchCV can)."
+        if shuffled
+        else "Sort the rows by time; if the log holds several runs, name their column with run=...; local times "
+        "without a zone step back when summer time ends."
         if layout.run is None
         else "Sort the rows of each run by time."
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from numbers import Real
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +34,21 @@ class SignedModel(FittedModel):
     def knows_noise(self) -> bool:
         """Whether the model can tell uncertainties: not if it was fitted on several processes, nor from an old file."""
         return hasattr(self, "joint_errors_") or getattr(getattr(self, "_swept", None), "binned", None) is not None
+
+    def slim(self, history_rows: int = 100) -> Any:
+        """Forget the fitted record but for so many rows: small to send and to keep, as a model read from a file.
+
+        Later rows are corrected as ever, uncertainties and standard errors included; rows that repeat the fitted record
+        find their states from the rows that are kept. `combined_errors` needs the record, and refuses.
+        """
+        self.standard_errors()
+        if self.knows_noise:
+            errors = self.joint_errors()
+            self.joint_errors_ = replace(errors, history=errors.history.thinned(history_rows))
+        features = self.features_
+        features.history_ = features.history_.thinned(history_rows)
+        del self._swept
+        return self
 
     def joint_errors(self) -> JointErrors:
         """Best estimate and covariance of the coefficients, and the noise of the fitted record; kept once made."""

@@ -1,0 +1,138 @@
+"""Runs at different levels: each has its U0, the rest of the model is that of one level, and nothing else changes."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thermocorr import (
+    DynamicBiasRegressor,
+    OnlineCorrector,
+    RecordError,
+    RecordWarning,
+    TimeConstantSearch,
+    compare_variants,
+    diagnose,
+    load_model,
+    save_model,
+)
+from thermocorr.datasets import make_record
+
+NOISE = 0.2
+TIMES = ["5 min", "90 min"]
+
+
+def two_runs(apart=0.0, seed=3, rows=3000, pause="2 D"):
+    """One device in two runs, the second at another level."""
+    first, second = (make_record(rows, seed=seed + k, noise=NOISE) for k in (0, 1))
+    second.index = second.index - second.index[0] + first.index[-1] + pd.Timedelta(pause)
+    both = pd.concat([first, second])
+    both["run"] = np.repeat(["a", "b"], rows)
+    return both[["temperature", "run"]], both["reading"] + np.where(both["run"] == "b", apart, 0.0)
+
+
+def fitted(X, y, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RecordWarning)
+        return DynamicBiasRegressor("temperature", TIMES, run="run", **options).fit(X, y)
+
+
+@pytest.mark.parametrize("apart", [-4000.0, 50.0, 4e6])
+@pytest.mark.parametrize("seed", [3, 40])
+def test_each_run_is_corrected_to_its_own_level(apart, seed):
+    X, y = two_runs(seed=seed)
+    at_one = fitted(X, y, run_offset="same")
+    with pytest.warns(RecordWarning, match="2 runs are at different levels.*run_offset='same'"):
+        apart_model = DynamicBiasRegressor("temperature", TIMES, run="run").fit(X, two_runs(apart, seed)[1])
+    levels = apart_model.correct(X, two_runs(apart, seed)[1]).groupby(X["run"]).mean()
+    assert abs(levels["b"] - levels["a"] - apart) < 0.1  # the two fields at the starts differ
+    assert apart_model.residual_std_ < 1.02 * at_one.residual_std_
+    lags = [name.startswith("lag") for name in at_one.features_.get_feature_names_out()]
+    np.testing.assert_allclose(
+        apart_model.coef_[: len(lags)][lags], at_one.coef_[lags], atol=4 * at_one.standard_errors()[1:][lags].max()
+    )
+
+
+def test_where_levels_are_alike_nothing_changes():
+    X, y = two_runs(apart=0.5)
+    for option in ("auto", "same"):
+        model = fitted(X, y, run_offset=option)
+        assert model.run_levels_.times == () and not any("step" in n for n in model.features_.get_feature_names_out())
+    assert fitted(X, y, run_offset="each").contributions(X)["several steps: 1"].iloc[-1] == pytest.approx(0.5, abs=0.1)
+
+
+def test_runs_at_set_points_tell_the_static_law_together():
+    """One temperature for each run: the difference of their levels is what the model is to learn."""
+    rng = np.random.default_rng(0)
+    T = np.repeat([18.0, 23.0, 28.0], 400) + 0.01 * rng.normal(size=1200)
+    X = pd.DataFrame(
+        {"temperature": T, "run": np.repeat([1, 2, 3], 400)}, index=pd.RangeIndex(1200) * pd.Timedelta("1min")
+    )
+    y = pd.Series(100 + 5 * (T - 23) + 0.01 * rng.normal(size=1200), index=X.index)
+    model = fitted(X, y, initial_state="equilibrium")
+    assert model.run_levels_.times == ()
+    assert model.correct(X, y).std() < 0.05
+
+
+def test_an_effect_from_run_to_run_is_no_level():
+    """A column that nobody gave to the model: its share of the reading differs from run to run, and it is found."""
+    record = make_record(8000, seed=5, noise=NOISE, effects={"covariate": 1.0})
+    X = record.drop(columns="reading").assign(run=np.arange(8000) // 1000)
+    model = fitted(X, record["reading"])
+    assert model.run_levels_.times == ()
+    assert diagnose(model, X, record["reading"]).best.kind == "covariate"
+
+
+def test_a_level_does_not_hide_a_missing_effect():
+    X, y = two_runs(apart=300.0)
+    humidity = 45 + np.cumsum(np.random.default_rng(1).normal(0, 0.2, len(X)))
+    X = X.assign(humidity=humidity)
+    found = diagnose(fitted(X, y + 0.2 * (humidity - 45)), X, y + 0.2 * (humidity - 45))
+    assert found.best.label() == "covariate: humidity"
+    assert diagnose(fitted(X, y), X, y).verdict == "nothing missing"
+
+
+def test_a_file_and_a_stream_know_the_levels(tmp_path):
+    X, y = two_runs(apart=300.0)
+    model = fitted(X[:5000], y[:5000])
+    save_model(model, tmp_path / "m.json")
+    loaded = load_model(tmp_path / "m.json")
+    np.testing.assert_array_equal(loaded.predict(X), model.predict(X))
+    assert loaded.get_params()["run_offset"] == "auto"
+    live = OnlineCorrector(loaded)
+    shown = live.update_many(X[5000:], y[5000:])["corrected"]
+    np.testing.assert_allclose(shown, model.correct(X, y)[5000:], atol=1e-9)
+    assert abs(np.nanmean(shown) - 300 - model.correct(X, y)[:3000].mean()) < 0.2
+
+
+def test_the_table_of_variants_is_of_levels_too():
+    X, y = two_runs(apart=4000.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RecordWarning)
+        table = compare_variants(X, y, temperature="temperature", time_constants=TIMES, run="run").table
+    assert table.loc["dynamic nonlinear", "std"] < 1.05 * NOISE
+
+
+def test_runs_at_once_at_different_levels_are_refused():
+    X, y = two_runs(apart=300.0, pause="-1 D")
+    with pytest.raises(RecordError, match=r"Runs .a. and .b. overlap in time.*run_offset=.same."):
+        fitted(X, y)
+    assert fitted(X, y, run_offset="same").run_levels_.times == ()
+
+
+def test_a_run_without_readings_and_a_single_run_have_no_level():
+    X, y = two_runs()
+    assert fitted(X, y.where(X["run"] == "a")).run_levels_.times == ()
+    assert fitted(X[:3000], y[:3000], run_offset="each").run_levels_.times == ()
+
+
+def test_a_search_of_time_constants_knows_the_levels():
+    X, y = two_runs(apart=4000.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RecordWarning)
+        search = TimeConstantSearch(DynamicBiasRegressor("temperature", run="run")).fit(X, y)
+        alike = TimeConstantSearch(DynamicBiasRegressor("temperature", run="run")).fit(X, two_runs()[1])
+    assert search.best_estimator_.residual_std_ < 1.03 * alike.best_estimator_.residual_std_
