@@ -19,7 +19,8 @@ from ..records import RecordError
 from ..records.csvlines import fields_of, header_of, is_comment, miscounted
 from ..records.errors import listing, quoted, times_word
 from ..records.files import TIME_NAMES
-from ..records.grammar import label, number
+from ..records.grammar import is_missing, label, number
+from ..records.states import parted_state
 from .outputs import new_names
 
 REFUSED = ("stale time", "backward time")
@@ -90,7 +91,7 @@ class LogRows:
         guesses = (self._time_name, *TIME_NAMES)
         name = self.options.time or model.time or next((n for n in guesses if n in header), "time")
         self._time = self._place(name, "time") if self._timed else None
-        self._others = {column: self._place(str(column), "") for column in self.live.columns}
+        self._others = {column: self._place_or_state(str(column)) for column in self.live.columns}
         self._run = None if model.run is None else self._place(str(model.run), "")
         self._extra = self.live.names
         return [*header, *new_names(self._extra, header)]
@@ -167,12 +168,24 @@ class LogRows:
             raise RecordError(f"The log has no column {quoted(name)}; it has {listing(self.header)}.{hint}")
         return self.header.index(name)
 
+    def _place_or_state(self, name: str) -> tuple[int, str | None]:
+        """Where a recorded column stands; of a state ("operator=Kim") where its column stands, and its word."""
+        assert self.header is not None
+        column, word = parted_state(name)
+        if name not in self.header and word and column in self.header:
+            return self.header.index(column), word
+        return self._place(name, ""), None
+
     def _sample(self, fields: list[str]) -> Sample:
         T = number(fields[self._temperature], "the temperature")
         U = number(fields[self._reading], "the reading")
         values: dict[Any, float] = {self._temperature_name: T}
-        for column, at in self._others.items():
-            values[column] = number(fields[at], str(column), switch=True)
+        for column, (at, word) in self._others.items():
+            if word is None:
+                values[column] = number(fields[at], str(column), switch=True)
+            else:
+                cell = fields[at].strip()
+                values[column] = math.nan if is_missing(cell) else float(cell == word)
         run = None if self._run is None else label(fields[self._run], self._labels)
         if self._time is None:
             return Sample(fields, None, run, values, U)

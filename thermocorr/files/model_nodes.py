@@ -17,6 +17,7 @@ from ..records import History, Record, Segment, seconds_of
 from ..records.errors import quoted
 from ..records.grammar import LARGEST
 from ..records.read import temperature_column
+from ..records.states import parted_state
 from ..records.times import Times
 from .codec import (
     LARGEST_INTEGER,
@@ -310,7 +311,7 @@ def _check_names(names: list[str], features: DiffusiveFeatures, where: str) -> N
     record, layout = features.history_.record, features.layout()
     special = [column for column in (layout.time, layout.run) if column is not None]
     for column in (*record.columns, *special):
-        if column not in names:
+        if column not in names and parted_state(str(column))[0] not in names:
             raise ModelFileError(f"{where} has no {quoted(column)}, which the model needs")
     _check_temperature(temperature_column(pd.DataFrame(columns=names), layout, quiet=True), features, where)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +19,7 @@ from ..records.errors import listing
 from ..records.log import SomeColumns
 from ..records.numbers import is_frame, numeric_reading
 from ..records.screen import screened
+from ..records.states import is_state, parted_state, state, states_of
 from ..records.thinned import Thinned, thinned
 from .base import slowest_of_base, thermal_base
 from .blocks import filled, with_exact
@@ -47,12 +48,10 @@ def suspect_record(
     layout = model.features_.layout()
     special = {layout.time, layout.run, getattr(y, "name", None) if isinstance(X, Log) else None}
     if columns is None:
-        columns = [name for name in _numeric(X) if name not in special]
+        columns = [name for name in _numeric(X) if name not in special and not _is_of(name, special)]
     told = screened(read, model.features_.longest_step())[0]
     read = told if model.screen else replace(read, refused=told.refused)
-    suspects = {
-        name: (X[name] if is_frame(X) else np.asarray(X)[:, name]) for name in columns if name not in read.columns
-    }
+    suspects = {name: _recorded(X, name) for name in columns if name not in read.columns}
     short, sound = thinned(read, suspects, most or MOST_ROWS)
     if isinstance(short, Thinned) and short is not read and not isinstance(read, Thinned):
         base = thermal_base(model, read, slowest_of_base(read))
@@ -72,13 +71,25 @@ def suspect_record(
     return filled(replace(short, columns=kept, known_moments={}), used=read.columns)
 
 
+def _recorded(X: Any, name: Any) -> Any:
+    """A column of the data, or a state of one."""
+    if is_state(X, name):
+        return state(X, name)
+    return X[name] if is_frame(X) else np.asarray(X)[:, name]
+
+
 def _numeric(X: Any) -> list[Any]:
-    """Columns that hold numbers."""
+    """Columns that hold numbers or switches, and the states of columns that hold words."""
     if isinstance(X, ParquetLog):
         return [name for name in X.columns if X[name].kind == "number"]
     if isinstance(X, Log):
         return list(X.columns)
-    return list(X.select_dtypes("number").columns if is_frame(X) else range(np.shape(X)[1]))
+    return [*X.select_dtypes(["number", "bool"]).columns, *states_of(X)] if is_frame(X) else [*range(np.shape(X)[1])]
+
+
+def _is_of(name: Any, special: Collection[Any]) -> bool:
+    """Whether a state is one of a column that plays another role: a run's label, a date."""
+    return isinstance(name, str) and "=" in name and parted_state(name)[0] in special
 
 
 def _clock(column: np.ndarray, read: Record) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..pictures.timeline import TimeLine
 from ..records.numbers import is_frame, numeric_reading
+from ..records.states import is_state, state
 
 MOST_POINTS = 85_000
 """Points of one line. A record of so many rows is shown whole; of a longer one, the extremes of groups of rows."""
@@ -223,6 +224,8 @@ def recorded(X: Any, name: Any, rows: Any) -> np.ndarray:
     """Some rows of a recorded column."""
     if not is_frame(X):
         return np.asarray(X[rows, name], float)
+    if is_state(X, name):
+        return np.asarray(state(X.iloc[rows], name))
     column = X[name]
     if hasattr(column, "iloc"):
         return np.asarray(column.iloc[rows].to_numpy(dtype=float, na_value=np.nan))

@@ -12,6 +12,7 @@ from sklearn.utils import column_or_1d
 from .errors import RecordError, listing, quoted, times_word
 from .grammar import LARGEST, has_other_blanks, is_missing
 from .log import Log
+from .states import is_state, state
 from .types import Role, kind_of, require_role
 
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
@@ -44,6 +45,8 @@ def is_frame(X: Any) -> bool:
 def numeric_column(X: Any, column: object, role: Role = "column") -> NDArray[Any]:
     """A column as numbers: a view where the data allow it. NaN marks missing values; infinities are refused."""
     if is_frame(X):
+        if is_state(X, column):
+            return state(X, str(column))
         if column not in X.columns:
             raise RecordError(
                 f"There is no {role} {quoted(column)} in the data. Its columns are {listing(X.columns)}. "

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from numbers import Real
 from dataclasses import replace
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
