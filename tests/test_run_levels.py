@@ -136,3 +136,19 @@ def test_a_search_of_time_constants_knows_the_levels():
         search = TimeConstantSearch(DynamicBiasRegressor("temperature", run="run")).fit(X, y)
         alike = TimeConstantSearch(DynamicBiasRegressor("temperature", run="run")).fit(X, two_runs()[1])
     assert search.best_estimator_.residual_std_ < 1.03 * alike.best_estimator_.residual_std_
+
+
+def test_three_resistors_in_four_runs_keep_their_levels(measured):
+    """Measured: four runs in an oven, elements 2, 2, 1 and 3 of a kind, 10 to 50 ppm apart."""
+    record = pd.read_csv(measured / "vhd200_resistor" / "vhd200_resistor.csv")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RecordWarning)
+        X, y = record.drop(columns="resistance_ohm"), record["resistance_ohm"]
+        model = DynamicBiasRegressor("oven_temp_degC", run="run", time="time").fit(X, y)
+        levels = model.correct(X, y).groupby(record["run"]).mean()
+        one = DynamicBiasRegressor("oven_temp_degC", run="run", time="time", run_offset="same").fit(X, y)
+    assert len(model.run_levels_.times) == 3
+    assert model.residual_std_ < one.residual_std_ / 10
+    assert abs(levels["run9"] - levels["run10"]) < 0.004  # ohm: the same element
+    assert levels["run17"] - levels["run9"] == pytest.approx(0.053, abs=0.004)
+    assert levels["run15"] - levels["run9"] == pytest.approx(-0.010, abs=0.004)

@@ -13,6 +13,9 @@ from ..records import Block, Record, seconds_of
 from .expressions import words_of
 from .signals import BlockSignals, Signals
 
+_WIDE = 64
+"""Columns from which on most are zero: the start-up decays of other segments."""
+
 
 @dataclass(frozen=True)
 class EffectInfo:
@@ -169,8 +172,12 @@ class Effect(BaseEstimator):
                 f"{type(self).__name__}.signals returned {len(said)} columns for {columns.shape[1]} names. Return one "
                 "for each name."
             )
+        wide = len(said) > _WIDE
+        if wide:
+            columns[:] = 0.0
         for i, column in enumerate(said):
-            columns[:, i] = column
+            if not wide or isinstance(column, np.ndarray) or column:
+                columns[:, i] = column
         return x.state()
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:

@@ -190,11 +190,15 @@ class FittedModel:
         """Flags of a block's rows, see `flags`."""
         T = block.temperature
         low, high = self.reading_.temperature_range
-        flags = np.where((low > T) | (high < T), "outside fitted range", "").astype(object)
+        flags = np.full(len(block), "", dtype=object)
+        outside = (low > T) | (high < T)
+        if outside.any():
+            flags[outside] = "outside fitted range"
         if block.segment_key is None:
             flags[block.elapsed < self.washout_] = "washout"
         if reading is not None:
-            flags[np.isnan(reading)] = "no reading"
+            if np.isnan(reading.sum()):
+                flags[np.isnan(reading)] = "no reading"
             for rows, reason in self._refused(block, reading):
                 flags[rows] = reason
         return flags

@@ -10,7 +10,9 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.errors import quoted
+from ..records.times import BEYOND
 from ..records.types import kind_of
+from .values import is_number
 from .zones import in_zone
 
 DAYS_OF_EXCEL = (25_569.0, 73_051.0)
@@ -66,7 +68,7 @@ def understood(values: pd.Series[Any], form: str | None = None, zone: str | None
     RecordError
         For dates that have two readings, and those that have none.
     """
-    if kind_of(values) == "text":
+    if kind_of(values) == "text" and is_number(_first(values)):
         text: Any = values.astype("string").str.strip()
         numbers = pd.to_numeric(text, errors="coerce")
         if numbers.notna().all() and len(values):
@@ -85,18 +87,23 @@ def _of_numbers(values: pd.Series[Any], form: str | None) -> Understood:
     if form is None or form == "seconds":
         return Understood(values)
     if form == "excel":
-        whole = np.round((numbers - DAYS_OF_EXCEL[0]) * 86_400e3)  # a day's fraction has digits for microseconds
-        dates: pd.Series[Any] = pd.Series(pd.to_datetime(whole, unit="ms"), index=values.index, name=values.name)
-        return Understood(dates, "days of a spreadsheet")
+        whole = np.round((numbers - DAYS_OF_EXCEL[0]) * 86_400e3)  # to the millisecond, as spreadsheets show them
+        return Understood(_counted(whole, "ms", values), "days of a spreadsheet")
     unit = form.removeprefix("unix").strip() or "s"
     if unit not in ("s", *EPOCHS):
         raise _unknown_form(form)
     if unit == "s":
         return Understood(values, "Unix times in seconds")
-    counted: Any = values if unit == "ns" else values.astype(float)
-    given: Any = unit
-    dates = pd.Series(pd.to_datetime(counted, unit=given), index=values.index, name=values.name)
-    return Understood(dates, f"Unix times in {unit}")
+    return Understood(_counted(values if unit == "ns" else values.astype(float), unit, values), f"Unix times in {unit}")
+
+
+def _counted(numbers: Any, unit: Any, values: pd.Series[Any]) -> pd.Series[Any]:
+    """Dates from numbers of a unit since 1970."""
+    try:
+        return _named(pd.to_datetime(numbers, unit=unit), values)
+    except (ValueError, ArithmeticError):  # pandas' dates end in 2262
+        row = int(np.argmax(np.abs(np.nan_to_num(np.asarray(numbers, float)))))
+        raise RecordError(f"{quoted(values.name)} is {values.iloc[row]} in row {row}. {BEYOND}") from None
 
 
 def _form_of(known: np.ndarray, name: str) -> str | None:
@@ -117,16 +124,16 @@ def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
     """Text in the form that all of it has; text in the forms of ISO 8601, and what is no text, stays."""
     if kind_of(values) != "text":
         return Understood(values)
-    text = values.astype("string").str.strip()
     if form is not None:
-        return Understood(_parsed(text, values, form), f"times as {form}")
-    first = next((cell for cell in text if isinstance(cell, str) and cell), "")
+        return Understood(_parsed(values.astype("string").str.strip(), values, form), f"times as {form}")
+    first = _first(values)
     parts = re.fullmatch(rf"(?P<date>.*?)(?:[T ,]+{_CLOCK})?", first)
     forms = next((forms for look, forms in _DATES.items() if parts and re.fullmatch(look, parts["date"])), ())
     if not forms:
-        return _of_clocks(values, text) if re.fullmatch(_CLOCK, first) else Understood(values)
+        return _of_clocks(values) if re.fullmatch(_CLOCK, first) else Understood(values)
     if forms == ("%Y-%m-%d",) and not (parts and parts["half"]):
         return Understood(values)  # ISO 8601, which every reader knows
+    text = values.astype("string").str.strip()
     readings = {date: _dates(text, date) for date in forms}
     whole = {date: times for date, times in readings.items() if times.notna().all()}
     if not whole:
@@ -149,8 +156,14 @@ def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
     return Understood(_named(times, values), f"dates as {order}")
 
 
-def _of_clocks(values: pd.Series[Any], text: pd.Series[Any]) -> Understood:
+def _first(values: pd.Series[Any]) -> str:
+    """The first cell that holds something."""
+    return next((cell.strip() for cell in values if isinstance(cell, str) and cell.strip()), "")
+
+
+def _of_clocks(values: pd.Series[Any]) -> Understood:
     """Times of day without a date: spans, where they go on."""
+    text = values.astype("string").str.strip()
     spans = pd.to_timedelta(_day_share(text)["span"])
     if spans.isna().any() or (spans.diff() < pd.Timedelta(0)).any():
         row = int(spans.isna().to_numpy().argmax() or (spans.diff() < pd.Timedelta(0)).to_numpy().argmax())
@@ -165,6 +178,7 @@ def _dates(text: pd.Series[Any], date: str) -> pd.Series[Any]:
     """Text as dates in one form, with a time of day or without; NaT for what is not."""
     parts = text.str.extract(rf"^(?P<date>.*?)(?:[T ,]+(?P<rest>{_CLOCK}))?$")
     days = pd.to_datetime(parts["date"].str.replace(",", ""), format=date.replace(",", ""), errors="coerce")
+    days = days.where(days.dt.year.between(1678, 2261))  # what nanoseconds reach
     share = _day_share(parts["rest"])
     known = parts["rest"].isna() | share["span"].notna()
     return (days.astype("datetime64[ns]") + share["span"].fillna(pd.Timedelta(0))).where(known)

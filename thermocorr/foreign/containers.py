@@ -33,7 +33,9 @@ def unpacked(path: Path) -> tuple[bytes, str]:
                 if len(names) != 1:
                     raise RecordError(f"{path} holds {len(names)} files ({listing(names)}). Unpack the log.")
                 return archive.read(names[0]), names[0]
-    except (OSError, EOFError, zlib.error, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+    except (OSError, EOFError, ValueError, zlib.error, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+        if isinstance(error, RecordError):
+            raise
         raise RecordError(f"{path} cannot be unpacked: {error}. Was it cut while it was copied?") from None
     return content, path.name
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from ..records import RecordError
 from ..records.csvlines import is_comment
-from .values import IN_DOUBT, plain_cell
+from .values import plain_cell
 
 BLANKS = " "
 """The separator of columns that stand apart by blanks, any number of them."""
@@ -34,6 +35,8 @@ class Dialect:
     """Whether lines that begin with # are none of the table."""
     spare: int = 0
     """Empty columns without a name behind the others."""
+    dated: tuple[int, ...] = ()
+    """Columns of dates or times of day, which may have points of their own."""
     grouped: bool = False
     """Whether there are signs between thousands."""
     remarks: bool = False
@@ -105,17 +108,23 @@ class Dialect:
 
     def _replaceable(self, rows: str) -> bool:
         """Whether replacing characters is enough: no quotes, comments or blanks, no comma but in numbers."""
-        if (
-            self.comments
-            or self.spare
-            or self.remarks
-            or self.separator == BLANKS
-            or '"' in rows
-            or self.names[0] in rows
-        ):
+        if self.comments or self.spare or self.remarks or self.separator == BLANKS or '"' in rows:
+            return False
+        if self.names[0] in rows or self.grouped:
             return False
         if self.decimal == ".":
             return "," not in rows
-        mark = re.escape(self.separator)
-        doubt = rf"(?:^|{mark})\s*(?:{IN_DOUBT[','].pattern}|[+-]?\d+\.\d+(?:[eE][+-]?\d+)?)(?:,\d+)?\s*(?=$|{mark})"
-        return not (re.search(r"[^\d;\t|\n+-],|,[^\d;\t|\neE]|,\d+,", rows) or re.search(doubt, rows, re.MULTILINE))
+        text = np.frombuffer(rows.encode(), np.uint8)
+        marks = np.flatnonzero((text == ord(self.separator)) | (text == ord("\n")))
+        commas = np.flatnonzero(text == ord(","))
+        cells = np.searchsorted(marks, commas)
+        digit = (text >= ord("0")) & (text <= ord("9"))
+        between = digit[commas - 1] & digit[np.minimum(commas + 1, len(text) - 1)]
+        if not (between.all() and (np.diff(cells) > 0).all()):
+            return False
+        points = np.flatnonzero(text == ord("."))
+        ends = np.flatnonzero(text[marks] == ord("\n"))  # of lines, among the marks
+        cell = np.searchsorted(marks, points)
+        line = np.searchsorted(ends, cell)
+        column = cell - np.where(line > 0, ends[line - 1] + 1, 0)
+        return bool(np.isin(column, self.dated).all())

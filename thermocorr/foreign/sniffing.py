@@ -11,7 +11,7 @@ from ..records import RecordError
 from ..records.grammar import is_missing
 from ..records.units import unit_of_text
 from .dialect import SEPARATORS, Dialect
-from .values import GROUPED, is_number, is_unit, is_value
+from .values import GROUPED, is_moment, is_number, is_unit, is_value
 
 SAMPLE = 400
 """Lines that are looked at."""
@@ -67,7 +67,8 @@ def sniff(lines: Sequence[str], separator: str | None = None, decimal: str | Non
     rows = [row for row in best.rows[found.first :] if len(row) == best.width]
     sign = decimal or _decimal(found, rows)
     grouped = any(GROUPED[sign].fullmatch(cell.strip()) for row in rows for cell in row)
-    return replace(found, decimal=sign, grouped=grouped)
+    dated = tuple(j for j in range(best.width) if sum(is_moment(row[j]) for row in rows) >= TYPED * max(len(rows), 1))
+    return replace(found, decimal=sign, grouped=grouped, dated=dated)
 
 
 def _looked_at(lines: Sequence[str], mark: str, decimal: str | None, forced: bool) -> Looked | None:

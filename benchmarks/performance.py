@@ -1,0 +1,316 @@
+"""What it costs, as ratios within one process: the page docs/performance.md, and a check that nothing became slow.
+
+    python benchmarks/performance.py                    # prints the table: some minutes
+    python benchmarks/performance.py --write            # and writes docs/performance.md and benchmarks/ratios.json
+    python benchmarks/performance.py --check            # quick lines alone, against ratios.json: exit status 1 beyond
+
+Each line is our processor time over that of something that a user could do instead, or that bounds it from below: the
+least of alternated runs, one BLAS thread. Times differ from machine to machine, ratios hardly: a line fails the check
+where it is more than 1.5 times what ratios.json says, in three tries.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+import os
+import platform
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.linalg.blas import dsyrk
+from scipy.signal import lfilter
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.linear_model import Ridge
+from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
+from sklearn.pipeline import make_pipeline
+from threadpoolctl import threadpool_limits
+
+from thermocorr import (
+    DynamicBiasRegressor,
+    OnlineCorrector,
+    RecordWarning,
+    TimeConstantSearch,
+    diagnose,
+)
+from thermocorr.foreign import read_log
+
+ROOT = Path(__file__).parents[1]
+PAGE, STORED = ROOT / "docs" / "performance.md", ROOT / "benchmarks" / "ratios.json"
+TAUS = (60.0, 240.0, 900.0, 3600.0, 14_400.0, 43_200.0)
+STEP = 15.0
+WORSE = 1.5
+TRIES = 3
+
+Run = Callable[[], object]
+
+
+class Line(NamedTuple):
+    """One comparison."""
+
+    what: str
+    against: str
+    ours: Run
+    other: Run
+    repeats: int = 7
+    quick: bool = True
+    """Whether it belongs to the check."""
+    scale: float = 1.0
+    """Runs of ours that one run of the other stands for."""
+
+
+class Lags(TransformerMixin, BaseEstimator):
+    """What a user would write: lags by scipy's lfilter, regular steps, at rest with the first temperature."""
+
+    def __init__(self, time_constants: tuple[float, ...] = TAUS):
+        self.time_constants = time_constants
+
+    def fit(self, X: np.ndarray, y: object = None) -> Lags:
+        return self
+
+    def transform(self, X: np.ndarray) -> np.ndarray:
+        T = X[:, 0]
+        columns = [T]
+        for tau in self.time_constants:
+            a = np.exp(-STEP / tau)
+            columns.append(lfilter([1 - a], [1, -a], T, zi=[a * T[0]])[0] - T)
+        return np.column_stack(columns)
+
+
+def record(n: int, jitter: float = 0.0) -> tuple[pd.DataFrame, pd.Series]:
+    """A room with two swings and a random walk."""
+    rng = np.random.default_rng(0)
+    seconds = STEP * np.arange(n) + jitter * STEP * rng.uniform(-0.5, 0.5, n)
+    T = 23 + np.sin(seconds / 7000) + 0.3 * np.sin(seconds / 900) + 0.003 * np.cumsum(rng.normal(size=n))
+    frame = pd.DataFrame({"temperature": T}, index=pd.to_timedelta(seconds, unit="s"))
+    return frame, pd.Series(10 * T + 0.2 * rng.normal(size=n), index=frame.index)
+
+
+def by_hand(X: pd.DataFrame, y: pd.Series) -> None:
+    """Own lags and decays as one matrix, then Ridge."""
+    T = X.to_numpy()
+    seconds = STEP * np.arange(len(T))
+    decays = [np.exp(-seconds / tau) for tau in TAUS]
+    Ridge(alpha=1e-10, solver="cholesky").fit(np.column_stack([Lags().transform(T), *decays]), y)
+
+
+def floor(X: pd.DataFrame) -> Run:
+    """One read, and the cross products of ready blocks of 15 columns: the least that least squares could do."""
+    ready = np.asfortranarray(np.random.default_rng(1).normal(size=(8192, 15)))
+
+    def run() -> None:
+        X["temperature"].to_numpy().sum()
+        for _ in range(-(-len(X) // 8192)):
+            dsyrk(1.0, ready, trans=1)
+
+    return run
+
+
+def fits(n: int, quick: bool) -> list[Line]:
+    """Fits of n rows."""
+    X, y = record(n)
+    uneven, y_uneven = record(n, jitter=0.5)
+    model = DynamicBiasRegressor(time_constants=TAUS, degree=1, longest_decay_share=1.0)
+    repeats = 15 if n < 500_000 else 5
+    rows = f"{n:,} rows".replace(",", " ")
+    what, ours = f"fit of 6 time constants, {rows}", lambda: model.fit(X, y)
+    return [
+        Line(
+            what,
+            "lfilter and Ridge(cholesky)",
+            ours,
+            lambda: by_hand(X, y),
+            repeats,
+            quick,
+        ),
+        Line(f"fit, {rows}", "ready cross products (floor)", ours, floor(X), repeats, quick),
+        Line(
+            f"fit of irregular steps, {rows}",
+            "of regular ones",
+            lambda: model.fit(uneven, y_uneven),
+            ours,
+            repeats,
+            quick,
+        ),
+    ]
+
+
+def segments() -> Line:
+    """300 runs in place of one."""
+    X, y = record(84_000)
+    runs = X.assign(run=np.arange(len(X)) * 300 // len(X))
+    many = DynamicBiasRegressor("temperature", TAUS[:4], run="run", run_offset="same")
+    rest = DynamicBiasRegressor("temperature", TAUS[:4], run="run", run_offset="same", initial_state="equilibrium")
+    what = "fit of 300 runs with start-up decays, 84 000 rows"
+    return Line(what, "without the decays", lambda: many.fit(runs, y), lambda: rest.fit(runs, y), 5)
+
+
+def searches(n: int, sets: int, quick: bool) -> Line:
+    """1000 sets of 6 time constants in 5 folds; scikit-learn's share is timed over some of them."""
+    X, y = record(n)
+    pool = np.geomspace(30.0, n * STEP / 3, 24)
+    rng = np.random.default_rng(0)
+    chosen = [tuple(np.sort(rng.choice(pool, 6, replace=False))) for _ in range(1000)]
+    search = TimeConstantSearch(
+        DynamicBiasRegressor(degree=1, initial_state="equilibrium"), chosen, alphas=[1e-6], cv=TimeSeriesSplit(5),
+        refit=False, rule="best",
+    )  # fmt: skip
+    grid = GridSearchCV(
+        make_pipeline(Lags(), Ridge(1e-6, solver="cholesky")), {"lags__time_constants": chosen[:sets]},
+        cv=TimeSeriesSplit(5), scoring="neg_root_mean_squared_error", refit=False,
+    )  # fmt: skip
+    T = X.to_numpy()
+    rows = f"{n:,} rows".replace(",", " ")
+    what = f"search of 1000 sets in 5 folds, {rows}"
+    against = "GridSearchCV of lfilter and Ridge(cholesky)"
+    return Line(what, against, lambda: search.fit(X, y), lambda: grid.fit(T, y), 3, quick, 1000 / sets)
+
+
+def others() -> list[Line]:
+    """Forecasts, live correction, diagnosis, files."""
+    X, y = record(84_000)
+    model = DynamicBiasRegressor("temperature", TAUS).fit(X, y)
+    searched = DynamicBiasRegressor("temperature").fit(X, y)
+    live = OnlineCorrector(model)
+    times, T, U = X.index[:5000].tolist(), X["temperature"].tolist()[:5000], y.tolist()[:5000]
+
+    def one_by_one() -> None:
+        live.reset()
+        for row in zip(times, T, U, strict=True):
+            live.update(*row)
+
+    def together() -> None:
+        live.reset()
+        live.update_many(X[:5000], y[:5000])
+
+    plain, german = (Path(tempfile.mkdtemp()) / "log.csv" for _ in range(2))
+    table = pd.DataFrame({"time": np.arange(300_000) * STEP, "temperature": 23.456 + np.arange(300_000) % 97 / 7})
+    table["reading"] = 10 * table["temperature"]
+    table.to_csv(plain, index=False)
+    table.to_csv(german, index=False, sep=";", decimal=",")
+    content = plain.read_bytes()
+    pandas = lambda: pd.read_csv(io.BytesIO(content))  # noqa: E731
+    given = lambda: model.fit(X, y)  # noqa: E731
+    chosen = lambda: searched.fit(X, y)  # noqa: E731
+    judged = lambda: diagnose(searched, X, y)  # noqa: E731
+    predicted = lambda: model.predict(X)  # noqa: E731
+    return [
+        Line("predict, 84 000 rows", "its fit", predicted, given),
+        Line("evaluate (corrected, model, residual, flags)", "predict", lambda: model.evaluate(X, y), predicted),
+        Line("live, 5000 samples one by one", "in one block", one_by_one, together, 3),
+        Line("search and fit (defaults), 84 000 rows", "fit of 6 given", chosen, given),
+        Line("diagnose, nothing missing, 84 000 rows", "search and fit", judged, chosen, 3),
+        Line("uncertainties of all rows", "search and fit", lambda: uncertain(searched, X, y), chosen, 3),
+        Line("read plain CSV, 300 000 rows", "pandas.read_csv", lambda: read_log(plain), pandas, 3),
+        Line("read semicolons and decimal commas", "pandas, plain", lambda: read_log(german), pandas, 3),
+    ]
+
+
+def uncertain(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series) -> object:
+    """The joint errors anew, and what they say of every row."""
+    model.__dict__.pop("joint_errors_", None)
+    return model.correct(X, y, return_std=True)
+
+
+def lines(check: bool) -> list[Line]:
+    """All comparisons, or the quick ones."""
+    quick = [*fits(84_000, True), segments(), searches(84_000, 10, True), *others()]
+    return quick if check else [*quick, *fits(1_000_000, False), searches(1_000_000, 4, False)]
+
+
+def ratio(line: Line) -> float:
+    """Least processor time of ours over that of the other, alternated."""
+    ours, other = [], []
+    for _ in range(line.repeats):
+        for run, spent in ((line.ours, ours), (line.other, other)):
+            began = time.process_time()
+            run()
+            spent.append(time.process_time() - began)
+    return min(ours) / (min(other) * line.scale)
+
+
+def key(line: Line) -> str:
+    """Name of a line in the stored ratios."""
+    return f"{line.what} / {line.against}"
+
+
+def shown(value: float) -> str:
+    """A ratio, or its inverse where that reads better."""
+    return f"{value:.2f}" if value >= 0.1 else f"1/{1 / value:.0f}"
+
+
+_PAGE = """# What it costs
+
+Ratios of processor times within one process (the least of alternated runs, one BLAS thread), made by
+`python benchmarks/performance.py --write`, which also stores them for the check that runs before every change.
+
+{table}
+
+On {machine}; {versions}; recursions {compiled}.
+
+"Floor" is one read of the temperature and the cross products of ready blocks of as many columns: no least squares could
+do with less. scikit-learn's search is timed over some of the 1000 sets, with a transformer that does nothing but
+`lfilter`. Memory: a fit needs a few MiB beyond the data whatever their length (`benchmarks/fit_speed.py`,
+`benchmarks/streaming.py`).
+"""
+
+
+def page(found: dict[str, tuple[Line, float]]) -> str:
+    """The page of the documentation."""
+    rows = [f"| {line.what} | {line.against} | {shown(value)} |" for line, value in found.values()]
+    packages = ("numpy", "scipy", "scikit-learn", "pandas", *(["numba"] if find_spec("numba") else []))
+    return _PAGE.format(
+        table="\n".join(["| what | over | ratio |", "|---|---|---|", *rows]),
+        machine=f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
+        versions=", ".join(f"{name} {version(name)}" for name in packages),
+        compiled="compiled by numba" if find_spec("numba") else "not compiled",
+    )
+
+
+def checked(found: Line, stored: float) -> float:
+    """The best ratio of some tries, until it is good enough."""
+    best = np.inf
+    for _ in range(TRIES):
+        best = min(best, ratio(found))
+        if best <= WORSE * stored:
+            break
+    return float(best)
+
+
+def main() -> int:
+    """Print the table, write the page, or check the quick lines."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--write", action="store_true")
+    parser.add_argument("--check", action="store_true")
+    options = parser.parse_args()
+    warnings.simplefilter("ignore", RecordWarning)
+    stored = json.loads(STORED.read_text()) if options.check else {}
+    found: dict[str, tuple[Line, float]] = {}
+    slow = []
+    with threadpool_limits(1):
+        for line in lines(options.check):
+            line.ours()
+            value = checked(line, stored[key(line)]) if options.check else ratio(line)
+            found[key(line)] = (line, value)
+            worse = options.check and value > WORSE * stored[key(line)]
+            slow += [line.what] * worse
+            was = f"   (stored {shown(stored[key(line)])}{', SLOWER' if worse else ''})" if options.check else ""
+            print(f"{line.what:52s} over {line.against:44s} {shown(value):>8s}{was}", flush=True)
+    if options.write:
+        PAGE.write_text(page(found), encoding="utf-8")
+        STORED.write_text(json.dumps({name: round(value, 5) for name, (_, value) in found.items()}, indent=1) + "\n")
+    return 1 if slow else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
