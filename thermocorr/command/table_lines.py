@@ -11,7 +11,10 @@ from typing import Any
 
 import pandas as pd
 
+from ..files.appending import Position
 from ..foreign import HowToRead, read_log, with_times
+from ..foreign.containers import FEATHER, PACKED, SHEETS
+from ..foreign.live_lines import LineTranslator
 from ..foreign.log_files import plain_head
 from ..records import RecordError
 from ..records.files import TIME_NAMES, existing_file, format_of, require_column
@@ -72,6 +75,48 @@ def _written(column: pd.Series[Any]) -> pd.Series[Any]:
     return column.replace({r"[\r\n\0]": " "}, regex=True) if kind_of(column) == "text" else column
 
 
+class TranslatedLines(Lines):
+    """Lines of a foreign log that grows, as plain CSV.
+
+    Parameters
+    ----------
+    lines : FileLines
+    translator : LineTranslator
+    """
+
+    def __init__(self, lines: FileLines, translator: LineTranslator):
+        self.lines, self.translator = lines, translator
+        self._seen = 0
+
+    def __iter__(self) -> Iterator[bytes | None]:
+        dialect = self.translator.dialect
+        for line in self.lines:
+            if line is None:
+                yield None
+                continue
+            if self.lines.restarted:
+                self.lines.restarted, self.restarted, self._seen = False, True, 0
+            self._seen += 1
+            if self._seen == dialect.header + 1:
+                yield self.translator.header()
+            elif self._seen > dialect.first:
+                yield self.translator.row(line)
+        self.rest = self.lines.rest
+
+    def position(self) -> Position | None:
+        """How far the lines have come."""
+        return self.lines.position()
+
+    def skip_to(self, at: Position | None) -> bool:
+        """Go on behind `at`, if this is the file that stood there."""
+        self._seen = max(self._seen, self.translator.dialect.first)
+        return self.lines.skip_to(at)
+
+    def close(self) -> None:
+        """Close the file."""
+        self.lines.close()
+
+
 def open_lines(
     log: str,
     follow: bool,
@@ -96,13 +141,16 @@ def open_lines(
         raise RecordError(f"{path} cannot be read: {error.strerror}.") from None
     if follow:
         said = format_of(path)
-        what = said.name if said is not None else "no plain CSV (commas, decimal points, ISO 8601 dates or seconds)"
-        raise RecordError(f"{path} is {what}, which cannot be followed while it grows. Leave out --follow.")
+        if said is not None or path.suffix.lower() in (*SHEETS, *FEATHER, *PACKED):
+            what = path.suffix if said is None else said.name
+            raise RecordError(f"{path} is {what}, which cannot be followed while it grows. Leave out --follow.")
+        translator = LineTranslator(path, how, lambda names: _time_column(names, time))
+        return TranslatedLines(FileLines(path, follow, idle, stop), translator)
     return TableLines(path, stop, how, time)
 
 
 def _refuse_foreign(what: str, how: HowToRead) -> None:
-    if how != HowToRead():
+    if how.says_something():
         raise RecordError(f"{what} is read line by line, as plain CSV. Give a file to read it in another way.")
 
 

@@ -25,7 +25,8 @@ EPOCHS = {"ms": (1e11, 1e14), "us": (1e14, 1e17), "ns": (1e17, 9.3e18)}
 UNIX = (5e8, 5e9)
 """Unix times in seconds, 1985 to 2128."""
 
-_CLOCK = r"(?P<clock>\d{1,2}:\d{2}(?::\d{2})?)(?:[.,:](?P<fraction>\d+))?(?:\s*(?P<half>[AaPp]\.?[Mm]\.?))?"
+CLOCK = r"(?P<clock>\d{1,2}:\d{2}(?::\d{2})?)(?:[.,:](?P<fraction>\d+))?(?:\s*(?P<half>[AaPp]\.?[Mm]\.?))?"
+"""A time of day: clock, fraction of a second, half of the day."""
 _DATES = {
     r"\d{1,2}\.\d{1,2}\.\d{4}": ("%d.%m.%Y",),
     r"\d{1,2}\.\d{1,2}\.\d{2}": ("%d.%m.%y",),
@@ -126,13 +127,25 @@ def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
         return Understood(values)
     if form is not None:
         return Understood(_parsed(values.astype("string").str.strip(), values, form), f"times as {form}")
-    first = _first(values)
-    parts = re.fullmatch(rf"(?P<date>.*?)(?:[T ,]+{_CLOCK})?", first)
+    if re.fullmatch(CLOCK, _first(values)):
+        return _of_clocks(values)
+    date = date_form(values)
+    if date is None:
+        return Understood(values)
+    times = _dates(values.astype("string").str.strip(), date)
+    order = ", ".join(_IN_WORDS[part] for part in re.findall("%[dmYyb]", date))
+    return Understood(_named(times, values), f"dates as {order}")
+
+
+def date_form(values: pd.Series[Any]) -> str | None:
+    """How the dates in a column of text are written, as for `strptime`; None for ISO 8601, and for no dates.
+
+    Raises RecordError for dates that have two readings, and those that have none.
+    """
+    parts = re.fullmatch(rf"(?P<date>.*?)(?:[T ,]+{CLOCK})?", _first(values))
     forms = next((forms for look, forms in _DATES.items() if parts and re.fullmatch(look, parts["date"])), ())
-    if not forms:
-        return _of_clocks(values) if re.fullmatch(_CLOCK, first) else Understood(values)
-    if forms == ("%Y-%m-%d",) and not (parts and parts["half"]):
-        return Understood(values)  # ISO 8601, which every reader knows
+    if not forms or (forms == ("%Y-%m-%d",) and not (parts and parts["half"])):
+        return None  # ISO 8601, which every reader knows
     text = values.astype("string").str.strip()
     readings = {date: _dates(text, date) for date in forms}
     whole = {date: times for date, times in readings.items() if times.notna().all()}
@@ -142,18 +155,15 @@ def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
         forward = {date: times for date, times in whole.items() if not (times.diff() < pd.Timedelta(0)).any()}
         whole = forward if len(forward) == 1 else whole
     if len(whole) > 1:
-        row = int(
-            np.argmax(np.logical_or.reduce([(a != b).to_numpy() for a in whole.values() for b in whole.values()]))
-        )
+        one, other = whole.values()
+        row = int(np.argmax((one != other).to_numpy()))
         read = " or ".join(f"{times.iloc[row]:%d %B %Y} ({date})" for date, times in whole.items())
-        if len({times.iloc[row] for times in whole.values()}) > 1:
+        if one.iloc[row] != other.iloc[row]:
             raise RecordError(
                 f"Is {text.iloc[row]!r} in {quoted(values.name)}, row {row}, {read}? Every row can be read either way. "
                 f"Say which it is with --time-format, such as --time-format '{next(iter(whole))} %H:%M:%S'."
             )
-    date, times = next(iter(whole.items()))
-    order = ", ".join(_IN_WORDS[part] for part in re.findall("%[dmYyb]", date))
-    return Understood(_named(times, values), f"dates as {order}")
+    return next(iter(whole))
 
 
 def _first(values: pd.Series[Any]) -> str:
@@ -176,7 +186,7 @@ def _of_clocks(values: pd.Series[Any]) -> Understood:
 
 def _dates(text: pd.Series[Any], date: str) -> pd.Series[Any]:
     """Text as dates in one form, with a time of day or without; NaT for what is not."""
-    parts = text.str.extract(rf"^(?P<date>.*?)(?:[T ,]+(?P<rest>{_CLOCK}))?$")
+    parts = text.str.extract(rf"^(?P<date>.*?)(?:[T ,]+(?P<rest>{CLOCK}))?$")
     days = pd.to_datetime(parts["date"].str.replace(",", ""), format=date.replace(",", ""), errors="coerce")
     days = days.where(days.dt.year.between(1678, 2261))  # what nanoseconds reach
     share = _day_share(parts["rest"])
@@ -186,7 +196,7 @@ def _dates(text: pd.Series[Any], date: str) -> pd.Series[Any]:
 
 def _day_share(text: pd.Series[Any]) -> pd.DataFrame:
     """Time since midnight, as `span`; NaT for what is no time of day."""
-    parts = text.str.strip().str.extract(f"^{_CLOCK}$")
+    parts = text.str.strip().str.extract(f"^{CLOCK}$")
     shown: Any = parts["clock"].str.extract(r"^(\d+):(\d+)(?::(\d+))?$")
     hours, minutes, seconds = (pd.to_numeric(shown[k], errors="coerce").astype(float) for k in range(3))
     half = parts["half"].str.replace(".", "").str.lower()

@@ -26,6 +26,10 @@ class HowToRead:
     reading: str | None = None
     """The column that keeps its own times, where several are brought on the same: what the instrument shows."""
 
+    def says_something(self) -> bool:
+        """Whether the user says anything of the file, and not only which column is the reading."""
+        return replace(self, reading=None) != HowToRead()
+
     def __post_init__(self) -> None:
         mark = self.separator
         if mark is not None:

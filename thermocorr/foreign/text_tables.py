@@ -19,9 +19,12 @@ HEAD = 1 << 16
 
 def is_plain(head: bytes, how: HowToRead) -> bool:
     """Whether a file is CSV as this package writes it, as far as the first lines tell; comments may stand in it."""
-    if replace(how, reading=None) != HowToRead():
+    if how.says_something():
         return False
-    text, found = _sniffed(head, how)
+    try:
+        text, found = head_dialect(head, how)
+    except RecordError:  # numbers with points and with commas
+        return False
     return text is None or (text.name == "UTF-8" and (found is None or found.is_plain) and b"\n" in head)
 
 
@@ -52,7 +55,7 @@ def text_table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...]
     try:
         if is_plain(first_lines(content), how) and not _is_broken_up(content):
             return _arranged(Table(frame=csv_table(content, path), said=said), how.reading)
-        text, found = _sniffed(content, how)
+        text, found = head_dialect(content, how)
     except RecordError as error:
         if "cannot be read as a table" in str(error):
             raise
@@ -70,7 +73,7 @@ def _is_broken_up(content: bytes) -> bool:
     return b"\n#" in content or (len(header) > 2 and b"\n" + header in content)
 
 
-def _sniffed(content: bytes, how: HowToRead) -> tuple[Decoded | None, Dialect | None]:
+def head_dialect(content: bytes, how: HowToRead) -> tuple[Decoded | None, Dialect | None]:
     """The text of a file and its dialect; no text for one that is damaged UTF-8."""
     text = decoded(content, how.encoding)
     if text is None:

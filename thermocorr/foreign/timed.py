@@ -50,20 +50,29 @@ def with_times(table: Table, column: str | None, how: HowToRead) -> Table:
 
 def _joined(frame: pd.DataFrame, column: str) -> tuple[pd.DataFrame, str]:
     """Dates in one column and times of day in another become one, under the name of the times."""
-    if kind_of(frame[column]) != "text":
+    pair = date_and_clock(frame, column)
+    if pair is None:
         return frame, ""
+    dates, clocks = pair
+    together = frame[dates].astype("string").str.strip() + " " + frame[clocks].astype("string").str.strip()
+    other = clocks if dates == column else dates
+    rest = frame.drop(columns=[other]).assign(**{column: together.astype(object)})
+    return rest, f"{quoted(dates)} and {quoted(clocks)} joined"
+
+
+def date_and_clock(frame: pd.DataFrame, column: str) -> tuple[str, str] | None:
+    """The columns of dates and of times of day, of which one is `column`; None where that has both, or neither."""
+    if kind_of(frame[column]) != "text":
+        return None
     cell = _first(frame[column])
     if not is_moment(cell):
-        return frame, ""
+        return None
     clock_only, date_only = ":" in cell and not _has_date(cell), ":" not in cell
     wanted = DATES if clock_only else CLOCKS if date_only else ()
     other = next((name for name in frame.columns if _plain_name(name) in wanted and name != column), None)
     if other is None or kind_of(frame[other]) != "text" or not is_moment(_first(frame[other])):
-        return frame, ""
-    dates, clocks = (other, column) if clock_only else (column, other)
-    together = frame[dates].astype("string").str.strip() + " " + frame[clocks].astype("string").str.strip()
-    rest = frame.drop(columns=[other]).assign(**{column: together.astype(object)})
-    return rest, f"{quoted(dates)} and {quoted(clocks)} joined"
+        return None
+    return (str(other), column) if clock_only else (column, str(other))
 
 
 def _has_date(cell: str) -> bool:

@@ -68,7 +68,8 @@ def header_of(line: bytes) -> list[str]:
         raise RecordError("Line 1 is empty: a header line with the columns' names is needed, then one line per sample.")
     if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
         raise RecordError(
-            "The log seems to be separated by semicolons or tabs. Save it with commas between its columns."
+            "The log seems to be separated by semicolons or tabs. A file is understood once it has some rows; a stream "
+            "needs commas between its columns."
         )
     return checked_names(names)
 
