@@ -65,3 +65,11 @@ def test_a_fleet_of_slim_models(devices):
     for name, fitted in fleet.items():
         assert len(pickle.dumps(fitted)) < 20 * 1024
         assert fitted.correct(devices[name], devices[name]["reading"]).notna().all()
+
+
+def test_a_model_is_slimmed_once_and_again_and_never_to_nothing(devices):
+    model = DynamicBiasRegressor("temperature", ["5 min"]).fit(devices["box 0"], devices["box 0"]["reading"])
+    for wrong in (lambda: model.slim(0), lambda: fit_fleet(1, devices, "reading", MODEL, history_rows=0)):
+        with pytest.raises(ValueError, match="history_rows"):
+            wrong()
+    assert model.slim().slim().predict(devices["box 0"]).shape == (3000,)

@@ -141,7 +141,8 @@ def test_numbers_that_are_seconds_stay_seconds(written):
     table, *_, seconds = understood(written("time [s],temperature,reading\n" + rows))
     np.testing.assert_allclose(seconds, np.arange(N) / 10, atol=1e-9)
     assert table.said == ()
-    assert understood(written("time,temperature,reading\n" + rows))[0].said == ("days of a spreadsheet",)
+    with pytest.raises(RecordError, match="seconds, or days of a spreadsheet"):
+        understood(written("time,temperature,reading\n" + rows))
     seconds = understood(written("time,temperature,reading\n" + rows), time_format="seconds")[3]
     np.testing.assert_allclose(seconds, np.arange(N) / 10, atol=1e-9)
 
@@ -359,3 +360,25 @@ def test_a_damaged_file_is_refused_or_its_numbers_are_right(seed, written):
         rows = zip(temperature.tolist(), reading.tolist(), strict=True)
         wrong = sum(row not in true for row in rows if row[0] == row[0] and row[1] == row[1])
         assert wrong <= 3, (name, place, change)
+
+
+def test_a_whole_date_in_a_number_is_read_as_it_is_said(written):
+    seconds = understood(written(REFUSED["a whole date in a number"][0]), time_format="%Y%m%d%H%M%S")[3]
+    np.testing.assert_allclose(seconds, 60.0 * np.arange(N))
+
+
+def test_unix_times_have_no_zone_and_cells_that_are_words_are_said(written):
+    with pytest.raises(RecordError, match="Unix times, which are UTC"):
+        understood(written(GOOD["Unix times in ms"]), timezone="Europe/Berlin")
+    rows = "".join(f"{60 * k},{T[k]},{'OL' if k == 5 else 40 + k},{U[k]}\n" for k in range(N))
+    table = understood(written("time,temperature,humidity,reading\n" + rows))[0]
+    assert table.said == ("'humidity' is not used: 1 of its cells are no numbers, such as 'OL'",)
+
+
+def test_files_in_other_units_or_at_other_times_are_not_put_together(written):
+    cold, warm = (written(plain(head=f"time,temperature [{u}],reading\n"), f"{u}.csv") for u in ("C", "F"))
+    with pytest.raises(RecordError, match=r"columns|unit"):
+        as_runs([cold, warm], None, HowToRead())
+    late = written(plain(times=TIMES + pd.Timedelta("9D")).replace("reading", "oven"), "late.csv")
+    with pytest.raises(RecordError, match="at any time of"):
+        joined([written(plain(), "now.csv"), late], None, HowToRead())

@@ -16,9 +16,11 @@ from thermocorr import (
     TimeConstantSearch,
     compare_variants,
     diagnose,
+    later_errors,
     load_model,
     save_model,
 )
+from thermocorr.cluster.fleet import fit_fleet
 from thermocorr.datasets import make_record
 
 NOISE = 0.2
@@ -152,3 +154,50 @@ def test_three_resistors_in_four_runs_keep_their_levels(measured):
     assert abs(levels["run9"] - levels["run10"]) < 0.004  # ohm: the same element
     assert levels["run17"] - levels["run9"] == pytest.approx(0.053, abs=0.004)
     assert levels["run15"] - levels["run9"] == pytest.approx(-0.010, abs=0.004)
+
+
+def test_a_loaded_model_is_judged_as_the_fitted_one(tmp_path):
+    X, y = two_runs(apart=300.0)
+    model = fitted(X, y)
+    save_model(model, tmp_path / "m.json")
+    loaded = load_model(tmp_path / "m.json")
+    assert loaded.run_levels_.times == model.run_levels_.times
+    assert diagnose(loaded, X, y).verdict == diagnose(model, X, y).verdict == "nothing missing"
+
+
+def test_a_run_without_readings_in_between_gets_no_level_of_its_own():
+    X, y = two_runs(apart=300.0)
+    between = X[X["run"] == "a"].set_axis(X.index[:3000] + (X.index[3000] - X.index[0]) / 2)[:200].assign(run="c")
+    X = pd.concat([X[:3000], between, X[3000:]])
+    y = pd.concat([y[:3000], pd.Series(np.nan, between.index), y[3000:]])
+    model = fitted(X, y)
+    assert len(model.run_levels_.times) == 1
+
+
+def test_a_fleet_that_shares_time_constants_knows_the_levels():
+    devices = {}
+    for name, apart in (("near", 0.0), ("far", 4000.0)):
+        X, y = two_runs(apart)
+        devices[name] = X.assign(reading=y)
+    model = DynamicBiasRegressor("temperature", 2, run="run")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RecordWarning)
+        fleet = fit_fleet(1, devices, "reading", model, shared_time_constants=True)
+    assert fleet["far"].residual_std_ < 1.05 * NOISE
+
+
+def test_an_error_on_a_run_whose_level_is_unknown_does_not_count():
+    X, y = two_runs(apart=4000.0)
+    model = fitted(X, y)
+    later = later_errors({"dynamic": model, "static": fitted(X, y).set_params(time_constants=()).fit(X, y)}, X, y)
+    assert later.table.loc["dynamic"].max() < 1.2 * NOISE
+
+
+def test_a_setpoint_is_a_cause_and_a_copy_of_the_reading_none():
+    """Readings in ppm around setpoints: a straight line of the setpoint explains all but 1e-12 of the variance."""
+    record = make_record(3000, seed=3, noise=NOISE)
+    setpoint = np.array([1.0, 10.0])[np.repeat(np.random.default_rng(0).permutation(np.arange(30) % 2), 100)]
+    y = (setpoint + (record["reading"] - record["reading"].mean()) * 1e-6).rename("reading")
+    X = record[["temperature"]].assign(setpoint=setpoint)
+    found = diagnose(DynamicBiasRegressor("temperature", TIMES).fit(X, y), X, y)
+    assert found.best.label() == "covariate: setpoint"

@@ -131,3 +131,22 @@ def test_a_column_with_that_very_name_is_meant():
         warnings.simplefilter("ignore", RecordWarning)
         model.fit(X, log["reading"])
     assert model.features_.transform(X)[:, -1].std() == 0
+
+
+def test_states_of_odd_names_and_switches_with_holes():
+    log = lab()
+    for X in (
+        log[["temperature"]].assign(**{"op=er": log["operator"]}),
+        pd.DataFrame({0: log["temperature"], 1: log["operator"]}, index=log.index),
+    ):
+        y = log["reading"] + 0.5 * (log["operator"] == "Kim")
+        name = "op=er=Kim" if "op=er" in X else "1=Kim"
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RecordWarning)
+            model = DynamicBiasRegressor("temperature" if "op=er" in X else 0, ["5 min"]).fit(X, y)
+            assert name in diagnose(model, X, y).best.inputs()
+    switch = log["fan"].astype(object)
+    switch.iloc[5:15] = None
+    X = log[["temperature"]].assign(fan=switch)
+    _, _, found = judged(X.assign(reading=log["reading"]), log["reading"] + 0.5 * log["fan"])
+    assert found.best.inputs() == ["fan"]

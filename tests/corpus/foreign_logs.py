@@ -198,3 +198,48 @@ REFUSED = {
     "the same name twice": (semicolons(head="time;temperature;temperature\n"), "'temperature' twice"),
 }
 """Files that are refused, and with which words."""
+
+GOOD |= {
+    "minutes": lines("time [min],temperature,reading\n", lambda k, t, a, b: f"{k},{a},{b}"),
+    "minutes, said below": lines(
+        "time;temperature;reading\nmin;°C;mV\n", lambda k, t, a, b: f"{k};{comma(a)};{comma(b)}"
+    ),
+    "kinds below the units": lines(
+        "TOA5;x;y\nTIMESTAMP;Temp_Avg;Reading\nTS;Deg C;mV\n;Avg;Smp\n", lambda k, t, a, b: f"{t};{a};{b}"
+    ),
+    "rows of nothing": semicolons().replace("\n", "\n;;\n", 12),
+    "seconds without their zero": plain("{t:%d.%m.%Y %H:%M}:{t.second}"),
+}
+
+REFUSED |= {
+    "a quote that is not closed": (
+        lines("time;temperature;reading;note\n", lambda k, t, a, b: f"{t};{comma(a)};{comma(b)};{chr(34) * (k == 7)}x"),
+        "line 9: it is no CSV",
+    ),
+    "rows above the header": (
+        "2024-05-30 23:39:00,22.9,1000.1\n" + plain(),
+        "line 1 is a row, and the columns' names stand below it",
+    ),
+    "a date and a time in whole numbers": (
+        plain("{t:%Y%m%d,%H%M%S}", "date,time,temperature,reading\n"),
+        "a date and a time of day in whole numbers",
+    ),
+    "a whole date in a number": (plain("{t:%Y%m%d%H%M%S}"), "no Unix times of this century.*--time-format"),
+    "ticks of another clock": (
+        lines("time,temperature,reading\n", lambda k, t, a, b: f"{638_527_092_000_000_000 + k * 600_000_000},{a},{b}"),
+        "no Unix times of this century",
+    ),
+    "a year of two digits, perhaps in front": (plain("{t:%y/%m/%d %H:%M:%S}"), "either way.*--time-format"),
+    "whole thousands with commas": (
+        lines("time,temperature,reading\n", lambda k, t, a, b: f'{t},23,"{990 + k:,}"'),
+        "a thousandfold",
+    ),
+    "whole thousands with points": (
+        lines("time;temperature;reading\n", lambda k, t, a, b: f"{t};23;{990 + k:,}".replace(",", ".")),
+        "a thousandfold",
+    ),
+    "two series of one name": (
+        influx().replace(",0,2024", ",1,2024").replace("reading,lab", "temperature,lab"),
+        "Several series are called",
+    ),
+}

@@ -62,6 +62,8 @@ def fit_fleet(
     """
     model = DynamicBiasRegressor() if model is None else model
     names = list(devices)
+    if history_rows is not None and history_rows < 1:
+        raise ValueError(f"The 'history_rows' parameter must be at least 1. Got {history_rows!r} instead.")
     if not names:
         raise RecordError("The fleet has no devices.")
     parts = [opened(device) for device in devices.values()]
@@ -117,7 +119,9 @@ def _spectrum(
     """What `project` needs of a device, and its ridge penalty."""
     with _Named(name), one_blas_thread():
         settings = SearchSettings(candidates=grid, longest_decay_share=model.longest_decay_share)
-        features = _plain(model)
+        own = clone(model)
+        own.learn_levels(part, part[reading])
+        features = _plain(own)
         factored = factors_of(features, *learned(features, part, part[reading]), grid, settings)
         reference = reference_spectrum(factored)
         return factored.projected(reference), final_alpha(factored, reference)

@@ -171,9 +171,9 @@ class LogRows:
     def _place_or_state(self, name: str) -> tuple[int, str | None]:
         """Where a recorded column stands; of a state ("operator=Kim") where its column stands, and its word."""
         assert self.header is not None
-        column, word = parted_state(name)
-        if name not in self.header and word and column in self.header:
-            return self.header.index(column), word
+        parted = None if name in self.header else parted_state(name, self.header)
+        if parted is not None:
+            return self.header.index(parted[0]), parted[1]
         return self._place(name, ""), None
 
     def _sample(self, fields: list[str]) -> Sample:

@@ -53,10 +53,10 @@ class TableLines(Lines):
         written: dict[str, Any] = {"index": self.stamped, "index_label": self.time_name}
         yield self.frame[:0].to_csv(**written).encode()
         for start in range(0, len(self.frame), CHUNK):
-            for line in self._text(self.frame[start : start + CHUNK], written).splitlines(keepends=True):
+            for line in self._text(self.frame[start : start + CHUNK], written).removesuffix("\n").split("\n"):
                 if self.stop:
                     return
-                yield line.encode()
+                yield f"{line}\n".encode()
 
     def _text(self, part: pd.DataFrame, written: dict[str, Any]) -> str:
         try:

@@ -62,8 +62,8 @@ class FittedModel:
         check_is_fitted(self, "pipeline_")
         if not hasattr(self, "_swept"):
             raise ValueError(
-                "A model read from a file does not hold the factors of its record. Ask joint_errors() for the "
-                "covariance of its coefficients, or fit it again."
+                "A slim model, or one read from a file, does not hold the factors of its record. Ask joint_errors() "
+                "for the covariance of its coefficients, or fit it again."
             )
         rows = np.column_stack((np.zeros(len(combinations)), combinations))
         with one_blas_thread():

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
+from .run_levels import unlearned
 from .screening import believed_readings
 
 MIN_BLOCK = 8
@@ -65,7 +66,8 @@ def held_out_residuals(
         known[block] = np.nan
         if np.isfinite(known).any():
             fitted = clone(model).fit(X, known)
-            result[block] = reading[block] - fitted.predict(X)[block]
+            missed = reading[block] - fitted.predict(X)[block]
+            result[block] = np.where(unlearned(fitted, X, known)[block], np.nan, missed)
             result[block][_unknown_start(fitted, block, len(reading))] = np.nan
     return result
 

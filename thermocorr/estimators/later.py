@@ -15,6 +15,7 @@ from ..records import RecordError, read_record
 from ..records.text import printable
 from .holdout import rms
 from .regressor import DynamicBiasRegressor
+from .run_levels import unlearned
 from .screening import believed_readings
 
 BEFORE = "before correction"
@@ -174,6 +175,7 @@ def _missed(
 ) -> np.ndarray:
     """What a model of the known readings misses in a block; NaN where these are too few."""
     try:
-        return np.asarray(reading[block] - clone(model).fit(X, known).predict(X)[block])
+        missed = np.asarray(reading[block] - clone(model).fit(X, known).predict(X)[block])
+        return np.where(unlearned(model, X, known)[block], np.nan, missed)
     except RecordError:
         return np.full(len(block), np.nan)

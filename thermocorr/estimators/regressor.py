@@ -14,7 +14,6 @@ from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils._param_validation import Interval, StrOptions
 
-from ..effects import SeveralSteps
 from ..effects.products import CoarseProducts
 from ..effects.protocol import Effect
 from ..effects.wrap import EffectsParameters, as_effects
@@ -190,7 +189,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         features.remember(record, self._swept.end_states)
         ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
         self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
-        for learned in ("standard_errors_", "joint_errors_"):
+        for learned in ("standard_errors_", "joint_errors_", "provenance_"):
             self.__dict__.pop(learned, None)
         self.reading_ = reading
         effects = features.effect_list()
@@ -304,11 +303,11 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
     def learn_levels(self, X: Any, y: Any) -> None:
         """Find out where the runs of a record change their level: the first step of `fit`."""
-        self.run_levels_ = RunLevels()
+        found = RunLevels()
         if self.run is not None and self.run_offset != "same":
-            features = self.unfitted_features(())
-            record = features.learn(X, y, quiet=True)
-            self.run_levels_ = run_levels(features, record, self.run_offset == "each")
+            features = self.unfitted_features((), RunLevels())
+            found = run_levels(features, features.learn(X, y, quiet=True), self.run_offset == "each")
+        self.run_levels_ = found
 
     def _search(self, X: Any, y: Any) -> TimeConstantChoice | None:
         """Choose time constants where the user left it to the data; None where they are given."""
@@ -338,12 +337,16 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             )
         return int(given) if isinstance(given, Integral) else 0
 
-    def unfitted_features(self, time_constants: Any) -> DiffusiveFeatures:
-        """Features with the settings of this model and the time constants given, before their fit."""
+    def unfitted_features(self, time_constants: Any, levels: RunLevels | None = None) -> DiffusiveFeatures:
+        """Features with the settings of this model and the time constants given, before their fit.
+
+        They have the steps between the runs that `learn_levels` found, or those given.
+        """
         names = (set(DiffusiveFeatures._get_param_names()) & set(self._get_param_names())) - {"time_constants"}
         features = DiffusiveFeatures(time_constants, **{name: getattr(self, name) for name in names})
-        if levels := getattr(self, "run_levels_", RunLevels()).times:
-            features.set_params(effects=[*as_effects(self.effects), ("run_levels", SeveralSteps(list(levels)))])
+        levels = getattr(self, "run_levels_", RunLevels()) if levels is None else levels
+        if levels.times:
+            features.set_params(effects=levels.beside(as_effects(self.effects)))
         features.set_output(transform="default")  # arrays inside, whatever scikit-learn is set to
         return features
 

@@ -7,14 +7,16 @@ which `correct` keeps, where the record says so.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..effects import ThermalLag
+from ..effects import SeveralSteps, ThermalLag
+from ..effects.protocol import Effect
 from ..equations import TriangularFactor
-from ..records import Record, RecordError
+from ..records import BLOCK_ROWS, Record, RecordError
 from .features import DiffusiveFeatures
 from .fitting import sweep_effects
 
@@ -25,6 +27,8 @@ effect, to be found by a diagnosis: a drift, a step, another column. Half and tw
 WITHIN = 0.3
 """Share of the temperature's standard deviation that lies within the runs, from which on they tell the static law by
 themselves. Runs at set points, one temperature each, do not: their levels are the static law."""
+NAME = "run_levels"
+"""Name of the steps among the effects of a model."""
 LAGS = 5
 """Lags of the model that decides, from two steps to a tenth of the longest run."""
 
@@ -34,6 +38,19 @@ class RunLevels(NamedTuple):
 
     times: tuple[float, ...] = ()
     note: str = ""
+
+    def beside(self, effects: list[tuple[str, Effect]]) -> list[tuple[str, Effect]]:
+        """Effects of a model, and the steps between its runs behind them."""
+        taken = {name for name, _ in effects}
+        name = NAME if NAME not in taken else f"{NAME}_of_runs"
+        return [*effects, (name, SeveralSteps(list(self.times)))]
+
+    @classmethod
+    def among(cls, learned: Sequence[tuple[str, Effect]], given: Sequence[tuple[str, Effect]]) -> RunLevels:
+        """Levels that a fitted model has, from its learned effects and those that its user gave."""
+        own = {name for name, _ in given}
+        steps = [e for name, e in learned if name.startswith(NAME) and name not in own and isinstance(e, SeveralSteps)]
+        return cls(tuple(float(time) for step in steps for time in step.times))
 
 
 def run_levels(features: DiffusiveFeatures, record: Record, always: bool) -> RunLevels:
@@ -53,44 +70,90 @@ def run_levels(features: DiffusiveFeatures, record: Record, always: bool) -> Run
     RecordError
         Where runs overlap in time and are to have levels of their own: a model holds one at a time.
     """
-    firsts = [k for k, segment in enumerate(record.segments) if k == 0 or segment.run != record.segments[k - 1].run]
-    if len(firsts) < 2:
+    runs = [run for run in _runs(record) if run.has_readings]
+    if len(runs) < 2:
         return RunLevels()
-    better = np.inf if always else _gain(features, record, firsts)
+    better = np.inf if always else _gain(features, record)
     if better < DISTINCT:
         return RunLevels()
-    spans = []
-    for first, behind in pairwise([*firsts, len(record.segments)]):
-        start, end = record.segments[first].start, record.segments[behind - 1].stop - 1
-        spans.append((record.stamp(start), record.stamp(end), record.segments[first].run))
-    spans.sort(key=lambda span: span[0])
-    for before, after in pairwise(spans):
-        if after[0] <= before[1]:
+    runs.sort(key=lambda run: run.begins)
+    for before, after in pairwise(runs):
+        if after.begins <= before.ends:
+            differ = "are to have" if always else "have readings at"
             raise RecordError(
-                f"Runs {before[2]!r} and {after[2]!r} overlap in time and have readings at different levels: one model "
+                f"Runs {before.label!r} and {after.label!r} overlap in time and {differ} different levels: one model "
                 "holds one level at a time. Fit a model for each of them, or pass run_offset='same' if they are one "
                 "measurand."
             )
     zero = record.first_stamp()
-    gaps = [(before[1], after[0]) for before, after in pairwise(spans)]
+    gaps = [(before.ends, after.begins) for before, after in pairwise(runs)]
     times = tuple(record.times.between((end + start) / 2, zero) for end, start in gaps)
     if always:
         return RunLevels(times)
     return RunLevels(
         times,
-        f"The {len(firsts)} runs are at different levels: each has a U0 of its own, which correct keeps "
+        f"The {len(runs)} runs are at different levels: each has a U0 of its own, which correct keeps "
         f"(run_offset='each'); one for all would leave {np.sqrt(better):.3g} times the residual. Pass "
         "run_offset='same' if they are one measurand.",
     )
 
 
-def _gain(features: DiffusiveFeatures, record: Record, firsts: list[int]) -> float:
+class _Run(NamedTuple):
+    """Consecutive segments with one label."""
+
+    label: object
+    first: int
+    """Row in time order at which it begins."""
+    begins: float
+    ends: float
+    """Stamps of its first and last row."""
+    has_readings: bool
+
+
+def _runs(record: Record) -> list[_Run]:
+    numbers = range(len(record.segments))
+    firsts = [k for k in numbers if k == 0 or record.segments[k].run != record.segments[k - 1].run]
+    found = []
+    for first, behind in pairwise([*firsts, len(record.segments)]):
+        segments = record.segments[first:behind]
+        start, end = segments[0].start, segments[-1].stop - 1
+        known = any(_known(record, segment.start, segment.stop) for segment in segments)
+        found.append(_Run(segments[0].run, start, record.stamp(start), record.stamp(end), known))
+    return found
+
+
+def _known(record: Record, start: int, stop: int) -> bool:
+    """Whether there are readings between two rows in time order."""
+    reading: Any = record.reading
+    blocks = (record.rows(low, min(low + BLOCK_ROWS, stop)) for low in range(start, stop, BLOCK_ROWS))
+    return any(np.isfinite(np.asarray(reading[rows], float)).any() for rows in blocks)
+
+
+def unlearned(model: Any, X: Any, known: np.ndarray) -> np.ndarray:
+    """Rows of runs whose level a model cannot know, as it has no reading of them; shape (n_rows,), booleans.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+        Fitted; where its runs have one level, there are no such rows.
+    X : as for its `fit`
+    known : array of shape (n_rows,)
+        Readings that are learned from, NaN elsewhere.
+    """
+    if not model.run_levels_.times:
+        return np.zeros(len(known), bool)
+    labels = np.asarray(X[model.run] if hasattr(X, "columns") else X[:, model.run], dtype=object)
+    learned = set(labels[np.isfinite(known)])
+    return np.array([label not in learned for label in labels], bool)
+
+
+def _gain(features: DiffusiveFeatures, record: Record) -> float:
     """Residual variance with one level over that with a level for each run; 1 where the runs cannot tell."""
     longest = max(record.duration(segment) for segment in record.segments)
     step = record.usual_step()
     lag = ThermalLag(np.geomspace(2 * step, max(longest / 10, 4 * step), LAGS).tolist(), features.hold)
     lag.learn(record)
-    edges = np.array([*(record.segments[k].start for k in firsts), record.n_rows])
+    edges = np.array([*(run.first for run in _runs(record)), record.n_rows])
     edges[0] = 0
     chunks = [
         chunk for chunk in sweep_effects(record, [*features.effect_list(), lag], edges).chunks if chunk.n_rows > 1

@@ -13,6 +13,7 @@ from ..effects.stream import needed_columns
 from ..effects.wrap import as_effects
 from ..estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
 from ..estimators.reading import Reading
+from ..estimators.run_levels import RunLevels
 from ..records import History, Record, Segment, seconds_of
 from ..records.errors import quoted
 from ..records.grammar import LARGEST
@@ -282,6 +283,9 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
         effect = codec.unpack(item, place, learned=True)
         named.append((text(item.get("name"), f"{place}.name"), effect))
     features.effects_ = named
+    model.run_levels_ = RunLevels.among(named, as_effects(model.effects))
+    if model.run_levels_.times:
+        features.set_params(effects=model.run_levels_.beside(as_effects(model.effects)))
     _restore_features(features, node, where)
     features.history_ = unpack_history(node["history"], f"{where}.history", features.effect_list(), codec)
     features.n_features_in_ = model.n_features_in_ = integer(node["n_features_in"], f"{where}.n_features_in", 1)
@@ -311,7 +315,7 @@ def _check_names(names: list[str], features: DiffusiveFeatures, where: str) -> N
     record, layout = features.history_.record, features.layout()
     special = [column for column in (layout.time, layout.run) if column is not None]
     for column in (*record.columns, *special):
-        if column not in names and parted_state(str(column))[0] not in names:
+        if column not in names and parted_state(str(column), names) is None:
             raise ModelFileError(f"{where} has no {quoted(column)}, which the model needs")
     _check_temperature(temperature_column(pd.DataFrame(columns=names), layout, quiet=True), features, where)
 

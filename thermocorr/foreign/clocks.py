@@ -20,18 +20,26 @@ DAYS_OF_EXCEL = (25_569.0, 73_051.0)
 _EXCEL_ZERO = pd.Timestamp("1899-12-30")
 _SECONDS = ("s", "sec", "second", "elapsed")
 """Endings and parts of names of columns that hold seconds."""
-EPOCHS = {"ms": (1e11, 1e14), "us": (1e14, 1e17), "ns": (1e17, 9.3e18)}
-"""Unit of Unix times -> their size; what is smaller is seconds."""
-UNIX = (5e8, 5e9)
-"""Unix times in seconds, 1985 to 2128."""
+UNIX = (9.4e8, 4.2e9)
+"""Unix times in seconds, 1999 to 2103."""
+EPOCHS = {"ms": 1e3, "us": 1e6, "ns": 1e9}
+"""Unit of Unix times -> how many are a second."""
+LARGEST_SECONDS = 1e10
+"""Numbers from here on are no seconds of a log: 300 years."""
+SPANS = {"ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0, "d": 86_400.0, "s": 1.0}
+"""Unit of a column of times -> its seconds."""
 
-CLOCK = r"(?P<clock>\d{1,2}:\d{2}(?::\d{2})?)(?:[.,:](?P<fraction>\d+))?(?:\s*(?P<half>[AaPp]\.?[Mm]\.?))?"
+CLOCK = (
+    r"(?P<clock>\d{1,2}:\d{2}(?::\d{1,2}(?=\D|$))?)(?:(?<=:\d\d)[.,](?P<fraction>\d+)|(?<=:\d\d):(?P<third>\d{3}))?"
+    r"(?:\s*(?P<half>[AaPp]\.?[Mm]\.?))?"
+)
 """A time of day: clock, fraction of a second, half of the day."""
 _DATES = {
     r"\d{1,2}\.\d{1,2}\.\d{4}": ("%d.%m.%Y",),
     r"\d{1,2}\.\d{1,2}\.\d{2}": ("%d.%m.%y",),
     r"\d{1,2}/\d{1,2}/\d{4}": ("%d/%m/%Y", "%m/%d/%Y"),
-    r"\d{1,2}/\d{1,2}/\d{2}": ("%d/%m/%y", "%m/%d/%y"),
+    r"\d{1,2}/\d{1,2}/\d{2}": ("%d/%m/%y", "%m/%d/%y", "%y/%m/%d"),
+    r"\d{2}-\d{2}-\d{2}": ("%d-%m-%y", "%m-%d-%y", "%y-%m-%d"),
     r"\d{1,2}-\d{1,2}-\d{4}": ("%d-%m-%Y", "%m-%d-%Y"),
     r"\d{4}/\d{1,2}/\d{1,2}": ("%Y/%m/%d",),
     r"\d{4}\.\d{1,2}\.\d{1,2}": ("%Y.%m.%d",),
@@ -77,6 +85,8 @@ def understood(values: pd.Series[Any], form: str | None = None, zone: str | None
     read = _of_numbers(values, form) if kind_of(values) == "number" else _of_text(values, form)
     if zone is None:
         return read
+    if read.said.startswith("Unix"):
+        raise RecordError(f"{quoted(values.name)} has Unix times, which are UTC: leave out --timezone.")
     return Understood(in_zone(read.times, zone), f"{read.said + ', ' if read.said else ''}local time of {zone}")
 
 
@@ -90,6 +100,9 @@ def _of_numbers(values: pd.Series[Any], form: str | None) -> Understood:
     if form == "excel":
         whole = np.round((numbers - DAYS_OF_EXCEL[0]) * 86_400e3)  # to the millisecond, as spreadsheets show them
         return Understood(_counted(whole, "ms", values), "days of a spreadsheet")
+    if "%" in form:
+        whole_text: Any = pd.Series([f"{number:.0f}" for number in numbers], index=values.index, dtype="string")
+        return Understood(_parsed(whole_text, values, form), f"times as {form}")
     unit = form.removeprefix("unix").strip() or "s"
     if unit not in ("s", *EPOCHS):
         raise _unknown_form(form)
@@ -110,15 +123,29 @@ def _counted(numbers: Any, unit: Any, values: pd.Series[Any]) -> pd.Series[Any]:
 def _form_of(known: np.ndarray, name: str) -> str | None:
     """What numbers of this size are; None for seconds."""
     low, high = float(known.min()), float(known.max())
-    for unit, (least, most) in EPOCHS.items():
-        if least <= low and high < most:
+    for unit, factor in EPOCHS.items():
+        if UNIX[0] * factor <= low and high < UNIX[1] * factor:
             return f"unix {unit}"
     if UNIX[0] <= low and high < UNIX[1]:
         return "unix s"
+    if np.median(known) >= LARGEST_SECONDS:  # one damaged time is none of these
+        raise RecordError(
+            f"{quoted(name)} has numbers such as {high:.0f}: no seconds, and no Unix times of this century. Say what "
+            "they are with --time-format, such as %Y%m%d%H%M%S."
+        )
     says_seconds = any(part in _SECONDS for part in re.split(r"[^a-z]+", name.lower()))
-    like_days = DAYS_OF_EXCEL[0] <= low and high < DAYS_OF_EXCEL[1] and (known % 1.0).any()
+    in_days = DAYS_OF_EXCEL[0] <= low and high < DAYS_OF_EXCEL[1]
+    says_date = any(part in ("date", "datum", "timestamp", "datetime") for part in re.split(r"[^a-z]+", name.lower()))
+    like_days = in_days and (known % 1.0).any() and len(known) > 1 and np.median(np.abs(np.diff(known))) < 0.5
     dense = len(known) > 1 and np.median(np.abs(np.diff(known))) < 0.5
-    return "excel" if like_days and dense and not says_seconds else None
+    if says_seconds or not (like_days or (in_days and says_date)):
+        return None
+    if not dense or (np.round(known, 4) == known).all():  # a minute is 0.000694 days
+        raise RecordError(
+            f"Are the numbers in {quoted(name)}, such as {known[0]:.10g}, seconds, or days of a spreadsheet? Say it "
+            "with --time-format seconds or --time-format excel."
+        )
+    return "excel"
 
 
 def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
@@ -155,10 +182,10 @@ def date_form(values: pd.Series[Any]) -> str | None:
         forward = {date: times for date, times in whole.items() if not (times.diff() < pd.Timedelta(0)).any()}
         whole = forward if len(forward) == 1 else whole
     if len(whole) > 1:
-        one, other = whole.values()
-        row = int(np.argmax((one != other).to_numpy()))
+        one = next(iter(whole.values()))
+        row = int(np.argmax(np.logical_or.reduce([(one != other).to_numpy() for other in whole.values()])))
         read = " or ".join(f"{times.iloc[row]:%d %B %Y} ({date})" for date, times in whole.items())
-        if one.iloc[row] != other.iloc[row]:
+        if any(other.iloc[row] != one.iloc[row] for other in whole.values()):
             raise RecordError(
                 f"Is {text.iloc[row]!r} in {quoted(values.name)}, row {row}, {read}? Every row can be read either way. "
                 f"Say which it is with --time-format, such as --time-format '{next(iter(whole))} %H:%M:%S'."
@@ -201,7 +228,7 @@ def _day_share(text: pd.Series[Any]) -> pd.DataFrame:
     hours, minutes, seconds = (pd.to_numeric(shown[k], errors="coerce").astype(float) for k in range(3))
     half = parts["half"].str.replace(".", "").str.lower()
     hours = hours.where(half.isna(), hours % 12 + 12.0 * (half == "pm").fillna(False).astype(float))
-    digits: Any = "0." + parts["fraction"].fillna("0")
+    digits: Any = "0." + parts["fraction"].fillna(parts["third"]).fillna("0")
     fraction = pd.to_numeric(digits).astype(float)
     whole = hours * 3600 + minutes * 60 + seconds.fillna(0.0)
     whole = whole.where((hours < 24) & (minutes < 60) & ~(seconds >= 61))

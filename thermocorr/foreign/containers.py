@@ -60,7 +60,12 @@ def spreadsheet(path: Path, sheet: str | None) -> pd.DataFrame:
             if len(filled) > 1:
                 raise RecordError(f"{path} has several sheets: {listing(filled)}. Say which with --sheet.")
             sheet = filled[0] if filled else None
-        rows = [list(row) for row in book[sheet or book.sheetnames[0]].iter_rows(values_only=True)]
+        chosen = book[sheet or book.sheetnames[0]]
+        chosen.reset_dimensions()  # what the file says of them may be old
+        rows = [list(row) for row in chosen.iter_rows(values_only=True)]
+        rows = [row for row in rows if any(cell is not None for cell in row)]
+        width = max(map(len, rows), default=0)
+        rows = [[*row, *[None] * (width - len(row))] for row in rows]
     finally:
         book.close()
     return pd.DataFrame(rows, dtype=object)

@@ -84,7 +84,12 @@ class Dialect:
         for number, line in enumerate(rows.split("\n"), self.first + 1):
             line = line.removesuffix("\r")
             cells = self.fields(line) if line.strip() else []
-            if not cells or is_comment(line, len(cells), len(self.names)):
+            if line.strip() and not cells:
+                raise RecordError(
+                    f"line {number}: it is no CSV: a quoted field is not closed, or goes on behind its quote"
+                )
+            remark = is_comment(line, len(cells), len(self.names)) or (self.comments and line.startswith("#"))
+            if remark or not any(map(str.strip, cells)):
                 out.write("\n")
                 continue
             if (self.spare and not any(cells[len(self.names) :])) or (self.remarks and len(cells) > 1):

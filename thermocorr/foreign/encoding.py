@@ -49,6 +49,8 @@ def decoded(content: bytes, named: str | None = None) -> Decoded | None:
             ) from None
         except UnicodeDecodeError as error:
             raise RecordError(f"byte {error.start + 1} does not fit the encoding {named}") from None
+        except ValueError as error:
+            raise RecordError(f"--encoding {named!r} cannot be used: {error}") from None
     codec, name = next(((codec, name) for mark, codec, name in _MARKS if content.startswith(mark)), ("", ""))
     if not codec and (wide := _without_mark(content)):
         codec, name = wide, "UTF-16"

@@ -13,15 +13,17 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.csvlines import is_comment
-from .clocks import CLOCK, date_form
+from .clocks import CLOCK, date_form, understood
 from .dialect import Dialect
 from .how import HowToRead
 from .text_tables import first_lines, head_dialect
 from .timed import date_and_clock
-from .values import plain_cell
+from .values import is_number, plain_cell
 
 LINES = 40
 """Lines, those before the header included, from which a dialect is told: a damaged one behind them is left out."""
+NATIVE = ("", "Unix times in seconds")
+"""What is said of numbers that are seconds."""
 FEWEST_ROWS = 2
 """Rows that must be there before a dialect is told from them."""
 
@@ -72,6 +74,8 @@ class LineTranslator:
             raise RecordError("--time-format needs the whole log: leave it out, or leave out --follow.")
         if column is None:
             return None
+        if is_number(str(frame[column].iloc[0])) and understood(frame[column]).said not in NATIVE:
+            raise RecordError("Dates as such numbers need the whole log: leave out --follow.")
         return date_form(frame[column] if pair is None else frame[pair[0]] + " " + frame[pair[1]])
 
     def header(self) -> bytes:
@@ -82,7 +86,9 @@ class LineTranslator:
         """A line as plain CSV; an empty one for a comment; as it stands where it is no row, for others to complain."""
         text = line.decode(self.encoding, errors="replace").rstrip("\r\n")
         cells = self.dialect.fields(text) if text.strip() else []
-        if not cells or is_comment(text, len(cells), len(self.dialect.names)):
+        if text.strip() and not cells:
+            return self._line([f"{text[:60]!r} has a quoted field that is not closed"])
+        if not any(map(str.strip, cells)) or is_comment(text, len(cells), len(self.dialect.names)):
             return b"\n"
         if self.dialect.spare or self.dialect.remarks:
             del cells[len(self.dialect.names) :]
@@ -111,10 +117,13 @@ class LineTranslator:
         if found["clock"] is None:
             return day.isoformat()
         hours, minutes, *seconds = map(int, found["clock"].split(":"))
+        if hours > 23 or minutes > 59 or sum(seconds) > 60:
+            raise ValueError(cell)
         if found["half"]:
             hours = hours % 12 + 12 * found["half"].lower().startswith("p")
         moment = day + timedelta(hours=hours, minutes=minutes, seconds=seconds[0] if seconds else 0)
-        return moment.isoformat() + (f".{found['fraction']}" if found["fraction"] else "")
+        fraction = found["fraction"] or found["third"]
+        return moment.isoformat() + (f".{fraction}" if fraction else "")
 
     @staticmethod
     def _line(cells: list[str]) -> bytes:

@@ -16,6 +16,7 @@ from ..records.errors import listing
 from ..records.files import existing_file, format_of, read_table
 from .containers import FEATHER, PACKED, SHEETS, feather, spreadsheet, unpacked
 from .how import HowToRead, Table
+from .long_form import nearly_numbers
 from .text_tables import HEAD, first_lines, is_plain, text_table
 
 
@@ -84,6 +85,7 @@ def _cell_text(cell: Any) -> str:
 
 
 def _filled(table: Table, path: Path) -> Table:
+    """A table with rows, and what is said of columns that are no numbers for a few cells."""
     if len(table.frame) == 0:
         raise RecordError(f"{path} has a header ({listing(table.frame.columns)}) but no rows.")
-    return table
+    return table.with_said(table.frame, *nearly_numbers(table.frame))

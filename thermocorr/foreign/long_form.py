@@ -8,11 +8,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from ..records import RecordError
+from ..records.errors import quoted
 from ..records.types import kind_of
 from ..records.units import unit_of_text
-from .values import is_number, plain_cell
+from .values import IN_DOUBT, is_number, plain_cell
 
 _WITH_UNIT = re.compile(r"(?P<number>[-+0-9.,eE]+)\s*(?P<unit>[^\d\s.,+-].*)")
+
+NEARLY = 0.5
+"""Share of the cells of a column that are numbers, from which on the others are said."""
 
 
 class Shape(NamedTuple):
@@ -39,11 +44,21 @@ def widened(frame: pd.DataFrame, reading: str | None = None) -> tuple[pd.DataFra
     shape = next((shape for shape in SHAPES if set(shape) <= set(frame.columns)), None)
     if shape is None:
         return frame, ""
-    names = frame[shape.name].astype(str)
+    by = "entity_id" if "entity_id" in frame.columns else shape.name
+    names = frame[by].astype(str)
     names = names.where(~names.str.startswith("sensor."), names.str.removeprefix("sensor."))
     times = pd.to_datetime(frame[shape.time], format="ISO8601", errors="coerce", utc=True)
     values = pd.to_numeric(frame[shape.value], errors="coerce")  # "unavailable" is no number
+    if times.isna().any():
+        row = int(times.isna().to_numpy().argmax())
+        raise RecordError(f"{frame[shape.time].iloc[row]!r} in {shape.time!r}, row {row}, is no date of ISO 8601.")
     known = times.notna() & values.notna()
+    twice = pd.DataFrame({"name": names, "time": times})[known].duplicated()
+    if twice.any():
+        name = names[known][twice].iloc[0]
+        raise RecordError(
+            f"Several series are called {name!r}: they have values at the same times. Export one of them."
+        )
     columns = {name: _series(times[known & (names == name)], values) for name in names[known].unique()}
     if not columns:
         return frame, ""
@@ -74,7 +89,7 @@ def on_times(series: pd.Series[Any], index: Any) -> np.ndarray:
 def _numbers(index: Any) -> np.ndarray:
     """Nanoseconds of dates and spans; seconds as they are."""
     if isinstance(index, pd.DatetimeIndex):
-        index = index.tz_localize(None)
+        index = (index if index.tz is None else index.tz_convert("UTC")).tz_localize(None)
     if isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex):
         return np.asarray(index.as_unit("ns").asi8)
     return np.asarray(index, float)
@@ -90,13 +105,16 @@ def without_units(frame: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:
 
 
 def _numbers_of(cells: pd.Series[Any]) -> tuple[np.ndarray, str] | None:
-    numbers, units = np.full(len(cells), np.nan), set()
+    numbers, units, signs = np.full(len(cells), np.nan), set(), set()
     for row, cell in enumerate(cells):
         if not isinstance(cell, str):
             continue
         found = _WITH_UNIT.fullmatch(cell.strip())
         decimal = "," if found and "," in found["number"] else "."
         if not found or not is_number(found["number"], decimal) or not unit_of_text(found["unit"]):
+            return None
+        signs.add(decimal if {",", "."} & set(found["number"]) else "")
+        if len(signs - {""}) > 1 or (decimal == "," and IN_DOUBT["."].fullmatch(found["number"])):
             return None
         try:
             numbers[row] = float(plain_cell(found["number"], decimal))
@@ -106,3 +124,19 @@ def _numbers_of(cells: pd.Series[Any]) -> tuple[np.ndarray, str] | None:
         if len(units) > 1:
             return None
     return (numbers, units.pop()) if units else None
+
+
+def nearly_numbers(frame: pd.DataFrame) -> list[str]:
+    """What is said of columns of numbers in which some cells are words: they are no columns of numbers."""
+    said = []
+    for name in frame.columns:
+        if kind_of(frame[name]) != "text":
+            continue
+        known = frame[name].dropna()
+        good = pd.to_numeric(known, errors="coerce").notna()
+        if len(known) and NEARLY <= good.mean() < 1.0:
+            word = known[~good].iloc[0]
+            said.append(
+                f"{quoted(name)} is not used: {int((~good).sum())} of its cells are no numbers, such as {word!r}"
+            )
+    return said

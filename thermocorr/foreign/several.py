@@ -14,6 +14,7 @@ from ..records.errors import listing, quoted
 from ..records.files import TIME_NAMES, require_column
 from ..records.times import dates_once
 from ..records.types import kind_of
+from ..records.units import unit_of
 from .how import HowToRead, Table
 from .log_files import read_log
 from .long_form import on_times
@@ -36,6 +37,13 @@ def as_runs(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> Ta
                 f"{path} has the columns {listing(table.frame.columns)}, and {paths[0]} has {listing(first.columns)}. "
                 "Files that belong together in time, such as a room's and an instrument's, are joined by --join."
             )
+    for path, table in zip(paths[1:], tables[1:], strict=True):
+        for name in first.columns:
+            one, other = (unit_of(name, frame) for frame in (first, table.frame))
+            if one != other:
+                raise RecordError(
+                    f"{quoted(name)} is in {other or 'no unit'} in {path}, in {one or 'no unit'} in {paths[0]}."
+                )
     if RUN in first.columns:
         raise RecordError(f"There is a column {quoted(RUN)} already: name the runs yourself, in one file, with --run.")
     names = _names(paths)
@@ -62,6 +70,7 @@ def joined(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> Tab
         at = columns.index(None)
         raise RecordError(f"{paths[at]} has no column of times that is called so. Files are joined by their times.")
     _refuse_other_clocks([table.frame for table in tables], paths, time)
+    left: list[str] = []
     frame, index = tables[main].frame, _index(tables[main].frame, str(columns[main]))
     for k, table in enumerate(tables):
         if k == main:
@@ -70,13 +79,21 @@ def joined(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> Tab
         source = source[~source.index.duplicated(keep="last")].sort_index()
         for name in source.columns:
             if kind_of(source[name]) not in ("number", "switch"):
+                left.append(str(name))
                 continue
             known = source[name][source[name].notna()]
             label = name if name not in frame.columns else f"{name} ({Path(paths[k]).stem})"
+            if label in frame.columns:
+                raise RecordError(f"Several files have a column {quoted(name)}: name the columns, or the files, apart.")
             values = on_times(known, index) if len(known) else np.full(len(frame), np.nan)
+            if not np.isfinite(values).any():
+                raise RecordError(f"{paths[k]} has no {quoted(name)} at any time of {paths[main]}. Is its clock right?")
+            if kind_of(source[name]) == "switch":
+                values = np.where(np.isnan(values), np.nan, values >= 0.5)
             frame = frame.assign(**{str(label): values})
     said = tuple(dict.fromkeys(word for table in tables for word in table.said))
     words = f"{len(paths)} files joined on the times of {Path(paths[main]).name}"
+    words += f", without {listing(left)} (no numbers)" if left else ""
     return Table(frame=frame, said=said).with_said(_with_units(frame, tables), words)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,10 +12,12 @@ from ..records import RecordError
 from ..records.grammar import is_missing
 from ..records.units import unit_of_text
 from .dialect import SEPARATORS, Dialect
-from .values import GROUPED, is_moment, is_number, is_unit, is_value
+from .values import GROUPED, IN_DOUBT, is_moment, is_number, is_unit, is_value
 
 SAMPLE = 400
 """Lines that are looked at."""
+LONGEST = 20_000
+"""Characters of a line at most: a longer one is no row of a log."""
 TYPED = 0.8
 """Share of the cells of a column, or of the columns of values in a row, that hold a value."""
 
@@ -50,12 +53,15 @@ def sniff(lines: Sequence[str], separator: str | None = None, decimal: str | Non
     RecordError
         Where numbers have decimal points and decimal commas.
     """
+    if max(map(len, lines), default=0) > LONGEST:
+        return None
     choices = list(SEPARATORS) if separator is None else [separator]
     looks = [look for mark in choices if (look := _looked_at(lines, mark, decimal, forced=separator is not None))]
     if not looks:
         return None
-    best = max(looks, key=lambda look: look.score)  # the first of those that fit alike
-    found = _with_header(lines, best)
+    looks.sort(key=lambda look: -look.score)  # the first of those that fit alike
+    headed = ((look, _with_header(lines, look)) for look in looks)
+    best, found = next(((look, dialect) for look, dialect in headed if dialect is not None), (looks[0], None))
     if found is None:
         first = next((k for k, row in enumerate(best.rows) if row), 0)
         if best.dialect.separator != "," and best.score > TYPED and _is_row(best.rows[first], best):
@@ -106,6 +112,8 @@ def _with_header(lines: Sequence[str], look: Looked) -> Dialect | None:
         first = k + 1 if units is None else units + 1
         if not any(data[first:]):
             continue
+        if units is not None:  # a row of kinds (Avg, Smp) below the units
+            first += next(i for i in range(len(data)) if data[first + i] or i == 2)
         rest = range(first, len(data))
         against = sum(filled[i] and not data[i] and look.rows[i] != row for i in rest) + sum(data[:k])
         candidates.append((against, -k, first, units))
@@ -113,6 +121,12 @@ def _with_header(lines: Sequence[str], look: Looked) -> Dialect | None:
     if not candidates:
         return _with_commented_header(lines, look, data)
     _, place, first, units = min(candidates)
+    above = next((k for k in range(-place) if data[k]), None)
+    if above is not None:
+        raise RecordError(
+            f"line {above + 1} is a row, and the columns' names stand below it, in line {-place + 1}. Does the log "
+            "begin anew there? Split it, or put the header into its first line"
+        )
     names = [cell.strip() for cell in look.rows[-place]]
     remarks = len(names) > look.width
     names = names[: look.width]
@@ -160,8 +174,8 @@ def _is_header(row: list[str], look: Looked) -> bool:
         row = row[:-1]
     if len(row) != look.width or sum(map(bool, map(str.strip, row))) < len(row) / 2:
         return False
-    held = [cell for cell, is_one in zip(row, look.values, strict=True) if is_one and cell.strip()]
-    return any(not is_number(cell) for cell in held) and not is_value(held[0])
+    held = [cell.strip() for cell, is_one in zip(row, look.values, strict=True) if is_one]
+    return bool(held[0]) and any(cell and not is_number(cell) for cell in held) and not is_value(held[0])
 
 
 def _are_units(row: list[str]) -> bool:
@@ -182,6 +196,18 @@ def _spare(names: list[str], rows: list[list[str]]) -> int:
     return spare
 
 
+def _falling(rows: list[list[str]], sign: str) -> str | None:
+    """A number that may be thousands: its column has whole numbers of three digits too, and none of other fractions."""
+    for column in zip(*rows, strict=True):
+        cells = [cell.strip() for cell in column]
+        signed = [cell for cell in cells if sign in cell and is_number(cell, sign)]
+        whole = any(re.fullmatch(r"[+-]?\d{3}", cell) for cell in cells)
+        other = "," if sign == "." else "."
+        if signed and whole and all(IN_DOUBT[other].fullmatch(cell) for cell in signed):
+            return str(signed[0])
+    return None
+
+
 def _decimal(dialect: Dialect, rows: list[list[str]]) -> str:
     """The decimal sign of the numbers."""
     cells = [cell.strip() for row in rows for cell in row]
@@ -189,6 +215,15 @@ def _decimal(dialect: Dialect, rows: list[list[str]]) -> str:
     commas = [cell for cell in cells if "," in cell and is_number(cell, ",")]
     if dialect.separator == "," and points:
         return "."  # a quoted 1,234 is refused where it is read
+    if commas and dialect.separator == "," and all(IN_DOUBT["."].fullmatch(cell) for cell in commas):
+        raise RecordError(f"Is {commas[0]!r} a thousandfold, or a fraction? Say it with --decimal , or --decimal .")
+    for sign, found in ((".", points), (",", commas)):
+        column = _falling(rows, sign) if found else None
+        if column is not None:
+            raise RecordError(
+                f"Is {column!r} a thousandfold, or a fraction? Whole numbers of three digits stand beside it. Write "
+                "numbers without signs between their thousands"
+            )
     if points and commas:
         raise RecordError(
             f"Some numbers have a decimal point ({points[0]!r}), others a decimal comma ({commas[0]!r}). Say which it "

@@ -113,8 +113,7 @@ def _arranged(table: Table, reading: str | None) -> Table:
     wide, words = widened(table.frame, reading)
     table = table.with_said(wide, words) if words else table
     bare, units = without_units(table.frame)
-    if not units:
-        return table
-    table = table.with_said(bare, "units in the cells")
-    table.frame.attrs["units"] = {**table.frame.attrs.get("units", {}), **units}
+    if units:
+        table = table.with_said(bare, "units in the cells")
+        table.frame.attrs["units"] = {**table.frame.attrs.get("units", {}), **units}
     return table

@@ -11,8 +11,8 @@ from ..records import RecordError
 from ..records.errors import quoted
 from ..records.times import dates_once
 from ..records.types import kind_of
-from ..records.units import name_and_unit
-from .clocks import understood
+from ..records.units import name_and_unit, unit_of
+from .clocks import SPANS, Understood, understood
 from .how import HowToRead, Table
 from .values import is_moment
 
@@ -41,11 +41,35 @@ def with_times(table: Table, column: str | None, how: HowToRead) -> Table:
             raise RecordError("--time-format, --timezone and --sort are for a column of times. Name it with --time.")
         return table
     frame, words = _joined(table.frame, column)
-    read = understood(frame[column], how.time_format, how.timezone)
+    read = in_seconds(frame, column) if how.time_format is None and how.timezone is None else None
+    read = read or understood(frame[column], how.time_format, how.timezone)
     if read.times is not frame[column]:
         frame = frame.assign(**{column: read.times})
     table = table.with_said(frame, words, read.said)
     return _sorted(table, column) if how.sort else table
+
+
+def in_seconds(frame: pd.DataFrame, column: str) -> Understood | None:
+    """Times that are numbers of a unit that the file names, other than seconds; None for any others.
+
+    Raises RecordError for dates and times of day that are whole numbers in two columns.
+    """
+    if kind_of(frame[column]) != "number":
+        return None
+    dates = [name for name in frame.columns if _plain_name(name) in DATES and name != column]
+    if _plain_name(column) in CLOCKS and any(_is_yyyymmdd(frame[name]) for name in dates):
+        raise RecordError(
+            f"{quoted(dates[0])} and {quoted(column)} look like a date and a time of day in whole numbers. Write them "
+            "in one column, as 2024-05-31T14:00:00, or say --time-format for one that has both."
+        )
+    unit = unit_of(column, frame)
+    if unit in ("", "s") or unit not in SPANS:
+        return None
+    return Understood(frame[column].astype(float) * SPANS[unit], f"times in {unit}")
+
+
+def _is_yyyymmdd(values: pd.Series[Any]) -> bool:
+    return kind_of(values) == "number" and bool(values.between(19_700_101, 21_001_231).all())
 
 
 def _joined(frame: pd.DataFrame, column: str) -> tuple[pd.DataFrame, str]:

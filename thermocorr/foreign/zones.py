@@ -12,6 +12,9 @@ from ..records import RecordError
 from ..records.times import dates_once
 from ..records.types import kind_of
 
+PUT_BACK = 15 * 60 * 10**9
+"""Least step back where clocks are put back [ns]; a smaller one is a correction of the clock."""
+
 
 def in_zone(times: pd.Series[Any], zone: str) -> pd.Series[Any]:
     """Local times as UTC; the hour that comes twice is told apart by the order of the rows.
@@ -66,7 +69,9 @@ def _second_time(times: pd.Series[Any], zone: str) -> np.ndarray:
     summer = np.ones(len(times), bool)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], doubtful, [False])).astype(int)))
     for start, stop in edges.reshape(-1, 2).tolist():
-        back = np.flatnonzero(np.diff(values[start:stop]) <= 0)
+        steps = np.diff(values[start:stop])
+        sparse = np.median(np.abs(np.diff(values))) >= PUT_BACK
+        back = np.flatnonzero(steps <= (0 if sparse else -PUT_BACK))
         if len(back):
             summer[start + back[0] + 1 : stop] = False
         elif start == 0 and stop < len(times):

@@ -21,9 +21,10 @@ from ..records.numbers import is_frame, numeric_reading
 from ..records.screen import screened
 from ..records.states import is_state, parted_state, state, states_of
 from ..records.thinned import Thinned, thinned
+from ..records.types import kind_of
 from .base import slowest_of_base, thermal_base
 from .blocks import filled, with_exact
-from .levels import COPY, MOST_ROWS, MOST_SOUND, TIME_LIKE
+from .levels import COPY, MOST_ROWS, MOST_SOUND, SAME_NOISE, SMALL_STEPS, TIME_LIKE
 
 
 def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Effect] = ()) -> Record:
@@ -84,12 +85,14 @@ def _numeric(X: Any) -> list[Any]:
         return [name for name in X.columns if X[name].kind == "number"]
     if isinstance(X, Log):
         return list(X.columns)
-    return [*X.select_dtypes(["number", "bool"]).columns, *states_of(X)] if is_frame(X) else [*range(np.shape(X)[1])]
+    if not is_frame(X):
+        return [*range(np.shape(X)[1])]
+    return [*(name for name in X.columns if kind_of(X[name]) in ("number", "switch")), *states_of(X)]
 
 
 def _is_of(name: Any, special: Collection[Any]) -> bool:
     """Whether a state is one of a column that plays another role: a run's label, a date."""
-    return isinstance(name, str) and "=" in name and parted_state(name)[0] in special
+    return isinstance(name, str) and any(parted_state(name, [column]) for column in special if column is not None)
 
 
 def _clock(column: np.ndarray, read: Record) -> bool:
@@ -108,7 +111,13 @@ def _is_reading(column: np.ndarray, read: Record) -> bool:
     sound = np.isfinite(column) & np.isfinite(reading)
     if len(column) != len(reading) or sound.sum() < 3 or not np.ptp(column[sound]) or not np.ptp(reading[sound]):
         return False
-    return bool(np.corrcoef(reading[sound], column[sound])[0, 1] ** 2 > 1 - COPY)
+    if np.corrcoef(reading[sound], column[sound])[0, 1] ** 2 < 1 - COPY:
+        return False
+    steps, own = np.diff(reading[sound]), np.diff(column[sound])  # a setpoint has nothing of the reading's noise
+    small = np.abs(steps) <= np.quantile(np.abs(steps), SMALL_STEPS)
+    if not np.ptp(steps[small]) or not np.ptp(own[small]):
+        return False
+    return bool(np.corrcoef(steps[small], own[small])[0, 1] ** 2 > SAME_NOISE)
 
 
 def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:

@@ -38,8 +38,12 @@ HELD = 1e-9
 TIME_LIKE = 0.999_999
 """Correlation with time above which a recorded column is a clock, no suspect."""
 COPY = 1e-9
-"""Share of a recorded column's variance, beside a straight line of the reading, below which it is the reading itself:
-noise alone is more, in any record."""
+"""Share of a recorded column's variance, beside a straight line of the reading, below which it may be the reading
+itself: then its small steps are those of the reading's noise too. A setpoint's are none."""
+SMALL_STEPS = 0.5
+"""Share of the reading's steps from row to row that are noise: the smaller half."""
+SAME_NOISE = 0.9
+"""Squared correlation of these steps from which on a column has the reading's noise."""
 
 MOST_EMPTY = 8
 """Steps of time for each averaged row, above which a search for waves counts rows instead: pauses of months."""

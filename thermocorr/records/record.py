@@ -85,6 +85,12 @@ class Moments(NamedTuple):
         return float(np.sqrt(self.squares / max(self.n, 1)))
 
 
+def _fixed(values: Floats) -> Floats:
+    """Values that several effects share: none may write to them."""
+    values.flags.writeable = False
+    return values
+
+
 @dataclass(frozen=True)
 class Block:
     """Consecutive rows of one segment, without those passed over, as every effect sees them."""
@@ -123,12 +129,12 @@ class Block:
     @cached_property
     def seconds(self) -> Floats:
         """Time since the first row of the fitted record [s], shape (n,)."""
-        return self.record.times.seconds(self.rows, self.zero)
+        return _fixed(self.record.times.seconds(self.rows, self.zero))
 
     @cached_property
     def elapsed(self) -> Floats:
         """Time since the start of the segment [s], shape (n,)."""
-        return self.record.times.seconds(self.rows, self.segment_zero)
+        return _fixed(self.record.times.seconds(self.rows, self.segment_zero))
 
     def seconds_at(self, numbers: NDArray[np.intp]) -> Floats:
         """Some of `seconds`, by their numbers within the block [s]."""

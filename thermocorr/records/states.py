@@ -6,12 +6,14 @@ use it as any recorded column; it need not stand in the data, where the column d
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from .errors import RecordError, quoted
 from .grammar import is_missing
 from .types import kind_of
 
@@ -29,37 +31,48 @@ def states_of(X: Any) -> list[str]:
             words = _words(X[column])
             counted = words.value_counts(sort=False)  # in the order of the rows
             if 2 <= len(counted) <= MOST_WORDS:
-                names = [f"{column}={word}" for word, rows in counted.items() if rows >= FEWEST_ROWS]
-                found += names[1:] if len(counted) == 2 else names
-    return [name for name in found if name not in X.columns]
+                names = [
+                    f"{column}={word}"
+                    for word, rows in counted.items()
+                    if FEWEST_ROWS <= rows <= counted.sum() - FEWEST_ROWS
+                ]
+                found += names[1:] if len(names) == len(counted) == 2 else names
+    return [name for name in found if name not in X.columns and is_state(X, name)]
 
 
 def is_state(X: Any, name: object) -> bool:
     """Whether a name is a state of a column in the data, which it is not itself."""
     if not (isinstance(name, str) and isinstance(X, pd.DataFrame)) or name in X.columns:
         return False
-    column = parted_state(name)[0]
-    return column in X.columns and kind_of(X[column]) == "text"
+    parted = parted_state(name, X.columns)
+    return parted is not None and kind_of(X[parted[0]]) == "text"
 
 
 def state(X: pd.DataFrame, name: str) -> NDArray[np.float64]:
     """1 in the rows that are in a state, 0 in others, NaN where the column says nothing; shape (n_rows,)."""
-    column, word = parted_state(name)
-    words = _words(X[column])
+    parted = parted_state(name, X.columns)
+    if parted is None:
+        raise RecordError(f"There is no column of the state {quoted(name)} in the data.")
+    words, word = _words(X[parted[0]]), parted[1]
     values = (words == word).astype(float).where(words.notna())
     return np.asarray(values.to_numpy(dtype=float, na_value=np.nan))
 
 
-def parted_state(name: str) -> tuple[str, str]:
-    """The column and the word of a state's name.
+def parted_state(name: str, columns: Iterable[Any]) -> tuple[Any, str] | None:
+    """The column and the word of a state's name; None where no column is called so.
 
     Examples
     --------
-    >>> parted_state("operator=Kim")
+    >>> parted_state("operator=Kim", ["temperature", "operator"])
     ('operator', 'Kim')
     """
-    column, _, word = name.partition("=")
-    return column, word
+    known = {str(column): column for column in columns}
+    at = name.find("=")
+    while at >= 0:
+        if name[:at] in known:
+            return known[name[:at]], name[at + 1 :]
+        at = name.find("=", at + 1)
+    return None
 
 
 def _words(values: pd.Series[Any]) -> pd.Series[Any]:

@@ -19,6 +19,7 @@ _WRITTEN = {
     "deg f": "degF", "fahrenheit": "degF", "f": "degF", "kelvin": "K", "°k": "K", "µv": "uV", "μv": "uV", "ω": "ohm",
     "ohms": "ohm", "kω": "kohm", "kohms": "kohm", "vdc": "V", "vac": "V", "volt": "V", "volts": "V", "adc": "A",
     "µa": "uA", "μa": "uA", "µm": "um", "μm": "um", "%": "%", "% rh": "%", "%rh": "%", "% r.h.": "%", "rh": "%",
+    "minutes": "min", "hour": "h", "days": "d", "d": "d", "us": "us", "µs": "us",
     "sec": "s", "seconds": "s", "ms": "ms", "min": "min", "h": "h", "hours": "h", "bar": "bar", "mhz": "MHz",
 }  # fmt: skip
 """How people and programs write units, in small letters, beside the values of `_SUFFIXES`."""

@@ -41,13 +41,15 @@ class SignedModel(FittedModel):
         Later rows are corrected as ever, uncertainties and standard errors included; rows that repeat the fitted record
         find their states from the rows that are kept. `combined_errors` needs the record, and refuses.
         """
+        if history_rows < 1:
+            raise ValueError(f"The 'history_rows' parameter must be at least 1. Got {history_rows!r} instead.")
         self.standard_errors()
         if self.knows_noise:
             errors = self.joint_errors()
             self.joint_errors_ = replace(errors, history=errors.history.thinned(history_rows))
         features = self.features_
         features.history_ = features.history_.thinned(history_rows)
-        del self._swept
+        self.__dict__.pop("_swept", None)
         return self
 
     def joint_errors(self) -> JointErrors:
