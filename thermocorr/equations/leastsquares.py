@@ -212,7 +212,7 @@ def _triangular_solution(unit: Floats, target: Floats, penalty: float) -> tuple[
     if penalty > 0:
         joined = _swept(joined, np.asfortranarray(np.column_stack((penalty * np.eye(p), np.zeros(p)))))
     triangle_ = np.asfortranarray(joined[:p, :p])
-    if lapack.dtrcon(triangle_, norm="1", uplo="U")[0] < WELL_CONDITIONED:
-        return None
     inverse, failed = lapack.dtrtri(triangle_)
-    return None if failed else (np.triu(inverse), np.triu(inverse) @ joined[:p, p])
+    if failed or np.linalg.norm(triangle_, 1) * np.linalg.norm(inverse, 1) > 1 / WELL_CONDITIONED:
+        return None
+    return np.triu(inverse), np.triu(inverse) @ joined[:p, p]

@@ -30,7 +30,8 @@ SPANS = {"ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0, "d": 86_400.0, "s": 1
 """Unit of a column of times -> its seconds."""
 
 CLOCK = (
-    r"(?P<clock>\d{1,2}:\d{2}(?::\d{1,2}(?=\D|$))?)(?:(?<=:\d\d)[.,](?P<fraction>\d+)|(?<=:\d\d):(?P<third>\d{3}))?"
+    r"(?P<clock>\d{1,2}:\d{2}(?::\d{1,2}(?=\D|$))?)"
+    r"(?:(?<=:\d\d:\d\d)[.,](?P<fraction>\d+)|(?<=:\d\d:\d\d):(?P<third>\d{3}))?"
     r"(?:\s*(?P<half>[AaPp]\.?[Mm]\.?))?"
 )
 """A time of day: clock, fraction of a second, half of the day."""
@@ -140,7 +141,8 @@ def _form_of(known: np.ndarray, name: str) -> str | None:
     dense = len(known) > 1 and np.median(np.abs(np.diff(known))) < 0.5
     if says_seconds or not (like_days or (in_days and says_date)):
         return None
-    if not dense or (np.round(known, 4) == known).all():  # a minute is 0.000694 days
+    parts = known * 86_400.0
+    if not dense or (np.round(known, 4) == known).all() or np.mean(np.abs(parts - np.round(parts)) < 0.05) < 0.9:
         raise RecordError(
             f"Are the numbers in {quoted(name)}, such as {known[0]:.10g}, seconds, or days of a spreadsheet? Say it "
             "with --time-format seconds or --time-format excel."

@@ -115,7 +115,8 @@ class Dialect:
         """Whether replacing characters is enough: no quotes, comments or blanks, no comma but in numbers."""
         if self.comments or self.spare or self.remarks or self.separator == BLANKS or '"' in rows:
             return False
-        if self.names[0] in rows or self.grouped:
+        nothing = self.separator * (len(self.names) - 1)
+        if self.names[0] in rows or self.grouped or f"\n{nothing}\n" in rows or f"\n{nothing}\r" in rows:
             return False
         if self.decimal == ".":
             return "," not in rows
