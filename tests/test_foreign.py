@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import random
 import re
@@ -12,7 +13,7 @@ import pandas as pd
 import pytest
 from corpus.foreign_logs import DAY, GOOD, LONGER, REFUSED, TIMES, N, T, U, comma, plain, semicolons
 
-from thermocorr import RecordError
+from thermocorr import RecordError, RecordWarning
 from thermocorr.command.cli import main
 from thermocorr.foreign import HowToRead, as_runs, joined, read_log, with_times
 from thermocorr.records.files import TIME_NAMES, require_column
@@ -382,3 +383,12 @@ def test_files_in_other_units_or_at_other_times_are_not_put_together(written):
     late = written(plain(times=TIMES + pd.Timedelta("9D")).replace("reading", "oven"), "late.csv")
     with pytest.raises(RecordError, match="at any time of"):
         joined([written(plain(), "now.csv"), late], None, HowToRead())
+
+
+@pytest.mark.parametrize("cut", range(20, 90))
+def test_a_file_that_was_cut_anywhere_raises_nothing_but_sentences(cut, written):
+    """Dots and commas of a row that has no line end among them."""
+    content = semicolons(head="Zeit;Temperatur;Messwert\n")[:cut]
+    with warnings.catch_warnings(), contextlib.suppress(RecordError, StopIteration):
+        warnings.simplefilter("ignore", RecordWarning)
+        assert len(understood(written(content))[1]) <= 2

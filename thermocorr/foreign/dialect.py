@@ -132,5 +132,5 @@ class Dialect:
         ends = np.flatnonzero(text[marks] == ord("\n"))  # of lines, among the marks
         cell = np.searchsorted(marks, points)
         line = np.searchsorted(ends, cell)
-        column = cell - np.where(line > 0, ends[line - 1] + 1, 0)
+        column = cell - np.concatenate(([0], ends + 1))[line]
         return bool(np.isin(column, self.dated).all())
