@@ -8,7 +8,6 @@ import warnings
 
 import joblib
 import numpy as np
-import pandas as pd
 import pytest
 import sklearn
 from sklearn.base import clone
@@ -226,4 +225,3 @@ def test_the_reading_itself_explains_nothing():
 def test_a_record_that_runs_backward_is_not_called_shuffled():
     with pytest.raises(RecordError, match="Sort the rows by time"):
         model().fit(X[::-1], y[::-1])
-    assert isinstance(X.index, pd.DatetimeIndex)

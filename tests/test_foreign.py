@@ -5,50 +5,31 @@ from __future__ import annotations
 import contextlib
 import io
 import random
-import re
 import warnings
 
 import numpy as np
 import pandas as pd
 import pytest
-from corpus.foreign_logs import DAY, GOOD, LONGER, REFUSED, TIMES, N, T, U, comma, plain, semicolons
+from corpus.foreign_logs import (
+    DAY,
+    ENDINGS,
+    GOOD,
+    LONGER,
+    REFUSED,
+    TIMES,
+    N,
+    T,
+    U,
+    comma,
+    plain,
+    semicolons,
+    understood,
+)
 
 from thermocorr import RecordError, RecordWarning
 from thermocorr.command.cli import main
-from thermocorr.foreign import HowToRead, as_runs, joined, read_log, with_times
-from thermocorr.records.files import TIME_NAMES, require_column
-from thermocorr.records.read import Layout, read_record
+from thermocorr.foreign import HowToRead, as_runs, joined, read_log
 from thermocorr.records.units import unit_of
-
-ENDINGS = {"gz": "log.csv.gz", "zip": "log.zip", "two files in a zip": "log.zip", "a gz that was cut": "log.csv.gz"}
-
-
-@pytest.fixture
-def written(tmp_path):
-    """Function that writes a file and returns its path."""
-
-    def write(content, name="log.csv"):
-        path = tmp_path / name
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        return path
-
-    return write
-
-
-def understood(path, names=None, **said):
-    """Temperature, reading, seconds since the first row; what was said of the file."""
-    how = HowToRead(**said)
-    table = read_log(path, how)
-    column = require_column(table.frame.columns, None, "time", TIME_NAMES)
-    table = with_times(table, column, how)
-    names = names or {}
-    temperature = names.get("temperature") or next(c for c in table.frame if str(c).lower().startswith("temp"))
-    reading = names.get("reading") or next(c for c in table.frame if str(c).lower().startswith(("read", "mess")))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        record = read_record(table.frame, Layout(temperature, column), y=table.frame[reading], quiet=True)
-    seconds = np.concatenate([block.seconds for block in record.blocks()])
-    return table, record.columns[temperature], np.asarray(record.reading), seconds
 
 
 @pytest.mark.parametrize("name", GOOD)
@@ -268,64 +249,6 @@ def test_files_of_two_loggers_are_joined_in_time(written):
         joined([written(GOOD["seconds"], "s.csv"), meter], None, HowToRead())
 
 
-FOLLOWED = [
-    "semicolons with decimal commas", "a German header in Latin-1", "tabs", "blanks", "a preamble as wide as the table",
-    "units below the header", "a semicolon at every end", "thousands with points", "month/day/year, AM and PM",
-    "date and time in two columns", "time and date in two columns", "a fraction of a second behind a comma",
-    "comments in front", "the header in a comment", "Windows-1252 without any", "names of months",
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("name", [name for name in FOLLOWED if name in GOOD])
-def test_a_foreign_log_is_followed_while_it_grows(name, written, tmp_path, capsys):
-    """Read whole and line by line, from a saved state on: the same results."""
-    content = GOOD[name] if isinstance(GOOD[name], bytes) else GOOD[name].encode()
-    path, out = written(content), tmp_path / "out"
-    names = understood(path)[0].frame.columns
-    options = [
-        f"--{role}={next(c for c in names if str(c).lower().startswith(begins))}"
-        for role, begins in (("temperature", "temp"), ("reading", ("read", "mess")))
-    ]
-    assert main(["analyze", str(path), *options, "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
-    model = ["--model", str(out / "model.json"), *options]
-    assert main(["correct", str(path), *model, "--out", str(tmp_path / "whole.csv")]) == 0
-    lines = content.splitlines(keepends=True)
-    state = ["--state", str(tmp_path / "state.json"), "--out", str(tmp_path / "grown.csv"), "--follow", "--idle", "0"]
-    for rows in (len(lines) - 15, len(lines)):
-        path.write_bytes(b"".join(lines[:rows]))
-        assert main(["correct", str(path), *model, *state]) == 0
-    whole, grown = (pd.read_csv(tmp_path / f"{name}.csv") for name in ("whole", "grown"))
-    assert list(whole.columns) == list(grown.columns)
-    np.testing.assert_allclose(grown["corrected"], whole["corrected"], rtol=0, atol=1e-9)
-    capsys.readouterr()
-
-
-def test_a_line_in_another_way_of_writing_is_left_out_and_named(written, tmp_path, capsys):
-    path, out = written(semicolons()), tmp_path / "out"  # as many lines as tell the dialect
-    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
-    follow = ["--model", str(out / "model.json"), "--follow", "--idle", "0"]
-    with path.open("ab") as file:
-        file.write(
-            b"31.05.2024 00:20:00;1.234;22,1\n05/31/2024 00:21:00;22,1;1000,1\n31.05.2024 00:22:00;22,1;1000,1\n"
-        )
-    capsys.readouterr()
-    assert main(["correct", str(path), *follow]) == 1
-    shown = capsys.readouterr()
-    assert len(shown.out.splitlines()) == 1 + N + 1 and shown.err.count("is left out") == 2
-    assert main(["correct", "-", "--model", str(out / "model.json"), "--sep", ";"]) == 2
-    assert "line by line, as plain CSV" in capsys.readouterr().err
-    for content, name, words in (
-        ("time;temperature;reading\n", "log.csv", "once it has some rows"),
-        (plain().encode("utf-16"), "log.csv", "UTF-16"),
-        (GOOD["gz"], "log.csv.gz", "is .gz, which cannot be followed"),
-    ):
-        assert main(["correct", str(written(content, name)), *follow]) == 2
-        assert re.search(words, capsys.readouterr().err)
-    for said in (["--timezone", "UTC"], ["--time-format", "%d"]):
-        assert main(["correct", str(written(semicolons())), *follow, *said]) == 2
-        assert "need" in capsys.readouterr().err
-
-
 def test_units_of_names():
     for name, unit in (
         ("Temp. [°C]", "degC"), ("T (F)", "degF"), ("U / mV", "mV"), ("R [kΩ]", "kohm"), ("reading (raw)", ""),
@@ -392,3 +315,16 @@ def test_a_file_that_was_cut_anywhere_raises_nothing_but_sentences(cut, written)
     with warnings.catch_warnings(), contextlib.suppress(RecordError, StopIteration):
         warnings.simplefilter("ignore", RecordWarning)
         assert len(understood(written(content))[1]) <= 2
+
+
+def test_a_state_that_is_no_number_is_not_bridged(written):
+    """A sensor that was unavailable has no temperature until its next value; values at their own times stay."""
+    moments = [f"2024-05-30T22:{k:02d}:00.000Z" for k in range(20)]
+    rows = [f"sensor.reading,{k},{moment}" for k, moment in enumerate(moments)]
+    rows += [
+        f"sensor.temperature,{value},{moments[k]}" for k, value in ((0, 20), (6, 26), (9, "unavailable"), (15, 30))
+    ]
+    rows += [f"sensor.temperature,{34},{moments[19]}"]
+    frame = read_log(written("entity_id,state,last_changed\n" + "\n".join(rows) + "\n")).frame
+    expected = [*range(20, 27), *[np.nan] * 8, 30, 31, 32, 33, 34]
+    np.testing.assert_allclose(frame["temperature"], expected)

@@ -53,7 +53,8 @@ def test_the_words_of_a_column_are_states():
     assert np.isnan(values[5]) and set(values[~np.isnan(values)]) == {0.0, 1.0}
     np.testing.assert_array_equal(values[10:] == 1, log["operator"][10:] == "Kim")
     assert states_of(log[["temperature", "comment"]]) == []  # a text, no state
-    assert states_of(log[:150][["operator"]]) in ([], states_of(log[:150][["operator"]]))
+    few = log[["operator"]].assign(operator=["a"] * 10 + ["b"] * (ROWS - 10))
+    assert states_of(few) == []  # ten rows tell nothing
     assert states_of(pd.DataFrame({"x": ["a"] * 100})) == []
 
 
@@ -79,7 +80,7 @@ def test_the_state_that_moves_the_reading_is_named(hidden, column, seed):
         warnings.simplefilter("ignore", RecordWarning)
         better = refine(model, X, y).model_
     assert better.residual_std_ < 1.02 * 0.2
-    assert "operator" in found.to_html() or column == "fan"
+    assert column in found.to_html()
 
 
 def test_an_operator_who_feels_the_room_differently_is_an_interaction():

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import gzip
 import io
+import warnings
 import zipfile
 
 import numpy as np
 import pandas as pd
+
+from thermocorr.foreign import HowToRead, read_log, with_times
+from thermocorr.records.files import TIME_NAMES, require_column
+from thermocorr.records.read import Layout, read_record
 
 N = 40
 TIMES = pd.Timestamp("2024-05-30 23:40:00") + pd.to_timedelta(np.arange(N) * 60, unit="s")
@@ -229,6 +234,14 @@ REFUSED |= {
         lines("time,temperature,reading\n", lambda k, t, a, b: f"{638_527_092_000_000_000 + k * 600_000_000},{a},{b}"),
         "no Unix times of this century",
     ),
+    "days of MATLAB": (
+        lines("time,temperature,reading\n", lambda k, t, a, b: f"{739_037.986 + k / 1440:.9f},{a},{b}"),
+        "another clock",
+    ),
+    "modified Julian days": (
+        lines("time,temperature,reading\n", lambda k, t, a, b: f"{60_460.986 + k / 1440:.9f},{a},{b}"),
+        "another clock",
+    ),
     "a year of two digits, perhaps in front": (plain("{t:%y/%m/%d %H:%M:%S}"), "either way.*--time-format"),
     "whole thousands with commas": (
         lines("time,temperature,reading\n", lambda k, t, a, b: f'{t},23,"{990 + k:,}"'),
@@ -243,3 +256,21 @@ REFUSED |= {
         "Several series are called",
     ),
 }
+
+ENDINGS = {"gz": "log.csv.gz", "zip": "log.zip", "two files in a zip": "log.zip", "a gz that was cut": "log.csv.gz"}
+
+
+def understood(path, names=None, **said):
+    """Temperature, reading, seconds since the first row; what was said of the file."""
+    how = HowToRead(**said)
+    table = read_log(path, how)
+    column = require_column(table.frame.columns, None, "time", TIME_NAMES)
+    table = with_times(table, column, how)
+    names = names or {}
+    temperature = names.get("temperature") or next(c for c in table.frame if str(c).lower().startswith("temp"))
+    reading = names.get("reading") or next(c for c in table.frame if str(c).lower().startswith(("read", "mess")))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        record = read_record(table.frame, Layout(temperature, column), y=table.frame[reading], quiet=True)
+    seconds = np.concatenate([block.seconds for block in record.blocks()])
+    return table, record.columns[temperature], np.asarray(record.reading), seconds

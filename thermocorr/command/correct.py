@@ -87,6 +87,8 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
         times = options.time or model.time
         idle = options.idle if options.follow else None
         lines = open_lines(options.log, options.follow, idle, stop, how_to_read(options), times)
+        if isinstance(lines, TableLines) and lines.said:
+            _complain(f"read as: {', '.join(lines.said)}")
         try:
             rows = LogRows(live, options, _complain, lines.time_name if isinstance(lines, TableLines) else None)
             _pump(rows, lines, options, inputs, saved, stop)

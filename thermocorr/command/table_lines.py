@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import stat
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,9 @@ from ..foreign import HowToRead, read_log, with_times
 from ..foreign.containers import FEATHER, PACKED, SHEETS
 from ..foreign.live_lines import LineTranslator
 from ..foreign.log_files import plain_head
+from ..foreign.timed import time_column
 from ..records import RecordError
-from ..records.files import TIME_NAMES, existing_file, format_of, require_column
+from ..records.files import existing_file, format_of
 from ..records.types import kind_of
 from .lines import CHUNK, FileLines, Lines, PipeLines
 from .stopping import StopSignal
@@ -44,10 +45,12 @@ class TableLines(Lines):
         self.stamped = isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex)
         self.time_name = str(index.name) if self.stamped and index.name is not None else "time"
         """Name of the index, where that holds the times, or of the column that does."""
-        column = None if self.stamped else _time_column(table.frame.columns, time)
+        column = None if self.stamped else time_column(table.frame.columns, time)
         if column is not None:
             table, self.time_name = with_times(table, column, how), column
-        self.frame, self.said = table.frame, table.said
+        self.frame = table.frame
+        self.said = table.said
+        """How the file was understood."""
 
     def __iter__(self) -> Iterator[bytes | None]:
         written: dict[str, Any] = {"index": self.stamped, "index_label": self.time_name}
@@ -144,7 +147,7 @@ def open_lines(
         if said is not None or path.suffix.lower() in (*SHEETS, *FEATHER, *PACKED):
             what = path.suffix if said is None else said.name
             raise RecordError(f"{path} is {what}, which cannot be followed while it grows. Leave out --follow.")
-        translator = LineTranslator(path, how, lambda names: _time_column(names, time))
+        translator = LineTranslator(path, how, lambda names: time_column(names, time))
         return TranslatedLines(FileLines(path, follow, idle, stop), translator)
     return TableLines(path, stop, how, time)
 
@@ -162,17 +165,9 @@ def _is_native(path: Path, how: HowToRead, time: str | None) -> bool:
         return True
     if head is None:
         return False
-    column = _time_column(head.frame.columns, time)
+    column = time_column(head.frame.columns, time)
     try:
         read = head if column is None else with_times(head, column, how)
     except RecordError:  # the whole file may tell more
         return False
     return all(said.startswith("Unix times in seconds") for said in read.said)
-
-
-def _time_column(names: Iterable[Any], time: str | None) -> str | None:
-    """The column of times: as named, or called like one; None where there is none."""
-    try:
-        return require_column(names, time, "time", TIME_NAMES)
-    except RecordError:
-        return None

@@ -12,11 +12,13 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from ..effects import SeveralSteps, ThermalLag
 from ..effects.protocol import Effect
 from ..equations import TriangularFactor
 from ..records import BLOCK_ROWS, Record, RecordError
+from ..records.numbers import is_frame
 from .features import DiffusiveFeatures
 from .fitting import sweep_effects
 
@@ -142,9 +144,8 @@ def unlearned(model: Any, X: Any, known: np.ndarray) -> np.ndarray:
     """
     if not model.run_levels_.times:
         return np.zeros(len(known), bool)
-    labels = np.asarray(X[model.run] if hasattr(X, "columns") else X[:, model.run], dtype=object)
-    learned = set(labels[np.isfinite(known)])
-    return np.array([label not in learned for label in labels], bool)
+    labels = pd.Series(X[model.run][:] if is_frame(X) else X[:, model.run]).reset_index(drop=True)
+    return np.asarray(~labels.isin(labels[np.isfinite(known)].unique()))
 
 
 def _gain(features: DiffusiveFeatures, record: Record) -> float:

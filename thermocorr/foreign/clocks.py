@@ -12,14 +12,14 @@ from ..records import RecordError
 from ..records.errors import quoted
 from ..records.times import BEYOND
 from ..records.types import kind_of
-from .values import is_number
+from .values import CLOCK, first_cell, is_number
 from .zones import in_zone
 
-DAYS_OF_EXCEL = (25_569.0, 73_051.0)
-"""Serial numbers of 1970 and 2100 in a spreadsheet, whose day 0 is 1899-12-30."""
-_EXCEL_ZERO = pd.Timestamp("1899-12-30")
-_SECONDS = ("s", "sec", "second", "elapsed")
-"""Endings and parts of names of columns that hold seconds."""
+DAYS_OF_EXCEL = (25_569.0, 55_000.0)
+"""Serial numbers of 1970 and 2050 in a spreadsheet, whose day 0 is 1899-12-30. Modified Julian days are more by now."""
+_SECONDS = ("s", "sec", "second", "seconds", "elapsed")
+_DATED = ("date", "datum", "timestamp", "datetime")
+"""Words in the names of columns that hold seconds, and of those that hold dates."""
 UNIX = (9.4e8, 4.2e9)
 """Unix times in seconds, 1999 to 2103."""
 EPOCHS = {"ms": 1e3, "us": 1e6, "ns": 1e9}
@@ -29,12 +29,6 @@ LARGEST_SECONDS = 1e10
 SPANS = {"ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0, "d": 86_400.0, "s": 1.0}
 """Unit of a column of times -> its seconds."""
 
-CLOCK = (
-    r"(?P<clock>\d{1,2}:\d{2}(?::\d{1,2}(?=\D|$))?)"
-    r"(?:(?<=:\d\d:\d\d)[.,](?P<fraction>\d+)|(?<=:\d\d:\d\d):(?P<third>\d{3}))?"
-    r"(?:\s*(?P<half>[AaPp]\.?[Mm]\.?))?"
-)
-"""A time of day: clock, fraction of a second, half of the day."""
 _DATES = {
     r"\d{1,2}\.\d{1,2}\.\d{4}": ("%d.%m.%Y",),
     r"\d{1,2}\.\d{1,2}\.\d{2}": ("%d.%m.%y",),
@@ -78,7 +72,7 @@ def understood(values: pd.Series[Any], form: str | None = None, zone: str | None
     RecordError
         For dates that have two readings, and those that have none.
     """
-    if kind_of(values) == "text" and is_number(_first(values)):
+    if kind_of(values) == "text" and is_number(first_cell(values)):
         text: Any = values.astype("string").str.strip()
         numbers = pd.to_numeric(text, errors="coerce")
         if numbers.notna().all() and len(values):
@@ -134,18 +128,19 @@ def _form_of(known: np.ndarray, name: str) -> str | None:
             f"{quoted(name)} has numbers such as {high:.0f}: no seconds, and no Unix times of this century. Say what "
             "they are with --time-format, such as %Y%m%d%H%M%S."
         )
-    says_seconds = any(part in _SECONDS for part in re.split(r"[^a-z]+", name.lower()))
-    in_days = DAYS_OF_EXCEL[0] <= low and high < DAYS_OF_EXCEL[1]
-    says_date = any(part in ("date", "datum", "timestamp", "datetime") for part in re.split(r"[^a-z]+", name.lower()))
-    like_days = in_days and (known % 1.0).any() and len(known) > 1 and np.median(np.abs(np.diff(known))) < 0.5
-    dense = len(known) > 1 and np.median(np.abs(np.diff(known))) < 0.5
-    if says_seconds or not (like_days or (in_days and says_date)):
+    words = re.split(r"[^a-z]+", name.lower())
+    if any(word in _SECONDS for word in words) or low < DAYS_OF_EXCEL[0]:
         return None
-    parts = known * 86_400.0
-    if not dense or (np.round(known, 4) == known).all() or np.mean(np.abs(parts - np.round(parts)) < 0.05) < 0.9:
+    dense = len(known) > 1 and (known % 1.0).any() and np.median(np.abs(np.diff(known))) < 0.5
+    in_excel = high < DAYS_OF_EXCEL[1]
+    if not dense and not (in_excel and any(word in _DATED for word in words)):
+        return None
+    parts = known * 86_400.0  # a minute is 0.000694 days: a few decimals are none, and whole seconds are many
+    whole = (np.round(known, 4) != known).any() and np.mean(np.abs(parts - np.round(parts)) < 0.05) >= 0.9
+    if not (dense and whole and in_excel):
         raise RecordError(
-            f"Are the numbers in {quoted(name)}, such as {known[0]:.10g}, seconds, or days of a spreadsheet? Say it "
-            "with --time-format seconds or --time-format excel."
+            f"Are the numbers in {quoted(name)}, such as {known[0]:.10g}, seconds, or days of a spreadsheet or of "
+            "another clock? Say it with --time-format seconds or --time-format excel; convert others to dates."
         )
     return "excel"
 
@@ -156,7 +151,7 @@ def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
         return Understood(values)
     if form is not None:
         return Understood(_parsed(values.astype("string").str.strip(), values, form), f"times as {form}")
-    if re.fullmatch(CLOCK, _first(values)):
+    if re.fullmatch(CLOCK, first_cell(values)):
         return _of_clocks(values)
     date = date_form(values)
     if date is None:
@@ -171,7 +166,7 @@ def date_form(values: pd.Series[Any]) -> str | None:
 
     Raises RecordError for dates that have two readings, and those that have none.
     """
-    parts = re.fullmatch(rf"(?P<date>.*?)(?:[T ,]+{CLOCK})?", _first(values))
+    parts = re.fullmatch(rf"(?P<date>.*?)(?:[T ,]+{CLOCK})?", first_cell(values))
     forms = next((forms for look, forms in _DATES.items() if parts and re.fullmatch(look, parts["date"])), ())
     if not forms or (forms == ("%Y-%m-%d",) and not (parts and parts["half"])):
         return None  # ISO 8601, which every reader knows
@@ -193,11 +188,6 @@ def date_form(values: pd.Series[Any]) -> str | None:
                 f"Say which it is with --time-format, such as --time-format '{next(iter(whole))} %H:%M:%S'."
             )
     return next(iter(whole))
-
-
-def _first(values: pd.Series[Any]) -> str:
-    """The first cell that holds something."""
-    return next((cell.strip() for cell in values if isinstance(cell, str) and cell.strip()), "")
 
 
 def _of_clocks(values: pd.Series[Any]) -> Understood:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -49,8 +48,7 @@ class Dialect:
 
     def said(self) -> list[str]:
         """What is unusual, in words."""
-        words = [] if self.separator == "," else [f"separated by {SEPARATORS.get(self.separator, self.separator)}s"]
-        words = [word.replace("blankss", "blanks") for word in words]
+        words = [] if self.separator == "," else [f"separated by {SEPARATORS[self.separator].removesuffix('s')}s"]
         if self.decimal == ",":
             words.append("decimal comma")
         if self.header:
@@ -82,34 +80,43 @@ class Dialect:
         out = io.StringIO()
         written = csv.writer(out, lineterminator="\n")
         for number, line in enumerate(rows.split("\n"), self.first + 1):
-            line = line.removesuffix("\r")
-            cells = self.fields(line) if line.strip() else []
-            if line.strip() and not cells:
-                raise RecordError(
-                    f"line {number}: it is no CSV: a quoted field is not closed, or goes on behind its quote"
-                )
-            remark = is_comment(line, len(cells), len(self.names)) or (self.comments and line.startswith("#"))
-            if remark or not any(map(str.strip, cells)):
-                out.write("\n")
-                continue
-            if (self.spare and not any(cells[len(self.names) :])) or (self.remarks and len(cells) > 1):
-                del cells[len(self.names) :]
-            if [cell.strip() for cell in cells] == list(self.names):  # the logger began anew
-                out.write("\n")
-                continue
-            written.writerow(list(self._plain_cells(cells, number)))
-        return out.getvalue().removesuffix("\n") if not rows.endswith("\n") else out.getvalue()[: -len("\n")]
-
-    def _plain_cells(self, cells: list[str], number: int) -> Iterator[str]:
-        for place, cell in enumerate(cells):
             try:
-                yield plain_cell(cell, self.decimal)
-            except ValueError:
-                name = self.names[place] if place < len(self.names) else f"field {place + 1}"
-                raise RecordError(
-                    f"line {number}: {cell.strip()!r} in {name!r} may be thousands or a fraction. Write numbers "
-                    "without signs between their thousands, and all with the same decimal sign (--decimal)."
-                ) from None
+                cells = self.row(line.removesuffix("\r"))
+            except ValueError as error:
+                raise RecordError(f"line {number}: {error}") from None
+            if cells is None:
+                out.write("\n")
+            else:
+                written.writerow(cells)
+        return out.getvalue().removesuffix("\n")
+
+    def row(self, line: str) -> list[str] | None:
+        """The cells of a row with decimal points; None for an empty line, a comment, and the header once more.
+
+        Raises ValueError for an open quote, and for a number that may be a thousandfold of another one.
+        """
+        cells = self.fields(line) if line.strip() else []
+        if line.strip() and not cells:
+            raise ValueError("it is no CSV: a quoted field is not closed, or goes on behind its quote")
+        remark = is_comment(line, len(cells), len(self.names)) or (self.comments and line.startswith("#"))
+        if remark or not any(map(str.strip, cells)):
+            return None
+        behind = cells[len(self.names) :]
+        if not any(behind) or (self.remarks and len(behind) == 1):
+            cells = cells[: len(self.names)] if self.spare or self.remarks else cells
+        if [cell.strip() for cell in cells] == list(self.names):  # the logger began anew
+            return None
+        return [self._plain_cell(cell, place) for place, cell in enumerate(cells)]
+
+    def _plain_cell(self, cell: str, place: int) -> str:
+        try:
+            return plain_cell(cell, self.decimal)
+        except ValueError:
+            name = self.names[place] if place < len(self.names) else f"field {place + 1}"
+            raise ValueError(
+                f"{cell.strip()!r} in {name!r} may be thousands or a fraction. Write numbers without signs between "
+                "their thousands, and all with the same decimal sign (--decimal)."
+            ) from None
 
     def _replaceable(self, rows: str) -> bool:
         """Whether replacing characters is enough: no quotes, comments or blanks, no comma but in numbers."""

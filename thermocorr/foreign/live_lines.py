@@ -12,13 +12,12 @@ from pathlib import Path
 import pandas as pd
 
 from ..records import RecordError
-from ..records.csvlines import is_comment
-from .clocks import CLOCK, date_form, understood
+from .clocks import date_form, understood
 from .dialect import Dialect
 from .how import HowToRead
 from .text_tables import first_lines, head_dialect
 from .timed import date_and_clock
-from .values import is_number, plain_cell
+from .values import CLOCK, is_number
 
 LINES = 40
 """Lines, those before the header included, from which a dialect is told: a damaged one behind them is left out."""
@@ -85,17 +84,10 @@ class LineTranslator:
     def row(self, line: bytes) -> bytes:
         """A line as plain CSV; an empty one for a comment; as it stands where it is no row, for others to complain."""
         text = line.decode(self.encoding, errors="replace").rstrip("\r\n")
-        cells = self.dialect.fields(text) if text.strip() else []
-        if text.strip() and not cells:
-            return self._line([f"{text[:60]!r} has a quoted field that is not closed"])
-        if not any(map(str.strip, cells)) or is_comment(text, len(cells), len(self.dialect.names)):
-            return b"\n"
-        if self.dialect.spare or self.dialect.remarks:
-            del cells[len(self.dialect.names) :]
-        if [cell.strip() for cell in cells] == list(self.dialect.names):
-            return b"\n"
         try:
-            cells = [plain_cell(cell, self.dialect.decimal) for cell in cells]
+            cells = self.dialect.row(text)
+            if cells is None:
+                return b"\n"
             if self._time is not None and len(cells) == len(self.dialect.names):
                 said = cells[self._time] if self._joined is None else " ".join(cells[k].strip() for k in self._joined)
                 cells[self._time] = self._moment(said)

@@ -39,7 +39,7 @@ def widened(frame: pd.DataFrame, reading: str | None = None) -> tuple[pd.DataFra
     """A frame with a column for each name, and what was done; as it came where it is not in such a form.
 
     It has the times of the `reading`, or of the column with most values. Values of the other columns are taken as a
-    straight line in time between their own, as the temperature is.
+    straight line in time between their own, as the temperature is; none between a value and a state that is no number.
     """
     shape = next((shape for shape in SHAPES if set(shape) <= set(frame.columns)), None)
     if shape is None:
@@ -59,12 +59,12 @@ def widened(frame: pd.DataFrame, reading: str | None = None) -> tuple[pd.DataFra
         raise RecordError(
             f"Several series are called {name!r}: they have values at the same times. Export one of them."
         )
-    columns = {name: _series(times[known & (names == name)], values) for name in names[known].unique()}
+    columns = {name: _series(times[names == name], values) for name in names[known].unique()}
     if not columns:
         return frame, ""
     wanted = next((name for name in (reading, "reading") if name in columns), None)
-    lead = wanted or max(columns, key=lambda name: len(columns[name]))
-    index: Any = columns[lead].index
+    lead = wanted or max(columns, key=lambda name: int(columns[name].count()))
+    index: Any = columns[lead].dropna().index
     wide = {name: on_times(series, index) for name, series in columns.items()}
     result = pd.DataFrame({"time": index, **wide}).reset_index(drop=True)
     return result, f"one line for each value: {len(columns)} columns, on the times of {lead!r}"
@@ -81,8 +81,10 @@ def on_times(series: pd.Series[Any], index: Any) -> np.ndarray:
 
     Both indices hold dates (of one zone or none), spans, or seconds.
     """
-    given, at = _numbers(series.index), _numbers(index)
-    inside = np.interp(at - given[0], given - given[0], series.to_numpy(float))
+    given, at, values = _numbers(series.index), _numbers(index), series.to_numpy(float)
+    inside = np.interp(at - given[0], given - given[0], values)  # NaN beside a NaN, at given times too
+    place = np.minimum(np.searchsorted(given, at), len(given) - 1)
+    inside = np.where(given[place] == at, values[place], inside)
     return np.where((at >= given[0]) & (at <= given[-1]), inside, np.nan)
 
 

@@ -11,14 +11,13 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.errors import listing, quoted
-from ..records.files import TIME_NAMES, require_column
 from ..records.times import dates_once
 from ..records.types import kind_of
 from ..records.units import unit_of
 from .how import HowToRead, Table
 from .log_files import read_log
 from .long_form import on_times
-from .timed import with_times
+from .timed import time_column, with_times
 
 RUN = "file"
 """Column of the names of files, each a run."""
@@ -107,10 +106,8 @@ def _timed(path: str | Path, time: str | None, how: HowToRead) -> Table:
 
 
 def _time_name(frame: pd.DataFrame, time: str | None) -> str | None:
-    try:
-        return require_column(frame.columns, time if time in frame.columns else None, "time", TIME_NAMES)
-    except RecordError:
-        return None
+    """The column of times of one of several files, which need not all have the one that is named."""
+    return time_column(frame.columns, time if time in frame.columns else None)
 
 
 def _index(frame: pd.DataFrame, column: str) -> Any:

@@ -52,13 +52,11 @@ def text_table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...]
     RecordError
         For what is no table.
     """
+    if is_plain(first_lines(content), how) and not _is_broken_up(content):
+        return _arranged(Table(frame=csv_table(content, path), said=said), how.reading)
     try:
-        if is_plain(first_lines(content), how) and not _is_broken_up(content):
-            return _arranged(Table(frame=csv_table(content, path), said=said), how.reading)
         text, found = head_dialect(content, how)
     except RecordError as error:
-        if "cannot be read as a table" in str(error):
-            raise
         raise RecordError(f"{path} cannot be read as a table: {error}") from None
     if text is None or found is None:  # the reader of plain CSV says what is wrong
         return _arranged(Table(frame=csv_table(content if text is None else text.text.encode(), path), said=said), None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,13 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.errors import quoted
+from ..records.files import TIME_NAMES, require_column
 from ..records.times import dates_once
 from ..records.types import kind_of
 from ..records.units import name_and_unit, unit_of
 from .clocks import SPANS, Understood, understood
 from .how import HowToRead, Table
-from .values import is_moment
+from .values import first_cell, is_moment
 
 DATES = ("date", "datum", "day", "tag")
 CLOCKS = ("time", "clock", "zeit", "uhrzeit", "time of day", "heure", "hora")
@@ -47,6 +49,14 @@ def with_times(table: Table, column: str | None, how: HowToRead) -> Table:
         frame = frame.assign(**{column: read.times})
     table = table.with_said(frame, words, read.said)
     return _sorted(table, column) if how.sort else table
+
+
+def time_column(names: Iterable[Any], named: str | None) -> str | None:
+    """The column of times: as named, or called like one; None where there is none."""
+    try:
+        return require_column(names, named, "time", TIME_NAMES)
+    except RecordError:
+        return None
 
 
 def in_seconds(frame: pd.DataFrame, column: str) -> Understood | None:
@@ -88,23 +98,19 @@ def date_and_clock(frame: pd.DataFrame, column: str) -> tuple[str, str] | None:
     """The columns of dates and of times of day, of which one is `column`; None where that has both, or neither."""
     if kind_of(frame[column]) != "text":
         return None
-    cell = _first(frame[column])
+    cell = first_cell(frame[column])
     if not is_moment(cell):
         return None
     clock_only, date_only = ":" in cell and not _has_date(cell), ":" not in cell
     wanted = DATES if clock_only else CLOCKS if date_only else ()
     other = next((name for name in frame.columns if _plain_name(name) in wanted and name != column), None)
-    if other is None or kind_of(frame[other]) != "text" or not is_moment(_first(frame[other])):
+    if other is None or kind_of(frame[other]) != "text" or not is_moment(first_cell(frame[other])):
         return None
     return (str(other), column) if clock_only else (column, str(other))
 
 
 def _has_date(cell: str) -> bool:
     return any(mark in cell.split(":")[0] for mark in "/-.") or " " in cell.split(":")[0].strip()
-
-
-def _first(values: pd.Series[Any]) -> str:
-    return next((cell.strip() for cell in values if isinstance(cell, str) and cell.strip()), "")
 
 
 def _plain_name(name: object) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 from ..records.grammar import is_missing
 from ..records.units import unit_of_text
@@ -16,7 +17,13 @@ GROUPED = {
 """By decimal sign: a number with a sign between its thousands, and a decimal sign behind."""
 IN_DOUBT = {",": re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+"), ".": re.compile(r"[+-]?\d{1,3}(?:,\d{3})+")}
 """By decimal sign: whole thousands, or a number with the other decimal sign."""
-_CLOCK = r"\d{1,2}:\d{2}(?::\d{2})?(?:[.,:]\d+)?(?: ?[AaPp]\.?[Mm]\.?)?(?: ?(?:Z|UTC|[+-]\d{2}:?\d{2}))?"
+CLOCK = (
+    r"(?P<clock>\d{1,2}:\d{2}(?::\d{1,2}(?=\D|$))?)"
+    r"(?:(?<=:\d\d:\d\d)[.,](?P<fraction>\d+)|(?<=:\d\d:\d\d):(?P<third>\d{3}))?"
+    r"(?:\s*(?P<half>[AaPp]\.?[Mm]\.?))?"
+)
+"""A time of day: clock, fraction of a second, half of the day."""
+_CLOCK = re.sub(r"\?P<\w+>", "?:", CLOCK) + r"(?: ?(?:Z|UTC|[+-]\d{2}:?\d{2}))?"
 _DATE = r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}[-/ .]?[A-Za-z]{3}[a-z]*[-/ .,]+\d{2,4}|[A-Za-z]{3,9} \d{1,2},? \d{4}"
 _MOMENT = re.compile(rf"(?:{_DATE})(?:[T ,]+{_CLOCK})?|{_CLOCK}")
 _SWITCHES = frozenset(("true", "false", "on", "off", "ok", "unavailable", "unknown", "overload", "ovld"))
@@ -34,6 +41,11 @@ def is_number(cell: str, decimal: str = ".") -> bool:
 def is_moment(cell: str) -> bool:
     """Whether a cell looks like a date, a time of day, or both."""
     return bool(_MOMENT.fullmatch(cell.strip()))
+
+
+def first_cell(values: Iterable[object]) -> str:
+    """The first cell of a column that holds something, without blanks around it."""
+    return next((cell.strip() for cell in values if isinstance(cell, str) and cell.strip()), "")
 
 
 def is_value(cell: str, decimal: str = ".") -> bool:

@@ -1,0 +1,79 @@
+"""Foreign logs through `correct`: whole, and line by line while they grow."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from corpus.foreign_logs import GOOD, N, plain, semicolons, understood
+
+from thermocorr.command.cli import main
+
+FOLLOWED = [
+    "semicolons with decimal commas", "a German header in Latin-1", "tabs", "blanks", "a preamble as wide as the table",
+    "units below the header", "a semicolon at every end", "thousands with points", "month/day/year, AM and PM",
+    "date and time in two columns", "time and date in two columns", "a fraction of a second behind a comma",
+    "comments in front", "the header in a comment", "names of months", "LabVIEW",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FOLLOWED)
+def test_a_foreign_log_is_followed_while_it_grows(name, written, tmp_path, capsys):
+    """Read whole and line by line, from a saved state on: the same results."""
+    content = GOOD[name] if isinstance(GOOD[name], bytes) else GOOD[name].encode()
+    path, out = written(content), tmp_path / "out"
+    names = understood(path)[0].frame.columns
+    options = [
+        f"--{role}={next(c for c in names if str(c).lower().startswith(begins))}"
+        for role, begins in (("temperature", "temp"), ("reading", ("read", "mess")))
+    ]
+    assert main(["analyze", str(path), *options, "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
+    model = ["--model", str(out / "model.json"), *options]
+    assert main(["correct", str(path), *model, "--out", str(tmp_path / "whole.csv")]) == 0
+    lines = content.splitlines(keepends=True)
+    state = ["--state", str(tmp_path / "state.json"), "--out", str(tmp_path / "grown.csv"), "--follow", "--idle", "0"]
+    for rows in (len(lines) - 15, len(lines)):
+        path.write_bytes(b"".join(lines[:rows]))
+        assert main(["correct", str(path), *model, *state]) == 0
+    whole, grown = (pd.read_csv(tmp_path / f"{name}.csv") for name in ("whole", "grown"))
+    assert list(whole.columns) == list(grown.columns)
+    np.testing.assert_allclose(grown["corrected"], whole["corrected"], rtol=0, atol=1e-9)
+    capsys.readouterr()
+
+
+def test_a_line_in_another_way_of_writing_is_left_out_and_named(written, tmp_path, capsys):
+    path, out = written(semicolons()), tmp_path / "out"  # as many lines as tell the dialect
+    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
+    follow = ["--model", str(out / "model.json"), "--follow", "--idle", "0"]
+    with path.open("ab") as file:
+        file.write(
+            b"31.05.2024 00:20:00;1.234;22,1\n05/31/2024 00:21:00;22,1;1000,1\n31.05.2024 00:22:00;22,1;1000,1\n"
+        )
+    capsys.readouterr()
+    assert main(["correct", str(path), *follow]) == 1
+    shown = capsys.readouterr()
+    assert len(shown.out.splitlines()) == 1 + N + 1 and shown.err.count("is left out") == 2
+    assert main(["correct", "-", "--model", str(out / "model.json"), "--sep", ";"]) == 2
+    assert "line by line, as plain CSV" in capsys.readouterr().err
+    for content, name, words in (
+        ("time;temperature;reading\n", "log.csv", "once it has some rows"),
+        (plain().encode("utf-16"), "log.csv", "UTF-16"),
+        (GOOD["gz"], "log.csv.gz", "is .gz, which cannot be followed"),
+    ):
+        assert main(["correct", str(written(content, name)), *follow]) == 2
+        assert re.search(words, capsys.readouterr().err)
+    for said in (["--timezone", "UTC"], ["--time-format", "%d"]):
+        assert main(["correct", str(written(semicolons())), *follow, *said]) == 2
+        assert "need" in capsys.readouterr().err
+
+
+def test_correct_says_how_it_has_read_a_log(written, tmp_path, capsys):
+    path, out = written(semicolons()), tmp_path / "out"
+    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
+    capsys.readouterr()
+    assert main(["correct", str(path), "--model", str(out / "model.json")]) == 0
+    assert capsys.readouterr().err == (
+        "thermocorr: read as: separated by semicolons, decimal comma, dates as day, month, year\n"
+    )
