@@ -13,7 +13,8 @@ import pandas as pd
 from ..datasets import load_voltage_reference
 from ..estimators import DynamicBiasRegressor, compare_variants, later_errors
 from ..files import Outputs
-from ..foreign import RUN, Table, as_runs, joined, read_log, with_times
+from ..files.result_files import write_corrected, write_model
+from ..foreign import RUN, read_logs, with_times
 from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..pages import Findings
 from ..pages.report import report_text
@@ -24,9 +25,8 @@ from ..records import RecordError, RecordWarning
 from ..records.files import TIME_NAMES, require_column
 from ..records.times import dates_once
 from ..records.units import unit_of
-from .outputs import write_corrected, write_model
 from .spans import number_or_span
-from .table_options import add_table_options, how_to_read
+from .table_options import add_column_options, add_table_options, how_to_read
 
 RESULTS = ("corrected.csv", "model.json", "model.txt")
 """Files in the folder of --out."""
@@ -40,23 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="CSV, text, spreadsheet, Parquet, Feather; without one, a built-in voltage reference with a hidden effect",
     )
     add_table_options(parser)
-    parser.add_argument(
-        "--join", action="store_true", help="join several files by their times; without it, each is a run of its own"
-    )
-    columns = parser.add_argument_group("columns of the log")
-    columns.add_argument("--temperature", metavar="COLUMN", help="ambient temperature (default: temperature)")
-    columns.add_argument("--reading", metavar="COLUMN", help="what the instrument shows")
-    columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds (default: time, timestamp, ...)")
-    columns.add_argument("--run", metavar="COLUMN", help="labels of runs; each starts anew")
-    columns.add_argument(
-        "--sampling-period",
-        metavar="SPAN",
-        type=number_or_span,
-        help="time between rows of a log without times, such as 15s",
-    )
-    columns.add_argument(
-        "--max-gap", metavar="SPAN", type=number_or_span, help="a longer step starts a new segment, such as 10min"
-    )
+    add_column_options(parser)
     model = parser.add_argument_group("model")
     model.add_argument(
         "--time-constants",
@@ -235,7 +219,8 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
         log = load_voltage_reference(hidden="moisture")
         model = DynamicBiasRegressor("temperature", time_constants, options.degree, screen=not options.no_screen)
         return log, True, model, "voltage", ()
-    table = _table(options)
+    how = how_to_read(options)
+    table = read_logs(options.log, how, join=options.join, time=options.time)
     log = table.frame
     reading = require_column(log.columns, options.reading, "reading", ("reading",))
     temperature = require_column(log.columns, options.temperature, "temperature", ("temperature",))
@@ -254,7 +239,7 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
     elif options.time is not None:
         raise RecordError("Give --time or --sampling-period, not both.")
     if len(options.log) == 1:
-        table = with_times(table, time, how_to_read(options))
+        table = with_times(table, time, how)
     layout: dict[str, Any] = {
         "time": time,
         "run": run,
@@ -264,14 +249,6 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
     }
     model = DynamicBiasRegressor(temperature, time_constants, options.degree, **layout)
     return table.frame, stamped, model, reading, table.said
-
-
-def _table(options: argparse.Namespace) -> Table:
-    """The log of one file, or of several."""
-    how = how_to_read(options)
-    if len(options.log) == 1:
-        return read_log(options.log[0], how)
-    return (joined if options.join else as_runs)(options.log, options.time, how)
 
 
 def parse_time_constants(text: str) -> Any:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from ..files.result_files import new_names
 from ..live.corrector import OnlineCorrector
 from ..live.given import COLUMNS
 from ..records import RecordError
@@ -21,7 +22,6 @@ from ..records.errors import listing, quoted, times_word
 from ..records.files import TIME_NAMES
 from ..records.grammar import is_missing, label, number
 from ..records.states import parted_state
-from .outputs import new_names
 
 REFUSED = ("stale time", "backward time")
 """Flags of rows that get no result for their time."""

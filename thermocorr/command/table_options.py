@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ..foreign import HowToRead
+from .spans import number_or_span
 
 
 def add_table_options(parser: argparse.ArgumentParser) -> None:
@@ -21,6 +22,27 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--timezone", metavar="ZONE", help="of local times, such as Europe/Berlin; they become UTC")
     group.add_argument("--sheet", metavar="NAME", help="of a spreadsheet")
     group.add_argument("--sort", action="store_true", help="sort the rows by time")
+
+
+def add_column_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the columns of a whole log are, and what to do with several files."""
+    parser.add_argument(
+        "--join", action="store_true", help="join several files by their times; without it, each is a run of its own"
+    )
+    columns = parser.add_argument_group("columns of the log")
+    columns.add_argument("--temperature", metavar="COLUMN", help="ambient temperature (default: temperature)")
+    columns.add_argument("--reading", metavar="COLUMN", help="what the instrument shows")
+    columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds (default: time, timestamp, ...)")
+    columns.add_argument("--run", metavar="COLUMN", help="labels of runs; each starts anew")
+    columns.add_argument(
+        "--sampling-period",
+        metavar="SPAN",
+        type=number_or_span,
+        help="time between rows of a log without times, such as 15s",
+    )
+    columns.add_argument(
+        "--max-gap", metavar="SPAN", type=number_or_span, help="a longer step starts a new segment, such as 10min"
+    )
 
 
 def how_to_read(options: argparse.Namespace) -> HowToRead:

@@ -11,6 +11,7 @@ TEXT_MARK = "# Written by thermocorr"
 """First line of a text file."""
 _MARKS = (
     re.compile(rb'\{\s*"format": "thermocorr '),  # model file
+    re.compile(rb'\{\s*"nbformat": 4,.{0,2000}thermocorr', re.DOTALL),  # notebook of the workbench
     re.compile(rb'\{"stream": \{"format": "thermocorr stream'),  # state of a live correction
     re.compile(rb'<!DOCTYPE html>.{0,4000}<meta name="generator" content="thermocorr">', re.DOTALL),  # report
     re.compile(rb"/\*.{0,2000}Made by thermocorr", re.DOTALL),  # C source

@@ -2,7 +2,7 @@
 
 from .how import HowToRead, Table
 from .log_files import read_log
-from .several import RUN, as_runs, joined
+from .several import RUN, as_runs, joined, read_logs
 from .timed import with_times
 
-__all__ = ["RUN", "HowToRead", "Table", "as_runs", "joined", "read_log", "with_times"]
+__all__ = ["RUN", "HowToRead", "Table", "as_runs", "joined", "read_log", "read_logs", "with_times"]

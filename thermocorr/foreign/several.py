@@ -23,6 +23,13 @@ RUN = "file"
 """Column of the names of files, each a run."""
 
 
+def read_logs(paths: Sequence[str | Path], how: HowToRead, *, join: bool = False, time: str | None = None) -> Table:
+    """One file, or several: each a run, or joined by their times. Times of one file are left as they came."""
+    if len(paths) == 1:
+        return read_log(paths[0], how)
+    return (joined if join else as_runs)(paths, time, how)
+
+
 def as_runs(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> Table:
     """Files with the same columns, one below the other; `RUN` tells which row is whose.
 

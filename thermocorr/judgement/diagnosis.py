@@ -189,11 +189,15 @@ def _other(tried: Tried, search: Search) -> FoundSuspect:
 
 
 def _where(model: DynamicBiasRegressor, record: Record, residual: np.ndarray, floor: float) -> pd.DataFrame:
-    lag = None
-    if len(model.time_constants_):  # the lag that moves the reading most
-        names = [effect.kind for effect in model.features_.effect_list()]
-        start = sum(len(effect.names()) for effect in model.features_.effect_list()[: names.index("thermal_lag")])
-        mu = np.abs(model.coef_[start : start + len(model.time_constants_)])
-        lag = float(model.time_constants_[int(mu.argmax())])
     recorded = [name for name in record.columns if name != record.temperature_name]
-    return where_it_fails(record, residual, floor, lag, recorded)
+    return where_it_fails(record, residual, floor, largest_lag(model), recorded)
+
+
+def largest_lag(model: DynamicBiasRegressor) -> float | None:
+    """Time constant [s] of the lag that moves the reading most; None for a model without lags."""
+    if not len(model.time_constants_):
+        return None
+    names = [effect.kind for effect in model.features_.effect_list()]
+    start = sum(len(effect.names()) for effect in model.features_.effect_list()[: names.index("thermal_lag")])
+    mu = np.abs(model.coef_[start : start + len(model.time_constants_)])
+    return float(model.time_constants_[int(mu.argmax())])

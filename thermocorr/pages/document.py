@@ -91,13 +91,13 @@ def page(data: PageData, findings: Findings) -> str:
 
 def document(title: str, leads: Sequence[Any], body: Sequence[Section], charts: Sequence[Chart]) -> str:
     """Head, body and scripts. A policy in the head lets nothing run or load but what is written here."""
-    scripts = [asset("uplot.min.js"), asset("page.js")]
+    scripts = [asset("uplot.min.js"), asset("charts.js") + asset("page.js")]
     hashes = " ".join(f"'sha256-{digest(script)}'" for script in scripts)
     return rendered(
         "page",
         title=title,
         policy=f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src {hashes}",
-        styles=Markup(asset("uplot.min.css") + asset("page.css")),
+        styles=Markup(asset("uplot.min.css") + asset("colours.css") + asset("page.css")),
         leads=leads,
         body=body,
         charts=script_data([chart.payload() for chart in charts]),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..estimators.time_constants.resolution import CONFIDENCE_95
+from ..pictures import SpectrumDisplay
 from ..pictures.protocols import DiagnosisLike
-from ..pictures.timeline import SECONDS_OF, elapsed_unit, time_text
+from ..pictures.timeline import SECONDS_OF, TimeLine, elapsed_unit, time_text
 from ..records.units import difference_unit
 from .charts import Chart, Line, Panel
 from .data import PageData
@@ -121,7 +122,11 @@ class Axis(NamedTuple):
 
 def time_axis(data: PageData) -> Axis:
     """Dates, or time since the first row in a fitting unit."""
-    line, places = data.timeline, data.traces.seconds
+    return axis_of(data.timeline, data.traces.seconds)
+
+
+def axis_of(line: TimeLine, places: np.ndarray) -> Axis:
+    """Axis of places on a time line [s]."""
     zone = "time" if line.zone is None else "time (UTC)"
     if line.dates and line.in_order:
         return Axis(x=places + line.zero, label=zone, unit="", scale=1.0, dates=True, zero=line.zero, joints=())
@@ -245,6 +250,48 @@ def following(data: PageData) -> Chart | None:
         x_unit="samples" if data.timeline.samples else "s",
         x_log=True,
     )
+
+
+def lag_spectrum(model: Any) -> Chart | None:
+    """Coefficients of the lags over their time constants, and the spectrum that the search found."""
+    if not len(model.time_constants_):
+        return None
+    display = SpectrumDisplay.from_estimator(model)
+    lags, spectrum = display.frame(), display.spectrum
+    found = [] if spectrum is None else [spectrum["time_constant"].to_numpy(float)]
+    x = np.unique(np.concatenate((lags["time_constant"].to_numpy(float), *found)))
+    lines = []
+    if spectrum is not None:
+        at = np.searchsorted(x, spectrum["time_constant"].to_numpy(float))
+        mu, least = (_placed(x, at, spectrum[name]) for name in ("coefficient", "smallest_coefficient"))
+        lines += [Line("spectrum of the search", _joined(x, mu), "model")]
+        lines += [Line("too small to be seen", 0 * x, "floor", dash=True)]
+        lines += [Line(end, sign * _joined(x, least), "floor", edge=True) for end, sign in (("low", -1), ("high", 1))]
+    at = np.searchsorted(x, lags["time_constant"].to_numpy(float))
+    lines += [Line("lags of the model", _placed(x, at, lags["coefficient"]), "corrected", dots=True, joined=False)]
+    return Chart(
+        "lags",
+        "time constant",
+        x,
+        (Panel("coefficient", display.unit, tuple(lines), height=260),),
+        caption="How much of the bias follows the temperature how late: the time constants of the model, and the "
+        "spectrum over all that were tried. In the band nothing could have been seen in this record.",
+        x_unit="samples" if display.samples else "s",
+        x_log=True,
+    )
+
+
+def _placed(x: np.ndarray, at: np.ndarray, values: Any) -> np.ndarray:
+    """Values at some of x, NaN elsewhere."""
+    found = np.full(len(x), np.nan)
+    found[at] = values
+    return found
+
+
+def _joined(x: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Straight lines in log x between the values that are known."""
+    known = np.isfinite(values)
+    return np.asarray(np.interp(np.log(x), np.log(x[known]), values[known], left=np.nan, right=np.nan))
 
 
 def series_caption(data: PageData, floor: float | None, shaded: bool) -> str:

@@ -22,6 +22,8 @@ class Part(NamedTuple):
     """Rows of one segment, in time order."""
 
     segment: int
+    rows: Any
+    """Rows of the user's data, a slice or numbers."""
     seconds: np.ndarray
     """Since the first row of the record [s]."""
     temperature: np.ndarray
@@ -83,7 +85,7 @@ class Walk:
             measured = np.full(len(block), np.nan)
         else:
             measured = self.model.believed(block, np.asarray(self._reading[block.rows], float))
-        return Part(block.segment, block.seconds - self._shift, block.temperature, measured, contributions)
+        return Part(block.segment, block.rows, block.seconds - self._shift, block.temperature, measured, contributions)
 
 
 def regressor_of(model: Any) -> DynamicBiasRegressor:

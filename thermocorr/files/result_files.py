@@ -9,11 +9,11 @@ from typing import Any
 import pandas as pd
 
 from ..estimators import DynamicBiasRegressor
-from ..files import Outputs
-from ..files.marks import TEXT_MARK
-from ..files.model_file import content_of
 from ..records import RecordError
 from ..records.text import printable
+from .marks import TEXT_MARK
+from .model_file import content_of
+from .writer import Outputs
 
 RESULT_COLUMNS = ("corrected", "model", "residual", "flag", "u")
 

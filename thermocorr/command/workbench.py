@@ -1,0 +1,91 @@
+"""`thermocorr workbench`: a log on a screen in the browser: see what is missing, add it, watch the error fall."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import threading
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+
+from ..records import RecordError
+from .analyze import parse_time_constants
+from .table_options import add_column_options, add_table_options, how_to_read
+
+NEEDS = "The workbench needs the packages starlette and uvicorn: pip install 'thermocorr[workbench]'."
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `thermocorr workbench`."""
+    parser.add_argument(
+        "log",
+        nargs="*",
+        help="a log as for analyze, or the file of a session; without one, a built-in record with a hidden effect",
+    )
+    add_table_options(parser)
+    add_column_options(parser)
+    model = parser.add_argument_group("model (can be changed on the screen)")
+    model.add_argument(
+        "--time-constants",
+        metavar="N|auto|LIST",
+        default="6",
+        help="how many to choose (default 6), auto, or a list such as 60,15min,2h",
+    )
+    model.add_argument("--degree", type=int, default=2, metavar="N", help="degree of the static law (default 2)")
+    model.add_argument(
+        "--no-screen", action="store_true", help="keep readings and temperatures that look like spikes and sentinels"
+    )
+    model.add_argument("--effects", metavar="FILE", help="Python file with effects of your own, to be suspects too")
+    serving = parser.add_argument_group("page")
+    serving.add_argument("--port", type=int, default=0, help="on 127.0.0.1 (default: a free one)")
+    serving.add_argument("--keep", action="store_true", help="go on when the page is closed; Ctrl-C ends it")
+    serving.add_argument("--no-browser", action="store_true", help="print the address only")
+
+
+def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> None:
+    """Serve it until the page is closed, or Ctrl-C."""
+    try:
+        from ..interactive import server
+    except ImportError as error:
+        raise ImportError(f"{NEEDS} ({error})") from None
+    from ..interactive.arrangement import Settings
+    from ..interactive.session_file import is_session
+    from ..interactive.worker import Opening
+
+    for path in (*options.log, *([options.effects] if options.effects else [])):
+        if not Path(path).is_file():
+            raise RecordError(f"There is no file {path}. Check its name and the folder you are in ({Path.cwd()}).")
+    taus = parse_time_constants(options.time_constants)
+    session = options.log[0] if len(options.log) == 1 and is_session(options.log[0]) else ""
+    opening = Opening(
+        paths=() if session else tuple(options.log),
+        how=how_to_read(options),
+        join=options.join,
+        named={
+            role: value
+            for role in ("temperature", "reading", "time", "run")
+            if (value := getattr(options, role)) is not None
+        },
+        settings=Settings(
+            time_constants=tuple(taus) if isinstance(taus, list) else taus,
+            degree=options.degree,
+            screen=not options.no_screen,
+            sampling_period=options.sampling_period,
+            max_gap=options.max_gap,
+        ),
+        own_file=options.effects or "",
+        session=session,
+    )
+
+    def ready(address: str) -> None:
+        say(f"Workbench: {address}\nIt is good for one browser on this machine. Close the page or press Ctrl-C to end.")
+        if not options.no_browser and _has_screen():
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+
+    server.run(opening, port=options.port, keep=options.keep, ready=ready)
+
+
+def _has_screen() -> bool:
+    return sys.platform in ("win32", "darwin") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,0 +1,165 @@
+"use strict";
+// The lists at the sides: columns, model, history; verdict, places, suspects. Each is a function of the state.
+(() => {
+  const tc = (window.thermocorr ??= {});
+  const { element, number, bar } = tc;
+  const ROLES = { suspect: "suspect", temperature: "temperature", reading: "reading", time: "time", run: "run", ignored: "ignore" };
+
+  const details = (summary, open, ...children) => element("details", { open }, element("summary", {}, summary), ...children);
+  const percent = (share) => `${share >= 0.095 || share === 0 ? Math.round(100 * share) : (100 * share).toFixed(1)} %`;
+
+  function columns(state, act) {
+    const selects = new Map();
+    const may = { number: true, switch: true };
+    const table = element("table", { class: "columns" }, element("caption", { class: "unseen" }, "columns of the log and their roles"), element("tbody", {}, state.columns.map((column) => {
+      const select = element("select", { "aria-label": `role of ${column.shown}`, "data-at": `role ${column.name}` });
+      for (const [role, text] of Object.entries(ROLES)) {
+        if ((role === "temperature" || role === "reading") && !may[column.kind] && column.role !== role) continue;
+        select.append(element("option", { value: role }, text));
+      }
+      select.value = column.role;
+      selects.set(column.name, select);
+      const missing = column.missing ? element("small", {}, `${column.missing} missing`) : null;
+      return element("tr", {}, element("th", { scope: "row" }, column.shown, column.unit ? element("span", { class: "soft" }, ` [${column.unit}]`) : null, missing), element("td", {}, select));
+    })));
+    const apply = () => {
+      const of = (role) => [...selects].filter(([, select]) => select.value === role).map(([name]) => name);
+      for (const role of ["temperature", "reading", "time", "run"]) {
+        if (of(role).length > 1) { act.trouble(`Several columns are to be the ${role}: ${of(role).join(", ")}. Only one can.`); return; }
+      }
+      if (!of("temperature").length || !of("reading").length) { act.trouble("Say which column is the temperature and which the reading."); return; }
+      act.do({ do: "columns", temperature: of("temperature")[0], reading: of("reading")[0], time: of("time")[0] ?? null, run: of("run")[0] ?? null, ignored: of("ignored") });
+    };
+    return [
+      element("h2", {}, "Columns"),
+      state.decided ? null : element("p", { class: "ask" }, "Which column is the temperature, and which the reading?"),
+      table,
+      element("button", { type: "button", "data-at": "columns", onclick: apply }, "Use these"),
+      state.source.said.length ? element("p", { class: "fine" }, `Read as: ${state.source.said.join(", ")}.`) : null,
+    ];
+  }
+
+  function model(state, act) {
+    const { time_constants, degree, products } = state.model;
+    const taus = element("input", { type: "text", value: String(time_constants), "data-at": "taus", "aria-describedby": "taus-help" });
+    const power = element("input", { type: "number", min: 0, max: 9, value: degree, "data-at": "degree" });
+    const pairs = element("input", { type: "checkbox", checked: products, "data-at": "products" });
+    const fitted = state.fitted;
+    return details("Model", false,
+      element("label", {}, "time constants ", taus), element("p", { class: "fine", id: "taus-help" }, "how many to choose, auto, or which: 60, 15min, 2h"),
+      element("label", {}, "degree of the static law ", power),
+      element("label", {}, pairs, " products of lags"),
+      element("button", { type: "button", "data-at": "shape", onclick: () => act.do({ do: "shape", time_constants: taus.value, degree: Number(power.value), products: pairs.checked }) }, "Use these"),
+      fitted ? element("p", { class: "fine" }, `Chosen: ${fitted.time_constants || "no time constants"}.`) : null,
+      fitted ? element("pre", { tabindex: 0, "aria-label": "formula" }, fitted.equation) : null,
+    );
+  }
+
+  function history(state, act, compared) {
+    const rows = state.history, known = rows.map((row) => row.held_out?.value).filter((v) => v != null);
+    const longest = Math.max(...known, 1e-300), floor = state.judged?.floor?.value;
+    const list = element("ol", { class: "steps" }, rows.map((row) => {
+      const share = row.held_out ? row.held_out.value / longest : 0, now = row.step === rows.length;
+      const buttons = element("span", { class: "acts" });
+      if (!now) buttons.append(element("button", { type: "button", class: "plain", "data-at": `compare ${row.step}`, "aria-pressed": String(compared === row.key), onclick: () => act.compare(compared === row.key ? null : row) }, compared === row.key ? "stop comparing" : "compare"));
+      if (row.kind !== "columns") buttons.append(element("button", { type: "button", class: "plain", "data-at": `drop ${row.step}`, "aria-label": `remove step ${row.step}: ${row.text}`, onclick: () => act.do({ do: "drop", step: row.step - 1 }) }, "remove"));
+      return element("li", { "aria-current": now ? "step" : false },
+        element("div", { class: "what" }, row.text, " ", buttons),
+        element("div", { class: "error" }, bar(share, "error held out", floor ? floor / longest : null), " ", number(row.held_out, "…"), " ", row.db ? element("strong", { class: row.db.value < 0 ? "good" : "bad" }, number(row.db)) : null),
+        element("div", { class: "fine" }, "later ", number(row.later), ", in sample ", number(row.rms)),
+      );
+    }));
+    return [
+      element("h2", {}, "Steps"),
+      rows.length ? element("p", { class: "fine" }, "Error on blocks of time that the fit did not see; the mark is the noise floor.") : element("p", { class: "fine" }, "None yet."),
+      list,
+      element("div", { class: "tools" },
+        element("button", { type: "button", "data-at": "undo", disabled: !state.can_undo, "aria-keyshortcuts": "Control+Z", onclick: () => act.do({ do: "undo" }) }, "Undo"),
+        element("button", { type: "button", "data-at": "redo", disabled: !state.can_redo, "aria-keyshortcuts": "Control+Y", onclick: () => act.do({ do: "redo" }) }, "Redo")),
+    ];
+  }
+
+  function verdict(state, act) {
+    const { judged, lacking, fitted } = state;
+    const notes = fitted?.notes.length ? details(`${fitted.notes.length} ${fitted.notes.length === 1 ? "note" : "notes"} on the fit`, false, element("ul", {}, fitted.notes.map((note) => element("li", {}, note)))) : null;
+    const again = element("button", { type: "button", "data-at": "judge", onclick: () => act.do({ do: "judge" }) }, "Judge again");
+    if (!fitted) return [element("h2", {}, "Is anything missing?"), element("p", { class: "soft" }, "There is no model yet.")];
+    if (!judged) return [element("h2", {}, "Is anything missing?"), element("p", { class: "soft" }, lacking.diagnosis || "Looking…"), lacking.diagnosis ? again : null, notes];
+    return [
+      element("h2", {}, "Is anything missing?"),
+      element("p", {}, element("strong", { class: "verdict", "data-verdict": judged.verdict }, judged.verdict), " ", judged.said),
+      element("p", { class: "figures" }, "Residual ", number(judged.rms), ", noise floor ", number(judged.floor), `: ${judged.explainable} of its variance could still be explained.`),
+      judged.left.length ? element("p", { class: "fine" }, judged.left.join(" ")) : null,
+      lacking.errors ? element("p", { class: "fine" }, `No error on other data: ${lacking.errors}`) : null,
+      lacking.errors ? again : null,
+      notes,
+    ];
+  }
+
+  function where(state, act) {
+    const judged = state.judged;
+    if (!judged) return [];
+    const calm = judged.verdict === "nothing missing", longest = Math.max(...judged.where.map((place) => place.share), 1e-300);
+    if (!judged.where.length || calm) return [element("h2", {}, "Where does it fail?"), element("p", { class: "fine" }, "Nowhere more than noise does.")];
+    const listed = (places, first) => element("ul", { class: "places" }, places.map((place, k) => {
+        const i = first + k;
+        const can = place.from_to || place.curve, text = `${place.aspect}: ${place.interval}`;
+        const name = can ? element("button", { type: "button", class: "plain", "data-at": `place ${i}`, onclick: () => act.go(place) }, text) : element("span", {}, text);
+        return element("li", {}, name, element("div", {}, bar(place.share / longest, "share of the error", place.lift ? place.share / place.lift / longest : null), " ", element("span", { class: "fine" }, `${percent(place.share)}, of the rows ${percent(place.share / place.lift)}`)));
+      }));
+    return [
+      element("h2", {}, "Where does it fail?"),
+      element("p", { class: "fine" }, "Share of the error beyond the noise; the mark is the share of the rows."),
+      listed(judged.where.slice(0, 6), 0),
+      judged.where.length > 6 ? details(`${judged.where.length - 6} more places`, false, listed(judged.where.slice(6), 6)) : null,
+    ];
+  }
+
+  function suspects(state, act) {
+    const judged = state.judged;
+    if (!judged) return [];
+    const causes = judged.suspects.filter((one) => one.cause).length;
+    const item = (one, i) => {
+      const preview = element("div", { class: "preview", "aria-live": "polite" });
+      const add = (alike, label) => element("button", {
+        type: "button", class: one.cause && alike == null ? "main" : "", "data-at": `add ${i} ${alike ?? ""}`, "aria-label": `Add ${label}`,
+        onclick: () => act.do({ do: "add", suspect: i, alike }),
+        onfocus: () => act.preview(i, alike, preview), onmouseenter: (event) => { event.stopPropagation(); act.preview(i, alike, preview); },
+      }, alike == null ? "Add" : `Add ${label}`);
+      const alike = one.alike.length ? element("div", { class: "alike" }, element("span", { class: "fine" }, "cannot be told apart from "), one.alike.map((label, k) => add(k, label))) : null;
+      const figures = [element("dt", {}, "held out"), element("dd", {}, number(one.held_out)), element("dt", {}, "later"), element("dd", {}, number(one.later)), element("dt", {}, "error probability"), element("dd", {}, one.p)];
+      return element("li", { class: one.cause ? "cause" : "", onmouseenter: () => act.preview(i, null, preview), onmouseleave: () => act.preview(null), onfocusout: () => act.preview(null) },
+        element("div", { class: "head" }, element("strong", {}, one.label), one.standing ? element("span", { class: "standing" }, one.standing) : null, add(null, one.exactly)),
+        element("div", {}, bar(one.share, "share of the structure"), ` ${percent(one.share)} of what is structured`),
+        element("dl", {}, figures),
+        one.cause ? element("p", { class: "fine" }, one.physics, " ", one.when) : null,
+        one.cause && one.bench_check ? details("On the bench", false, element("p", { class: "fine" }, one.bench_check)) : null,
+        alike, preview);
+    };
+    const others = judged.suspects.slice(causes);
+    return [
+      element("h2", {}, "What is missing?"),
+      causes ? element("ol", { class: "suspects" }, judged.suspects.slice(0, causes).map(item)) : element("p", { class: "fine" }, judged.verdict === "nothing missing" ? "No suspect is worth adding." : "No suspect explains it by itself."),
+      others.length ? details(`${others.length} others that were tried`, false, element("ol", { class: "suspects" }, others.map((one, i) => item(one, causes + i)))) : null,
+    ];
+  }
+
+  function beside(state, act, shown) {
+    if (!state.fitted) return [];
+    const curves = state.fitted.curves.filter((curve) => curve.name !== "temperature");
+    return [details("Curves below", false, element("div", { class: "choices" }, curves.map((curve) => element("label", {}, element("input", { type: "checkbox", checked: shown.has(curve.name), "data-at": `curve ${curve.name}`, onchange: (event) => act.curve(curve.name, event.target.checked) }), ` ${curve.label}${curve.group === "contribution" ? " (contribution)" : ""}`))))];
+  }
+
+  // The error as it falls: first, now, and the noise floor.
+  function summary(state) {
+    const rows = state.history.filter((row) => row.held_out), first = rows[0], last = state.history[state.history.length - 1];
+    if (!first) return [element("p", { class: "soft" }, state.fitted ? "Measuring the error on data that it was not learned from…" : "")];
+    const now = last?.held_out, longest = Math.max(first.held_out.value, now?.value || 0), floor = state.judged?.floor?.value;
+    const said = ["Error on data that it was not learned from: "];
+    if (last === first) said.push(element("strong", {}, number(first.held_out)));
+    else said.push(number(first.held_out), " → ", element("strong", {}, number(now, "…")), " ", last.db ? element("strong", { class: last.db.value < 0 ? "good" : "bad" }, number(last.db)) : null);
+    return [element("p", {}, said), element("div", { class: "fall" }, bar((now || first.held_out).value / longest, "error now, of the first", floor ? floor / longest : null), element("span", { class: "fine" }, floor ? "mark: noise floor" : ""))];
+  }
+
+  Object.assign(tc, { panels: { columns, model, history, verdict, where, suspects, beside, summary } });
+})();

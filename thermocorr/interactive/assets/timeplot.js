@@ -1,0 +1,155 @@
+"use strict";
+// Everything over time: reading, residual, temperature and chosen columns; its points follow the zoom.
+(() => {
+  const tc = (window.thermocorr ??= {});
+  const { Chart, element, values, places } = tc;
+  const AFTER = "preview after", TAKEN = "preview taken", WAIT = 60;
+
+  const line = (curve, label, role, more = {}) => ({ curve, label, role, dash: false, dots: false, joined: true, edge: false, stretches: null, ...more });
+
+  class TimePlot {
+    // place: element; wire; brushed(range or null); troubled(error)
+    constructor(place, wire, brushed, troubled) {
+      Object.assign(this, { place, wire, brushed, troubled });
+      this.extra = new Set(); // names of curves below the temperature
+      this.preview = null; // {label, before, after}
+      this.other = null; // {key, text}: a step to compare with
+      this.range = null; // what is shown; null for the whole record
+      this.asked = 0;
+    }
+    show(state) {
+      const before = this.fitted;
+      this.fitted = state.fitted;
+      this.judged = state.judged;
+      if (!this.fitted) { this.clear(); return; }
+      const axis = this.fitted.axis;
+      if (before && (before.axis.low !== axis.low || before.axis.high !== axis.high)) this.range = null;
+      const names = new Set(this.fitted.curves.map((curve) => curve.name));
+      for (const name of this.extra) if (!names.has(name)) this.extra.delete(name);
+      this.refresh();
+    }
+    clear() {
+      this.chart?.remove();
+      this.chart = null;
+      this.signature = "";
+    }
+    panels() { // what is drawn: panels of lines, each with the curve that it shows
+      const { fitted, judged } = this, unit = fitted.unit;
+      const floor = judged?.floor ? [2 * judged.floor.value, -2 * judged.floor.value] : [];
+      const residual = [line("residual", this.preview ? "residual now" : "residual", "residual")];
+      const averaged = this.shown ? this.shown.averaged : true, mean = (name) => (averaged ? `mean ${name}` : name);
+      if (averaged) residual.push(line("mean residual", "mean of stretches", "average"));
+      if (this.preview) residual.push(line(mean(AFTER), `${averaged ? "mean " : ""}with ${this.preview.label}`, "other"), line(mean(TAKEN), "what it takes away", "model"));
+      const panels = [
+        { label: fitted.reading, unit, height: 150, lines: [line("reading", "measured", "reading"), line("model", "modelled", "model"), line("corrected", "corrected", "corrected")] },
+        { label: "residual", unit, height: 150, rules: floor, lines: residual },
+      ];
+      if (this.other) {
+        panels.push({ label: "residual there", unit, height: 130, rules: floor, like: 1, key: this.other.key, lines: [line("residual", `residual after ${this.other.text}`, "residual")] });
+      }
+      const known = new Map(fitted.curves.map((curve) => [curve.name, curve]));
+      panels.push({ label: fitted.temperature, unit: known.get("temperature").unit, height: 90, lines: [line("temperature", fitted.temperature, "temperature")] });
+      for (const name of this.extra) {
+        const curve = known.get(name);
+        if (curve) panels.push({ label: curve.label, unit: curve.unit, height: 90, lines: [line(name, curve.label, "other")] });
+      }
+      return panels.map((panel) => ({ log: false, like: null, rules: [], key: fitted.key, ...panel }));
+    }
+    wanted() { // from where to where, with a margin, and how many pixels
+      const { low, high } = this.fitted.axis, [from, to] = this.range || [low, high], margin = 0.5 * (to - from);
+      return { low: Math.max(low, from - margin), high: Math.min(high, to + margin), n: Math.round(2 * Math.max(this.place.clientWidth, 300)) };
+    }
+    async fetched(panels) { // points of all panels, from one request for each step that is shown
+      const { scale, zero } = this.fitted.axis, wanted = this.wanted(), found = new Map();
+      this.running?.abort();
+      this.running = new AbortController();
+      for (const key of new Set(panels.map((panel) => panel.key))) {
+        const names = new Set(panels.filter((panel) => panel.key === key).flatMap((panel) => panel.lines.map((l) => l.curve)));
+        found.set(key, await this.wire.piece({ key, curves: JSON.stringify([...names]), scale, zero, ...wanted }, this.running.signal));
+      }
+      return found;
+    }
+    async refresh() {
+      const number = ++this.asked, panels = this.panels();
+      let found;
+      try { found = await this.fetched(panels); } catch (error) {
+        if (error.name !== "AbortError" && number === this.asked) this.troubled(error);
+        return;
+      }
+      if (number !== this.asked) return; // something newer is under way
+      const main = found.get(this.fitted.key), x = places(main.x);
+      const columns = panels.map((panel) => panel.lines.map((l) => this.beside(x, found.get(panel.key), l.curve, main)));
+      const shades = this.judged ? this.judged.shades : [];
+      const signature = JSON.stringify([panels, this.fitted.axis, shades]);
+      if (signature !== this.signature) this.build(panels, x, columns, shades, signature);
+      else this.chart.load(x, columns);
+      const averaged = this.shown?.averaged;
+      this.shown = { rows: main.rows, per_point: main.per_point, averaged: Boolean(main.averaged) };
+      if (averaged != null && averaged !== this.shown.averaged) this.refresh(); // too few rows for means, or enough again
+      this.place.dataset.key = this.fitted.key;
+      this.place.dataset.drawn = String(number);
+    }
+    beside(x, found, curve, main) { // a curve of another step may have other rows: its points at those of this one
+      const drawn = values(found.curves[curve]);
+      if (found === main) return drawn;
+      const own = places(found.x), out = new Array(x.length).fill(null);
+      for (let i = 0, j = 0; i < x.length; i++) {
+        while (j + 1 < own.length && own[j + 1] <= x[i]) j++;
+        if (drawn.length) out[i] = drawn[j];
+      }
+      return out;
+    }
+    build(panels, x, columns, shades, signature) {
+      const axis = this.fitted.axis, range = this.range, brushing = this.chart?.brushing;
+      this.chart?.remove();
+      this.place.replaceChildren();
+      const packed = (column) => ({ ready: column });
+      this.chart = new Chart({
+        name: "series",
+        ends: [axis.low, axis.high],
+        x: { label: axis.label, unit: axis.unit, joints: axis.joints, dates: axis.dates, log: false, data: { ready: x } },
+        panels: panels.map((panel, i) => ({ ...panel, lines: panel.lines.map((l, k) => ({ ...l, data: packed(columns[i][k]) })) })),
+        shades,
+      }, this.place, {
+        zoomed: (low, high) => this.zoomed(low, high),
+        brushed: (low, high) => { this.selected = [low, high]; this.brushed(this.selected); },
+      });
+      this.signature = signature;
+      if (brushing) this.chart.brush(true);
+      if (range) this.chart.zoom(...range);
+      else this.chart.zoom();
+    }
+    zoomed(low, high) {
+      const { axis } = this.fitted, whole = low <= axis.low && high >= axis.high;
+      this.range = whole ? null : [low, high];
+      clearTimeout(this.waiting);
+      this.waiting = setTimeout(() => this.refresh(), WAIT);
+    }
+    go(low, high) { // show a stretch, with some of what is around it
+      const margin = 0.25 * (high - low);
+      this.chart?.zoom(low - margin, high + margin);
+    }
+    brush(on) {
+      this.chart?.brush(on);
+      if (!on) { this.selected = null; this.brushed(null); }
+    }
+    stretch() { // what was selected, or else what is shown
+      const { axis } = this.fitted;
+      return this.selected || this.range || [axis.low, axis.high];
+    }
+    toggle(name, on) {
+      if (on) this.extra.add(name); else this.extra.delete(name);
+      this.refresh();
+    }
+    previewed(preview) {
+      this.preview = preview;
+      if (this.fitted) this.refresh();
+    }
+    compared(other) {
+      this.other = other;
+      if (this.fitted) this.refresh();
+    }
+  }
+
+  tc.TimePlot = TimePlot;
+})();

@@ -1,0 +1,158 @@
+"use strict";
+// The workbench: the state as it comes, the lists and plots that show it, and what the user does.
+(() => {
+  const tc = (window.thermocorr ??= {});
+  const { element, Part, TimePlot, Views, panels, number } = tc;
+  const MARKS = { "left out": "Leave out", "own run": "Treat as another run", change: "The measurand changed here", spikes: "Mark spikes" };
+  const TAKE = { script: "Python script", notebook: "Notebook", model: "model.json", corrected: "corrected.csv", report: "Report page", firmware: "C source", session: "Session file" };
+  const HOVER = 120; // a pointer that stays so long means it [ms]
+
+  class Workbench {
+    constructor(root, makeWire) {
+      this.root = root;
+      this.state = null;
+      this.busy = 0;
+      const at = (name) => root.querySelector(`[data-part="${name}"]`);
+      this.at = at;
+      this.wire = makeWire((kind, content) => this.hear(kind, content));
+      this.plot = new TimePlot(at("plot"), this.wire, (range) => this.brushed(range), (error) => this.trouble(error.message));
+      this.views = new Views(at("views"), this.wire, (error) => this.trouble(error.message));
+      const act = {
+        do: (asked) => this.do(asked), trouble: (text) => this.trouble(text), go: (place) => this.go(place),
+        preview: (...given) => this.preview(...given), compare: (row) => this.compare(row),
+        curve: (name, on) => this.plot.toggle(name, on),
+      };
+      const part = (name, build) => new Part(at(name), build);
+      this.parts = [
+        [part("columns", (s) => panels.columns(s, act)), (s) => ({ columns: s.columns, decided: s.decided, source: s.source })],
+        [part("model", (s) => panels.model(s, act)), (s) => ({ model: s.model, fitted: s.fitted && { time_constants: s.fitted.time_constants, equation: s.fitted.equation } })],
+        [part("history", (s) => panels.history(s, act, this.plot.other?.key)), (s) => ({ history: s.history, judged: s.judged && { floor: s.judged.floor }, can_undo: s.can_undo, can_redo: s.can_redo, other: this.plot.other })],
+        [part("summary", (s) => panels.summary(s)), (s) => ({ history: s.history, judged: s.judged && { floor: s.judged.floor }, fitted: Boolean(s.fitted) })],
+        [part("verdict", (s) => panels.verdict(s, act)), (s) => ({ judged: s.judged, lacking: s.lacking, fitted: s.fitted && { notes: s.fitted.notes } })],
+        [part("where", (s) => panels.where(s, act)), (s) => ({ judged: s.judged })],
+        [part("suspects", (s) => panels.suspects(s, act)), (s) => ({ judged: s.judged, key: s.fitted?.key })],
+        [part("beside", (s) => panels.beside(s, act, this.plot.extra)), (s) => ({ fitted: s.fitted && { curves: s.fitted.curves } })],
+      ];
+      this.tools();
+      this.keys();
+    }
+    tools() {
+      const step = (low, high) => () => this.plot.chart?.step(low, high);
+      this.mode = element("button", { type: "button", "aria-pressed": "false", onclick: () => this.select(this.mode.getAttribute("aria-pressed") !== "true") }, "Select a stretch");
+      const zoom = { "Whole record": () => this.plot.chart?.zoom(), "+": step(0.25, 0.75), "−": step(-0.5, 1.5), "◀": step(-0.5, 0.5), "▶": step(0.5, 1.5) };
+      const names = { "+": "zoom in", "−": "zoom out", "◀": "earlier", "▶": "later" };
+      this.at("zoom").replaceChildren(...Object.entries(zoom).map(([name, run]) => element("button", { type: "button", "aria-label": names[name] || name, onclick: run }, name)), this.mode);
+      this.marks = element("div", { class: "marks", hidden: true }, element("span", { class: "fine" }, "this stretch: "), Object.entries(MARKS).map(([what, text]) => element("button", { type: "button", "data-mark": what, onclick: () => this.mark(what) }, text)));
+      this.at("marks").replaceChildren(this.marks);
+      this.at("take").replaceChildren(...Object.entries(TAKE).map(([kind, text]) => element("button", { type: "button", "data-take": kind, onclick: () => this.take(kind) }, text)));
+      this.at("cancel").addEventListener("click", () => this.wire.cancel());
+      this.at("dismiss").addEventListener("click", () => this.trouble(""));
+      const file = this.at("open");
+      file?.addEventListener("change", () => { if (file.files.length) this.open(file.files[0]); file.value = ""; });
+      if (!file) return;
+      this.root.addEventListener("dragover", (event) => event.preventDefault());
+      this.root.addEventListener("drop", (event) => { event.preventDefault(); if (event.dataTransfer.files.length) this.open(event.dataTransfer.files[0]); });
+    }
+    keys() {
+      this.root.addEventListener("keydown", (event) => {
+        if (event.target.matches?.("input, select, textarea")) return;
+        if ((event.ctrlKey || event.metaKey) && event.key === "z") { event.preventDefault(); if (this.state?.can_undo) this.do({ do: "undo" }); }
+        else if ((event.ctrlKey || event.metaKey) && event.key === "y") { event.preventDefault(); if (this.state?.can_redo) this.do({ do: "redo" }); }
+        else if (event.key === "Escape") { this.select(false); this.preview(null); }
+      });
+    }
+    hear(kind, content) {
+      if (kind === "state") this.show(content);
+      else if (kind === "progress") this.progress(content.text);
+      else if (kind === "ended") { this.progress(""); this.trouble("The workbench has ended. Start it again to go on; a session file brings the steps back."); this.root.dataset.ended = "1"; }
+    }
+    show(state) {
+      this.state = state;
+      this.root.dataset.revision = state.revision;
+      if (!state.columns) { if (state.trouble) this.trouble(state.trouble); return; }
+      this.at("source").textContent = `${state.source.name}, ${state.source.rows.toLocaleString("en")} rows`;
+      const problem = state.trouble || state.problem;
+      if (problem || this.problem) this.trouble(problem);
+      this.problem = problem;
+      if (this.plot.other && !state.history.some((row) => row.key === this.plot.other.key)) this.plot.other = null;
+      if (state.fitted?.key !== this.plot.fitted?.key) this.plot.preview = null;
+      for (const [part, content] of this.parts) part.show({ ...content(state) }, state);
+      this.plot.show(state);
+      this.views.show(state);
+      this.root.dataset.judged = state.judged && state.fitted ? state.fitted.key : "";
+    }
+    progress(text) {
+      this.at("progress").textContent = text ? `${text}…` : "";
+      this.at("cancel").hidden = !text;
+      this.root.dataset.progress = text;
+    }
+    trouble(text) {
+      this.at("trouble").textContent = text || "";
+      this.at("alert").hidden = !text;
+    }
+    async do(asked) {
+      if (this.busy) return null;
+      this.busy += 1;
+      this.root.dataset.busy = "1";
+      this.trouble("");
+      try {
+        return await this.wire.ask(asked, this.state?.revision);
+      } catch (error) {
+        this.trouble(error.message);
+        return null;
+      } finally {
+        this.busy -= 1;
+        delete this.root.dataset.busy;
+      }
+    }
+    preview(place, alike, shown) {
+      clearTimeout(this.hover);
+      const wanted = place == null ? null : `${place} ${alike}`;
+      if (wanted === this.hovered) return;
+      this.hover = setTimeout(async () => {
+        this.hovered = wanted;
+        if (wanted == null) { if (this.plot.preview) this.plot.previewed(null); return; }
+        const key = this.state.fitted?.key;
+        let found;
+        try { found = await this.wire.ask({ do: "preview", suspect: place, alike: alike ?? null }); } catch { return; }
+        if (this.hovered !== wanted || this.state.fitted?.key !== key) return;
+        shown.textContent = "";
+        shown.append("In sample it would leave ", number(found.after), " instead of ", number(found.before), ".");
+        this.plot.previewed(found);
+      }, place == null ? 2 * HOVER : HOVER);
+    }
+    go(place) {
+      if (place.from_to) this.plot.go(...place.from_to);
+      else if (place.curve) {
+        this.views.against(place.curve, place.range);
+        this.at("views").scrollIntoView({ block: "nearest", behavior: "smooth" });
+      }
+    }
+    select(on) {
+      this.mode.setAttribute("aria-pressed", String(on));
+      this.marks.hidden = !on;
+      this.plot.brush(on);
+    }
+    brushed() {}
+    mark(what) {
+      const [low, high] = this.plot.stretch();
+      this.select(false);
+      return this.do({ do: "mark", what, low, high });
+    }
+    async compare(row) {
+      if (row && !(await this.do({ do: "fit", step: row.step }))) return;
+      this.plot.compared(row && { key: row.key, text: `step ${row.step}` });
+      this.show(this.state);
+    }
+    async take(kind) {
+      this.trouble("");
+      try { await this.wire.take(kind); } catch (error) { this.trouble(error.message); }
+    }
+    async open(file) {
+      this.trouble("");
+      try { await this.wire.open(file); } catch (error) { this.trouble(error.message); }
+    }
+  }
+
+  tc.Workbench = Workbench;
+})();

@@ -1,0 +1,369 @@
+"""The workbench itself: a log, a history of steps, and for each arrangement its model, errors and diagnosis."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..effects.protocol import Effect
+from ..estimators import DynamicBiasRegressor
+from ..files.codec import fields, integer, number, text
+from ..files.effect_nodes import EffectCodec, import_path
+from ..judgement import diagnose
+from ..judgement.adding import with_missing
+from ..pages import PageData, figures
+from ..pages.charts import Chart
+from ..records import RecordError
+from .acts import MARKS, Act, Add, Columns, Mark, folded, roles_of, shape_of
+from .arrangement import AddedEffect, Arrangement, Moment, Settings, Stretch
+from .learning import Fitted, errors_of, fitted, quietly
+from .previews import preview_of
+from .roles import Roles
+from .source import Source
+from .tiles import Store
+from .wording import axis_of, moment_words, spans
+
+HELD = 12
+"""Fitted arrangements that are kept; others are fitted again when they are asked for, to the same bits."""
+HELD_ROWS = 3_000_000
+"""Rows of all of them together, from which on fewer are kept."""
+JUMPS = 6.0
+"""A reading that is so many times the usual residual of a marked stretch away from its median is a spike."""
+MOST_SPIKES = 1000
+"""Rows that are marked as spikes at once."""
+Chore = tuple[str, Callable[[], None]]
+
+
+class Bench:
+    """One log under work. Everything is done by `perform` and, in between, by `next_chore`.
+
+    Parameters
+    ----------
+    source : Source
+    store : Store
+        Where curves are put.
+    roles : Roles, optional
+        None asks the user.
+    settings : Settings
+    own : sequence of classes of effects
+        Suspects of the user's own.
+    own_file : str
+        The file that they are from.
+    base : DynamicBiasRegressor, optional
+        The model whose settings count where a `Settings` has none.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        store: Store,
+        *,
+        roles: Roles | None = None,
+        settings: Settings | None = None,
+        own: Sequence[type[Effect]] = (),
+        own_file: str = "",
+        base: DynamicBiasRegressor | None = None,
+    ):
+        self.source, self.store, self.own, self.own_file = source, store, tuple(own), own_file
+        self.base = base
+        self.settings = settings or Settings()
+        self.codec = EffectCodec([import_path(cls, cls.__name__) for cls in self.own])
+        self.versions: list[tuple[Act, ...]] = [(Columns(roles),) if roles else ()]
+        self.at = 0
+        self.problem = ""
+        """Why there is no model."""
+        self.kept: OrderedDict[str, Fitted] = OrderedDict()
+        """Fitted arrangements by their keys, the one that was looked at last behind the others."""
+        self._known: dict[str, dict[str, Any]] = {}
+
+    # ------------------------------------------------------------------------------------------------------- the state
+
+    @property
+    def acts(self) -> tuple[Act, ...]:
+        """The steps that stand."""
+        return self.versions[self.at]
+
+    def arrangement(self, count: int | None = None) -> Arrangement:
+        """What stands on the bench, or stood there after the first steps."""
+        return folded(self.acts[:count], self.settings)
+
+    @property
+    def current(self) -> Fitted | None:
+        """The fitted arrangement; None where there is none."""
+        return self.kept.get(self.arrangement().key())
+
+    def known(self, key: str) -> dict[str, Any]:
+        """Errors of an arrangement, known after its model has gone: rms, held_out, later, verdict."""
+        return self._known.setdefault(key, {})
+
+    def fit(self, arrangement: Arrangement | None = None) -> Fitted:
+        """The fitted arrangement, by default what stands on the bench; kept, or fitted anew."""
+        arrangement = arrangement or self.arrangement()
+        key = arrangement.key()
+        if key not in self.kept:
+            found = fitted(self.source, arrangement, self.codec, self.store, self.base)
+            self.known(key)["rms"] = _rms(self.store, found)
+            self.kept[key] = found
+        self.kept.move_to_end(key)
+        self._forget(key)
+        return self.kept[key]
+
+    def _forget(self, needed: str) -> None:
+        most = max(2, min(HELD, HELD_ROWS // max(len(self.source.frame), 1)))
+        for key in list(self.kept):
+            if len(self.kept) <= most:
+                break
+            if key not in (needed, self.arrangement().key()):
+                del self.kept[key]
+        self.store.keep([name for found in self.kept.values() for name in found.curves.values()])
+
+    # ----------------------------------------------------------------------------------------------------- what is done
+
+    def start(self) -> None:
+        """Fit what the log was opened with; where that cannot be, `problem` says why."""
+        try:
+            self.problem = ""
+            self.fit()
+        except (RecordError, ValueError, TypeError) as error:
+            self.problem = " ".join(str(error).split())
+
+    def perform(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Do what is asked; nothing has changed where it raises.
+
+        Parameters
+        ----------
+        asked : dict
+            ``do``: columns, shape, add, mark, undo, redo, drop, judge, preview or fit; with what these need.
+
+        Raises
+        ------
+        ValueError
+            For what cannot be done: its sentence is for the user.
+        """
+        doers = {
+            "columns": self._columns, "shape": self._shape, "add": self._add, "mark": self._mark, "undo": self._undo,
+            "redo": self._redo, "drop": self._drop, "judge": self._judge, "preview": self._preview, "fit": self._fit,
+        }  # fmt: skip
+        name = text(asked.get("do"), "do")
+        if name not in doers:
+            raise ValueError(f"{name!r} cannot be done here.")
+        return doers[name](asked) or {}
+
+    def _become(self, acts: tuple[Act, ...]) -> None:
+        """Fit these steps and let them stand; steps that were undone before are forgotten."""
+        self.fit(folded(acts, self.settings))
+        self.versions = [*self.versions[: self.at + 1], acts]
+        self.at += 1
+        self.problem = ""
+
+    def _columns(self, asked: dict[str, Any]) -> None:
+        roles = roles_of(
+            fields(asked, "columns", ("do", "temperature", "reading", "time", "run", "ignored")), "columns"
+        )
+        roles.check(self.source.frame.columns)
+        effects = [act for act in self.acts if not isinstance(act, Columns)]
+        self._become((Columns(roles), *effects))
+
+    def _shape(self, asked: dict[str, Any]) -> None:
+        asked = fields(asked, "model", ("do", "time_constants", "degree", "products"))
+        given = asked["time_constants"]
+        if isinstance(given, str):
+            given = int(given) if given.strip().isdigit() else "auto" if given.strip() == "auto" else spans(given)
+        self._become((*self.acts, shape_of({**asked, "time_constants": given}, "model")))
+
+    def suspect(self, asked: dict[str, Any]) -> Effect:
+        """The effect of a suspect, or of one that cannot be told apart from it."""
+        found = self.current.diagnosis if self.current else None
+        listed = found.suspects if found else ()
+        place = integer(asked.get("suspect"), "suspect", 0, 10**6)
+        if place >= len(listed):
+            raise ValueError("This suspect is no longer on the list: the model has changed.")
+        alike = asked.get("alike")
+        if alike is None:
+            return listed[place].effect
+        others, which = listed[place].confusable_with, integer(alike, "alike", 0, 10**6)
+        if which >= len(others):
+            raise ValueError("This suspect is no longer on the list: the model has changed.")
+        return others[which]
+
+    def _add(self, asked: dict[str, Any]) -> None:
+        effect, found = self.suspect(asked), self.current
+        assert found is not None  # it has suspects
+        added = AddedEffect.of(self.codec.pack(effect, "effect", learned=False), effect.label())
+        lags: tuple[float, ...] = ()
+        if effect.kind == "thermal_lag" and len(found.model.time_constants_):
+            lags = tuple(with_missing(found.model, effect).time_constants)
+        self._become((*self.acts, Add(added, lags)))
+
+    def _mark(self, asked: dict[str, Any]) -> None:
+        asked = fields(asked, "mark", ("do", "what", "low", "high"))
+        what, found = text(asked["what"], "what"), self.current
+        if what not in MARKS:
+            raise ValueError(f"A stretch is marked as one of: {', '.join(MARKS.values())}.")
+        if found is None:
+            raise ValueError("There is no model yet: say first which column is the temperature and which the reading.")
+        axis = axis_of(found)
+        low, high = (number(asked[end], end) * axis.scale - axis.zero for end in ("low", "high"))
+        place = self.store.get(found.curves["place"])
+        inside = slice(int(np.searchsorted(place, low, "left")), int(np.searchsorted(place, high, "right")))
+        places = np.arange(inside.start, inside.stop)
+        if what == "spikes":
+            places = self._standing_out(found, places)
+        if not len(places):
+            raise ValueError("There are no rows in this stretch.")
+        rows = np.sort(self.store.get(found.curves["row"])[places].astype(int))
+        ends = places[[0, -1]]
+        where = moment_words(found, ends, self.store.get(found.curves["seconds"])[ends])
+        moments: tuple[Moment, ...] = ()
+        if what == "change":
+            seconds = self.store.get(found.curves["seconds"])
+            edges = [place for place in (inside.start, inside.stop) if 0 < place < len(seconds)]
+            moments = tuple(_moment(found, float(seconds[edge])) for edge in edges)
+            if not moments:
+                raise ValueError("The whole record is in this stretch: nothing changes in it.")
+        if what == "spikes":
+            where = f"{len(places)} {'reading' if len(places) == 1 else 'readings'}, {where}"
+        self._become((*self.acts, Mark(what, _stretches(rows), where, moments)))
+
+    def _standing_out(self, found: Fitted, places: np.ndarray) -> np.ndarray:
+        """Places whose residual stands far out of the others in a stretch."""
+        residual = self.store.get(found.curves["residual"])[places]
+        known = residual[np.isfinite(residual)]
+        if not len(known):
+            raise ValueError("There are no readings in this stretch.")
+        middle = float(np.median(known))
+        floor = found.diagnosis.noise_floor if found.diagnosis else found.model.residual_std_
+        usual = max(1.4826 * float(np.median(np.abs(known - middle))), floor)
+        spikes = places[np.abs(residual - middle) > JUMPS * usual]
+        if not len(spikes):
+            raise ValueError(
+                f"No reading in this stretch stands out by more than {JUMPS:g} times the usual residual. To take all "
+                "of it away from the fit, leave it out."
+            )
+        if len(spikes) > MOST_SPIKES:
+            raise ValueError(f"{len(spikes)} readings stand out here: that is no spike. Leave the stretch out instead.")
+        return np.asarray(spikes)
+
+    def _undo(self, asked: dict[str, Any]) -> None:
+        self._go(self.at - 1, "There is nothing to undo.")
+
+    def _redo(self, asked: dict[str, Any]) -> None:
+        self._go(self.at + 1, "There is nothing to do again.")
+
+    def _go(self, to: int, refusal: str) -> None:
+        if not 0 <= to < len(self.versions):
+            raise ValueError(refusal)
+        before, self.at = self.at, to
+        try:
+            if self.arrangement().roles is not None:
+                self.fit()
+        except BaseException:
+            self.at = before
+            raise
+        self.start()
+
+    def _drop(self, asked: dict[str, Any]) -> None:
+        step = integer(asked.get("step"), "step", 0, 10**6)
+        if step >= len(self.acts):
+            raise ValueError("This step is no longer there.")
+        if isinstance(self.acts[step], Columns):
+            raise ValueError("The first step says what the columns are: change it at the left.")
+        self._become((*self.acts[:step], *self.acts[step + 1 :]))
+
+    def _judge(self, asked: dict[str, Any]) -> None:
+        if self.current is not None:
+            self.current.said.clear()
+
+    def _fit(self, asked: dict[str, Any]) -> None:
+        """Make sure that the curves of a step are there."""
+        step = integer(asked.get("step"), "step", 0, len(self.acts))
+        self.fit(self.arrangement(step))
+
+    def _preview(self, asked: dict[str, Any]) -> dict[str, Any]:
+        effect, found = self.suspect(asked), self.current
+        assert found is not None  # it has suspects
+        shown: dict[str, Any] = quietly(lambda: preview_of(found, effect, self.store))
+        return shown
+
+    # --------------------------------------------------------------------------------------------- what is not urgent
+
+    def next_chore(self) -> Chore | None:
+        """The next thing to find out about what stands on the bench: a few words, and what does it."""
+        found = self.current
+        if found is None:
+            return None
+        fresh = not any(isinstance(act, Add) for act in self.acts)
+        chores: dict[str, Chore | None] = {
+            "errors": None if found.errors or "errors" in found.said else
+            ("measuring the error on data that it was not learned from", lambda: self._measure(found)),
+            "diagnosis": None if found.diagnosis or "diagnosis" in found.said else
+            ("looking for what is missing", lambda: self._diagnose(found)),
+            "charts": None if found.charts is not None else ("drawing", lambda: self._draw(found)),
+        }  # fmt: skip
+        order = ("diagnosis", "errors", "charts") if fresh else ("errors", "diagnosis", "charts")
+        return next((chores[name] for name in order if chores[name]), None) or self._missing_errors()
+
+    def _missing_errors(self) -> Chore | None:
+        """Errors of earlier steps that were never on the bench as they stand, after one between them was removed."""
+        for count in range(1, len(self.acts)):
+            arrangement = self.arrangement(count)
+            known = self.known(arrangement.key())
+            if arrangement.roles is not None and not {"held_out", "no errors"} & known.keys():
+                return f"measuring the error after step {count}", partial(self._measure_step, arrangement)
+        return None
+
+    def _measure_step(self, arrangement: Arrangement) -> None:
+        try:
+            found = self.fit(arrangement)
+        except (RecordError, ValueError) as error:
+            self.known(arrangement.key())["no errors"] = str(error)
+            return
+        if found.errors is None:
+            self._measure(found)
+
+    def _measure(self, found: Fitted) -> None:
+        known = self.known(found.arrangement.key())
+        try:
+            found.errors = errors_of(found, self.own)
+            known |= {"held_out": found.errors.held_out, "later": found.errors.later}
+        except (RecordError, ValueError) as error:
+            found.said["errors"] = known["no errors"] = " ".join(str(error).split())
+
+    def _diagnose(self, found: Fitted) -> None:
+        X, y = found.data.X, found.data.learned
+        try:
+            found.diagnosis = quietly(lambda: diagnose(found.model, X, y, suspects=self.own))
+            self.known(found.arrangement.key())["verdict"] = found.diagnosis.verdict
+        except (RecordError, ValueError) as error:
+            found.said["diagnosis"] = " ".join(str(error).split())
+
+    def _draw(self, found: Fitted) -> None:
+        """Charts of the report page that belong to the model."""
+        judged = found.diagnosis
+        data = quietly(lambda: PageData.of(found.model, found.data.X, found.data.y))
+        charts: list[Chart | None] = [figures.stability(data), figures.loop(data), figures.following(data)]
+        charts += [figures.lag_spectrum(found.model), figures.spectrum(judged) if judged else None]
+        found.charts = [{**chart.payload(), "caption": chart.caption} for chart in charts if chart is not None]
+
+
+def _rms(store: Store, found: Fitted) -> float:
+    """Rms residual of the rows that were learned from."""
+    learned = found.data.learned.to_numpy(float)[store.get(found.curves["row"]).astype(int)]
+    residual = store.get(found.curves["residual"])
+    known = residual[np.isfinite(residual) & np.isfinite(learned)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+
+
+def _moment(found: Fitted, seconds: float) -> Moment:
+    line = found.timeline
+    return line.times(np.array([seconds]))[0].isoformat() if line.dates else seconds
+
+
+def _stretches(rows: np.ndarray) -> tuple[Stretch, ...]:
+    """Sorted rows as stretches without gaps."""
+    cuts = np.flatnonzero(np.diff(rows) != 1) + 1
+    return tuple((int(part[0]), int(part[-1]) + 1) for part in np.split(rows, cuts))

@@ -1,0 +1,211 @@
+"""Between the pages and the process that computes: what was last known, who is looking, and what was asked."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import multiprocessing
+import shutil
+import tempfile
+import threading
+import time
+import warnings
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from .tiles import Store, Tiles
+from .worker import Opening, serve
+
+DIED = "The computation ended, perhaps for lack of memory. It begins again from the steps that stand."
+GIVEN_UP = "The computation ends again and again, perhaps for lack of memory. Open a shorter log."
+QUICK_DEATHS = 3
+"""Ends of the process within a minute, after which it is not begun again."""
+WAITING = 64
+"""Messages for a page that does not read them, before it is let go."""
+
+
+class Refused(Exception):
+    """What was asked cannot be done; the sentence is for the user."""
+
+
+class Hub:
+    """One workbench, on the server's side.
+
+    Parameters
+    ----------
+    opening : Opening
+    """
+
+    def __init__(self, opening: Opening):
+        self.opening = opening
+        self.folder = Path(tempfile.mkdtemp(prefix="thermocorr-"))
+        self.tiles = Tiles(Store(self.folder))
+        self.state: dict[str, Any] = {}
+        self.curves: dict[str, dict[str, str]] = {}
+        self.charts: dict[str, list[dict[str, Any]]] = {}
+        self.revision = 0
+        self.progress = "starting"
+        self.trouble = ""
+        self.pages: set[asyncio.Queue[str]] = set()
+        self.seen = False
+        """Whether a page was ever open."""
+        self.left = time.monotonic()
+        """When the last page closed."""
+        self._asked: dict[int, asyncio.Future[Any]] = {}
+        self._number = 0
+        self._steps: Any = None
+        self._deaths: list[float] = []
+        self._process: Any = None
+        self._pipe: Connection | None = None
+
+    # ------------------------------------------------------------------------------------------------------ the process
+
+    def start(self, method: str = "spawn") -> None:
+        """Start the process, or start it anew from the steps that stood.
+
+        Parameters
+        ----------
+        method : {"spawn", "fork"}
+            Forking is quick, as all modules are loaded; it needs a process without threads.
+        """
+        context: Any = multiprocessing.get_context(method)
+        self._pipe, other = context.Pipe()
+        opening = self.opening if self._steps is None else replace(self.opening, session="", steps=self._steps)
+        not_its_own = self._pipe if method == "fork" else None
+        self._process = context.Process(target=serve, args=(other, str(self.folder), opening, not_its_own), daemon=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # libraries' threads, which have nothing to do yet
+            self._process.start()
+        other.close()
+
+    def listen(self) -> None:
+        """Hear what the process says; to be called where the event loop runs."""
+        loop = asyncio.get_running_loop()
+        threading.Thread(target=self._listen, args=(self._pipe, loop), daemon=True).start()
+
+    def _listen(self, pipe: Connection, loop: asyncio.AbstractEventLoop) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop has ended
+            while True:
+                try:
+                    message = pipe.recv()
+                except (EOFError, OSError):
+                    loop.call_soon_threadsafe(self._died, pipe)
+                    return
+                loop.call_soon_threadsafe(self._hear, message)
+
+    def _hear(self, message: tuple[Any, ...]) -> None:
+        kind, *rest = message
+        if kind == "progress":
+            if rest[0] != self.progress:
+                self.progress = rest[0]
+                self._tell("progress", {"text": self.progress})
+        elif kind == "snapshot":
+            state, self.curves, charts, self._steps = rest
+            news = state != self.state or charts.keys() != self.charts.keys()
+            self.state, self.charts = state, charts
+            if news:
+                self.trouble = ""
+                self.revision += 1
+                self._tell("state", self.shown())
+        else:
+            future = self._asked.pop(rest[0], None)
+            if future is None:
+                if kind == "failed":  # of the opening
+                    self._complain(rest[1])
+            elif not future.done():
+                future.set_result(rest[1]) if kind == "done" else future.set_exception(Refused(rest[1]))
+
+    def _complain(self, trouble: str) -> None:
+        self.trouble = trouble
+        self.revision += 1
+        self._tell("state", self.shown())
+
+    def _died(self, pipe: Connection) -> None:
+        if pipe is not self._pipe:
+            return  # stopped on purpose
+        for future in self._asked.values():
+            if not future.done():
+                future.set_exception(Refused(DIED))
+        self._asked.clear()
+        now = time.monotonic()
+        self._deaths = [*(death for death in self._deaths if now - death < 60), now]
+        if len(self._deaths) >= QUICK_DEATHS:
+            self.progress = ""
+            self._complain(GIVEN_UP)
+            return
+        self._complain(DIED)
+        self.start()
+        self.listen()
+
+    def stop(self) -> None:
+        """End the process, and remove what it has written."""
+        pipe, self._pipe = self._pipe, None
+        if pipe is not None:
+            pipe.close()
+        if self._process is not None:
+            self._process.join(2)
+            if self._process.is_alive():
+                self._process.kill()
+                self._process.join(2)
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    # ------------------------------------------------------------------------------------------------ what is asked
+
+    async def ask(self, kind: str, given: Any) -> Any:
+        """Let the process do something; raises Refused with its sentence."""
+        if self._pipe is None or self._process is None or not self._process.is_alive():
+            raise Refused(DIED if len(self._deaths) < QUICK_DEATHS else GIVEN_UP)
+        self._number += 1
+        future = self._asked[self._number] = asyncio.get_running_loop().create_future()
+        try:
+            self._pipe.send((kind, self._number, given))
+        except OSError:
+            raise Refused(DIED) from None
+        return await future
+
+    async def open(self, opening: Opening) -> None:
+        """Put another log on the bench."""
+        await self.ask("open", opening)
+        self.opening = opening
+
+    def cancel(self) -> None:
+        """Stop what is being computed."""
+        if self._pipe is not None:
+            with contextlib.suppress(OSError):
+                self._pipe.send(("cancel",))
+
+    # ------------------------------------------------------------------------------------------------------- the pages
+
+    def shown(self) -> dict[str, Any]:
+        """The state with its number."""
+        drawn = sorted(self.charts.keys() & {(self.state.get("fitted") or {}).get("key")})
+        return {**self.state, "revision": self.revision, "trouble": self.trouble, "charts": drawn}
+
+    def enter(self) -> asyncio.Queue[str]:
+        """A page opens: its queue of messages, which begins with all that it must know."""
+        page: asyncio.Queue[str] = asyncio.Queue(WAITING)
+        self.pages.add(page)
+        self.seen = True
+        page.put_nowait(event("state", self.shown()))
+        page.put_nowait(event("progress", {"text": self.progress}))
+        return page
+
+    def leave(self, page: asyncio.Queue[str]) -> None:
+        """A page has closed."""
+        self.pages.discard(page)
+        self.left = time.monotonic()
+
+    def _tell(self, kind: str, content: dict[str, Any]) -> None:
+        for page in list(self.pages):
+            if page.full():  # it does not read: when it comes again it is told everything
+                self.leave(page)
+                continue
+            page.put_nowait(event(kind, content))
+
+
+def event(kind: str, content: dict[str, Any]) -> str:
+    """A server-sent event."""
+    return f"event: {kind}\ndata: {json.dumps(content, allow_nan=False)}\n\n"

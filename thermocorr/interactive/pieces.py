@@ -1,0 +1,112 @@
+"""Pieces of curves as the page asks for them: checked, and packed as its charts read them."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..pages.charts import packed, packed_times
+from .tiles import PIECES, Tiles
+
+MOST_CURVES = 64
+MEAN = "mean "
+"""Beginning of the name of an averaged curve."""
+
+
+class NoSuchCurve(LookupError):
+    """A curve of an arrangement that is not known any more."""
+
+
+class Known(Protocol):
+    """What has curves: their names in the store by the keys of arrangements, and the state that is shown."""
+
+    @property
+    def tiles(self) -> Tiles: ...  # noqa: D102
+
+    @property
+    def curves(self) -> dict[str, dict[str, str]]: ...  # noqa: D102
+
+
+def piece_of(known: Known, asked: Mapping[str, str]) -> dict[str, Any]:
+    """Some curves between two places on the axis.
+
+    Parameters
+    ----------
+    known : Known
+    asked : mapping of str to str
+        key (of the arrangement), curves (JSON: a list of names; "mean residual" is the residual averaged over
+        stretches), low and high (on the axis, whose ``zero`` and ``scale`` are given too), n (pixels).
+
+    Raises
+    ------
+    NoSuchCurve
+        For a curve, or an arrangement, that is not there.
+    ValueError
+        For limits that are no numbers.
+    """
+    curves = _curves(known, asked)
+    scale, zero = _number(asked, "scale", 1.0) or 1.0, _number(asked, "zero", 0.0)
+    low, high = _number(asked, "low", -math.inf), _number(asked, "high", math.inf)
+    names = _names(asked.get("curves", "[]"))
+    averaged = [name for name in names if name.startswith(MEAN)]
+    names = [name for name in names if name not in averaged]
+    piece = known.tiles.piece(
+        curves["place"],
+        curves["begins"],
+        [_curve(curves, name) for name in names],
+        low * scale - zero,
+        high * scale - zero,
+        int(_number(asked, "n", PIECES)),
+        [_curve(curves, name.removeprefix(MEAN)) for name in averaged],
+    )
+    means = list(piece.means.values()) or [np.full(len(piece.place), np.nan)] * len(averaged)
+    return {
+        "x": packed_times((piece.place + zero) / scale),
+        "curves": {
+            name: packed(values) for name, values in zip([*names, *averaged], [*piece.curves, *means], strict=True)
+        },
+        "averaged": piece.mean_rows if piece.means else 0,
+        "rows": piece.rows,
+        "per_point": piece.rows_per_point,
+    }
+
+
+def cloud_of(known: Known, asked: Mapping[str, str]) -> dict[str, Any]:
+    """One curve over another: ``key``, ``across``, ``up``."""
+    curves = _curves(known, asked)
+    found = known.tiles.cloud(_curve(curves, asked.get("across", "")), _curve(curves, asked.get("up", "residual")))
+    return {name: packed(values) for name, values in found.items()}
+
+
+def _curves(known: Known, asked: Mapping[str, str]) -> dict[str, str]:
+    found = known.curves.get(asked.get("key", ""))
+    if found is None:
+        raise NoSuchCurve(asked.get("key", ""))
+    return found
+
+
+def _curve(curves: dict[str, str], name: str) -> str:
+    if name not in curves:
+        raise NoSuchCurve(name)
+    return curves[name]
+
+
+def _names(text: str) -> list[str]:
+    try:
+        names = json.loads(text)
+    except (ValueError, RecursionError):
+        names = None
+    if not isinstance(names, list) or len(names) > MOST_CURVES or not all(isinstance(name, str) for name in names):
+        raise ValueError(f"curves is no list of at most {MOST_CURVES} names.")
+    return list(dict.fromkeys(names))
+
+
+def _number(asked: Mapping[str, str], name: str, usual: float) -> float:
+    value = float(asked.get(name, usual))
+    if math.isnan(value):
+        raise ValueError(f"{name} is no number.")
+    return value

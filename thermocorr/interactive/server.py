@@ -1,0 +1,258 @@
+"""The workbench in a browser: pages, pieces of curves, acts and files, on 127.0.0.1 alone."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import math
+import socket
+import sys
+import threading
+import time
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from ..foreign.containers import FEATHER, PACKED, SHEETS
+from ..records.files import FORMATS
+from ..records.text import printable
+from . import page_assets
+from .guard import Guard
+from .hub import Hub, Refused
+from .pieces import NoSuchCurve, cloud_of, piece_of
+from .takeaway import KINDS
+from .worker import Opening
+
+AWAY = 10.0
+"""Seconds without any page after which the workbench ends: a reload takes less."""
+BEAT = 15.0
+"""Seconds after which a silent line to a page is used, to see whether it is there."""
+MOST_ASKED = 1 << 16
+"""Bytes of a request that is no file."""
+MOST_UPLOADED = 1 << 30
+"""Bytes of a log that is dropped on the page."""
+ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", *FORMATS, *FEATHER, *SHEETS, *PACKED)
+
+
+class Workbench:
+    """The routes of a workbench.
+
+    Parameters
+    ----------
+    hub : Hub
+    """
+
+    def __init__(self, hub: Hub):
+        self.hub = hub
+        self.ended = asyncio.Event()
+
+    def app(self) -> Starlette:
+        """All of them."""
+        return Starlette(
+            routes=[
+                Route("/", self.page),
+                Route("/assets/{name}", self.asset),
+                Route("/events", self.events),
+                Route("/api/do", self.do, methods=["POST"]),
+                Route("/api/cancel", self.cancel, methods=["POST"]),
+                Route("/api/open", self.open, methods=["POST"]),
+                Route("/api/piece", self.piece),
+                Route("/api/cloud", self.cloud),
+                Route("/api/charts", self.charts),
+                Route("/take/{kind}", self.take),
+            ]
+        )
+
+    async def page(self, request: Request) -> Response:
+        """The page itself."""
+        return HTMLResponse(page_assets.page())
+
+    async def asset(self, request: Request) -> Response:
+        """A script or a style, of those that there are."""
+        name = request.path_params["name"]
+        if name not in page_assets.ASSETS:
+            return Response(status_code=404)
+        return Response(page_assets.asset_text(name), media_type=page_assets.ASSETS[name])
+
+    async def events(self, request: Request) -> Response:
+        """Everything that changes, as it changes."""
+        return StreamingResponse(self._events(), media_type="text/event-stream")
+
+    async def _events(self) -> AsyncIterator[str]:
+        page = self.hub.enter()
+        try:
+            while not self.ended.is_set() and page in self.hub.pages:
+                with contextlib.suppress(TimeoutError):
+                    yield await asyncio.wait_for(page.get(), BEAT)
+                    continue
+                yield ": here\n\n"
+        finally:
+            self.hub.leave(page)
+
+    async def do(self, request: Request) -> Response:
+        """An act of the user."""
+        asked = await _json(request)
+        if isinstance(asked, str):
+            return _failed(asked, 400)
+        revision = asked.pop("revision", None)
+        if revision is not None and revision != self.hub.revision and asked.get("do") not in ("preview", "fit"):
+            return _failed("Another window has changed this meanwhile. Look, and try again.", 409)
+        try:
+            return JSONResponse(await self.hub.ask("do", asked))
+        except Refused as refused:
+            return _failed(str(refused), 422)
+
+    async def cancel(self, request: Request) -> Response:
+        """Stop what is being computed."""
+        self.hub.cancel()
+        return JSONResponse({})
+
+    async def open(self, request: Request) -> Response:
+        """A log that was dropped on the page."""
+        name = Path(request.query_params.get("name", "log.csv").replace("\\", "/")).name[:200]
+        ending = Path(name).suffix.lower()
+        if ending not in ENDINGS:
+            return _failed(
+                f"A file that ends in {printable(ending) or 'nothing'} is no log. Known: {', '.join(ENDINGS)}.", 422
+            )
+        path = self.hub.folder / f"upload-{time.time_ns()}{ending}"
+        too_large = f"The file is larger than {MOST_UPLOADED >> 20} MiB. Give its name to the command instead."
+        try:
+            if int(request.headers.get("content-length", "0")) > MOST_UPLOADED:
+                return _failed(too_large, 413)
+            with path.open("wb") as file:
+                async for chunk in request.stream():
+                    if file.tell() + len(chunk) > MOST_UPLOADED:
+                        path.unlink()
+                        return _failed(too_large, 413)
+                    await run_in_threadpool(file.write, chunk)
+            await self.hub.open(
+                Opening(paths=(str(path),), names=(printable(name),), own_file=self.hub.opening.own_file)
+            )
+            return JSONResponse({})
+        except (Refused, ValueError, OSError) as refused:
+            path.unlink(missing_ok=True)
+            return _failed(str(refused).replace(str(path), printable(name)), 422)
+
+    async def piece(self, request: Request) -> Response:
+        """Some curves between two places."""
+        return await _shown(lambda: piece_of(self.hub, request.query_params))
+
+    async def cloud(self, request: Request) -> Response:
+        """The residual over a curve."""
+        return await _shown(lambda: cloud_of(self.hub, request.query_params))
+
+    async def charts(self, request: Request) -> Response:
+        """Charts of a fitted arrangement."""
+        return JSONResponse(_known(self.hub.charts.get(request.query_params.get("key", ""), [])))
+
+    async def take(self, request: Request) -> Response:
+        """A file to take away."""
+        kind = request.path_params["kind"]
+        try:
+            path = await self.hub.ask("take", kind)
+        except Refused as refused:
+            return _failed(str(refused), 422)
+        return FileResponse(path, media_type=KINDS[kind].media, filename=KINDS[kind].file)
+
+
+async def _shown(make: Callable[[], Any]) -> Response:
+    try:
+        return JSONResponse(await run_in_threadpool(make))
+    except (NoSuchCurve, OSError):
+        return _failed("These curves are no longer there.", 404)
+    except ValueError as error:
+        return _failed(str(error), 400)
+
+
+async def _json(request: Request) -> dict[str, Any] | str:
+    """The object that a request brings, or what is wrong with it."""
+    if request.headers.get("content-type", "").split(";")[0] != "application/json":
+        return "Only JSON is understood."
+    content = b""
+    async for chunk in request.stream():
+        content += chunk
+        if len(content) > MOST_ASKED:
+            return "This is too much."
+    try:
+        found = json.loads(content)
+    except (ValueError, RecursionError):
+        return "This is not JSON."
+    return found if isinstance(found, dict) else "An object was expected."
+
+
+def _failed(sentence: str, status: int) -> Response:
+    return JSONResponse({"problem": sentence}, status)
+
+
+def _known(node: Any) -> Any:
+    """JSON without NaN and infinities, which it does not have."""
+    if isinstance(node, float):
+        return node if math.isfinite(node) else None
+    if isinstance(node, dict):
+        return {key: _known(value) for key, value in node.items()}
+    return [_known(value) for value in node] if isinstance(node, list | tuple) else node
+
+
+def run(opening: Opening, *, port: int = 0, keep: bool = False, ready: Callable[[str], None]) -> None:
+    """Serve until the last page has closed, or a signal ends it.
+
+    Parameters
+    ----------
+    opening : Opening
+    port : int
+        0 takes a free one.
+    keep : bool
+        Go on when the last page has closed.
+    ready : callable
+        Called with the address when there is something to be seen.
+    """
+    with socket.socket() as listening:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        hub = Hub(opening)
+        try:
+            hub.start("fork" if sys.platform == "linux" and threading.active_count() == 1 else "spawn")
+            listening.bind(("127.0.0.1", port))
+            asyncio.run(_served(hub, listening, keep, ready))
+        finally:
+            hub.stop()
+
+
+async def _served(hub: Hub, listening: socket.socket, keep: bool, ready: Callable[[str], None]) -> None:
+    port = listening.getsockname()[1]
+    bench = Workbench(hub)
+    guard = Guard(bench.app(), port)
+    server = uvicorn.Server(
+        uvicorn.Config(
+            guard, log_level="error", access_log=False, lifespan="off", ws="none", server_header=False,
+            timeout_graceful_shutdown=2,
+        )
+    )  # fmt: skip
+    hub.listen()
+    watching = asyncio.create_task(_watch(server, bench, keep))
+    ready(f"http://127.0.0.1:{port}/?token={guard.token}")
+    try:
+        await server.serve([listening])
+    finally:
+        watching.cancel()
+
+
+async def _watch(server: uvicorn.Server, bench: Workbench, keep: bool) -> None:
+    """End the server when the last page has been closed for a while; let lines to pages end with it."""
+    while not server.should_exit:
+        await asyncio.sleep(0.2)
+        hub = bench.hub
+        if not keep and hub.seen and not hub.pages and time.monotonic() - hub.left > AWAY:
+            server.should_exit = True
+    bench.ended.set()
+    for page in bench.hub.pages:
+        with contextlib.suppress(asyncio.QueueFull):
+            page.put_nowait("event: ended\ndata: {}\n\n")

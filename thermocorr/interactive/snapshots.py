@@ -1,0 +1,219 @@
+"""The workbench as the screen shows it: one JSON value in which every number stands as text and as itself."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ..effects.thermal import column_text
+from ..judgement.diagnosis import largest_lag
+from ..pages.html import unit_text
+from ..pages.sections import HELPS, VERDICTS
+from ..pictures.intervals import stretches
+from ..pictures.timeline import time_text
+from ..pictures.words import (
+    aspect_text,
+    each_row,
+    effect_text,
+    interval_text,
+    left_sentences,
+    place_text,
+    probability_text,
+    when_text,
+)
+from ..records.text import printable
+from ..records.types import kind_of
+from ..records.units import difference_unit, unit_of
+from .acts import Add, Columns, Mark
+from .bench import Bench
+from .learning import COLUMN, EFFECT, Fitted
+from .wording import axis_of, fall, figure, gain
+
+PLACES = 12
+"""Places of failure that are listed."""
+NOTED = 12
+
+
+def snapshot(bench: Bench) -> dict[str, Any]:
+    """Everything that the screen shows beside curves and clouds."""
+    found = bench.current
+    roles = bench.arrangement().roles
+    frame = bench.source.frame
+    shape = bench.arrangement().settings
+    return {
+        "source": {"name": printable(bench.source.name), "rows": len(frame), "said": _said(bench, found)},
+        "columns": [
+            {
+                "name": str(name),
+                "shown": printable(name),
+                "unit": unit_text(unit_of(name, frame)),
+                "kind": kind_of(frame[name]),
+                "role": "suspect" if roles is None else roles.of(str(name)),
+                "missing": int(frame[name].isna().sum()),
+            }
+            for name in frame.columns
+        ],
+        "decided": roles is not None,
+        "model": {
+            "time_constants": shape.time_constants if isinstance(shape.time_constants, int | str)
+            else ", ".join(map(str, shape.time_constants)),
+            "degree": shape.degree,
+            "products": shape.products,
+        },
+        "problem": bench.problem,
+        "history": _history(bench, found),
+        "can_undo": bench.at > 0,
+        "can_redo": bench.at < len(bench.versions) - 1,
+        "fitted": None if found is None else _fitted(found),
+        "judged": None if found is None or found.diagnosis is None else _judged(found),
+        "lacking": {} if found is None else dict(found.said),
+    }  # fmt: skip
+
+
+def _said(bench: Bench, found: Fitted | None) -> list[str]:
+    said = list(bench.source.table.said if found is None else found.data.said)
+    if found is not None:
+        said.append(f"steps of {time_text(found.model.features_.history_.usual_step)}")
+    return [printable(words) for words in said]
+
+
+def _history(bench: Bench, found: Fitted | None) -> list[dict[str, Any]]:
+    """The steps with their errors, each against the first that has one."""
+    unit = found.model.reading_.unit if found else ""
+    rows: list[dict[str, Any]] = []
+    first: float | None = None
+    for number, act in enumerate(bench.acts, 1):
+        key = bench.arrangement(number).key()
+        known = bench.known(key)
+        held_out = known.get("held_out")
+        first = held_out if first is None else first
+        rows.append(
+            {
+                "step": number,
+                "key": key,
+                "text": printable(act.sentence()),
+                "kind": {Columns: "columns", Add: "add", Mark: "mark"}.get(type(act), "shape"),
+                "rms": figure(known.get("rms"), unit),
+                "held_out": figure(held_out, unit),
+                "later": figure(known.get("later"), unit),
+                "db": fall(held_out, first) if number > 1 else None,
+                "verdict": known.get("verdict", ""),
+            }
+        )
+    return rows
+
+
+def _fitted(found: Fitted) -> dict[str, Any]:
+    """The model, the axis of time, and the curves that can be drawn."""
+    model, axis, X = found.model, axis_of(found), found.data.X
+    unit, degrees = model.reading_.unit, model.reading_.temperature_unit
+    curves = [
+        {
+            "name": "temperature",
+            "label": printable(column_text(model.temperature)),
+            "unit": degrees,
+            "group": "condition",
+        }
+    ]
+    conditions = {
+        "rate": ("rate of the temperature", f"{difference_unit(degrees)}/h"),
+        "lag difference": (f"lag difference, {time_text(largest_lag(model) or 0.0)}", difference_unit(degrees)),
+        "hour": ("hour of day (UTC)" if axis.dates else "hour of day", "h"),
+    }
+    curves += [
+        {"name": name, "label": label, "unit": unit_, "group": "condition"}
+        for name, (label, unit_) in conditions.items()
+        if name in found.curves
+    ]
+    curves += [
+        {
+            "name": name,
+            "label": printable(name.removeprefix(COLUMN)),
+            "unit": unit_of(name.removeprefix(COLUMN), X),
+            "group": "column",
+        }
+        for name in found.curves
+        if name.startswith(COLUMN)
+    ]
+    curves += [
+        {"name": name, "label": printable(name.removeprefix(EFFECT)), "unit": unit, "group": "contribution"}
+        for name in found.curves
+        if name.startswith(EFFECT)
+    ]
+    return {
+        "key": found.arrangement.key(),
+        "reading": printable(model.reading_.name),
+        "temperature": printable(column_text(model.temperature)),
+        "unit": unit_text(unit),
+        "axis": {
+            "label": axis.label,
+            "unit": axis.unit,
+            "dates": axis.dates,
+            "joints": [list(joint) for joint in axis.joints],
+            "scale": axis.scale,
+            "zero": axis.zero,
+            "low": axis.at(0.0),
+            "high": axis.at(found.timeline.span),
+        },
+        "curves": [{**curve, "unit": unit_text(str(curve["unit"]))} for curve in curves],
+        "readings": int(model.reading_.n_readings),
+        "rms": figure(found.model.residual_std_, unit),
+        "time_constants": ", ".join(map(time_text, model.time_constants_)),
+        "equation": printable(model.equation()),
+        "notes": [printable(note) for note in found.notes[:NOTED]],
+        "effects": [printable(label) for _, label in _own_effects(model)],
+    }
+
+
+def _own_effects(model: Any) -> list[tuple[str, str]]:
+    return [(effect.kind, effect.label()) for effect in model.features_.effect_list()]
+
+
+def _judged(found: Fitted) -> dict[str, Any]:
+    """The verdict, where it fails, and the suspects."""
+    judged = found.diagnosis
+    assert judged is not None
+    unit, axis = judged.unit, axis_of(found)
+    helps = judged.best is not None and judged.suspects[0].standing == "helps"
+    return {
+        "verdict": judged.verdict,
+        "said": HELPS if helps else VERDICTS[judged.verdict],
+        "floor": figure(judged.noise_floor, unit),
+        "rms": figure(judged.residual_rms, unit),
+        "explainable": f"{judged.explainable:.0%}",
+        "left": [printable(sentence) for sentence in left_sentences(judged.left, unit_text(unit), judged.verdict)],
+        "where": [_place(row, found) for row in each_row(judged.where.head(PLACES))],
+        "shades": [[axis.at(low), axis.at(high)] for low, high in stretches(judged, found.timeline)],
+        "suspects": [
+            {
+                "label": printable(effect_text(suspect.effect)),
+                "exactly": printable(suspect.effect.label()),
+                "cause": number < judged.n_causes,
+                "standing": suspect.standing,
+                "share": float(suspect.share) if math.isfinite(suspect.share) else 0.0,
+                "held_out": gain(suspect.gain_db),
+                "later": gain(suspect.later_db),
+                "p": probability_text(suspect.p_value),
+                "alike": [printable(effect.label()) for effect in suspect.confusable_with],
+                "when": printable(when_text(suspect)),
+                "physics": suspect.effect.info.physics if suspect.effect.info else "",
+                "bench_check": suspect.effect.info.bench_check if suspect.effect.info else "",
+            }
+            for number, suspect in enumerate(judged.suspects)
+        ],
+    }
+
+
+def _place(row: Any, found: Fitted) -> dict[str, Any]:
+    """A place of failure: in words, and where the plot is to go."""
+    line = found.timeline
+    shown: dict[str, Any] = {"text": printable(place_text(row)), "share": float(row.share), "lift": float(row.lift)}
+    shown |= {"aspect": printable(aspect_text(row)), "interval": printable(interval_text(row))}
+    if row.aspect == "time" and not line.overlapping:
+        first, last = line.interval(row.low, row.high)
+        axis = axis_of(found)
+        shown["from_to"] = [axis.at(first), axis.at(last)]
+    curve = f"{COLUMN}{row.column}" if row.aspect == "column" else row.aspect
+    if curve in found.curves:
+        shown |= {"curve": curve, "range": [float(row.low), float(row.high)]}
+    return shown

@@ -1,0 +1,114 @@
+"""A log on the workbench: where it came from, how it was understood, and its fingerprint."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ..datasets import load_voltage_reference
+from ..foreign import HowToRead, Table, read_logs, with_times
+from ..records import RecordError
+from ..records.times import dates_once
+
+BUILT_IN = "the built-in voltage reference with a hidden effect"
+CHUNK = 1 << 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """A log, read."""
+
+    table: Table
+    name: str
+    """What it is called on the screen."""
+    files: tuple[str, ...] = ()
+    """Where it stands; none for the built-in record and for a frame."""
+    how: HowToRead = field(default_factory=HowToRead)
+    join: bool = False
+    digest: str = ""
+    """SHA-256 of all files, one after the other."""
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """The log as it was read, its times as they came."""
+        return self.table.frame
+
+    def timed(self, time: str | None) -> tuple[pd.DataFrame, tuple[str, ...]]:
+        """The log with its times understood, and in words how.
+
+        Raises RecordError for times that can be read in two ways, or not at all.
+        """
+        table = self.table
+        if len(self.files) == 1:
+            table = with_times(table, time, self.how)
+        frame = table.frame
+        if time is not None:
+            frame = frame.assign(**{time: dates_once(frame[time])})
+            frame.attrs = dict(self.frame.attrs)
+        return frame, table.said
+
+    def node(self) -> dict[str, Any]:
+        """As a session file has it."""
+        if not self.files:
+            return {"built_in": self.name}
+        said = {key: value for key, value in asdict(self.how).items() if value not in (None, False)}
+        return {"files": list(self.files), "how": said, "join": self.join, "sha256": self.digest}
+
+
+def built_in() -> Source:
+    """The voltage reference that takes up moisture."""
+    return Source(table=Table(frame=load_voltage_reference(hidden="moisture")), name=BUILT_IN)
+
+
+def opened(
+    paths: Sequence[str | Path], how: HowToRead | None = None, *, join: bool = False, names: Sequence[str] = ()
+) -> Source:
+    """Read a log.
+
+    Parameters
+    ----------
+    paths : sequence of paths
+        None for the built-in record.
+    how : HowToRead, optional
+    join : bool
+        Join several files by their times.
+    names : sequence of str
+        What the files are called where they came from, if that is not here.
+
+    Raises
+    ------
+    RecordError
+        For files that cannot be read.
+    """
+    if not paths:
+        return built_in()
+    how = how or HowToRead()
+    table = read_logs(paths, how, join=join)
+    if not all(isinstance(column, str) for column in table.frame.columns):
+        table = table.with_said(table.frame.rename(columns=str))
+    return Source(
+        table=table,
+        name=", ".join(Path(path).name for path in names or paths),
+        files=tuple(str(path) for path in names or paths),
+        how=how,
+        join=join,
+        digest=fingerprint(paths),
+    )
+
+
+def fingerprint(paths: Sequence[str | Path]) -> str:
+    """SHA-256 of the content of files, one after the other."""
+    digest = hashlib.sha256()
+    for path in paths:
+        try:
+            with Path(path).open("rb") as file:
+                while chunk := file.read(CHUNK):
+                    digest.update(chunk)
+        except OSError as error:
+            raise RecordError(f"{path} cannot be read: {error.strerror or error}.") from None
+    return digest.hexdigest()
