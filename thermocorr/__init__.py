@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     )
     from .files.codec import ModelFileError
     from .files.model_file import load_model, save_model
+    from .interactive import workbench
     from .judgement import Diagnosis, Refinement, diagnose, refine
     from .live import OnlineCorrector
     from .pictures import (
@@ -47,6 +48,7 @@ _ROOMS = {
     ),
     "files.codec": ("ModelFileError",),
     "files.model_file": ("load_model", "save_model"),
+    "interactive": ("workbench",),
     "judgement": ("Diagnosis", "Refinement", "diagnose", "refine"),
     "live": ("OnlineCorrector",),
     "pictures": (
@@ -94,6 +96,7 @@ __all__ = [
     "load_model",
     "refine",
     "save_model",
+    "workbench",
 ]
 
 

@@ -11,6 +11,8 @@ from markupsafe import Markup
 SHARED = ("uplot.min.js", "charts.js", "uplot.min.css", "colours.css")
 """What the report page has too."""
 OWN = ("elements.js", "wire.js", "timeplot.js", "views.js", "panels.js", "workbench.js", "start.js", "workbench.css")
+WIDGET = ("elements.js", "notebook.js", "timeplot.js", "views.js", "panels.js", "workbench.js")
+"""What a notebook has instead: messages of the kernel, and no page of its own."""
 TYPES = {"js": "text/javascript", "css": "text/css"}
 ASSETS = {name: TYPES[name.rsplit(".", 1)[1]] for name in (*SHARED, *OWN)}
 """Name -> media type, in the order in which they are loaded."""
@@ -28,6 +30,28 @@ def page() -> str:
             scripts=[name for name in ASSETS if name.endswith(".js")],
         )
     )
+
+
+@cache
+def body() -> str:
+    """What stands inside of the workbench's element; a notebook opens no other log."""
+    lines = _template("body.html").splitlines(keepends=True)
+    return "".join(line for line in lines if 'data-part="open"' not in line)
+
+
+@cache
+def module() -> str:
+    """All scripts as one module that a notebook's widget renders with."""
+    scripts = [asset_text(name) for name in ("uplot.min.js", "charts.js", *WIDGET)]
+    return "\n".join([*scripts, "export default { render: globalThis.thermocorr.render };\n"])
+
+
+@cache
+def style() -> str:
+    """All styles, none of which reaches out of the workbench's element."""
+    colours = asset_text("colours.css").replace(":root:not([data-print])", ".workbench").replace(":root", ".workbench")
+    own = [line for line in asset_text("workbench.css").splitlines() if not line.startswith(("*{", "body"))]
+    return "\n".join([asset_text("uplot.min.css"), colours, ".workbench *{box-sizing:border-box}", *own])
 
 
 def _template(name: str) -> str:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..pages.charts import packed, packed_times
-from .tiles import PIECES, Tiles
+from .tiles import MOST_PIECES, PIECES, Tiles
 
 MOST_CURVES = 64
 MEAN = "mean "
@@ -60,7 +60,7 @@ def piece_of(known: Known, asked: Mapping[str, str]) -> dict[str, Any]:
         [_curve(curves, name) for name in names],
         low * scale - zero,
         high * scale - zero,
-        int(_number(asked, "n", PIECES)),
+        int(min(max(_number(asked, "n", PIECES), 1), MOST_PIECES)),
         [_curve(curves, name.removeprefix(MEAN)) for name in averaged],
     )
     means = list(piece.means.values()) or [np.full(len(piece.place), np.nan)] * len(averaged)
@@ -110,3 +110,12 @@ def _number(asked: Mapping[str, str], name: str, usual: float) -> float:
     if math.isnan(value):
         raise ValueError(f"{name} is no number.")
     return value
+
+
+def known_json(node: Any) -> Any:
+    """JSON without NaN and infinities, which it does not have."""
+    if isinstance(node, float):
+        return node if math.isfinite(node) else None
+    if isinstance(node, dict):
+        return {key: known_json(value) for key, value in node.items()}
+    return [known_json(value) for value in node] if isinstance(node, list | tuple) else node

@@ -13,10 +13,7 @@ from ..records.text import printable
 from .acts import Act, Add, Mark
 from .arrangement import Arrangement
 from .learning import RUNS, Fitted
-from .source import Source
-
-MOST_NAMED = 40
-"""Rows that are listed one by one."""
+from .source import BUILT_IN, Source
 
 
 class Chapter(NamedTuple):
@@ -28,7 +25,7 @@ class Chapter(NamedTuple):
 
 def script(source: Source, found: Fitted, acts: tuple[Act, ...], own_file: str = "") -> str:
     """The session as a Python script."""
-    parts = [f"# {line}" for line in _title(source)]
+    parts = [f"# {_title(source)}"]
     for chapter in chapters(source, found, acts, own_file):
         parts += ["", *(f"# {line}" for line in chapter.text.splitlines()), chapter.code]
     return "\n".join([TEXT_MARK, *parts]) + "\n"
@@ -36,26 +33,23 @@ def script(source: Source, found: Fitted, acts: tuple[Act, ...], own_file: str =
 
 def notebook(source: Source, found: Fitted, acts: tuple[Act, ...], own_file: str = "") -> str:
     """The session as a Jupyter notebook."""
-    cells = [_cell("markdown", 0, "# " + "\n\n".join(_title(source)))]
-    for number, chapter in enumerate(chapters(source, found, acts, own_file), 1):
-        cells.append(_cell("markdown", 2 * number - 1, chapter.text))
-        cells.append(_cell("code", 2 * number, chapter.code))
-    show = "model.contributions(X).plot(subplots=True)" if not found.model.screen else "diagnosis.plot(X)"
-    cells.append(_cell("code", 2 * len(cells), f'{show}  # needs matplotlib: pip install "thermocorr[plot]"'))
-    head = {"nbformat": 4, "nbformat_minor": 5, "metadata": {"generator": "thermocorr", "language_info": _PYTHON}}
-    return json.dumps({**head, "cells": cells}, indent=1) + "\n"
+    cells = [_cell("markdown", f"# {_title(source)}")]
+    for chapter in chapters(source, found, acts, own_file):
+        cells += [_cell("markdown", chapter.text), _cell("code", chapter.code)]
+    cells.append(_cell("code", 'diagnosis.plot(X)  # needs matplotlib: pip install "thermocorr[plot]"'))
+    cells = [{**cell, "id": f"cell-{number}"} for number, cell in enumerate(cells)]
+    metadata = {"generator": "thermocorr", "language_info": {"name": "python"}}
+    return json.dumps({"nbformat": 4, "nbformat_minor": 5, "metadata": metadata, "cells": cells}, indent=1) + "\n"
 
 
-_PYTHON = {"name": "python"}
+def _cell(kind: str, text: str) -> dict[str, Any]:
+    if kind == "markdown":  # what a name holds is no markup
+        return {"cell_type": kind, "metadata": {}, "source": text.replace("&", "&amp;").replace("<", "&lt;")}
+    return {"cell_type": kind, "metadata": {}, "source": text, "outputs": [], "execution_count": None}
 
 
-def _cell(kind: str, number: int, text: str) -> dict[str, Any]:
-    cell: dict[str, Any] = {"cell_type": kind, "id": f"cell-{number}", "metadata": {}, "source": text}
-    return {**cell, "outputs": [], "execution_count": None} if kind == "code" else cell
-
-
-def _title(source: Source) -> list[str]:
-    return [f"The thermal bias of {_plain(source.name)}, as it was learned on the workbench."]
+def _title(source: Source) -> str:
+    return f"The thermal bias of {_plain(source.name)}, as it was learned on the workbench."
 
 
 def chapters(source: Source, found: Fitted, acts: tuple[Act, ...], own_file: str) -> list[Chapter]:
@@ -63,12 +57,12 @@ def chapters(source: Source, found: Fitted, acts: tuple[Act, ...], own_file: str
     arrangement = found.arrangement
     effects = [effect for _, effect in as_effects(found.model.effects)]
     steps = [f"{number}. {_plain(act.sentence())}" for number, act in enumerate(acts, 1) if isinstance(act, Add | Mark)]
-    done = "The model, and what was done: " + ("nothing was added." if not steps else "\n".join(["", *steps]))
+    done = "\n".join(["The model, and what was done:", *steps]) if steps else "The model."
     return [
-        Chapter("What it needs.", _imports(effects, own_file)),
+        Chapter("What it needs.", _imports(source, effects, own_file)),
         Chapter("The log.", _log(source, arrangement)),
         *([Chapter("Rows that were marked.", marks)] if (marks := _marks(arrangement)) else []),
-        Chapter(done, _model(arrangement, effects)),
+        Chapter(done, _model(found, effects)),
         Chapter("How large the error is: in sample, and on blocks of time that the fit did not see.", _ERRORS),
         Chapter("What is missing.", "diagnosis = diagnose(model, X, learned)\nprint(diagnosis)"),
         Chapter(
@@ -81,7 +75,7 @@ _ERRORS = """residual = held_out_residuals(model, X, learned)
 print(f"in sample {model.residual_std_:.6g}, held out {np.sqrt(np.nanmean(residual**2)):.6g}")"""
 
 
-def _imports(effects: list[Effect], own_file: str) -> str:
+def _imports(source: Source, effects: list[Effect], own_file: str) -> str:
     names: dict[str, set[str]] = {}
     own = set()
     for effect in effects:
@@ -90,14 +84,15 @@ def _imports(effects: list[Effect], own_file: str) -> str:
             names.setdefault(cls.__module__, set()).add(cls.__name__)
         else:
             own.add(cls.__name__)
-    lines = ["import warnings", "", "import numpy as np", ""]
+    if source.files:
+        names["thermocorr.foreign"] = {"HowToRead", "read_logs", *(["with_times"] if len(source.files) == 1 else [])}
+    elif source.name == BUILT_IN:
+        names["thermocorr.datasets"] = {"load_voltage_reference"}
+    lines = [*(["import runpy"] if own else []), "import warnings", "", "import numpy as np", ""]
     lines.append("from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose, held_out_residuals")
-    lines.append("from thermocorr.datasets import load_voltage_reference")
     lines += [f"from {module} import {', '.join(sorted(found))}" for module, found in sorted(names.items())]
-    lines.append("from thermocorr.foreign import HowToRead, read_logs, with_times")
     if own:
-        lines += ["import runpy", "", f"own = runpy.run_path({own_file!r})"]
-        lines += [f"{name} = own[{name!r}]" for name in sorted(own)]
+        lines += ["", f"own = runpy.run_path({own_file!r})", *(f"{name} = own[{name!r}]" for name in sorted(own))]
     lines += ["", 'warnings.simplefilter("ignore", RecordWarning)  # what the workbench has said']
     return "\n".join(lines)
 
@@ -113,8 +108,12 @@ def _log(source: Source, arrangement: Arrangement) -> str:
         if len(source.files) == 1:
             lines.append(f"table = with_times(table, {roles.time!r}, how)")
         lines.append("log = table.frame")
-    else:
+    elif source.name == BUILT_IN:
         lines = ['log = load_voltage_reference(hidden="moisture")']
+    else:
+        lines = [
+            f"log = X.rename(columns=str).assign(**{{{roles.reading!r}: y}})  # X, y: as the workbench was given them"
+        ]
     lines.append(f"X, y = log.drop(columns={[roles.reading, *roles.ignored]!r}), log[{roles.reading!r}]")
     return "\n".join(lines)
 
@@ -122,7 +121,7 @@ def _log(source: Source, arrangement: Arrangement) -> str:
 def _marks(arrangement: Arrangement) -> str:
     lines = []
     if arrangement.spikes:
-        lines += ["y = y.astype(float)", f"y.iloc[{_wrapped(arrangement.spikes)}] = np.nan  # spikes"]
+        lines += ["y = y.astype(float)", f"y.iloc[{list(arrangement.spikes)}] = np.nan  # spikes"]
     if arrangement.own_runs:
         roles = arrangement.roles
         before = 'f"{run}, "' if roles and roles.run else '""'
@@ -134,27 +133,14 @@ def _marks(arrangement: Arrangement) -> str:
     return "\n".join(lines)
 
 
-def _wrapped(rows: tuple[int, ...]) -> str:
-    return str(list(rows))
-
-
-def _model(arrangement: Arrangement, effects: list[Effect]) -> str:
-    roles, settings = arrangement.roles, arrangement.settings
-    assert roles is not None
-    taus = settings.time_constants
-    given = {
-        "products": (settings.products, False),
-        "time": (roles.time, None),
-        "run": (RUNS if arrangement.own_runs else roles.run, None),
-        "sampling_period": (settings.sampling_period, None),
-        "max_gap": (settings.max_gap, None),
-        "screen": (settings.screen, True),
-    }
+def _model(found: Fitted, effects: list[Effect]) -> str:
+    given, usual = found.model.get_params(deep=False), _usual(type(found.model))
+    apart = ("temperature", "time_constants", "degree", "effects")
     lines = ["learned = y.astype(float)"]
-    lines += [f"learned.iloc[{start}:{stop}] = np.nan  # left out" for start, stop in arrangement.left_out]
-    lines += ["model = DynamicBiasRegressor(", f"    {roles.temperature!r},"]
-    lines += [f"    {list(taus) if isinstance(taus, tuple) else taus!r},", f"    {settings.degree},"]
-    lines += [f"    {name}={value!r}," for name, (value, default) in given.items() if value != default]
+    lines += [f"learned.iloc[{start}:{stop}] = np.nan  # left out" for start, stop in found.arrangement.left_out]
+    lines += ["model = DynamicBiasRegressor("]
+    lines += [f"    {given[name]!r}," for name in apart[:3]]
+    lines += [f"    {name}={value!r}," for name, value in given.items() if name not in apart and value != usual[name]]
     if effects:
         lines += ["    effects=[", *(f"        {code(effect)}," for effect in effects), "    ],"]
     lines += [")", "model.fit(X, learned)", "print(model.equation())"]
@@ -163,14 +149,14 @@ def _model(arrangement: Arrangement, effects: list[Effect]) -> str:
 
 def code(effect: Effect) -> str:
     """An effect as code, with every digit of the parameters that are not as usual."""
-    usual = {name: parameter.default for name, parameter in inspect.signature(type(effect)).parameters.items()}
-    given = effect.get_params(deep=False)
-    said = ", ".join(f"{name}={value!r}" for name, value in given.items() if _differs(value, usual.get(name)))
+    usual, given = _usual(type(effect)), effect.get_params(deep=False)
+    said = ", ".join(f"{name}={value!r}" for name, value in given.items() if repr(value) != repr(usual.get(name)))
     return f"{type(effect).__name__}({said})"
 
 
-def _differs(value: Any, usual: Any) -> bool:
-    return bool(repr(value) != repr(usual))
+def _usual(cls: type) -> dict[str, Any]:
+    """Defaults of a class's parameters."""
+    return {name: parameter.default for name, parameter in inspect.signature(cls).parameters.items()}
 
 
 def _plain(text: str) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import math
 import socket
 import sys
 import threading
@@ -27,7 +26,7 @@ from ..records.text import printable
 from . import page_assets
 from .guard import Guard
 from .hub import Hub, Refused
-from .pieces import NoSuchCurve, cloud_of, piece_of
+from .pieces import NoSuchCurve, cloud_of, known_json, piece_of
 from .takeaway import KINDS
 from .worker import Opening
 
@@ -152,7 +151,7 @@ class Workbench:
 
     async def charts(self, request: Request) -> Response:
         """Charts of a fitted arrangement."""
-        return JSONResponse(_known(self.hub.charts.get(request.query_params.get("key", ""), [])))
+        return JSONResponse(known_json(self.hub.charts.get(request.query_params.get("key", ""), [])))
 
     async def take(self, request: Request) -> Response:
         """A file to take away."""
@@ -193,15 +192,6 @@ def _failed(sentence: str, status: int) -> Response:
     return JSONResponse({"problem": sentence}, status)
 
 
-def _known(node: Any) -> Any:
-    """JSON without NaN and infinities, which it does not have."""
-    if isinstance(node, float):
-        return node if math.isfinite(node) else None
-    if isinstance(node, dict):
-        return {key: _known(value) for key, value in node.items()}
-    return [_known(value) for value in node] if isinstance(node, list | tuple) else node
-
-
 def run(opening: Opening, *, port: int = 0, keep: bool = False, ready: Callable[[str], None]) -> None:
     """Serve until the last page has closed, or a signal ends it.
 
@@ -221,6 +211,7 @@ def run(opening: Opening, *, port: int = 0, keep: bool = False, ready: Callable[
         try:
             hub.start("fork" if sys.platform == "linux" and threading.active_count() == 1 else "spawn")
             listening.bind(("127.0.0.1", port))
+            listening.listen()  # who comes a moment too early waits
             asyncio.run(_served(hub, listening, keep, ready))
         finally:
             hub.stop()

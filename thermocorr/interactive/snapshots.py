@@ -159,7 +159,7 @@ def _fitted(found: Fitted) -> dict[str, Any]:
         "readings": int(model.reading_.n_readings),
         "rms": figure(found.model.residual_std_, unit),
         "time_constants": ", ".join(map(time_text, model.time_constants_)),
-        "equation": printable(model.equation()),
+        "equation": printable(model.equation(), "\n"),
         "notes": [printable(note) for note in found.notes[:NOTED]],
         "effects": [printable(label) for _, label in _own_effects(model)],
     }

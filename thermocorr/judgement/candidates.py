@@ -128,12 +128,12 @@ def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:
     return SomeColumns(X, names) if isinstance(X, Log) else X[names]
 
 
-def further_candidates(further: Any, record: Record) -> list[Effect]:
+def further_candidates(further: Any, record: Record, columns: Sequence[Any]) -> list[Effect]:
     """A user's own suspects: effects and transformers as they are, classes of effects over their range."""
     found: list[Effect] = []
     for item in further:
         if isinstance(item, type) and issubclass(item, Effect):
-            found += item.candidates(record)
+            found += item.candidates(record, columns)
         else:
             found.append(clone(as_effects([item])[0][1]))
     return found

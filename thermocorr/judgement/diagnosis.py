@@ -89,7 +89,7 @@ def diagnose(
             if kind not in (*exclude, *DATED, "several_steps")
             for effect in effects.candidates(record, names)
         ]
-        pool = Pool(model, record, [*candidates, *further_candidates(suspects, record)])
+        pool = Pool(model, record, [*candidates, *further_candidates(suspects, record, names)])
         search = Search(pool, [kind for kind in ANYWHERE if kind not in exclude])
         if pool.exact:
             return _conclude(model, X, y, read, search, [], [])

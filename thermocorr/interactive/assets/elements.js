@@ -52,5 +52,14 @@
     }
   }
 
+  // Let the browser save what was fetched.
+  tc.saved = (name, blob) => {
+    const link = element("a", { href: URL.createObjectURL(blob), download: name });
+    document.body.append(link);
+    link.click();
+    link.remove();
+    setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+  };
+
   Object.assign(tc, { element, number, bar, Part });
 })();

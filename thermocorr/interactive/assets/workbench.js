@@ -92,6 +92,8 @@
     }
     async do(asked) {
       if (this.busy) return null;
+      clearTimeout(this.hover);
+      this.hovered = null;
       this.busy += 1;
       this.root.dataset.busy = "1";
       this.trouble("");
@@ -113,6 +115,7 @@
         this.hovered = wanted;
         if (wanted == null) { if (this.plot.preview) this.plot.previewed(null); return; }
         const key = this.state.fitted?.key;
+        if (!this.state.judged || place >= this.state.judged.suspects.length) return;
         let found;
         try { found = await this.wire.ask({ do: "preview", suspect: place, alike: alike ?? null }); } catch { return; }
         if (this.hovered !== wanted || this.state.fitted?.key !== key) return;

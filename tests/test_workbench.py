@@ -1,0 +1,362 @@
+"""The workbench without a browser: steps, undo, marks, previews, what is taken away, against the library's calls."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import zipfile
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thermocorr import DynamicBiasRegressor, diagnose, held_out_residuals, load_model
+from thermocorr.datasets import make_record
+from thermocorr.files.codec import ModelFileError
+from thermocorr.interactive.bench import Bench
+from thermocorr.interactive.roles import Roles, guessed
+from thermocorr.interactive.session_file import is_session, reopened
+from thermocorr.interactive.snapshots import snapshot
+from thermocorr.interactive.source import opened
+from thermocorr.interactive.takeaway import KINDS, taken
+from thermocorr.interactive.tiles import Store
+from thermocorr.records import RecordError, RecordWarning
+
+OWN = '''
+import numpy as np
+from thermocorr.effects import Effect, EffectInfo
+
+class Fan(Effect):
+    """A fan that comes on above 5 V."""
+    kind = "fan"
+    info = EffectInfo(physics="A fan.", bench_check="Stop it.", formula="fan", parameters={})
+    def __init__(self, column="supply"):
+        self.column = column
+    def inputs(self):
+        return [self.column]
+    @classmethod
+    def candidates(cls, record, columns=None):
+        return [cls(c) for c in (columns or ()) if c == "supply"]
+    def names(self):
+        return ["fan"]
+    def signals(self, x):
+        return [x.where(x[self.column] >= 5.0, 1.0, 0.0)]
+'''
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    record = make_record(3000, effects={"covariate": 2.0}, seed=3)
+    path = tmp_path_factory.mktemp("logs") / "log.csv"
+    record.to_csv(path)
+    return path
+
+
+@pytest.fixture
+def bench(log, tmp_path):
+    made = Bench(source := opened([log]), Store(tmp_path), roles=guessed(source.frame))
+    made.start()
+    return settled(made)
+
+
+def settled(bench):
+    while chore := bench.next_chore():
+        chore[1]()
+    return bench
+
+
+def shown(bench):
+    return json.dumps(snapshot(bench), allow_nan=False)
+
+
+def stretch(bench, low, high):
+    axis = snapshot(bench)["fitted"]["axis"]
+    span = axis["high"] - axis["low"]
+    return {"low": axis["low"] + low * span, "high": axis["low"] + high * span}
+
+
+def in_python(log):
+    frame = pd.read_csv(log, index_col=0, parse_dates=[0])
+    return frame.drop(columns="reading"), frame["reading"]
+
+
+def test_numbers_on_the_screen_are_those_of_the_library(bench, log):
+    X, y = in_python(log)
+    model = DynamicBiasRegressor("temperature", 6).fit(X, y)
+    found = diagnose(model, X, y)
+    state = snapshot(bench)
+    first = state["history"][0]
+    assert first["rms"]["value"] == pytest.approx(found.residual_rms, rel=1e-12)
+    residual = held_out_residuals(model, X, y)
+    assert first["held_out"]["value"] == pytest.approx(np.sqrt(np.nanmean(residual**2)), rel=1e-12)
+    assert state["judged"]["verdict"] == found.verdict
+    assert [one["exactly"] for one in state["judged"]["suspects"]] == [s.effect.label() for s in found.suspects]
+    assert state["fitted"]["equation"] == model.equation()
+
+
+def test_what_is_missing_is_added_the_error_falls_and_undo_returns_to_the_same_bits(bench):
+    before, coefficients = shown(bench), bench.current.model.coef_.copy()
+    bench.perform({"do": "add", "suspect": 0})
+    state = snapshot(settled(bench))
+    first, last = state["history"]
+    assert last["held_out"]["value"] < 0.7 * first["held_out"]["value"]
+    assert last["db"]["value"] == pytest.approx(
+        20 * np.log10(last["held_out"]["value"] / first["held_out"]["value"]), rel=1e-9
+    )
+    assert last["verdict"] == "nothing missing"
+    after = shown(bench)
+    bench.perform({"do": "undo"})
+    assert snapshot(settled(bench)) == {**json.loads(before), "can_redo": True}
+    np.testing.assert_array_equal(bench.current.model.coef_, coefficients)
+    bench.perform({"do": "redo"})
+    assert shown(settled(bench)) == after
+    bench.kept.clear()  # as if it had been forgotten: fitted again to the same bits
+    bench.perform({"do": "undo"})
+    np.testing.assert_array_equal(settled(bench).current.model.coef_, coefficients)
+
+
+def test_a_step_in_the_middle_is_removed_and_the_others_stand(bench):
+    bench.perform({"do": "mark", "what": "left out", **stretch(bench, 0.2, 0.3)})
+    settled(bench).perform({"do": "add", "suspect": 0})
+    settled(bench).perform({"do": "drop", "step": 1})
+    state = snapshot(settled(bench))
+    assert [row["kind"] for row in state["history"]] == ["columns", "add"]
+    assert not bench.arrangement().left_out and len(bench.arrangement().effects) == 1
+    assert all(row["held_out"] for row in state["history"])
+    with pytest.raises(ValueError, match="what the columns are"):
+        bench.perform({"do": "drop", "step": 0})
+
+
+def test_a_preview_says_what_the_fit_then_leaves(bench):
+    seen = bench.perform({"do": "preview", "suspect": 0})
+    found = bench.current
+    taus, alpha = found.model.time_constants_.tolist(), found.model.alpha_
+    held = DynamicBiasRegressor("temperature", taus, alpha=alpha, time="time")
+    fitted = held.with_effect(found.diagnosis.suspects[0].effect).fit(found.data.X, found.data.learned)
+    residual = fitted.evaluate(found.data.X, found.data.y)["residual"]
+    assert seen["after"]["value"] == pytest.approx(np.sqrt(np.mean(residual**2)), rel=1e-12)
+    curves = {name: bench.store.get(key) for name, key in seen["curves"].items()}
+    total = curves["preview after"] + curves["preview taken"]
+    np.testing.assert_allclose(total, bench.store.get(found.curves["residual"]), rtol=0, atol=1e-12)
+    assert len(bench.acts) == 1  # nothing was done
+
+
+def test_stretches_are_marked_and_count_in_the_fit(bench):
+    n = len(bench.source.frame)
+    bench.perform({"do": "mark", "what": "left out", **stretch(bench, 0.4, 0.5)})
+    learned = bench.current.data.learned
+    (start, stop), *more = bench.arrangement().left_out
+    assert not more and start == pytest.approx(0.4 * n, abs=2) and stop == pytest.approx(0.5 * n, abs=2)
+    assert learned.isna().to_numpy().nonzero()[0].tolist() == list(range(start, stop))
+    residual = bench.store.get(bench.current.curves["residual"])
+    assert np.isfinite(residual[start:stop]).all()  # shown all the same
+    bench.perform({"do": "mark", "what": "own run", **stretch(bench, 0.6, 0.7)})
+    assert len(bench.store.get(bench.current.curves["begins"])) == 3
+    bench.perform({"do": "mark", "what": "change", **stretch(bench, 0.8, 0.9)})
+    steps = bench.current.model.effects[-1]
+    assert len(steps.times) == 2 and not steps.removed_by_correct
+    with pytest.raises(ValueError, match="stands out"):
+        bench.perform({"do": "mark", "what": "spikes", **stretch(bench, 0.0, 0.1)})
+    with pytest.raises(ValueError, match="no rows"):
+        bench.perform({"do": "mark", "what": "left out", "low": -5.0, "high": -4.0})
+
+
+def test_a_changed_measurand_keeps_its_level_in_corrected_readings(tmp_path):
+    record = make_record(3000, effects={"covariate": 0.0}, seed=4)
+    record.iloc[2000:, -1] += 50 * record.attrs["noise"]
+    path = tmp_path / "log.csv"
+    record.to_csv(path)
+    bench = Bench(source := opened([path]), Store(tmp_path), roles=guessed(source.frame))
+    bench.start()
+    poor = bench.current.model.residual_std_
+    bench.perform({"do": "mark", "what": "change", **stretch(bench, 2000 / 2999, 1.1)})
+    assert bench.current.model.residual_std_ < 0.5 * poor
+    corrected = bench.store.get(bench.current.curves["corrected"])
+    step = np.mean(corrected[2100:]) - np.mean(corrected[1000:1900])
+    assert step == pytest.approx(50 * record.attrs["noise"], rel=0.05)
+
+
+def test_spikes_in_a_stretch_become_no_readings(log, tmp_path):
+    frame = pd.read_csv(log, index_col=0)
+    frame.iloc[[1500, 1510], frame.columns.get_loc("reading")] += 1000.0
+    path = tmp_path / "spiky.csv"
+    frame.to_csv(path)
+    bench = Bench(source := opened([path]), Store(tmp_path), roles=guessed(source.frame))
+    bench.settings = type(bench.settings)(screen=False)
+    bench.start()
+    bench.perform({"do": "mark", "what": "spikes", **stretch(bench, 0.45, 0.55)})
+    assert bench.arrangement().spikes == (1500, 1510)
+    assert bench.current.data.y.isna().sum() == 2
+
+
+@pytest.mark.filterwarnings("ignore::thermocorr.RecordWarning")
+def test_the_script_the_notebook_and_the_session_come_to_the_same_model(bench, tmp_path):
+    bench.perform({"do": "add", "suspect": 0})
+    for what, low, high in (("left out", 0.2, 0.25), ("own run", 0.5, 0.6), ("change", 0.8, 0.85)):
+        bench.perform({"do": "mark", "what": what, **stretch(bench, low, high)})
+    bench.perform({"do": "shape", "time_constants": "4", "degree": 2, "products": False})
+    settled(bench)
+    out = tmp_path / "out"
+    out.mkdir()
+    files = {kind: taken(bench, kind, out) for kind in KINDS}
+    wanted = bench.current.model
+    tail = "\nimport json\nprint(json.dumps([model.intercept_, *model.coef_.tolist()]))\n"
+    (out / "run.py").write_text(files["script"].read_text(encoding="utf-8") + tail, encoding="utf-8")
+    done = subprocess.run([sys.executable, out / "run.py"], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout.splitlines()[-1]) == [wanted.intercept_, *wanted.coef_.tolist()]
+    held_out = snapshot(bench)["history"][-1]["held_out"]["value"]
+    assert f"held out {held_out:.6g}" in done.stdout
+    cells = [c for c in json.loads(files["notebook"].read_text())["cells"] if c["cell_type"] == "code"]
+    code = "\n".join(cell["source"] for cell in cells[:-1])
+    space = {}
+    exec(code, space)
+    np.testing.assert_array_equal(space["model"].coef_, wanted.coef_)
+    assert is_session(files["session"])
+    again = reopened(files["session"], Store(tmp_path))
+    again.start()
+    np.testing.assert_array_equal(again.current.model.coef_, wanted.coef_)
+    assert [act.sentence() for act in again.acts] == [act.sentence() for act in bench.acts]
+    again.perform({"do": "undo"})
+    assert len(again.acts) == len(bench.acts) - 1
+    np.testing.assert_array_equal(load_model(files["model"]).coef_, wanted.coef_)
+    corrected = pd.read_csv(files["corrected"])
+    assert len(corrected) == 3000 and {"corrected", "flag", "u"} <= set(corrected.columns)
+    assert "<!DOCTYPE html>" in files["report"].read_text(encoding="utf-8")[:100]
+    with zipfile.ZipFile(files["firmware"]) as packed:
+        assert sorted(packed.namelist()) == ["thermal_bias.c", "thermal_bias.h", "thermal_bias_test.c"]
+
+
+def test_a_session_of_another_log_or_a_damaged_one_is_refused(bench, tmp_path, log):
+    path = taken(bench, "session", tmp_path)
+    node = json.loads(path.read_text())
+    other = tmp_path / "other.csv"
+    other.write_bytes(log.read_bytes().replace(b"1", b"2", 1))
+    backwards = {"do": "mark", "what": "left out", "rows": [[5, 2]], "where": "", "moments": []}
+    for change, error, sentence in (
+        ({"log": {**node["log"], "files": [str(other)]}}, RecordError, "its content has changed"),
+        ({"log": {**node["log"], "files": ["/nowhere.csv"]}}, RecordError, "There is no file"),
+        ({"steps": [{"do": "dance"}]}, ModelFileError, "no step of a session"),
+        ({"steps": [backwards]}, ModelFileError, "ends before"),
+        ({"version": 99}, ModelFileError, "version 99"),
+        ({"settings": {}}, ModelFileError, "has no"),
+    ):  # fmt: skip
+        path.write_text(json.dumps({**node, **change}))
+        with pytest.raises(error, match=sentence):
+            reopened(path, Store(tmp_path))
+
+
+def test_what_cannot_be_done_changes_nothing_and_says_why(bench):
+    before = shown(bench)
+    for asked in (
+        {"do": "undo"},
+        {"do": "redo"},
+        {"do": "fly"},
+        {"do": None},
+        {},
+        {"do": "add", "suspect": 99},
+        {"do": "add", "suspect": -1},
+        {"do": "add", "suspect": "0"},
+        {"do": "add", "suspect": 0, "alike": 7},
+        {"do": "drop", "step": 44},
+        {"do": "shape", "time_constants": "many", "degree": 2, "products": False},
+        {"do": "shape", "time_constants": "-3", "degree": 2, "products": False},
+        {"do": "shape", "time_constants": "", "degree": 2, "products": False},
+        {"do": "shape", "time_constants": 6, "degree": 2.5, "products": False},
+        {"do": "shape", "time_constants": 6, "degree": 2, "products": "yes"},
+        {"do": "columns", "temperature": "nothing", "reading": "reading", "time": None, "run": None, "ignored": []},
+        {"do": "columns", "temperature": "reading", "reading": "reading", "time": None, "run": None, "ignored": []},
+        {"do": "columns", "temperature": "temperature", "reading": "reading"},
+        {"do": "mark", "what": "eaten", "low": 0.0, "high": 1.0},
+        {"do": "mark", "what": "left out", "low": float("nan"), "high": 1.0},
+        {"do": "mark", "what": "left out", **stretch(bench, -1.0, 2.0)},
+    ):
+        with pytest.raises(ValueError, match=r".{15,}"):
+            bench.perform(asked)
+        assert shown(bench) == before, asked
+
+
+def test_a_log_whose_columns_cannot_be_guessed_waits_for_its_user(tmp_path):
+    record = make_record(1500, effects={"covariate": 1.0}, seed=1).rename(columns={"reading": "a", "mains": "b"})
+    path = tmp_path / "log.csv"
+    record.to_csv(path)
+    bench = Bench(source := opened([path]), Store(tmp_path), roles=guessed(source.frame))
+    bench.start()
+    state = snapshot(bench)
+    assert not state["decided"] and state["fitted"] is None and "which the reading" in state["problem"]
+    asked = {
+        "do": "columns",
+        "temperature": "temperature",
+        "reading": "a",
+        "time": "time",
+        "run": None,
+        "ignored": ["b"],
+    }
+    bench.perform(asked)
+    state = snapshot(bench)
+    assert state["decided"] and state["fitted"] and not state["problem"]
+    assert {c["name"]: c["role"] for c in state["columns"]}["b"] == "ignored"
+    bench.perform({"do": "undo"})
+    assert not snapshot(bench)["decided"]
+
+
+@pytest.mark.parametrize(
+    ("columns", "temperature", "reading"),
+    [
+        (["time", "temperature", "reading", "humidity"], "temperature", "reading"),
+        (["time", "T [°C]", "U / mV"], "T [°C]", "U / mV"),
+        (["t", "room_degC", "voltage", "rh"], "room_degC", "voltage"),
+        (["timestamp", "ambient", "value"], "ambient", "value"),
+    ],
+)
+def test_roles_are_guessed_from_names_and_units(columns, temperature, reading):
+    frame = pd.DataFrame(np.random.default_rng(0).normal(size=(50, len(columns))), columns=columns)
+    roles = guessed(frame)
+    assert (roles.temperature, roles.reading, roles.time) == (temperature, reading, columns[0])
+
+
+def test_a_role_for_two_columns_or_one_column_for_two_roles_is_refused():
+    with pytest.raises(RecordError, match="two things at once"):
+        Roles(temperature="a", reading="a")
+    with pytest.raises(RecordError, match="ignored as well"):
+        Roles(temperature="a", reading="b", ignored=("a",))
+
+
+def test_an_effect_from_a_file_is_a_suspect_and_comes_into_the_script(tmp_path):
+    from thermocorr.interactive.own_effects import effects_in
+
+    path = tmp_path / "fan_of_the_test.py"
+    path.write_text(OWN)
+    own = effects_in(path)
+    assert [cls.kind for cls in own] == ["fan"]
+    record = make_record(3000, effects={"covariate": 0.0}, seed=3)
+    record["reading"] += 2.0 * record.attrs["noise"] * (record["supply"] >= 5.0)
+    record.to_csv(tmp_path / "fan.csv")
+    source = opened([tmp_path / "fan.csv"])
+    bench = Bench(source, Store(tmp_path), roles=guessed(source.frame), own=own, own_file=str(path))
+    bench.start()
+    first = snapshot(settled(bench))["judged"]["suspects"][0]
+    assert first["cause"] and first["label"].startswith("fan")
+    bench.perform({"do": "add", "suspect": 0})
+    script = taken(bench, "script", tmp_path)
+    tail = "\nimport json\nprint(json.dumps(model.coef_.tolist()))\n"
+    (tmp_path / "run.py").write_text(script.read_text() + tail)
+    done = subprocess.run([sys.executable, tmp_path / "run.py"], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout.splitlines()[-1]) == bench.current.model.coef_.tolist()
+    for content, sentence in (("x = 1", "defines no effect"), ("1/0", "ZeroDivisionError"), ("class", "SyntaxError")):
+        broken = tmp_path / "broken_effects.py"
+        broken.write_text(content)
+        with pytest.raises(RecordError, match=sentence):
+            effects_in(broken)
+
+
+@pytest.mark.filterwarnings("error")
+def test_warnings_of_the_fit_are_notes_on_the_screen(tmp_path):
+    record = make_record(1500, effects={"covariate": 1.0}, seed=1)
+    record.iloc[700, record.columns.get_loc("temperature")] = np.nan
+    path = tmp_path / "log.csv"
+    record.to_csv(path)
+    bench = Bench(source := opened([path]), Store(tmp_path), roles=guessed(source.frame))
+    bench.start()
+    settled(bench)
+    assert issubclass(RecordWarning, Warning) and snapshot(bench)["fitted"]["notes"]

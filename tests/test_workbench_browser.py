@@ -1,0 +1,306 @@
+"""The workbench as a person sees it, in a headless Chromium: clicks, numbers, sizes, colours, the keyboard."""
+
+from __future__ import annotations
+
+import json
+import random
+import time
+
+import numpy as np
+import pytest
+from browser import complaints, prefer, requests, resize
+from visitors import running, until
+
+from thermocorr import DynamicBiasRegressor, diagnose, held_out_residuals
+from thermocorr.datasets import load_voltage_reference, make_record
+
+pytest.importorskip("starlette", reason="the workbench needs starlette: pip install 'thermocorr[workbench]'")
+pytest.importorskip("uvicorn", reason="the workbench needs uvicorn: pip install 'thermocorr[workbench]'")
+
+TAKEN = """
+const finished = arguments[arguments.length - 1];
+fetch('/take/' + arguments[0]).then((answer) => answer.text()).then(finished);
+"""
+
+
+class Person:
+    """Someone in front of the screen."""
+
+    def __init__(self, driver, port, token):
+        self.driver = driver
+        complaints(driver), requests(driver)
+        resize(driver, 1280, 800)
+        driver.get(f"http://127.0.0.1:{port}/?token={token}")
+        self.clicks = 0
+
+    def js(self, code, *given):
+        return self.driver.execute_script(f"return {code.strip()}", *given)
+
+    def faults(self):
+        """What the console says beside acts that were refused."""
+        return [message for message in complaints(self.driver) if "/api/do - Failed to load" not in message]
+
+    def sees(self, code):
+        """Wait until this is true on the page."""
+        return until(lambda: self.js(code))
+
+    def settled(self):
+        """Wait until nothing more is found out, and the plot shows it."""
+        root = "document.querySelector('.workbench').dataset"
+        self.sees(f"{root}.judged && {root}.progress === '' && !{root}.busy")
+        self.sees("thermocorr.bench.state.charts.length > 0")
+        key = "thermocorr.bench.state.fitted.key"
+        self.sees(f"document.querySelector('[data-part=plot]').dataset.key === {key}")
+        return self.js("thermocorr.bench.state")
+
+    def click(self, selector):
+        self.driver.find_element("css selector", selector).click()
+        self.clicks += 1
+
+    def number(self, selector):
+        return self.js("Number(document.querySelector(arguments[0]).value)", selector)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    path = tmp_path_factory.mktemp("logs") / "log.csv"
+    make_record(4000, effects={"covariate": 2.0}, seed=3).to_csv(path)
+    return path
+
+
+@pytest.fixture
+def person(browser, log):
+    with running(log) as (_, port, token):
+        yield Person(browser, port, token)
+        browser.get("about:blank")
+
+
+def test_humidity_is_added_on_the_built_in_record_in_one_click_and_the_numbers_are_the_library_s(browser):
+    with running() as (_, port, token):
+        person = Person(browser, port, token)
+        first = person.settled()
+        person.click("[data-at='add 0 ']")
+        person.sees("thermocorr.bench.state.history.length === 2")
+        last = person.settled()
+        assert person.clicks <= 5
+        assert "humidity" in last["history"][1]["text"] and last["judged"]["verdict"] == "nothing missing"
+        record = load_voltage_reference(hidden="moisture")
+        X, y = record.drop(columns="voltage"), record["voltage"]
+        model = DynamicBiasRegressor("temperature", 6).fit(X, y)
+        found = diagnose(model, X, y)
+        better = model.with_effect(found.best).fit(X, y)
+        for row, one in zip(last["history"], (model, better), strict=True):
+            residual = held_out_residuals(one, X, y)
+            assert row["held_out"]["value"] == pytest.approx(np.sqrt(np.nanmean(residual**2)), rel=1e-12)
+        shown = person.js("[...document.querySelectorAll('ol.steps .error > data')].map(d => [d.value, d.textContent])")
+        assert [float(value) for value, _ in shown] == [row["held_out"]["value"] for row in last["history"]]
+        assert [text for _, text in shown] == [row["held_out"]["text"] for row in last["history"]]
+        script = browser.execute_async_script(TAKEN, "script")
+        space = {}
+        exec(script.split("# How large")[0], space)
+        np.testing.assert_array_equal(space["model"].coef_, better.coef_)
+        person.click("[data-at=undo]")
+        person.sees("thermocorr.bench.state.history.length === 1")
+        back = person.settled()
+        assert {**back, "revision": 0, "can_redo": False} == {**first, "revision": 0}
+        assert person.faults() == []
+        asked = [address for address in requests(browser) if not address.startswith(("data:", "about:", "blob:"))]
+        assert all(address.startswith(f"http://127.0.0.1:{port}/") for address in asked)
+        browser.get("about:blank")
+
+
+def test_a_suspect_under_the_pointer_is_previewed_on_the_residual(person):
+    from selenium.webdriver import ActionChains
+
+    person.settled()
+    button = person.driver.find_element("css selector", "[data-at='add 0 ']")
+    ActionChains(person.driver).move_to_element(button).perform()
+    person.sees("document.querySelector('.preview').textContent.includes('instead of')")
+    person.sees("thermocorr.charts.series.spec.panels[1].lines.length >= 3")
+    before, after = (person.js(f"Number(document.querySelectorAll('.preview data')[{k}].value)") for k in (1, 0))
+    assert after < 0.7 * before
+    title = person.driver.find_element("css selector", "h1")
+    ActionChains(person.driver).move_to_element(title).perform()
+    person.sees("thermocorr.charts.series.spec.panels[1].lines.length === 2")
+    assert person.faults() == []
+
+
+def test_a_place_of_failure_leads_the_plot_there(person):
+    state = person.settled()
+    number, place = next((i, p) for i, p in enumerate(state["judged"]["where"]) if "from_to" in p)
+    person.js("document.querySelectorAll('details').forEach(d => { d.open = true })")
+    person.js("document.querySelector(`[data-at='place ${arguments[0]}']`).click()", number)
+    low, high = person.js(
+        "[thermocorr.charts.series.panels[0].scales.x.min, thermocorr.charts.series.panels[0].scales.x.max]"
+    )
+    assert low <= place["from_to"][0] < place["from_to"][1] <= high
+    assert high - low < 0.5 * (state["fitted"]["axis"]["high"] - state["fitted"]["axis"]["low"])
+    number, place = next((i, p) for i, p in enumerate(state["judged"]["where"]) if "curve" in p)
+    person.js("document.querySelector(`[data-at='place ${arguments[0]}']`).click()", number)
+    person.sees("thermocorr.charts.cloud && thermocorr.charts.cloud.spec.shades.length === 1")
+    assert person.js("thermocorr.charts.cloud.spec.shades[0]") == place["range"]
+
+
+def test_zoom_fetches_every_row_of_what_is_shown(person):
+    state = person.settled()
+    axis = state["fitted"]["axis"]
+    middle, step = (axis["low"] + axis["high"]) / 2, (axis["high"] - axis["low"]) / 3999
+    person.js("thermocorr.charts.series.zoom(arguments[0], arguments[1])", middle, middle + 50 * step)
+    person.sees("thermocorr.bench.plot.shown.per_point === 1")
+    x = np.array(person.js("[...thermocorr.charts.series.x]"))
+    assert np.allclose(np.diff(x), step, rtol=1e-6)
+
+
+def test_a_stretch_is_selected_and_left_out(person):
+    from selenium.webdriver import ActionChains
+
+    person.settled()
+    person.click("[data-part=zoom] button[aria-pressed]")
+    over = person.driver.find_element("css selector", ".u-over")
+    width = over.size["width"]
+    drag = ActionChains(person.driver).move_to_element_with_offset(over, -width // 4, 0).click_and_hold()
+    drag.move_by_offset(width // 4, 0).release().perform()
+    low, high = person.sees("thermocorr.bench.plot.selected")
+    person.click("[data-mark='left out']")
+    person.sees("thermocorr.bench.state.history.length === 2")
+    state = person.settled()
+    axis = state["fitted"]["axis"]
+    assert (high - low) / (axis["high"] - axis["low"]) == pytest.approx(0.25, abs=0.03)
+    assert state["history"][1]["text"].startswith("leave out: 20")
+    person.click("[data-at='compare 1']")
+    person.sees("thermocorr.charts.series.spec.panels.some(p => p.label === 'residual there')")
+    assert person.faults() == []
+
+
+def test_two_windows_agree_and_a_reload_shows_the_same(person):
+    first = person.settled()
+    driver = person.driver
+    here = driver.current_window_handle
+    driver.switch_to.new_window("tab")
+    driver.get(first and driver.execute_script("return document.URL") and person_url(person))
+    person.settled()
+    person.click("[data-at='add 0 ']")
+    person.sees("thermocorr.bench.state.history.length === 2")
+    second = person.settled()
+    driver.close()
+    driver.switch_to.window(here)
+    person.sees("thermocorr.bench.state.history.length === 2")
+    assert person.settled() == second
+    driver.refresh()
+    assert person.settled() == second
+
+
+def person_url(person):
+    person.driver.switch_to.window(person.driver.window_handles[0])
+    address = person.driver.current_url
+    person.driver.switch_to.window(person.driver.window_handles[-1])
+    return address
+
+
+def test_the_keyboard_alone_is_enough(person):
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    person.settled()
+    for _ in range(60):
+        ActionChains(person.driver).send_keys(Keys.TAB).perform()
+        if person.js("document.activeElement.dataset.at === 'add 0 '"):
+            break
+    else:
+        raise AssertionError("the button is not reached")
+    assert person.js("getComputedStyle(document.activeElement).outlineStyle") != "none"
+    ActionChains(person.driver).send_keys(Keys.ENTER).perform()
+    person.sees("thermocorr.bench.state.history.length === 2")
+    person.settled()
+    person.driver.find_element("css selector", "h1").click()
+    person.js("document.querySelector('[data-at=undo]').focus()")
+    ActionChains(person.driver).key_down(Keys.CONTROL).send_keys("z").key_up(Keys.CONTROL).perform()
+    person.sees("thermocorr.bench.state.history.length === 1")
+
+
+SMALL = """
+[...document.querySelectorAll('.workbench *')].filter((e) => e.checkVisibility() && e.clientWidth > 1
+  && [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim())
+  && parseFloat(getComputedStyle(e).fontSize) < 12).map((e) => e.outerHTML.slice(0, 80))
+"""
+CUT = """
+[...document.querySelectorAll('.workbench :is(button, select, h2, p, li, summary, label, td, th)')].filter((e) =>
+  e.checkVisibility() && !e.closest('.unseen')
+  && (e.scrollWidth > e.clientWidth + 2 && e.clientWidth > 0 && getComputedStyle(e).display !== 'inline'
+  || e.getBoundingClientRect().right > innerWidth + 1)).map((e) => e.outerHTML.slice(0, 90))
+"""
+UNNAMED = """
+[...document.querySelectorAll('.workbench :is(button, input, select)')].filter((e) => e.checkVisibility()
+  && !(e.textContent.trim() || e.getAttribute('aria-label') || e.labels?.length)).map((e) => e.outerHTML)
+"""
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "scheme"), [(1280, 800, "light"), (1920, 1080, "dark"), (390, 844, "light")]
+)
+def test_nothing_is_cut_or_too_small_or_without_a_name(person, width, height, scheme):
+    prefer(person.driver, scheme)
+    resize(person.driver, width, height, mobile=width < 600)
+    person.settled()
+    person.js("document.querySelectorAll('details').forEach(d => { d.open = true })")
+    time.sleep(0.3)
+    assert person.js("document.documentElement.scrollWidth") <= width
+    assert person.js(SMALL) == []
+    assert person.js(CUT) == []
+    assert person.js(UNNAMED) == []
+    ground = person.js("getComputedStyle(document.querySelector('.workbench')).backgroundColor")
+    assert (max(map(int, ground[4:-1].split(","))) < 60) == (scheme == "dark")
+    assert person.faults() == []
+    prefer(person.driver, "light")
+
+
+def test_clicking_about_does_no_harm(person):
+    person.settled()
+    wild(person, random.Random(1), 60)
+    assert person.faults() == []
+
+
+CLICKED = """
+(() => {
+  const all = [...document.querySelectorAll('.workbench :is(button, summary)')];
+  const can = all.filter((e) => e.checkVisibility() && !e.disabled && !e.dataset.take);
+  can[Math.floor(arguments[0] * can.length)].click();
+})()
+"""
+CHOSEN = """
+(() => {
+  const all = [...document.querySelectorAll('.workbench select')].filter((e) => e.checkVisibility());
+  const one = all[Math.floor(arguments[0] * all.length)];
+  one.selectedIndex = Math.floor(arguments[1] * one.options.length);
+  one.dispatchEvent(new Event('change'));
+})()
+"""
+ZOOMED = """
+(() => {
+  const { chart, fitted } = thermocorr.bench.plot;
+  if (!chart) return;
+  const { low, high } = fitted.axis, from = low + arguments[0] * (high - low);
+  chart.zoom(from, from + arguments[1] * (high - low));
+})()
+"""
+
+
+def wild(person, chance, actions):
+    """Click and choose at random; what is shown must stay what its history says."""
+    for _ in range(actions):
+        act = chance.choices((CLICKED, CHOSEN, ZOOMED), (8, 1, 1))[0]
+        person.js(act, chance.random(), chance.random())
+        time.sleep(chance.random() * 0.1)
+    consistent(person)
+
+
+def consistent(person):
+    """The state on the page is the program's, and its history leads to it."""
+    root = "document.querySelector('.workbench').dataset"
+    until(lambda: person.js(f"{root}.progress === '' && !{root}.busy"), 120)
+    state = person.js("thermocorr.bench.state")
+    assert state["trouble"] == "" and json.dumps(state)
+    steps = person.js("document.querySelectorAll('ol.steps > li').length")
+    assert steps == len(state["history"])
+    if state["fitted"]:
+        assert state["history"][-1]["key"] == state["fitted"]["key"]

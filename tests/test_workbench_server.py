@@ -1,0 +1,302 @@
+"""The workbench's server as a process: who may talk to it, what it refuses, and that it leaves nothing behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+from visitors import LONG, Client, News, running, settled, until, visitor
+
+from thermocorr.datasets import make_record
+
+pytest.importorskip("starlette", reason="the workbench needs starlette: pip install 'thermocorr[workbench]'")
+pytest.importorskip("uvicorn", reason="the workbench needs uvicorn: pip install 'thermocorr[workbench]'")
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and process groups of POSIX")
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    path = tmp_path_factory.mktemp("logs") / "log.csv"
+    make_record(2000, effects={"covariate": 2.0}, seed=3).to_csv(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def bench(log, tmp_path_factory):
+    with running(log, "--keep", folder=tmp_path_factory.mktemp("tmp")) as (_, port, token):
+        client = visitor(port, token)
+        yield client, token
+
+
+def test_nobody_passes_without_the_cookie_or_under_another_name(bench):
+    client, token = bench
+    stranger = Client(client.port)
+    for path in ("/", "/events", "/api/piece?key=x", "/take/model", "/assets/workbench.js", "/api/charts"):
+        assert stranger.ask("GET", path)[0] == 403
+    assert stranger.ask("GET", "/?token=wrong")[0] == 403
+    assert stranger.ask("GET", f"/?token={token}")[0] == 403  # good for one visit
+    assert stranger.ask("GET", f"/api/charts?token={token}")[0] == 403
+    assert Client(client.port, f"thermocorr-{client.port}=guess").ask("GET", "/")[0] == 403
+    assert stranger.ask("POST", "/api/do", "{}")[0] == 403
+    for host in ("evil.example", f"evil.example:{client.port}", "127.0.0.1", f"0.0.0.0:{client.port}", None):
+        assert client.ask("GET", "/", Host=host or "")[0] in (400, 403)
+    assert client.ask("GET", "/")[0] == client.ask("GET", "/", Host=f"localhost:{client.port}")[0] == 200
+    assert client.ask("GET", f"/?token={token}")[0] == 303  # who has the cookie is let in again
+
+
+def test_another_site_can_do_nothing_even_with_the_cookie(bench):
+    client, _ = bench
+    for origin in (
+        "http://evil.example",
+        "null",
+        f"https://127.0.0.1:{client.port}",
+        f"http://127.0.0.1:{client.port}1",
+    ):
+        assert client.ask("POST", "/api/do", '{"do": "undo"}', Origin=origin)[0] == 403
+        assert client.ask("POST", "/api/cancel", Origin=origin)[0] == 403
+        assert client.ask("GET", "/take/model", Origin=origin)[0] == 403
+    assert client.ask("POST", "/api/do", '{"do": "undo"}', Origin=None)[0] == 403  # a form of an old browser
+    for site in ("cross-site", "same-site"):
+        assert client.ask("GET", "/take/model", Sec_Fetch_Site=site)[0] == 403
+    form = "application/x-www-form-urlencoded"
+    assert client.ask("POST", "/api/do", "do=undo", Content_Type=form)[0] == 400
+
+
+def test_every_answer_is_sealed(bench):
+    client, _ = bench
+    for path in ("/", "/assets/workbench.js", "/nothing", "/api/charts", "/take/nothing"):
+        _, headers, _ = client.ask("GET", path)
+        assert "default-src 'none'" in headers["Content-Security-Policy"]
+        assert "unsafe" not in headers["Content-Security-Policy"]
+        assert headers["X-Content-Type-Options"] == "nosniff" and headers["Referrer-Policy"] == "no-referrer"
+        assert "no-store" in headers["Cache-Control"]
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/assets/../guard.py", "/assets/%2e%2e/guard.py", "/assets/..%2fguard.py", "/assets/%2fetc%2fpasswd",
+        "/take/../../etc/passwd", "/take/%2e%2e%2fmodel", "/../../etc/passwd", "/assets/", "/take/",
+        "/api/piece?key=../../etc&curves=[]", "/api/charts/../../x",
+    ],
+)  # fmt: skip
+def test_no_path_leads_anywhere(bench, path):
+    client, _ = bench
+    status, _, content = client.ask("GET", path)
+    assert 400 <= status < 500 and b"root:" not in content and b"import" not in content
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"", b"{", b"[]", b"null", b'"undo"', b"\xff\xfe", b'{"do": NaN}', b"[" * 30_000, b'{"do": {"do": 1}}',
+        b'{"do": "add", "suspect": 1e999}', b'{"do": "add", "suspect": ' + b"9" * 400 + b"}", b'{"do": "__init__"}',
+        b'{"do": "preview", "suspect": true}', b'{"do": "mark", "what": "left out", "low": [], "high": {}}',
+        b'{"do": "drop", "step": -1}', b'{"do": "columns", "temperature": 5}', b"x" * 70_000,
+        b'{"do": "shape", "time_constants": [[[]]], "degree": 2, "products": false}',
+        b'{"do": "shape", "time_constants": 6, "degree": 1e9, "products": false}',
+        b'{"do": "mark", "what": "left out", "low": -1e308, "high": 1e308, "more": 1}',
+    ],
+)  # fmt: skip
+def test_a_hostile_request_is_refused_in_one_sentence(bench, body):
+    client, _ = bench
+    status, _, content = client.ask("POST", "/api/do", body)
+    assert 400 <= status < 500
+    problem = json.loads(content)["problem"]
+    assert 10 < len(problem) < 400 and "Traceback" not in problem
+
+
+@pytest.mark.parametrize(
+    "query",
+    ["", "key=x", "key={key}&curves=nonsense", "key={key}&curves=[1]", 'key={key}&curves=["nothing"]',
+     'key={key}&curves=["residual"]&low=nan', 'key={key}&curves=["residual"]&low=a',
+     'key={key}&curves=["residual"]&n=inf', 'key={key}&curves=["residual"]&scale=0&n=-5',
+     'key={key}&curves=["residual"]&low=inf&high=-inf'],
+)  # fmt: skip
+def test_a_hostile_question_for_curves_is_answered_or_refused(bench, query):
+    client, _ = bench
+    news = News(client)
+    key = news.until(lambda s: s["fitted"])["fitted"]["key"]
+    news.close()
+    path = "/api/piece?" + query.replace("{key}", key).replace('"', "%22")
+    status, _, content = client.ask("GET", path)
+    assert status in (200, 400, 404)
+    json.loads(content)
+
+
+def test_a_hostile_upload_is_refused_and_the_log_stays(bench):
+    client, _ = bench
+    news = News(client)
+    before = settled(news)
+    for name, content, status in (
+        ("x.exe", b"MZ", 422),
+        ("../../../etc/cron.d/x.csv", b"", 422),
+        ("empty.csv", b"", 422),
+        ("zeros.csv", b"\0" * 5000, 422),
+        ("not.zip", b"PK\3\4broken", 422),
+        ("not.parquet", b"PAR1broken", 422),
+        ("noise.csv", os.urandom(20_000), 422),
+        ("<img src=x onerror=alert(1)>.csv", b"one,two\n", 422),
+    ):
+        path = "/api/open?name=" + "".join(f"%{byte:02x}" for byte in name.encode())
+        answer, _, said = client.ask("POST", path, content, Content_Type="application/octet-stream")
+        assert answer == status, (name, said)
+        assert "Traceback" not in said.decode() and "/tmp/" not in said.decode(), said
+    large = {"Content_Length": str(1 << 40), "Content_Type": "application/octet-stream"}
+    assert client.ask("POST", "/api/open?name=large.csv", b"", **large)[0] == 413
+    assert news.state["source"] == before["source"] and news.state["fitted"]["key"] == before["fitted"]["key"]
+    news.close()
+
+
+def test_names_with_markup_come_through_as_text(bench, log):
+    client, _ = bench
+    news = News(client)
+    settled(news)
+    hostile = log.read_bytes().replace(b"humidity", b"<script>alert(1)</script>", 1)
+    answer = client.ask("POST", "/api/open?name=%3Cb%3E.csv", hostile, Content_Type="application/octet-stream")
+    assert answer[0] == 200
+    state = news.until(lambda s: s["source"]["name"] == "<b>.csv" and s["judged"])
+    assert "<script>alert(1)</script>" in [column["name"] for column in state["columns"]]
+    settled(news)
+    assert b"&lt;script&gt;" in client.ask("GET", "/take/report")[2]
+    assert client.ask("POST", "/api/open?name=log.csv", log.read_bytes(), Content_Type="text/csv")[0] == 200
+    settled(news)
+    news.close()
+
+
+def test_two_pages_agree_and_an_act_on_an_old_state_is_refused(bench):
+    client, _ = bench
+    one, other = News(client), News(client)
+    state = settled(one)
+    status, _ = client.do(do="add", suspect=0, revision=state["revision"])
+    assert status == 200
+    assert client.do(do="undo", revision=state["revision"])[0] == 409
+    until(lambda: one.state["revision"] > state["revision"] and one.state == other.state)
+    settled(one)
+    until(lambda: one.state == other.state)
+    assert len(other.state["history"]) == 2 and other.state["history"][1]["db"]["value"] < 0
+    assert client.do(do="undo", revision=one.state["revision"])[0] == 200
+    one.close(), other.close()
+
+
+def test_cancel_leaves_everything_as_it_was(bench):
+    client, _ = bench
+    news = News(client)
+    before = settled(news)
+    done = []
+    acting = threading.Thread(target=lambda: done.append(client.do(do="add", suspect=0)))
+    acting.start()
+    for _ in range(20):
+        client.ask("POST", "/api/cancel")
+        time.sleep(0.002)
+    acting.join()
+    status, said = done[0]
+    assert status == 200 or (status == 422 and "as it was" in said["problem"])
+    if status == 200:
+        assert client.do(do="undo")[0] == 200
+    client.do(do="judge")
+    assert {**settled(news), "revision": 0, "can_redo": False} == {**before, "revision": 0, "can_redo": False}
+    news.close()
+
+
+@pytest.mark.parametrize("kind", ["script", "notebook", "model", "corrected", "report", "firmware", "session"])
+def test_everything_can_be_taken_away(bench, kind):
+    client, _ = bench
+    news = News(client)
+    settled(news)
+    status, headers, content = client.ask("GET", f"/take/{kind}")
+    assert status == 200 and len(content) > 500 and "attachment" in headers["Content-Disposition"]
+    news.close()
+
+
+@POSIX
+def test_a_killed_computation_begins_again_from_the_steps(log, tmp_path):
+    with running(log, "--keep", folder=tmp_path) as (process, port, token):
+        client = visitor(port, token)
+        news = News(client)
+        settled(news)
+        assert client.do(do="add", suspect=0)[0] == 200
+        before = settled(news)
+        (child,) = children(process.pid)
+        os.kill(child, signal.SIGKILL)
+        news.until(lambda s: s["trouble"])
+        after = until(lambda: news.state if not news.state.get("trouble") and news.state.get("judged") else None)
+        settled(news)
+        after = news.state
+        assert [row["text"] for row in after["history"]] == [row["text"] for row in before["history"]]
+        assert after["fitted"] == before["fitted"] and after["judged"] == before["judged"]
+        news.close()
+
+
+def children(pid):
+    found = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False).stdout
+    return [int(number) for number in found.split() if number.isdigit() and "ps" not in found]
+
+
+@POSIX
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_an_end_leaves_no_process_and_no_file(log, tmp_path, how):
+    with running(log, folder=tmp_path) as (process, port, token):
+        news = News(visitor(port, token))
+        news.until(lambda s: s["fitted"])
+        pids = children(process.pid)
+        assert pids and list(tmp_path.iterdir())
+        process.send_signal(how)
+        process.wait(20)
+        until(lambda: news.ended)
+        news.close()
+        until(lambda: not any(alive(pid) for pid in pids), 20)
+        until(lambda: not list(tmp_path.iterdir()), 20)
+
+
+def alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_it_ends_with_the_last_page_and_stays_through_a_reload(log, tmp_path):
+    with running(log, folder=tmp_path) as (process, port, token):
+        client = visitor(port, token)
+        for _ in range(2):  # a page, and the page again
+            news = News(client)
+            news.until(lambda s: s["fitted"])
+            news.close()
+            time.sleep(0.5)
+        assert process.poll() is None
+        assert process.wait(40) == 0
+        assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["nothing.csv"], "There is no file"),
+        (["--effects", "nothing.py"], "There is no file"),
+        (["--sep", "x"], "--sep"),
+    ],
+)
+def test_what_cannot_be_opened_is_said_on_the_terminal(arguments, sentence, tmp_path):
+    command = [sys.executable, "-m", "thermocorr", "workbench", "--no-browser", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False, timeout=LONG)
+    assert done.returncode == 2 and sentence in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_a_log_that_is_none_is_said_on_the_page_and_another_can_be_opened(tmp_path, log):
+    bad = tmp_path / "bad.csv"
+    bad.write_text("one\n")
+    with running(bad, "--keep", folder=tmp_path) as (_, port, token):
+        client = visitor(port, token)
+        news = News(client)
+        until(lambda: news.state.get("trouble"))
+        assert client.ask("POST", "/api/open?name=log.csv", log.read_bytes(), Content_Type="text/csv")[0] == 200
+        settled(news)
+        news.close()

@@ -1,0 +1,194 @@
+"""`workbench(model, X, y)`: the same screen in a notebook, on data in memory."""
+
+from __future__ import annotations
+
+import base64
+import tempfile
+import weakref
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from sklearn.base import clone
+
+from ..effects.protocol import Effect
+from ..effects.wrap import as_effects
+from ..estimators import DynamicBiasRegressor
+from ..foreign import Table
+from ..judgement import diagnose
+from ..records.numbers import from_polars
+from . import page_assets
+from .acts import Add, Columns
+from .arrangement import AddedEffect, Settings
+from .bench import Bench
+from .pieces import NoSuchCurve, cloud_of, known_json, piece_of
+from .roles import Roles
+from .snapshots import snapshot
+from .source import Source
+from .takeaway import KINDS, taken
+from .tiles import Store, Tiles
+
+IN_MEMORY = "data in memory"
+
+
+def workbench(model: DynamicBiasRegressor, X: Any, y: Any, *, suspects: Sequence[type[Effect]] = ()) -> Any:
+    """Compare a model with its record, see what is missing, add it and watch the error fall, in a notebook.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+        Fitted or not; it stays as it is. `BenchWidget.model` is the model as it stands on the screen.
+    X : DataFrame
+    y : array-like of shape (n_rows,)
+    suspects : sequence of classes of effects
+        Suspects of your own.
+
+    Returns
+    -------
+    BenchWidget
+        Shown by the notebook. Without the package anywidget (extra "jupyter"): the `Diagnosis`, whose short form the
+        notebook shows instead; its `save_html` writes the page.
+
+    Raises
+    ------
+    RecordError
+        For a record that cannot be used.
+    """
+    bench = bench_of(model, X, y, suspects)
+    try:
+        import anywidget  # noqa: F401
+    except ImportError:
+        data = bench.fit().data
+        return diagnose(bench.fit().model, data.X, data.learned, suspects=bench.own)
+    bench.fit()
+    return _widget_class()(bench)
+
+
+def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[type[Effect]] = ()) -> Bench:
+    """A bench for data in memory, with the model's effects on it."""
+    frame = from_polars(X)
+    if not isinstance(frame, pd.DataFrame):
+        raise TypeError(f"The workbench needs a DataFrame, whose columns have names. Got {type(X).__name__}.")
+    attrs, index = dict(frame.attrs), frame.index
+    name = str(getattr(y, "name", None) or "reading")
+    frame = frame.rename(columns=str)
+    name = name if name not in frame.columns else f"{name} (reading)"
+    frame = frame.assign(**{name: pd.Series(getattr(y, "to_numpy", lambda: y)(), index=index)})
+    frame.attrs = {**attrs, "units": {**attrs.get("units", {}), **getattr(y, "attrs", {}).get("units", {})}}
+    temperature = str(frame.columns[0] if model.temperature is None else model.temperature)
+    time, run = (None if column is None else str(column) for column in (model.time, model.run))
+    taus = model.time_constants
+    settings = Settings(
+        time_constants=tuple(taus) if isinstance(taus, list | tuple) else taus,
+        degree=model.degree,
+        products=model.products,
+        screen=model.screen,
+        sampling_period=model.sampling_period,
+        max_gap=model.max_gap,
+    )
+    source = Source(table=Table(frame=frame), name=IN_MEMORY)
+    folder = tempfile.TemporaryDirectory(prefix="thermocorr-")
+    bench = Bench(source, Store(folder.name), settings=settings, own=suspects, base=clone(model))
+    weakref.finalize(bench, folder.cleanup)
+    acts: list[Any] = [Columns(Roles(temperature=temperature, reading=name, time=time, run=run))]
+    for _, effect in as_effects(model.effects):
+        acts.append(Add(AddedEffect.of(bench.codec.pack(effect, "effect", learned=False), effect.label())))
+    bench.versions = [tuple(acts)]
+    return bench
+
+
+class Desk:
+    """What a notebook's screen asks and is told, whatever carries the messages.
+
+    Parameters
+    ----------
+    bench : Bench
+    tell : callable
+        Sends a message to the screen.
+    """
+
+    def __init__(self, bench: Bench, tell: Any):
+        self.bench, self.tell = bench, tell
+        self.tiles = Tiles(bench.store)
+        self.revision = 0
+
+    @property
+    def curves(self) -> dict[str, dict[str, str]]:
+        """Names of curves in the store, by the keys of arrangements."""
+        return {key: found.curves for key, found in self.bench.kept.items()}
+
+    def show(self) -> None:
+        """Tell the screen all that it shows."""
+        self.revision += 1
+        found = self.bench.current
+        charts = [found.arrangement.key()] if found is not None and found.charts is not None else []
+        state = {**snapshot(self.bench), "revision": self.revision, "trouble": "", "charts": charts}
+        self.tell({"kind": "state", "content": state})
+
+    def work(self) -> None:
+        """Find out what is not known yet."""
+        while (chore := self.bench.next_chore()) is not None:
+            self.tell({"kind": "progress", "content": {"text": chore[0]}})
+            chore[1]()
+            self.show()
+        self.tell({"kind": "progress", "content": {"text": ""}})
+
+    def hear(self, message: dict[str, Any]) -> None:
+        """Answer a message: ``what`` is ready, do, piece, cloud, charts or take; ``number`` comes with the answer."""
+        what, number, given = message.get("what"), message.get("number"), message.get("given") or {}
+        try:
+            answer = self._answer(str(what), given)
+        except (NoSuchCurve, ValueError, TypeError, ArithmeticError, OSError) as error:
+            sentence = "These curves are no longer there." if isinstance(error, NoSuchCurve) else str(error)
+            self.tell({"kind": "failed", "number": number, "problem": " ".join(sentence.split())})
+            return
+        self.tell({"kind": "done", "number": number, "content": known_json(answer)})
+        if what in ("ready", "do"):
+            self.show()
+            self.work()
+
+    def _answer(self, what: str, given: dict[str, Any]) -> Any:
+        if what == "ready":
+            if self.bench.current is None:
+                self.bench.start()
+            return {}
+        if what == "do":
+            return self.bench.perform(given)
+        if what == "piece":
+            return piece_of(self, given)
+        if what == "cloud":
+            return cloud_of(self, given)
+        if what == "charts":
+            found = self.bench.kept.get(str(given.get("key")))
+            return (found.charts if found else None) or []
+        if what == "take":
+            path = taken(self.bench, str(given.get("kind")), Path(self.bench.store.folder))
+            content = base64.b64encode(path.read_bytes()).decode()
+            return {"name": path.name, "media": KINDS[str(given["kind"])].media, "content": content}
+        raise ValueError(f"{what!r} is not known here.")
+
+
+def _widget_class() -> Any:
+    """The class of the widget; made when it is first needed, as anywidget is an extra."""
+    import anywidget
+    import traitlets
+
+    class BenchWidget(anywidget.AnyWidget):
+        """The workbench in a notebook."""
+
+        _esm = page_assets.module()
+        _css = page_assets.style()
+        body = traitlets.Unicode(page_assets.body()).tag(sync=True)
+
+        def __init__(self, bench: Bench):
+            super().__init__()
+            self.desk = Desk(bench, self.send)
+            self.on_msg(lambda widget, content, buffers: self.desk.hear(content))
+
+        @property
+        def model(self) -> DynamicBiasRegressor:
+            """The model as it stands on the screen, fitted."""
+            return self.desk.bench.fit().model
+
+    return BenchWidget
