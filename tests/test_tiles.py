@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thermocorr.interactive.tiles import BINS, CELL, Store, Tiles
+from thermocorr.interactive.tiles import BINS, Store, Tiles
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def test_extremes_of_a_piece_are_those_of_its_rows(store, n, pixels, low, wide, 
     piece = Tiles(store).piece(names[0], names[1], [names[2]], a, b, pixels)
     (drawn,) = piece.curves
     assert len(drawn) == len(piece.place) and (np.diff(piece.place) >= 0).all()
-    assert len(drawn) <= 2 * pixels + 2 * CELL + 2 * len(begins) + 4 or n < 4 * pixels
+    assert len(drawn) <= 4 * pixels + 3 * len(begins) + 4
     inside = (place >= a) & (place <= b)
     wanted = values[inside & np.isfinite(values)]
     known = drawn[np.isfinite(drawn)]

@@ -37,8 +37,8 @@ class Person:
         return self.driver.execute_script(f"return {code.strip()}", *given)
 
     def faults(self):
-        """What the console says beside acts that were refused."""
-        return [message for message in complaints(self.driver) if "/api/do - Failed to load" not in message]
+        """What the console says beside acts that were refused, and curves of a state that had just gone."""
+        return [said for said in complaints(self.driver) if not ("/api/" in said and "Failed to load" in said)]
 
     def sees(self, code):
         """Wait until this is true on the page."""
@@ -168,7 +168,15 @@ def test_a_stretch_is_selected_and_left_out(person):
     assert (high - low) / (axis["high"] - axis["low"]) == pytest.approx(0.25, abs=0.03)
     assert state["history"][1]["text"].startswith("leave out: 20")
     person.click("[data-at='compare 1']")
-    person.sees("thermocorr.charts.series.spec.panels.some(p => p.label === 'residual there')")
+    person.click("[data-at='compare 2']")
+    person.sees("thermocorr.charts.series.spec.panels.filter(p => p.label === 'residual').length === 2")
+    labels = person.js("thermocorr.charts.series.spec.panels.slice(1, 3).map(p => p.lines[0].label)")
+    assert labels == ["after step 1", "after step 2"]
+    cells = "[...document.querySelectorAll('table.compared tbody tr:first-child data')]"
+    values = person.js(f"{cells}.map(d => Number(d.value))")
+    assert values == [row["held_out"]["value"] for row in state["history"]]
+    person.click("[data-at='compare 1']")
+    person.sees("thermocorr.charts.series.spec.panels.filter(p => p.label === 'residual').length === 1")
     assert person.faults() == []
 
 

@@ -13,7 +13,8 @@ from ..records.text import printable
 from .acts import Act, Add, Mark
 from .arrangement import Arrangement
 from .learning import RUNS, Fitted
-from .source import BUILT_IN, Source
+from .source import Source
+from .trial_records import SAMPLES
 
 
 class Chapter(NamedTuple):
@@ -86,8 +87,8 @@ def _imports(source: Source, effects: list[Effect], own_file: str) -> str:
             own.add(cls.__name__)
     if source.files:
         names["thermocorr.foreign"] = {"HowToRead", "read_logs", *(["with_times"] if len(source.files) == 1 else [])}
-    elif source.name == BUILT_IN:
-        names["thermocorr.datasets"] = {"load_voltage_reference"}
+    elif source.name in SAMPLES:
+        names["thermocorr.datasets"] = {SAMPLES[source.name].loader}
     lines = [*(["import runpy"] if own else []), "import warnings", "", "import numpy as np", ""]
     lines.append("from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose, held_out_residuals")
     lines += [f"from {module} import {', '.join(sorted(found))}" for module, found in sorted(names.items())]
@@ -108,8 +109,8 @@ def _log(source: Source, arrangement: Arrangement) -> str:
         if len(source.files) == 1:
             lines.append(f"table = with_times(table, {roles.time!r}, how)")
         lines.append("log = table.frame")
-    elif source.name == BUILT_IN:
-        lines = ['log = load_voltage_reference(hidden="moisture")']
+    elif source.name in SAMPLES:
+        lines = [f"log = {SAMPLES[source.name].code()}"]
     else:
         lines = [
             f"log = X.rename(columns=str).assign(**{{{roles.reading!r}: y}})  # X, y: as the workbench was given them"

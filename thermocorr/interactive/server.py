@@ -16,7 +16,7 @@ from typing import Any
 import uvicorn
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
@@ -115,7 +115,11 @@ class Workbench:
         return JSONResponse({})
 
     async def open(self, request: Request) -> Response:
-        """A log that was dropped on the page."""
+        """A log that was dropped on the page, or a built-in record."""
+        if "sample" in request.query_params:
+            return await self._opened(
+                Opening(sample=request.query_params["sample"], own_file=self.hub.opening.own_file)
+            )
         name = Path(request.query_params.get("name", "log.csv").replace("\\", "/")).name[:200]
         ending = Path(name).suffix.lower()
         if ending not in ENDINGS:
@@ -133,13 +137,22 @@ class Workbench:
                         path.unlink()
                         return _failed(too_large, 413)
                     await run_in_threadpool(file.write, chunk)
-            await self.hub.open(
-                Opening(paths=(str(path),), names=(printable(name),), own_file=self.hub.opening.own_file)
-            )
-            return JSONResponse({})
-        except (Refused, ValueError, OSError) as refused:
+        except (ValueError, OSError, ClientDisconnect) as error:
             path.unlink(missing_ok=True)
-            return _failed(str(refused).replace(str(path), printable(name)), 422)
+            return _failed(str(error) or "The file did not come whole.", 422)
+        own = self.hub.opening.own_file
+        return await self._opened(Opening(paths=(str(path),), names=(printable(name),), own_file=own))
+
+    async def _opened(self, opening: Opening) -> Response:
+        try:
+            await self.hub.open(opening)
+        except Refused as refused:
+            said = str(refused)
+            for path, name in zip(opening.paths, opening.names, strict=True):
+                said = said.replace(path, name)
+                Path(path).unlink(missing_ok=True)
+            return _failed(said, 422)
+        return JSONResponse({})
 
     async def piece(self, request: Request) -> Response:
         """Some curves between two places."""

@@ -17,8 +17,9 @@ from ..records import RecordError
 from .acts import act_of, folded
 from .arrangement import Settings
 from .bench import Bench
-from .source import BUILT_IN, Source, opened
+from .source import Source, built_in, opened
 from .tiles import Store
+from .trial_records import SAMPLES
 
 FORMAT, VERSION = "thermocorr session", 1
 
@@ -92,11 +93,11 @@ def with_steps(bench: Bench, steps: Any, undone: Any = ()) -> Bench:
 def _source(node: Any, folder: Path) -> Source:
     node = fields(node, "$.log", (), ("built_in", "files", "how", "join", "sha256"))
     if "built_in" in node:
-        if node["built_in"] != BUILT_IN:
+        if node["built_in"] not in SAMPLES:
             raise RecordError(
                 "This session was held on data in memory, which are not in its file. Open a log's session."
             )
-        return opened(())
+        return built_in(node["built_in"])
     paths = [_there(text(name, "$.log.files"), folder) for name in items(node["files"], "$.log.files")]
     known = {item.name for item in fields_of(HowToRead)}
     how = HowToRead(**fields(node["how"], "$.log.how", (), tuple(known)))

@@ -27,6 +27,7 @@ from ..records.units import difference_unit, unit_of
 from .acts import Add, Columns, Mark
 from .bench import Bench
 from .learning import COLUMN, EFFECT, Fitted
+from .trial_records import SAMPLES
 from .wording import axis_of, fall, figure, gain
 
 PLACES = 12
@@ -53,6 +54,7 @@ def snapshot(bench: Bench) -> dict[str, Any]:
             }
             for name in frame.columns
         ],
+        "samples": {name: sample.title for name, sample in SAMPLES.items()},
         "decided": roles is not None,
         "model": {
             "time_constants": shape.time_constants if isinstance(shape.time_constants, int | str)

@@ -10,12 +10,11 @@ from typing import Any
 
 import pandas as pd
 
-from ..datasets import load_voltage_reference
 from ..foreign import HowToRead, Table, read_logs, with_times
 from ..records import RecordError
 from ..records.times import dates_once
+from .trial_records import FIRST, SAMPLES
 
-BUILT_IN = "the built-in voltage reference with a hidden effect"
 CHUNK = 1 << 20
 
 
@@ -60,9 +59,12 @@ class Source:
         return {"files": list(self.files), "how": said, "join": self.join, "sha256": self.digest}
 
 
-def built_in() -> Source:
-    """The voltage reference that takes up moisture."""
-    return Source(table=Table(frame=load_voltage_reference(hidden="moisture")), name=BUILT_IN)
+def built_in(name: str = "") -> Source:
+    """A record of `SAMPLES`, the first one by default; ValueError for a name that is none of theirs."""
+    name = name or FIRST
+    if name not in SAMPLES:
+        raise ValueError(f"There is no built-in record {name!r}. There are: {', '.join(SAMPLES)}.")
+    return Source(table=Table(frame=SAMPLES[name].make()), name=name)
 
 
 def opened(
@@ -73,7 +75,6 @@ def opened(
     Parameters
     ----------
     paths : sequence of paths
-        None for the built-in record.
     how : HowToRead, optional
     join : bool
         Join several files by their times.
@@ -85,8 +86,6 @@ def opened(
     RecordError
         For files that cannot be read.
     """
-    if not paths:
-        return built_in()
     how = how or HowToRead()
     table = read_logs(paths, how, join=join)
     if not all(isinstance(column, str) for column in table.frame.columns):

@@ -24,7 +24,7 @@ from .own_effects import effects_in
 from .roles import guessed
 from .session_file import reopened, with_steps
 from .snapshots import snapshot
-from .source import opened
+from .source import built_in, opened
 from .takeaway import taken
 from .tiles import Store
 
@@ -36,7 +36,9 @@ class Opening:
     """What a workbench is opened with."""
 
     paths: tuple[str, ...] = ()
-    """Files of the log; none for the built-in record."""
+    """Files of the log; none for a built-in record."""
+    sample: str = ""
+    """Which built-in record; the first by default."""
     names: tuple[str, ...] = ()
     """What they are called, if that is not their paths' ends."""
     how: HowToRead = field(default_factory=HowToRead)
@@ -56,7 +58,10 @@ class Opening:
         if self.session:
             bench = reopened(self.session, store, own)
         else:
-            source = opened(self.paths, self.how, join=self.join, names=self.names)
+            if self.paths:
+                source = opened(self.paths, self.how, join=self.join, names=self.names)
+            else:
+                source = built_in(self.sample)
             roles = guessed(source.frame, **self.named)
             bench = Bench(source, store, roles=roles, settings=self.settings, own=own, own_file=self.own_file)
         if self.steps is not None:

@@ -55,13 +55,13 @@
     );
   }
 
-  function history(state, act, compared) {
+  function history(state, act, chosen) {
     const rows = state.history, known = rows.map((row) => row.held_out?.value).filter((v) => v != null);
     const longest = Math.max(...known, 1e-300), floor = state.judged?.floor?.value;
     const list = element("ol", { class: "steps" }, rows.map((row) => {
       const share = row.held_out ? row.held_out.value / longest : 0, now = row.step === rows.length;
       const buttons = element("span", { class: "acts" });
-      if (!now) buttons.append(element("button", { type: "button", class: "plain", "data-at": `compare ${row.step}`, "aria-pressed": String(compared === row.key), onclick: () => act.compare(compared === row.key ? null : row) }, compared === row.key ? "stop comparing" : "compare"));
+      if (rows.length > 1) buttons.append(element("button", { type: "button", class: "plain", "data-at": `compare ${row.step}`, "aria-pressed": String(chosen.includes(row.key)), onclick: () => act.compare(row) }, "compare"));
       if (row.kind !== "columns") buttons.append(element("button", { type: "button", class: "plain", "data-at": `drop ${row.step}`, "aria-label": `remove step ${row.step}: ${row.text}`, onclick: () => act.do({ do: "drop", step: row.step - 1 }) }, "remove"));
       return element("li", { "aria-current": now ? "step" : false },
         element("div", { class: "what" }, row.text, " ", buttons),
@@ -73,10 +73,25 @@
       element("h2", {}, "Steps"),
       rows.length ? element("p", { class: "fine" }, "Error on blocks of time that the fit did not see; the mark is the noise floor.") : element("p", { class: "fine" }, "None yet."),
       list,
+      compared(rows.filter((row) => chosen.includes(row.key))),
       element("div", { class: "tools" },
         element("button", { type: "button", "data-at": "undo", disabled: !state.can_undo, "aria-keyshortcuts": "Control+Z", onclick: () => act.do({ do: "undo" }) }, "Undo"),
         element("button", { type: "button", "data-at": "redo", disabled: !state.can_redo, "aria-keyshortcuts": "Control+Y", onclick: () => act.do({ do: "redo" }) }, "Redo")),
     ];
+  }
+
+  // Two steps side by side.
+  function compared(pair) {
+    if (pair.length === 1) return element("p", { class: "fine" }, `Step ${pair[0].step} is chosen: choose another one to compare it with.`);
+    if (pair.length !== 2) return null;
+    const [one, other] = pair;
+    const row = (text, name) => {
+      const [a, b] = [one[name]?.value, other[name]?.value], fall = a && b ? 20 * Math.log10(b / a) : null;
+      const said = fall == null ? "–" : `${fall < 0 ? "−" : "+"}${Math.abs(fall).toFixed(1)}\u00a0dB`;
+      return element("tr", {}, element("th", { scope: "row" }, text), element("td", {}, number(one[name])), element("td", {}, number(other[name])), element("td", {}, said));
+    };
+    const head = ["", `step ${one.step}`, `step ${other.step}`, ""].map((text) => element("th", { scope: "col" }, text));
+    return element("table", { class: "compared" }, element("thead", {}, element("tr", {}, head)), element("tbody", {}, row("held out", "held_out"), row("later", "later"), row("in sample", "rms")));
   }
 
   function verdict(state, act) {
@@ -104,7 +119,7 @@
     const listed = (places, first) => element("ul", { class: "places" }, places.map((place, k) => {
         const i = first + k;
         const can = place.from_to || place.curve, text = `${place.aspect}: ${place.interval}`;
-        const name = can ? element("button", { type: "button", class: "plain", "data-at": `place ${i}`, onclick: () => act.go(place) }, text) : element("span", {}, text);
+        const name = [text, " ", can ? element("button", { type: "button", class: "plain", "data-at": `place ${i}`, "aria-label": `show where ${text}`, onclick: () => act.go(place) }, "show") : null];
         return element("li", {}, name, element("div", {}, bar(place.share / longest, "share of the error", place.lift ? place.share / place.lift / longest : null), " ", element("span", { class: "fine" }, `${percent(place.share)}, of the rows ${percent(place.share / place.lift)}`)));
       }));
     return [

@@ -8,12 +8,12 @@
   const line = (curve, label, role, more = {}) => ({ curve, label, role, dash: false, dots: false, joined: true, edge: false, stretches: null, ...more });
 
   class TimePlot {
-    // place: element; wire; brushed(range or null); troubled(error)
-    constructor(place, wire, brushed, troubled) {
-      Object.assign(this, { place, wire, brushed, troubled });
+    // place: element; wire; troubled(error)
+    constructor(place, wire, troubled) {
+      Object.assign(this, { place, wire, troubled });
       this.extra = new Set(); // names of curves below the temperature
       this.preview = null; // {label, before, after}
-      this.other = null; // {key, text}: a step to compare with
+      this.pair = []; // two steps to compare: {key, text}
       this.range = null; // what is shown; null for the whole record
       this.asked = 0;
     }
@@ -36,17 +36,14 @@
     panels() { // what is drawn: panels of lines, each with the curve that it shows
       const { fitted, judged } = this, unit = fitted.unit;
       const floor = judged?.floor ? [2 * judged.floor.value, -2 * judged.floor.value] : [];
-      const residual = [line("residual", this.preview ? "residual now" : "residual", "residual")];
       const averaged = this.shown ? this.shown.averaged : true, mean = (name) => (averaged ? `mean ${name}` : name);
-      if (averaged) residual.push(line("mean residual", "mean of stretches", "average"));
-      if (this.preview) residual.push(line(mean(AFTER), `${averaged ? "mean " : ""}with ${this.preview.label}`, "other"), line(mean(TAKEN), "what it takes away", "model"));
-      const panels = [
-        { label: fitted.reading, unit, height: 150, lines: [line("reading", "measured", "reading"), line("model", "modelled", "model"), line("corrected", "corrected", "corrected")] },
-        { label: "residual", unit, height: 150, rules: floor, lines: residual },
-      ];
-      if (this.other) {
-        panels.push({ label: "residual there", unit, height: 130, rules: floor, like: 1, key: this.other.key, lines: [line("residual", `residual after ${this.other.text}`, "residual")] });
-      }
+      const lines = (label) => [line("residual", label, "residual"), ...(averaged ? [line("mean residual", "mean of stretches", "average")] : [])];
+      const residual = lines(this.preview ? "residual now" : "residual");
+      if (this.preview) residual.push(line(mean(AFTER), `${averaged ? "mean " : ""}with ${this.preview.label}`, "other"), line(mean(TAKEN), "what it takes away", "model", { dash: true }));
+      const panels = [{ label: fitted.reading, unit, height: 150, lines: [line("reading", "measured", "reading"), line("model", "modelled", "model"), line("corrected", "corrected", "corrected")] }];
+      if (this.pair.length === 2) {
+        this.pair.forEach((step, i) => panels.push({ label: "residual", unit, height: 150, rules: floor, like: i ? 1 : null, key: step.key, lines: lines(step.text) }));
+      } else panels.push({ label: "residual", unit, height: 150, rules: floor, lines: residual });
       const known = new Map(fitted.curves.map((curve) => [curve.name, curve]));
       panels.push({ label: fitted.temperature, unit: known.get("temperature").unit, height: 90, lines: [line("temperature", fitted.temperature, "temperature")] });
       for (const name of this.extra) {
@@ -112,7 +109,7 @@
         shades,
       }, this.place, {
         zoomed: (low, high) => this.zoomed(low, high),
-        brushed: (low, high) => { this.selected = [low, high]; this.brushed(this.selected); },
+        brushed: (low, high) => { this.selected = [low, high]; },
       });
       this.signature = signature;
       if (brushing) this.chart.brush(true);
@@ -131,7 +128,7 @@
     }
     brush(on) {
       this.chart?.brush(on);
-      if (!on) { this.selected = null; this.brushed(null); }
+      if (!on) this.selected = null;
     }
     stretch() { // what was selected, or else what is shown
       const { axis } = this.fitted;
@@ -145,8 +142,8 @@
       this.preview = preview;
       if (this.fitted) this.refresh();
     }
-    compared(other) {
-      this.other = other;
+    compared(pair) { // two steps, or none
+      this.pair = pair;
       if (this.fitted) this.refresh();
     }
   }

@@ -4,6 +4,7 @@
   const tc = (window.thermocorr ??= {});
 
   class Refused extends Error {}
+  class Gone extends Refused {} // of a state that another one is about to follow: not worth a word
 
   class Wire {
     constructor(heard) {
@@ -31,6 +32,7 @@
       }
       let content = {};
       try { content = await answer.json(); } catch { content = { problem: await answer.text().catch(() => "") }; }
+      if (answer.status === 404) throw new Gone(content.problem || "This is no longer there.");
       if (!answer.ok) throw new Refused(content.problem || `The program answers ${answer.status}.`);
       return content;
     }
@@ -39,6 +41,7 @@
     }
     cancel() { return this.asked("/api/cancel", { method: "POST" }); }
     open(file) { return this.asked(`/api/open?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file }); }
+    sample(name) { return this.asked(`/api/open?sample=${encodeURIComponent(name)}`, { method: "POST" }); }
     piece(query, signal) { return this.asked(`/api/piece?${new URLSearchParams(query)}`, { signal }); }
     cloud(query) { return this.asked(`/api/cloud?${new URLSearchParams(query)}`); }
     charts(key) { return this.asked(`/api/charts?${new URLSearchParams({ key })}`); }
@@ -51,5 +54,5 @@
     }
   }
 
-  Object.assign(tc, { Wire, Refused });
+  Object.assign(tc, { Wire, Gone });
 })();

@@ -12,11 +12,12 @@
       this.root = root;
       this.state = null;
       this.busy = 0;
+      this.chosen = []; // keys of steps that are compared
       const at = (name) => root.querySelector(`[data-part="${name}"]`);
       this.at = at;
       this.wire = makeWire((kind, content) => this.hear(kind, content));
-      this.plot = new TimePlot(at("plot"), this.wire, (range) => this.brushed(range), (error) => this.trouble(error.message));
-      this.views = new Views(at("views"), this.wire, (error) => this.trouble(error.message));
+      this.plot = new TimePlot(at("plot"), this.wire, (error) => this.failed(error));
+      this.views = new Views(at("views"), this.wire, (error) => this.failed(error));
       const act = {
         do: (asked) => this.do(asked), trouble: (text) => this.trouble(text), go: (place) => this.go(place),
         preview: (...given) => this.preview(...given), compare: (row) => this.compare(row),
@@ -26,7 +27,7 @@
       this.parts = [
         [part("columns", (s) => panels.columns(s, act)), (s) => ({ columns: s.columns, decided: s.decided, source: s.source })],
         [part("model", (s) => panels.model(s, act)), (s) => ({ model: s.model, fitted: s.fitted && { time_constants: s.fitted.time_constants, equation: s.fitted.equation } })],
-        [part("history", (s) => panels.history(s, act, this.plot.other?.key)), (s) => ({ history: s.history, judged: s.judged && { floor: s.judged.floor }, can_undo: s.can_undo, can_redo: s.can_redo, other: this.plot.other })],
+        [part("history", (s) => panels.history(s, act, this.chosen)), (s) => ({ history: s.history, judged: s.judged && { floor: s.judged.floor }, can_undo: s.can_undo, can_redo: s.can_redo, chosen: this.chosen })],
         [part("summary", (s) => panels.summary(s)), (s) => ({ history: s.history, judged: s.judged && { floor: s.judged.floor }, fitted: Boolean(s.fitted) })],
         [part("verdict", (s) => panels.verdict(s, act)), (s) => ({ judged: s.judged, lacking: s.lacking, fitted: s.fitted && { notes: s.fitted.notes } })],
         [part("where", (s) => panels.where(s, act)), (s) => ({ judged: s.judged })],
@@ -47,6 +48,8 @@
       this.at("take").replaceChildren(...Object.entries(TAKE).map(([kind, text]) => element("button", { type: "button", "data-take": kind, onclick: () => this.take(kind) }, text)));
       this.at("cancel").addEventListener("click", () => this.wire.cancel());
       this.at("dismiss").addEventListener("click", () => this.trouble(""));
+      const samples = this.at("samples");
+      samples?.addEventListener("change", () => { if (samples.value) this.open({ sample: samples.value }); samples.value = ""; });
       const file = this.at("open");
       file?.addEventListener("change", () => { if (file.files.length) this.open(file.files[0]); file.value = ""; });
       if (!file) return;
@@ -70,11 +73,15 @@
       this.state = state;
       this.root.dataset.revision = state.revision;
       if (!state.columns) { if (state.trouble) this.trouble(state.trouble); return; }
+      if (state.samples && this.at("samples") && this.at("samples").options.length < 2) {
+        this.at("samples").append(...Object.entries(state.samples).map(([name, text]) => element("option", { value: name }, text)));
+      }
       this.at("source").textContent = `${state.source.name}, ${state.source.rows.toLocaleString("en")} rows`;
       const problem = state.trouble || state.problem;
       if (problem || this.problem) this.trouble(problem);
       this.problem = problem;
-      if (this.plot.other && !state.history.some((row) => row.key === this.plot.other.key)) this.plot.other = null;
+      const there = new Set(state.history.map((row) => row.key));
+      if (this.chosen.some((key) => !there.has(key))) this.chosen = this.plot.pair = [];
       if (state.fitted?.key !== this.plot.fitted?.key) this.plot.preview = null;
       for (const [part, content] of this.parts) part.show({ ...content(state) }, state);
       this.plot.show(state);
@@ -85,6 +92,9 @@
       this.at("progress").textContent = text ? `${text}…` : "";
       this.at("cancel").hidden = !text;
       this.root.dataset.progress = text;
+    }
+    failed(error) { // of what is drawn
+      if (!(tc.Gone && error instanceof tc.Gone)) this.trouble(error.message);
     }
     trouble(text) {
       this.at("trouble").textContent = text || "";
@@ -136,15 +146,18 @@
       this.marks.hidden = !on;
       this.plot.brush(on);
     }
-    brushed() {}
     mark(what) {
       const [low, high] = this.plot.stretch();
       this.select(false);
       return this.do({ do: "mark", what, low, high });
     }
-    async compare(row) {
-      if (row && !(await this.do({ do: "fit", step: row.step }))) return;
-      this.plot.compared(row && { key: row.key, text: `step ${row.step}` });
+    async compare(row) { // choose two steps, one after the other; a chosen one is let go
+      const without = this.chosen.filter((key) => key !== row.key), now = this.state.history;
+      const chosen = without.length < this.chosen.length ? without : [...without.slice(-1), row.key];
+      const rows = now.filter((one) => chosen.includes(one.key));
+      if (rows.length === 2) for (const one of rows) if (!(await this.do({ do: "fit", step: one.step }))) return;
+      this.chosen = chosen;
+      this.plot.compared(rows.length === 2 ? rows.map((one) => ({ key: one.key, text: `after step ${one.step}` })) : []);
       this.show(this.state);
     }
     async take(kind) {
@@ -153,7 +166,7 @@
     }
     async open(file) {
       this.trouble("");
-      try { await this.wire.open(file); } catch (error) { this.trouble(error.message); }
+      try { await (file.sample ? this.wire.sample(file.sample) : this.wire.open(file)); } catch (error) { this.trouble(error.message); }
     }
   }
 
