@@ -3,6 +3,7 @@
     python benchmarks/workbench.py                      # 84 000 rows, built in
     python benchmarks/workbench.py --rows 3000000       # a CSV file of so many rows
     python benchmarks/workbench.py --actions 2000       # random actions: errors, memory, consistency
+    python benchmarks/workbench.py --picture docs/workbench.png
 
 Needs a Chromium and its driver, and selenium. Times are those of a person with an idle machine: from the page's
 opening, and, in brackets, from the command's start.
@@ -90,6 +91,20 @@ def watched(log: Path | None) -> None:
         print("complaints of the console:", complaints(driver))
 
 
+def pictured(path: Path) -> None:
+    """The screen with the first suspect under the pointer."""
+    from selenium.webdriver import ActionChains
+
+    with running() as (_, port, token), chromium() as driver:
+        person = Person(driver, port, token)
+        person.settled()
+        ActionChains(driver).move_to_element(driver.find_element("css selector", "[data-at='add 0 ']")).perform()
+        person.sees("document.querySelector('.preview').textContent.includes('instead of')")
+        person.sees("thermocorr.charts.series.spec.panels[1].lines.length === 4")
+        time.sleep(0.5)
+        driver.save_screenshot(str(path))
+
+
 def clicked(actions: int, seed: int) -> None:
     """Many random actions on a record of 4000 rows."""
     with tempfile.TemporaryDirectory() as folder:
@@ -118,8 +133,11 @@ if __name__ == "__main__":
     parser.add_argument("--rows", type=int, default=0)
     parser.add_argument("--actions", type=int, default=0)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--picture", type=Path)
     options = parser.parse_args()
-    if options.actions:
+    if options.picture:
+        pictured(options.picture)
+    elif options.actions:
         clicked(options.actions, options.seed)
     elif options.rows:
         with tempfile.TemporaryDirectory() as place:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -99,6 +100,18 @@ def test_the_reader_of_imports_sees_every_form():
         "thermocorr.equations.z",
         "numpy.linalg",
     }
+
+
+EXTRAS = {"thermocorr.interactive.server": "uvicorn", "thermocorr.interactive.guard": "starlette"}
+"""Modules that cannot be imported without an extra; whoever wants them says so."""
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_of)
+def test_every_module_can_be_imported(path):
+    name = module_of(path)
+    if name in EXTRAS:
+        pytest.importorskip(EXTRAS[name], reason=f"{name} needs {EXTRAS[name]}: pip install 'thermocorr[all]'")
+    importlib.import_module(name)
 
 
 @pytest.mark.parametrize("path", sorted((PACKAGE / "equations").rglob("*.py")), ids=module_of)
