@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import gzip
 import io
 import random
 import warnings
+import zipfile
 
 import numpy as np
 import pandas as pd
@@ -328,3 +330,21 @@ def test_a_state_that_is_no_number_is_not_bridged(written):
     frame = read_log(written("entity_id,state,last_changed\n" + "\n".join(rows) + "\n")).frame
     expected = [*range(20, 27), *[np.nan] * 8, 30, 31, 32, 33, 34]
     np.testing.assert_allclose(frame["temperature"], expected)
+
+
+@pytest.mark.parametrize("ending", ["csv.gz", "zip", "xlsx"])
+def test_a_file_that_unpacks_without_end_is_refused(written, monkeypatch, ending):
+    monkeypatch.setattr("thermocorr.foreign.containers.MOST_UNPACKED", 100_000)
+    out = io.BytesIO()
+    if ending == "csv.gz":
+        out.write(gzip.compress(b"0" * 200_000))
+    else:
+        with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as packed:
+            packed.writestr("log.csv", b"0" * 200_000)
+    with pytest.raises(RecordError, match="becomes larger than"):
+        read_log(written(out.getvalue(), f"bomb.{ending}"))
+
+
+def test_a_line_of_commas_is_no_log(written):
+    with pytest.raises(RecordError, match="more than 10000 columns"):
+        read_log(written("a" + "," * 1_000_000 + "\n1\n"))

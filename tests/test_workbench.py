@@ -162,6 +162,11 @@ def test_stretches_are_marked_and_count_in_the_fit(bench):
         bench.perform({"do": "mark", "what": "left out", "low": -5.0, "high": -4.0})
 
 
+def taken_script(bench, folder):
+    bench.start()
+    return taken(bench, "script", folder).read_text()
+
+
 def test_a_changed_measurand_keeps_its_level_in_corrected_readings(tmp_path):
     record = make_record(3000, effects={"covariate": 0.0}, seed=4)
     record.iloc[2000:, -1] += 50 * record.attrs["noise"]
@@ -216,9 +221,14 @@ def test_the_script_the_notebook_and_the_session_come_to_the_same_model(bench, t
     again = reopened(files["session"], Store(tmp_path))
     again.start()
     np.testing.assert_array_equal(again.current.model.coef_, wanted.coef_)
-    assert [act.sentence() for act in again.acts] == [act.sentence() for act in bench.acts]
+    assert again.past == bench.past
     again.perform({"do": "undo"})
     assert len(again.acts) == len(bench.acts) - 1
+    kept = taken(again, "session", out)
+    later = reopened(kept, Store(tmp_path))
+    later.start()
+    later.perform({"do": "redo"})
+    np.testing.assert_array_equal(later.current.model.coef_, wanted.coef_)
     np.testing.assert_array_equal(load_model(files["model"]).coef_, wanted.coef_)
     corrected = pd.read_csv(files["corrected"])
     assert len(corrected) == 3000 and {"corrected", "flag", "u"} <= set(corrected.columns)
@@ -232,14 +242,31 @@ def test_a_session_of_another_log_or_a_damaged_one_is_refused(bench, tmp_path, l
     node = json.loads(path.read_text())
     other = tmp_path / "other.csv"
     other.write_bytes(log.read_bytes().replace(b"1", b"2", 1))
+
+    def acts(act):
+        return {"acts": [act], "versions": [[0]], "at": 0}
+
     backwards = {"do": "mark", "what": "left out", "rows": [[5, 2]], "where": "", "moments": []}
     for change, error, sentence in (
         ({"log": {**node["log"], "files": [str(other)]}}, RecordError, "its content has changed"),
         ({"log": {**node["log"], "files": ["/nowhere.csv"]}}, RecordError, "There is no file"),
-        ({"steps": [{"do": "dance"}]}, ModelFileError, "no step of a session"),
-        ({"steps": [backwards]}, ModelFileError, "ends before"),
+        ({"log": {**node["log"], "files": ["/dev/zero"]}}, RecordError, "no regular file"),
+        ({"log": {**node["log"], "files": ["//server/share/log.csv"]}}, ModelFileError, "no file of this machine"),
+        ({"log": {**node["log"], "files": []}}, ModelFileError, "no file of this machine"),
+        ({"log": {**node["log"], "how": {"separator": 5}}}, ModelFileError, "does not belong there"),
+        ({"log": {}}, ModelFileError, "has no"),
+        ({"past": acts({"do": "dance"})}, ModelFileError, "no step of a session"),
+        ({"past": acts(backwards)}, ModelFileError, "ends before"),
+        ({"past": acts({**backwards, "what": "spikes", "rows": [[0, 10**12]]})}, ModelFileError, "than 1000 spikes"),
+        ({"past": acts({**backwards, "rows": [], "moments": [1.0, "2024"]})}, ModelFileError, "dates and numbers"),
+        ({"past": {**node["past"], "at": 7}}, ModelFileError, "past.at"),
+        ({"past": {**node["past"], "versions": [[99]]}}, ModelFileError, "versions"),
+        ({"past": {**node["past"], "versions": []}}, ModelFileError, "nothing"),
+        ({"past": 1}, ModelFileError, "an object"),
         ({"version": 99}, ModelFileError, "version 99"),
         ({"settings": {}}, ModelFileError, "has no"),
+        ({"settings": {**node["settings"], "time_constants": None}}, ModelFileError, "time_constants"),
+        ({"settings": {**node["settings"], "screen": 1}}, ModelFileError, "neither true nor false"),
     ):  # fmt: skip
         path.write_text(json.dumps({**node, **change}))
         with pytest.raises(error, match=sentence):
@@ -262,6 +289,9 @@ def test_what_cannot_be_done_changes_nothing_and_says_why(bench):
         {"do": "shape", "time_constants": "many", "degree": 2, "products": False},
         {"do": "shape", "time_constants": "-3", "degree": 2, "products": False},
         {"do": "shape", "time_constants": "", "degree": 2, "products": False},
+        {"do": "shape", "time_constants": "\u00b2", "degree": 2, "products": False},
+        {"do": "shape", "time_constants": "9" * 5000, "degree": 2, "products": False},
+        {"do": "mark", "what": "left out", "low": 10**4000, "high": 1.0},
         {"do": "shape", "time_constants": 6, "degree": 2.5, "products": False},
         {"do": "shape", "time_constants": 6, "degree": 2, "products": "yes"},
         {"do": "columns", "temperature": "nothing", "reading": "reading", "time": None, "run": None, "ignored": []},
@@ -315,6 +345,23 @@ def test_roles_are_guessed_from_names_and_units(columns, temperature, reading):
     assert (roles.temperature, roles.reading, roles.time) == (temperature, reading, columns[0])
 
 
+def test_several_files_are_runs(log, tmp_path):
+    frame = pd.read_csv(log)
+    frame["time"] = pd.to_datetime(frame["time"]) + pd.Timedelta("90 days")
+    frame.to_csv(tmp_path / "later.csv", index=False)
+    source = opened([log, tmp_path / "later.csv"])
+    bench = Bench(source, Store(tmp_path), roles=guessed(source.frame))
+    bench.start()
+    assert bench.problem == "" and bench.arrangement().roles.run == "file"
+    assert len(bench.store.get(bench.current.curves["begins"])) == 2
+    place = bench.store.get(bench.current.curves["place"])
+    assert place[-1] < 0.2 * 90 * 86_400  # the long pause is left out of the axis
+    script = taken(bench, "script", tmp_path).read_text()
+    space = {}
+    exec(script.split("# How large")[0], space)
+    np.testing.assert_array_equal(space["model"].coef_, bench.current.model.coef_)
+
+
 def test_a_role_for_two_columns_or_one_column_for_two_roles_is_refused():
     with pytest.raises(RecordError, match="two things at once"):
         Roles(temperature="a", reading="a")
@@ -343,7 +390,17 @@ def test_an_effect_from_a_file_is_a_suspect_and_comes_into_the_script(tmp_path):
     (tmp_path / "run.py").write_text(script.read_text() + tail)
     done = subprocess.run([sys.executable, tmp_path / "run.py"], capture_output=True, text=True, check=True)
     assert json.loads(done.stdout.splitlines()[-1]) == bench.current.model.coef_.tolist()
-    for content, sentence in (("x = 1", "defines no effect"), ("1/0", "ZeroDivisionError"), ("class", "SyntaxError")):
+    taken(bench, "session", tmp_path).replace(tmp_path / "session.json")
+    with pytest.raises(ModelFileError, match="--effects"):
+        reopened(tmp_path / "session.json", Store(tmp_path))
+    again = reopened(tmp_path / "session.json", Store(tmp_path), own, str(path))
+    assert taken_script(again, tmp_path) == script.read_text()
+    for content, sentence in (
+        ("x = 1", "defines no effect"),
+        ("1/0", "ZeroDivisionError"),
+        ("class", "SyntaxError"),
+        ("exit()", "SystemExit"),
+    ):
         broken = tmp_path / "broken_effects.py"
         broken.write_text(content)
         with pytest.raises(RecordError, match=sentence):

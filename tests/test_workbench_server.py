@@ -117,7 +117,8 @@ def test_a_hostile_request_is_refused_in_one_sentence(bench, body):
     ["", "key=x", "key={key}&curves=nonsense", "key={key}&curves=[1]", 'key={key}&curves=["nothing"]',
      'key={key}&curves=["residual"]&low=nan', 'key={key}&curves=["residual"]&low=a',
      'key={key}&curves=["residual"]&n=inf', 'key={key}&curves=["residual"]&scale=0&n=-5',
-     'key={key}&curves=["residual"]&low=inf&high=-inf'],
+     'key={key}&curves=["residual"]&low=inf&high=-inf', 'key={key}&curves=["begins"]',
+     'key={key}&curves=["mean begins","residual"]', 'key={key}&curves=["residual"]&n=1e400&low=-1e999'],
 )  # fmt: skip
 def test_a_hostile_question_for_curves_is_answered_or_refused(bench, query):
     client, _ = bench
@@ -128,6 +129,8 @@ def test_a_hostile_question_for_curves_is_answered_or_refused(bench, query):
     status, _, content = client.ask("GET", path)
     assert status in (200, 400, 404)
     json.loads(content)
+    for across, up in (("begins", "residual"), ("temperature", "begins"), ("temperature", "row"), ("", "")):
+        assert client.ask("GET", f"/api/cloud?key={key}&across={across}&up={up}")[0] == 404
 
 
 def test_a_hostile_upload_is_refused_and_the_log_stays(bench):
@@ -161,7 +164,7 @@ def test_names_with_markup_come_through_as_text(bench, log):
     hostile = log.read_bytes().replace(b"humidity", b"<script>alert(1)</script>", 1)
     answer = client.ask("POST", "/api/open?name=%3Cb%3E.csv", hostile, Content_Type="application/octet-stream")
     assert answer[0] == 200
-    state = news.until(lambda s: s["source"]["name"] == "<b>.csv" and s["judged"])
+    state = news.until(lambda s: s["source"]["name"] == "_b_.csv" and s["judged"])
     assert "<script>alert(1)</script>" in [column["name"] for column in state["columns"]]
     settled(news)
     assert b"&lt;script&gt;" in client.ask("GET", "/take/report")[2]
@@ -235,19 +238,19 @@ def test_a_killed_computation_begins_again_from_the_steps(log, tmp_path):
 
 
 def children(pid):
-    found = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False).stdout
-    return [int(number) for number in found.split() if number.isdigit() and "ps" not in found]
+    listed = subprocess.run(["ps", "-o", "pid=,args=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
+    return [int(line.split()[0]) for line in listed.stdout.splitlines() if "resource_tracker" not in line]
 
 
 @POSIX
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("how", ["SIGINT", "SIGTERM", "SIGHUP", "SIGKILL"])
 def test_an_end_leaves_no_process_and_no_file(log, tmp_path, how):
     with running(log, folder=tmp_path) as (process, port, token):
         news = News(visitor(port, token))
         news.until(lambda s: s["fitted"])
         pids = children(process.pid)
         assert pids and list(tmp_path.iterdir())
-        process.send_signal(how)
+        process.send_signal(getattr(signal, how))
         process.wait(20)
         until(lambda: news.ended)
         news.close()
@@ -299,4 +302,92 @@ def test_a_log_that_is_none_is_said_on_the_page_and_another_can_be_opened(tmp_pa
         until(lambda: news.state.get("trouble"))
         assert client.ask("POST", "/api/open?name=log.csv", log.read_bytes(), Content_Type="text/csv")[0] == 200
         settled(news)
+        news.close()
+
+
+def test_acts_at_once_on_one_state_are_done_once(bench):
+    client, _ = bench
+    news = News(client)
+    state = settled(news)
+    axis = state["fitted"]["axis"]
+    wide = axis["high"] - axis["low"]
+    answers = []
+
+    def act(k):
+        low = axis["low"] + k * wide / 10
+        mark = {"do": "mark", "what": "left out", "low": low, "high": low + wide / 20}
+        answers.append(client.do(revision=state["revision"], **mark)[0])
+
+    acting = [threading.Thread(target=act, args=(k,)) for k in range(4)]
+    [thread.start() for thread in acting]
+    [thread.join() for thread in acting]
+    assert sorted(answers) == [200, 409, 409, 409]
+    assert client.do(do="undo")[0] == 200
+    settled(news)
+    news.close()
+
+
+def test_the_same_thing_can_be_taken_away_twice_and_by_several_at_once(bench):
+    client, _ = bench
+    news = News(client)
+    settled(news)
+    found = []
+    taking = [threading.Thread(target=lambda: found.append(client.ask("GET", "/take/firmware"))) for _ in range(4)]
+    [thread.start() for thread in taking]
+    [thread.join() for thread in taking]
+    assert [status for status, _, _ in found] == [200] * 4
+    news.close()
+
+
+OWN = """
+from thermocorr.effects import Effect
+
+class Broken(Effect):
+    kind = "broken"
+    @classmethod
+    def candidates(cls, record, columns=None):
+        return [cls()]
+    def names(self):
+        return ["broken"]
+    def signals(self, x):
+        raise KeyError("what I wanted")
+"""
+
+
+def test_an_effect_of_one_s_own_that_fails_is_said_and_nothing_dies(log, tmp_path):
+    (tmp_path / "broken_effect.py").write_text(OWN)
+    with running(log, "--effects", tmp_path / "broken_effect.py", "--keep", folder=tmp_path) as (_, port, token):
+        news = News(visitor(port, token))
+        state = news.until(lambda s: s["lacking"].get("diagnosis"))
+        assert "KeyError" in state["lacking"]["diagnosis"] and state["fitted"] and not state["trouble"]
+        news.close()
+
+
+@POSIX
+def test_a_session_survives_its_computation_with_all_that_was_undone(log, tmp_path):
+    with running(log, "--keep", folder=tmp_path) as (_, port, token):
+        client = visitor(port, token)
+        news = News(client)
+        settled(news)
+        assert client.do(do="add", suspect=0)[0] == 200
+        settled(news)
+        assert client.do(do="undo")[0] == 200
+        (tmp_path / "session.json").write_bytes(client.ask("GET", "/take/session")[2])
+        news.close()
+    with running(tmp_path / "session.json", "--keep", folder=tmp_path) as (process, port, token):
+        client = visitor(port, token)
+        news = News(client)
+        before = settled(news)
+        assert before["can_redo"] and before["source"]["name"] == log.name
+        for death in range(3):
+            (child,) = children(process.pid)
+            os.kill(child, signal.SIGKILL)
+            news.until(lambda s: s["trouble"])
+            if death < 2:
+                news.until(lambda s: not s["trouble"] and s["judged"])
+                assert {**settled(news), "revision": 0} == {**before, "revision": 0}
+        assert "again and again" in news.state["trouble"]
+        status, _, _ = client.ask("POST", "/api/open?name=log.csv", log.read_bytes(), Content_Type="text/csv")
+        assert status == 200
+        news.until(lambda s: not s["trouble"] and s["judged"])
         news.close()

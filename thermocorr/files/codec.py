@@ -7,6 +7,7 @@ import math
 import re
 import reprlib
 import stat
+import sys
 from collections.abc import Callable, Sequence
 from datetime import date, datetime, timedelta
 from os import PathLike
@@ -227,7 +228,7 @@ def fields(node: Any, where: str, required: tuple[str, ...], optional: tuple[str
 
 def number(value: Any, where: str, low: float = -math.inf, high: float = math.inf) -> float:
     """A finite float between `low` and `high`, both allowed."""
-    if type(value) not in (float, int) or not math.isfinite(value) or not low <= value <= high:
+    if type(value) not in (float, int) or not (low <= value <= high and abs(value) <= sys.float_info.max):
         limits = "" if low == -math.inf and high == math.inf else f" from {low:g} to {high:g}"
         raise unexpected(where, _shown(value), f"a number{limits}")
     return float(value)

@@ -17,6 +17,9 @@ from ..records.errors import listing
 SHEETS = (".xlsx", ".xlsm")
 FEATHER = (".feather", ".arrow")
 PACKED = (".gz", ".zip")
+MOST_UNPACKED = 1 << 31
+"""Bytes that a packed file may become."""
+CHUNK = 1 << 22
 
 
 def unpacked(path: Path) -> tuple[bytes, str]:
@@ -25,19 +28,34 @@ def unpacked(path: Path) -> tuple[bytes, str]:
     ending = path.suffix.lower()
     try:
         if ending == ".gz":
-            return gzip.decompress(content), path.stem
+            with gzip.GzipFile(fileobj=io.BytesIO(content)) as packed:
+                return _bounded(packed, path), path.stem
         if ending == ".zip":
             with zipfile.ZipFile(io.BytesIO(content)) as archive:
                 names = [info.filename for info in archive.infolist() if not info.is_dir()]
                 names = [name for name in names if not name.startswith("__MACOSX/")]
                 if len(names) != 1:
                     raise RecordError(f"{path} holds {len(names)} files ({listing(names)}). Unpack the log.")
-                return archive.read(names[0]), names[0]
+                with archive.open(names[0]) as member:
+                    return _bounded(member, path), names[0]
     except (OSError, EOFError, ValueError, zlib.error, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
         if isinstance(error, RecordError):
             raise
         raise RecordError(f"{path} cannot be unpacked: {error}. Was it cut while it was copied?") from None
     return content, path.name
+
+
+def _bounded(packed: Any, path: Path) -> bytes:
+    """All that a packed file holds, as long as that is a log."""
+    parts, size = [], 0
+    while part := packed.read(CHUNK):
+        size += len(part)
+        if size > MOST_UNPACKED:
+            raise RecordError(
+                f"{path} becomes larger than {MOST_UNPACKED >> 30} GiB. Unpack it, and give the log itself."
+            )
+        parts.append(part)
+    return b"".join(parts)
 
 
 def spreadsheet(path: Path, sheet: str | None) -> pd.DataFrame:
@@ -48,6 +66,13 @@ def spreadsheet(path: Path, sheet: str | None) -> pd.DataFrame:
         raise RecordError(
             f"{path} is a spreadsheet, and openpyxl is needed to read it: pip install 'thermocorr[excel]'."
         ) from None
+    try:
+        with zipfile.ZipFile(path) as packed:
+            size = sum(info.file_size for info in packed.infolist())
+    except (OSError, zipfile.BadZipFile) as error:
+        raise RecordError(f"{path} cannot be read as a spreadsheet: {error}.") from None
+    if size > MOST_UNPACKED:
+        raise RecordError(f"{path} becomes larger than {MOST_UNPACKED >> 30} GiB. Save the sheet as CSV.")
     try:
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
     except Exception as error:  # openpyxl raises whatever its parsers do

@@ -35,6 +35,9 @@ def first_lines(content: bytes) -> bytes:
     return head if wide or len(head) < HEAD else head[: head.rfind(b"\n") + 1] or head
 
 
+MOST_COLUMNS = 10_000
+
+
 def text_table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...] = ()) -> Table:
     """The table in the content of a file.
 
@@ -52,6 +55,9 @@ def text_table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...]
     RecordError
         For what is no table.
     """
+    header = content[: content.find(b"\n") + 1 or len(content)]
+    if max(header.count(mark) for mark in (b",", b";", b"\t", b"|")) >= MOST_COLUMNS:
+        raise RecordError(f"{path} has more than {MOST_COLUMNS} columns in its first line. Is it a log?")
     if is_plain(first_lines(content), how) and not _is_broken_up(content):
         return _arranged(Table(frame=csv_table(content, path), said=said), how.reading)
     try:

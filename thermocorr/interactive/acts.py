@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from ..files.codec import ModelFileError, fields, integer, items, positive, text
+from ..files.codec import ModelFileError, fields, integer, items, number, positive, text
 from .arrangement import AddedEffect, Arrangement, Moment, Settings, Stretch
 from .roles import Roles
 
@@ -19,6 +19,8 @@ MARKS = {
 }
 """What a stretch can be marked as, and in the words of a button."""
 MOST_ROWS = 10**12
+MOST_SPIKES = 1000
+"""Rows that are marked as spikes at once."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ def act_of(node: Any, where: str, effect_label: Callable[[Any, str], str]) -> Ac
     `effect_label` gives the label of an effect's node, or refuses it.
     """
     if not isinstance(node, dict):
-        raise ModelFileError(f"{where} is no step of a session.")
+        raise ModelFileError(f"{where} is no step of a session")
     kind = text(node.get("do"), f"{where}.do")
     if kind == "columns":
         return Columns(roles_of(fields(node, where, ("do", "temperature", "reading", "time", "run", "ignored")), where))
@@ -150,14 +152,18 @@ def act_of(node: Any, where: str, effect_label: Callable[[Any, str], str]) -> Ac
         node = fields(node, where, ("do", "what", "rows", "where", "moments"))
         what = text(node["what"], f"{where}.what")
         if what not in MARKS:
-            raise ModelFileError(f"{where}.what is {what!r}, which is none of: {', '.join(MARKS)}.")
+            raise ModelFileError(f"{where}.what is {what!r}, which is none of: {', '.join(MARKS)}")
         rows = tuple(_stretch(pair, f"{where}.rows[{i}]") for i, pair in enumerate(items(node["rows"], where)))
         moments = tuple(
-            moment if isinstance(moment, float) else text(moment, f"{where}.moments")
+            text(moment, f"{where}.moments") if isinstance(moment, str) else number(moment, f"{where}.moments")
             for moment in items(node["moments"], f"{where}.moments")
         )
+        if len({type(moment) for moment in moments}) > 1:
+            raise ModelFileError(f"{where}.moments holds dates and numbers, of which one belongs there")
+        if what == "spikes" and sum(stop - start for start, stop in rows) > MOST_SPIKES:
+            raise ModelFileError(f"{where}.rows holds more than {MOST_SPIKES} spikes")
         return Mark(what, rows, text(node["where"], f"{where}.where"), moments)
-    raise ModelFileError(f"{where}.do is {kind!r}, which is no step of a session.")
+    raise ModelFileError(f"{where}.do is {kind!r}, which is no step of a session")
 
 
 def roles_of(node: dict[str, Any], where: str) -> Roles:
@@ -172,19 +178,19 @@ def shape_of(node: dict[str, Any], where: str) -> Shape:
     """Settings of a model from JSON: a number of time constants, auto, or a list of spans."""
     taus = node["time_constants"]
     if isinstance(taus, list):
-        taus = [item if isinstance(item, float) else text(item, f"{where}.time_constants") for item in taus]
-        taus = tuple(taus)
+        place = f"{where}.time_constants"
+        taus = tuple(text(tau, place) if isinstance(tau, str) else positive(tau, place) for tau in taus)
     elif taus != "auto":
         taus = integer(taus, f"{where}.time_constants", 1, 64)
     if not isinstance(node["products"], bool):
-        raise ModelFileError(f"{where}.products is neither true nor false.")
+        raise ModelFileError(f"{where}.products is neither true nor false")
     return Shape(taus, integer(node["degree"], f"{where}.degree", 0, 9), node["products"])
 
 
 def _stretch(node: Any, where: str) -> Stretch:
     start, stop = (integer(item, where, 0, MOST_ROWS) for item in items(node, where, 2))
     if stop <= start:
-        raise ModelFileError(f"{where} ends before it begins.")
+        raise ModelFileError(f"{where} ends before it begins")
     return start, stop
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,15 +17,14 @@ from ..judgement import diagnose
 from ..judgement.adding import with_missing
 from ..pages import PageData, figures
 from ..pages.charts import Chart
-from ..records import RecordError
-from .acts import MARKS, Act, Add, Columns, Mark, folded, roles_of, shape_of
+from .acts import MARKS, MOST_SPIKES, Act, Add, Columns, Mark, folded, roles_of, shape_of
 from .arrangement import AddedEffect, Arrangement, Moment, Settings, Stretch
 from .learning import Fitted, errors_of, fitted, quietly
 from .previews import preview_of
 from .roles import Roles
 from .source import Source
 from .tiles import Store
-from .wording import axis_of, moment_words, spans
+from .wording import axis_of, chosen_lags, moment_words, sentence
 
 HELD = 12
 """Fitted arrangements that are kept; others are fitted again when they are asked for, to the same bits."""
@@ -33,9 +32,26 @@ HELD_ROWS = 3_000_000
 """Rows of all of them together, from which on fewer are kept."""
 JUMPS = 6.0
 """A reading that is so many times the usual residual of a marked stretch away from its median is a spike."""
-MOST_SPIKES = 1000
-"""Rows that are marked as spikes at once."""
+MOST_VERSIONS = 1000
+"""Steps that can be undone."""
 Chore = tuple[str, Callable[[], None]]
+
+
+class Past(NamedTuple):
+    """All rows of steps that ever stood, and which one stands now: one value, so that nothing is half done."""
+
+    versions: tuple[tuple[Act, ...], ...]
+    at: int
+
+    @property
+    def acts(self) -> tuple[Act, ...]:
+        """The steps that stand."""
+        return self.versions[self.at]
+
+    def followed_by(self, acts: tuple[Act, ...]) -> Past:
+        """With these steps instead; what was undone before is forgotten, and what is very long ago."""
+        versions = (*self.versions[: self.at + 1], acts)[-MOST_VERSIONS:]
+        return Past(versions, len(versions) - 1)
 
 
 class Bench:
@@ -72,8 +88,9 @@ class Bench:
         self.base = base
         self.settings = settings or Settings()
         self.codec = EffectCodec([import_path(cls, cls.__name__) for cls in self.own])
-        self.versions: list[tuple[Act, ...]] = [(Columns(roles),) if roles else ()]
-        self.at = 0
+        self.past = Past(((Columns(roles),) if roles else (),), 0)
+        self.needed: frozenset[str] = frozenset()
+        """Curves in the store that are another's, and stay."""
         self.problem = ""
         """Why there is no model."""
         self.kept: OrderedDict[str, Fitted] = OrderedDict()
@@ -85,7 +102,7 @@ class Bench:
     @property
     def acts(self) -> tuple[Act, ...]:
         """The steps that stand."""
-        return self.versions[self.at]
+        return self.past.acts
 
     def arrangement(self, count: int | None = None) -> Arrangement:
         """What stands on the bench, or stood there after the first steps."""
@@ -119,7 +136,7 @@ class Bench:
                 break
             if key not in (needed, self.arrangement().key()):
                 del self.kept[key]
-        self.store.keep([name for found in self.kept.values() for name in found.curves.values()])
+        self.store.keep(self.needed.union(*(found.curves.values() for found in self.kept.values())))
 
     # ----------------------------------------------------------------------------------------------------- what is done
 
@@ -128,8 +145,8 @@ class Bench:
         try:
             self.problem = ""
             self.fit()
-        except (RecordError, ValueError, TypeError) as error:
-            self.problem = " ".join(str(error).split())
+        except Exception as error:  # effects of the user's own raise whatever they like
+            self.problem = sentence(error)
 
     def perform(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Do what is asked; nothing has changed where it raises.
@@ -156,9 +173,7 @@ class Bench:
     def _become(self, acts: tuple[Act, ...]) -> None:
         """Fit these steps and let them stand; steps that were undone before are forgotten."""
         self.fit(folded(acts, self.settings))
-        self.versions = [*self.versions[: self.at + 1], acts]
-        self.at += 1
-        self.problem = ""
+        self.past, self.problem = self.past.followed_by(acts), ""
 
     def _columns(self, asked: dict[str, Any]) -> None:
         roles = roles_of(
@@ -172,7 +187,7 @@ class Bench:
         asked = fields(asked, "model", ("do", "time_constants", "degree", "products"))
         given = asked["time_constants"]
         if isinstance(given, str):
-            given = int(given) if given.strip().isdigit() else "auto" if given.strip() == "auto" else spans(given)
+            given = chosen_lags(given)
         self._become((*self.acts, shape_of({**asked, "time_constants": given}, "model")))
 
     def suspect(self, asked: dict[str, Any]) -> Effect:
@@ -249,21 +264,18 @@ class Bench:
         return np.asarray(spikes)
 
     def _undo(self, asked: dict[str, Any]) -> None:
-        self._go(self.at - 1, "There is nothing to undo.")
+        self._go(self.past.at - 1, "There is nothing to undo.")
 
     def _redo(self, asked: dict[str, Any]) -> None:
-        self._go(self.at + 1, "There is nothing to do again.")
+        self._go(self.past.at + 1, "There is nothing to do again.")
 
     def _go(self, to: int, refusal: str) -> None:
-        if not 0 <= to < len(self.versions):
+        if not 0 <= to < len(self.past.versions):
             raise ValueError(refusal)
-        before, self.at = self.at, to
-        try:
-            if self.arrangement().roles is not None:
-                self.fit()
-        except BaseException:
-            self.at = before
-            raise
+        past = Past(self.past.versions, to)
+        if folded(past.acts, self.settings).roles is not None:
+            self.fit(folded(past.acts, self.settings))
+        self.past = past
         self.start()
 
     def _drop(self, asked: dict[str, Any]) -> None:
@@ -319,8 +331,8 @@ class Bench:
     def _measure_step(self, arrangement: Arrangement) -> None:
         try:
             found = self.fit(arrangement)
-        except (RecordError, ValueError) as error:
-            self.known(arrangement.key())["no errors"] = str(error)
+        except Exception as error:  # see below
+            self.known(arrangement.key())["no errors"] = sentence(error)
             return
         if found.errors is None:
             self._measure(found)
@@ -330,20 +342,20 @@ class Bench:
         try:
             found.errors = errors_of(found, self.own)
             known |= {"held_out": found.errors.held_out, "later": found.errors.later}
-        except (RecordError, ValueError) as error:
-            found.said["errors"] = known["no errors"] = " ".join(str(error).split())
+        except Exception as error:  # effects of the user's own raise whatever they like
+            found.said["errors"] = known["no errors"] = sentence(error)
 
     def _diagnose(self, found: Fitted) -> None:
         X, y = found.data.X, found.data.learned
         try:
             found.diagnosis = quietly(lambda: diagnose(found.model, X, y, suspects=self.own))
             self.known(found.arrangement.key())["verdict"] = found.diagnosis.verdict
-        except (RecordError, ValueError) as error:
-            found.said["diagnosis"] = " ".join(str(error).split())
+        except Exception as error:  # see above
+            found.said["diagnosis"] = sentence(error)
 
     def _draw(self, found: Fitted) -> None:
         """Charts of the report page that belong to the model."""
-        judged = found.diagnosis
+        judged, found.charts = found.diagnosis, []  # none, if one of them cannot be drawn
         data = quietly(lambda: PageData.of(found.model, found.data.X, found.data.y))
         charts: list[Chart | None] = [figures.stability(data), figures.loop(data), figures.following(data)]
         charts += [figures.lag_spectrum(found.model), figures.spectrum(judged) if judged else None]

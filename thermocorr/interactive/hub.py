@@ -19,6 +19,7 @@ from typing import Any
 from .tiles import Store, Tiles
 from .worker import Opening, serve
 
+CHANGED = "Another window has changed this meanwhile. Look, and try again."
 DIED = "The computation ended, perhaps for lack of memory. It begins again from the steps that stand."
 GIVEN_UP = "The computation ends again and again, perhaps for lack of memory. Open a shorter log."
 QUICK_DEATHS = 3
@@ -29,6 +30,10 @@ WAITING = 64
 
 class Refused(Exception):
     """What was asked cannot be done; the sentence is for the user."""
+
+
+class Changed(Refused):
+    """The state is another one than the page has seen."""
 
 
 class Hub:
@@ -56,7 +61,8 @@ class Hub:
         """When the last page closed."""
         self._asked: dict[int, asyncio.Future[Any]] = {}
         self._number = 0
-        self._steps: Any = None
+        self._past: Any = None
+        self._turn = asyncio.Lock()
         self._deaths: list[float] = []
         self._process: Any = None
         self._pipe: Connection | None = None
@@ -73,7 +79,7 @@ class Hub:
         """
         context: Any = multiprocessing.get_context(method)
         self._pipe, other = context.Pipe()
-        opening = self.opening if self._steps is None else replace(self.opening, session="", steps=self._steps)
+        opening = replace(self.opening, past=self._past)
         not_its_own = self._pipe if method == "fork" else None
         self._process = context.Process(target=serve, args=(other, str(self.folder), opening, not_its_own), daemon=True)
         with warnings.catch_warnings():
@@ -91,7 +97,7 @@ class Hub:
             while True:
                 try:
                     message = pipe.recv()
-                except (EOFError, OSError):
+                except (EOFError, OSError, TypeError, ValueError):  # closed at one end or the other
                     loop.call_soon_threadsafe(self._died, pipe)
                     return
                 loop.call_soon_threadsafe(self._hear, message)
@@ -103,7 +109,7 @@ class Hub:
                 self.progress = rest[0]
                 self._tell("progress", {"text": self.progress})
         elif kind == "snapshot":
-            state, self.curves, charts, self._steps = rest
+            state, self.curves, charts, self._past = rest
             news = state != self.state or charts.keys() != self.charts.keys()
             self.state, self.charts = state, charts
             if news:
@@ -142,14 +148,10 @@ class Hub:
 
     def stop(self) -> None:
         """End the process, and remove what it has written."""
-        pipe, self._pipe = self._pipe, None
-        if pipe is not None:
-            pipe.close()
+        self._pipe = None
         if self._process is not None:
-            self._process.join(2)
-            if self._process.is_alive():
-                self._process.kill()
-                self._process.join(2)
+            self._process.kill()  # it holds nothing that is to be kept
+            self._process.join(5)
         shutil.rmtree(self.folder, ignore_errors=True)
 
     # ------------------------------------------------------------------------------------------------ what is asked
@@ -164,12 +166,32 @@ class Hub:
             self._pipe.send((kind, self._number, given))
         except OSError:
             raise Refused(DIED) from None
+        except RecursionError:
+            del self._asked[self._number]
+            raise Refused("This is nested too deeply.") from None
         return await future
+
+    async def act(self, asked: dict[str, Any], revision: Any) -> Any:
+        """Do something to the state of a revision; raises Changed where it is another one by now."""
+        async with self._turn:
+            if revision is not None and revision != self.revision:
+                raise Changed(CHANGED)
+            return await self.ask("do", asked)
 
     async def open(self, opening: Opening) -> None:
         """Put another log on the bench."""
-        await self.ask("open", opening)
-        self.opening = opening
+        async with self._turn:
+            if len(self._deaths) >= QUICK_DEATHS:  # given up: begin afresh, with this log
+                self._deaths, self._past, self.trouble = [], None, ""
+                before, self.opening = self.opening, opening
+                self.start()
+                self.listen()
+            else:
+                await self.ask("open", opening)
+                before, self.opening = self.opening, opening
+        for path in {*before.paths} - {*opening.paths}:
+            if self.folder in Path(path).parents:  # was dropped on the page
+                shutil.rmtree(Path(path).parent, ignore_errors=True)
 
     def cancel(self) -> None:
         """Stop what is being computed."""

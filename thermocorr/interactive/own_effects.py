@@ -28,7 +28,7 @@ def effects_in(path: str | Path) -> tuple[type[Effect], ...]:
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         del sys.modules[name]
         raise RecordError(f"{path} cannot be run: {type(error).__name__}: {error}.") from None
     found = tuple(

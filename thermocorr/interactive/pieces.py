@@ -13,6 +13,8 @@ from ..pages.charts import packed, packed_times
 from .tiles import MOST_PIECES, PIECES, Tiles
 
 MOST_CURVES = 64
+APART = ("begins", "row")
+"""What stands with the curves and is none."""
 MEAN = "mean "
 """Beginning of the name of an averaged curve."""
 
@@ -90,7 +92,7 @@ def _curves(known: Known, asked: Mapping[str, str]) -> dict[str, str]:
 
 
 def _curve(curves: dict[str, str], name: str) -> str:
-    if name not in curves:
+    if name not in curves or name in APART:
         raise NoSuchCurve(name)
     return curves[name]
 
@@ -106,7 +108,10 @@ def _names(text: str) -> list[str]:
 
 
 def _number(asked: Mapping[str, str], name: str, usual: float) -> float:
-    value = float(asked.get(name, usual))
+    try:
+        value = float(asked.get(name, usual))
+    except ValueError:
+        value = math.nan
     if math.isnan(value):
         raise ValueError(f"{name} is no number.")
     return value

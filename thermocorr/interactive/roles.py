@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from ..foreign import RUN
 from ..records import RecordError
 from ..records.errors import listing, quoted
 from ..records.files import TIME_NAMES
@@ -20,7 +21,9 @@ READINGS = re.compile(
     r"reading|measur|voltage|volt|resist|value|output|frequency|freq|weight|load|force|strain|tilt|mass|^u$|^v$|^r$",
     re.IGNORECASE,
 )
-"""Names that temperatures and readings go by, in the order in which people use them."""
+"""Names that temperatures and readings go by."""
+RUNS = ("run", "run_id", "run id", RUN)
+"""Names, in small letters, that labels of runs go by; several files are such runs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +83,8 @@ def guessed(
         by_name = {str(name).strip().lower(): str(name) for name in reversed(frame.columns)}
         time = next((by_name[name] for name in TIME_NAMES if name in by_name), None)
         time = time or next((str(c) for c in frame.columns if kind_of(frame[c]) in ("date", "span")), None)
+    if run is None:
+        run = next((str(c) for c in frame.columns if str(c).strip().lower() in RUNS and str(c) != reading), None)
     numbers = [str(c) for c in frame.columns if kind_of(frame[c]) == "number" and str(c) not in (time, run)]
     if temperature is None:
         temperature = _temperature([name for name in numbers if name != reading], frame)

@@ -5,8 +5,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import re
+import shutil
+import signal
 import socket
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import AsyncIterator, Callable
@@ -15,23 +19,27 @@ from typing import Any
 
 import uvicorn
 from starlette.applications import Starlette
+from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from ..foreign.containers import FEATHER, PACKED, SHEETS
+from ..records import RecordError
 from ..records.files import FORMATS
-from ..records.text import printable
 from . import page_assets
 from .guard import Guard
-from .hub import Hub, Refused
+from .hub import Changed, Hub, Refused
 from .pieces import NoSuchCurve, cloud_of, known_json, piece_of
 from .takeaway import KINDS
+from .wording import sentence
 from .worker import Opening
 
 AWAY = 10.0
 """Seconds without any page after which the workbench ends: a reload takes less."""
+UNSEEN = 3600.0
+"""Seconds after which it ends if no page was ever opened."""
 BEAT = 15.0
 """Seconds after which a silent line to a page is used, to see whether it is there."""
 MOST_ASKED = 1 << 16
@@ -67,7 +75,8 @@ class Workbench:
                 Route("/api/cloud", self.cloud),
                 Route("/api/charts", self.charts),
                 Route("/take/{kind}", self.take),
-            ]
+            ],
+            exception_handlers={Exception: _broken},
         )
 
     async def page(self, request: Request) -> Response:
@@ -102,10 +111,12 @@ class Workbench:
         if isinstance(asked, str):
             return _failed(asked, 400)
         revision = asked.pop("revision", None)
-        if revision is not None and revision != self.hub.revision and asked.get("do") not in ("preview", "fit"):
-            return _failed("Another window has changed this meanwhile. Look, and try again.", 409)
         try:
-            return JSONResponse(await self.hub.ask("do", asked))
+            if asked.get("do") in ("preview", "fit"):  # they change nothing
+                return JSONResponse(await self.hub.ask("do", asked))
+            return JSONResponse(await self.hub.act(asked, revision))
+        except Changed as changed:
+            return _failed(str(changed), 409)
         except Refused as refused:
             return _failed(str(refused), 422)
 
@@ -120,28 +131,29 @@ class Workbench:
             return await self._opened(
                 Opening(sample=request.query_params["sample"], own_file=self.hub.opening.own_file)
             )
-        name = Path(request.query_params.get("name", "log.csv").replace("\\", "/")).name[:200]
+        name = Path(request.query_params.get("name", "log.csv").replace("\\", "/")).name
+        name = re.sub(r"[^\w .()+-]|^\.", "_", name)[-100:]
         ending = Path(name).suffix.lower()
         if ending not in ENDINGS:
-            return _failed(
-                f"A file that ends in {printable(ending) or 'nothing'} is no log. Known: {', '.join(ENDINGS)}.", 422
-            )
-        path = self.hub.folder / f"upload-{time.time_ns()}{ending}"
+            said = f"A file that ends in {ending[:12]}" if ending else "A file without an ending"
+            return _failed(f"{said} is no log. Known: {', '.join(ENDINGS)}.", 422)
+        path = Path(tempfile.mkdtemp(prefix="upload-", dir=self.hub.folder)) / name
         too_large = f"The file is larger than {MOST_UPLOADED >> 20} MiB. Give its name to the command instead."
         try:
             if int(request.headers.get("content-length", "0")) > MOST_UPLOADED:
+                shutil.rmtree(path.parent, ignore_errors=True)
                 return _failed(too_large, 413)
             with path.open("wb") as file:
                 async for chunk in request.stream():
                     if file.tell() + len(chunk) > MOST_UPLOADED:
-                        path.unlink()
+                        shutil.rmtree(path.parent, ignore_errors=True)
                         return _failed(too_large, 413)
                     await run_in_threadpool(file.write, chunk)
         except (ValueError, OSError, ClientDisconnect) as error:
-            path.unlink(missing_ok=True)
+            shutil.rmtree(path.parent, ignore_errors=True)
             return _failed(str(error) or "The file did not come whole.", 422)
         own = self.hub.opening.own_file
-        return await self._opened(Opening(paths=(str(path),), names=(printable(name),), own_file=own))
+        return await self._opened(Opening(paths=(str(path),), names=(name,), own_file=own))
 
     async def _opened(self, opening: Opening) -> Response:
         try:
@@ -150,7 +162,7 @@ class Workbench:
             said = str(refused)
             for path, name in zip(opening.paths, opening.names, strict=True):
                 said = said.replace(path, name)
-                Path(path).unlink(missing_ok=True)
+                shutil.rmtree(Path(path).parent, ignore_errors=True)
             return _failed(said, 422)
         return JSONResponse({})
 
@@ -173,7 +185,12 @@ class Workbench:
             path = await self.hub.ask("take", kind)
         except Refused as refused:
             return _failed(str(refused), 422)
-        return FileResponse(path, media_type=KINDS[kind].media, filename=KINDS[kind].file)
+        clean = BackgroundTask(shutil.rmtree, Path(path).parent, ignore_errors=True)
+        return FileResponse(path, media_type=KINDS[kind].media, filename=KINDS[kind].file, background=clean)
+
+
+async def _broken(request: Request, error: Exception) -> Response:
+    return _failed(f"The workbench has a fault: {sentence(error)}. Please report it.", 500)
 
 
 async def _shown(make: Callable[[], Any]) -> Response:
@@ -190,10 +207,13 @@ async def _json(request: Request) -> dict[str, Any] | str:
     if request.headers.get("content-type", "").split(";")[0] != "application/json":
         return "Only JSON is understood."
     content = b""
-    async for chunk in request.stream():
-        content += chunk
-        if len(content) > MOST_ASKED:
-            return "This is too much."
+    try:
+        async for chunk in request.stream():
+            content += chunk
+            if len(content) > MOST_ASKED:
+                return "This is too much."
+    except ClientDisconnect:
+        return "The request did not come whole."
     try:
         found = json.loads(content)
     except (ValueError, RecursionError):
@@ -220,13 +240,19 @@ def run(opening: Opening, *, port: int = 0, keep: bool = False, ready: Callable[
     """
     with socket.socket() as listening:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listening.bind(("127.0.0.1", port))
+        except (OSError, OverflowError) as error:
+            said = getattr(error, "strerror", None) or error
+            raise RecordError(f"Port {port} cannot be had: {said}. Without --port a free one is taken.") from None
+        listening.listen(2048)  # who comes a moment too early waits
         hub = Hub(opening)
         try:
             hub.start("fork" if sys.platform == "linux" and threading.active_count() == 1 else "spawn")
-            listening.bind(("127.0.0.1", port))
-            listening.listen()  # who comes a moment too early waits
             asyncio.run(_served(hub, listening, keep, ready))
         finally:
+            for number in (signal.SIGINT, signal.SIGTERM):  # nothing is left half removed
+                signal.signal(number, signal.SIG_IGN)
             hub.stop()
 
 
@@ -241,6 +267,8 @@ async def _served(hub: Hub, listening: socket.socket, keep: bool, ready: Callabl
         )
     )  # fmt: skip
     hub.listen()
+    if hasattr(signal, "SIGHUP"):
+        asyncio.get_running_loop().add_signal_handler(signal.SIGHUP, setattr, server, "should_exit", True)
     watching = asyncio.create_task(_watch(server, bench, keep))
     ready(f"http://127.0.0.1:{port}/?token={guard.token}")
     try:
@@ -254,7 +282,8 @@ async def _watch(server: uvicorn.Server, bench: Workbench, keep: bool) -> None:
     while not server.should_exit:
         await asyncio.sleep(0.2)
         hub = bench.hub
-        if not keep and hub.seen and not hub.pages and time.monotonic() - hub.left > AWAY:
+        alone = time.monotonic() - hub.left
+        if not keep and not hub.pages and alone > (AWAY if hub.seen else UNSEEN):
             server.should_exit = True
     bench.ended.set()
     for page in bench.hub.pages:

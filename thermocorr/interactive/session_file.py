@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-import json
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import asdict
-from dataclasses import fields as fields_of
 from pathlib import Path
 from typing import Any
 
 from ..effects.protocol import Effect
-from ..files.codec import ModelFileError, fields, items, parse, read_bytes, render, text
+from ..files.codec import ModelFileError, fields, integer, items, parse, read_bytes, render, text
 from ..files.model_file import content_of
 from ..foreign import HowToRead
 from ..records import RecordError
-from .acts import act_of, folded
+from .acts import Act, act_of
 from .arrangement import Settings
-from .bench import Bench
-from .source import Source, built_in, opened
+from .bench import Bench, Past
+from .source import Source, built_in, fingerprint, opened
 from .tiles import Store
 from .trial_records import SAMPLES
 
 FORMAT, VERSION = "thermocorr session", 1
+SWITCHES = ("sort",)
+"""What is true or false in `HowToRead`; all else is text."""
+OWN = "Give the file of your own effects, as you did before: --effects my_effects.py"
 
 
 def session_text(bench: Bench) -> str:
@@ -35,11 +37,38 @@ def session_text(bench: Bench) -> str:
         "version": VERSION,
         "log": bench.source.node(),
         "settings": settings,
-        "steps": [act.node() for act in bench.acts],
-        "undone": [[act.node() for act in acts] for acts in bench.versions[bench.at + 1 : bench.at + 2]],
+        "past": past_node(bench.past),
         "model": None if found is None else content_of(found.model, data=(found.data.X, found.data.learned)).decode(),
     }
     return render(node) + "\n"
+
+
+def past_node(past: Past) -> dict[str, Any]:
+    """All that was done, each act once: ``acts``, ``versions`` (numbers of acts) and which of them stands, ``at``."""
+    numbers: dict[Act, int] = {}
+    versions = [[numbers.setdefault(act, len(numbers)) for act in acts] for acts in past.versions]
+    return {"acts": [act.node() for act in numbers], "versions": versions, "at": past.at}
+
+
+def with_past(bench: Bench, node: Any) -> Bench:
+    """A bench on which all that was done stands again."""
+    node = fields(node, "$.past", ("acts", "versions", "at"))
+
+    def label(effect: Any, where: str) -> str:
+        try:
+            return bench.codec.unpack(effect, where, learned=False).label()
+        except ModelFileError as error:
+            raise ModelFileError(OWN if "allow_imports" in str(error) else str(error)) from None
+
+    acts = [act_of(act, f"$.past.acts[{i}]", label) for i, act in enumerate(items(node["acts"], "$.past.acts"))]
+    versions = tuple(
+        tuple(acts[integer(k, f"$.past.versions[{i}]", 0, len(acts) - 1)] for k in items(version, "$.past.versions"))
+        for i, version in enumerate(items(node["versions"], "$.past.versions"))
+    )
+    if not versions:
+        raise ModelFileError("$.past.versions holds nothing")
+    bench.past = Past(versions, integer(node["at"], "$.past.at", 0, len(versions) - 1))
+    return bench
 
 
 def is_session(path: str | Path) -> bool:
@@ -51,7 +80,7 @@ def is_session(path: str | Path) -> bool:
         return f'"format": "{FORMAT}"'.encode() in file.read(200)
 
 
-def reopened(path: str | Path, store: Store, own: Sequence[type[Effect]] = ()) -> Bench:
+def reopened(path: str | Path, store: Store, own: Sequence[type[Effect]] = (), own_file: str = "") -> Bench:
     """The bench of a session file, at its last step, not yet fitted.
 
     Raises
@@ -62,32 +91,16 @@ def reopened(path: str | Path, store: Store, own: Sequence[type[Effect]] = ()) -
         Where the log has gone, or is another one than it was.
     """
     try:
-        node = fields(
-            parse(read_bytes(path)), "$", ("format", "version", "log", "settings", "steps", "undone", "model")
-        )
+        node = fields(parse(read_bytes(path)), "$", ("format", "version", "log", "settings", "past", "model"))
         if node["format"] != FORMAT or node["version"] != VERSION:
             raise ModelFileError(f"it says {node['format']!r}, version {node['version']!r}: not one of this program")
-        source = _source(node["log"], Path(path).parent)
-        bench = Bench(source, store, settings=_settings(node["settings"]), own=own)
-        return with_steps(bench, node["steps"], node["undone"])
+        settings = _settings(node["settings"])
+        bench = Bench(_source(node["log"], Path(path).parent), store, settings=settings, own=own, own_file=own_file)
+        return with_past(bench, node["past"])
     except ModelFileError as error:
         raise ModelFileError(f"{path} is no session that can be opened: {error}.") from None
     except OSError as error:
         raise RecordError(f"{path} cannot be read: {error.strerror or error}.") from None
-
-
-def with_steps(bench: Bench, steps: Any, undone: Any = ()) -> Bench:
-    """A bench on which these steps stand, as JSON of a session has them."""
-    label = lambda node, where: bench.codec.unpack(node, where, learned=False).label()  # noqa: E731
-    done = tuple(act_of(step, f"$.steps[{i}]", label) for i, step in enumerate(items(steps, "$.steps")))
-    bench.versions = [done[:count] for count in range(1, len(done) + 1)] or [()]
-    bench.at = len(bench.versions) - 1
-    for number, version in enumerate(undone):
-        acts = (act_of(step, f"$.undone[{number}]", label) for step in items(version, "$.undone"))
-        bench.versions.append(tuple(acts))
-    for version in bench.versions:
-        folded(version, bench.settings)
-    return bench
 
 
 def _source(node: Any, folder: Path) -> Source:
@@ -98,16 +111,22 @@ def _source(node: Any, folder: Path) -> Source:
                 "This session was held on data in memory, which are not in its file. Open a log's session."
             )
         return built_in(node["built_in"])
-    paths = [_there(text(name, "$.log.files"), folder) for name in items(node["files"], "$.log.files")]
-    known = {item.name for item in fields_of(HowToRead)}
-    how = HowToRead(**fields(node["how"], "$.log.how", (), tuple(known)))
-    source = opened(paths, how, join=bool(node["join"]))
-    if source.digest != node["sha256"]:
+    node = fields(node, "$.log", ("files", "how", "join", "sha256"))
+    names = [text(name, "$.log.files") for name in items(node["files"], "$.log.files")]
+    if not names or any(name.startswith(("\\\\", "//")) for name in names):
+        raise ModelFileError("$.log.files names no file of this machine")
+    paths = [_there(name, folder) for name in names]
+    if fingerprint(paths) != node["sha256"]:  # before anything in the file is looked at
         raise RecordError(
-            f"{source.name} is not the log of this session any more: its content has changed since. Open the log "
+            f"{', '.join(names)} is not the log of this session any more: its content has changed since. Open the log "
             "itself to begin anew."
         )
-    return source
+    known = tuple(item.name for item in dataclasses.fields(HowToRead))
+    given = fields(node["how"], "$.log.how", (), known)
+    for name, value in given.items():
+        if (type(value) is not bool) if name in SWITCHES else (value is not None and not isinstance(value, str)):
+            raise ModelFileError(f"$.log.how.{name} holds {value!r}, which does not belong there")
+    return opened(paths, HowToRead(**given), join=bool(node["join"]))
 
 
 def _there(name: str, folder: Path) -> str:
@@ -116,13 +135,17 @@ def _there(name: str, folder: Path) -> str:
 
 
 def _settings(node: Any) -> Settings:
-    given = fields(node, "$.settings", tuple(item.name for item in fields_of(Settings)))
-    if isinstance(given["time_constants"], list):
-        given["time_constants"] = tuple(given["time_constants"])
+    given = fields(node, "$.settings", tuple(item.name for item in dataclasses.fields(Settings)))
+    taus = given["time_constants"]
+    if isinstance(taus, list):
+        given["time_constants"] = tuple(taus)
+    elif taus != "auto":
+        integer(taus, "$.settings.time_constants", 1, 64)
+    integer(given["degree"], "$.settings.degree", 0, 9)
+    for name in ("products", "screen"):
+        if type(given[name]) is not bool:
+            raise ModelFileError(f"$.settings.{name} is neither true nor false")
+    for name in ("sampling_period", "max_gap"):
+        if given[name] is not None and not isinstance(given[name], int | float | str):
+            raise ModelFileError(f"$.settings.{name} is no span of time")
     return Settings(**given)
-
-
-def model_in(path: str | Path) -> str | None:
-    """The model of a session file, as `save_model` writes it; None where there was none."""
-    model: str | None = json.loads(read_bytes(path))["model"]
-    return model

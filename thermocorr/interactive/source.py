@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -11,7 +12,8 @@ from typing import Any
 import pandas as pd
 
 from ..foreign import HowToRead, Table, read_logs, with_times
-from ..records import RecordError
+from ..records import RecordError, RecordWarning
+from ..records.files import existing_file
 from ..records.times import dates_once
 from .trial_records import FIRST, SAMPLES
 
@@ -86,8 +88,12 @@ def opened(
     RecordError
         For files that cannot be read.
     """
-    how = how or HowToRead()
-    table = read_logs(paths, how, join=join)
+    how, digest = how or HowToRead(), fingerprint(paths)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", RecordWarning)
+        table = read_logs(paths, how, join=join)
+    notes = [str(w.message) for w in caught if issubclass(w.category, RecordWarning)]
+    table = table.with_said(table.frame, *notes)
     if not all(isinstance(column, str) for column in table.frame.columns):
         table = table.with_said(table.frame.rename(columns=str))
     return Source(
@@ -96,7 +102,7 @@ def opened(
         files=tuple(str(path) for path in names or paths),
         how=how,
         join=join,
-        digest=fingerprint(paths),
+        digest=digest,
     )
 
 
@@ -104,6 +110,8 @@ def fingerprint(paths: Sequence[str | Path]) -> str:
     """SHA-256 of the content of files, one after the other."""
     digest = hashlib.sha256()
     for path in paths:
+        if not existing_file(path).is_file():
+            raise RecordError(f"{path} is no regular file. Name the log's file.")
         try:
             with Path(path).open("rb") as file:
                 while chunk := file.read(CHUNK):

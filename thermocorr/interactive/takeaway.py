@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -29,7 +30,7 @@ class Kind(NamedTuple):
 
 
 def taken(bench: Bench, kind: str, folder: Path) -> Path:
-    """Write one of `KINDS` to a folder.
+    """Write one of `KINDS` to a new folder inside of a folder; whoever took it away removes that.
 
     Raises
     ------
@@ -43,7 +44,7 @@ def taken(bench: Bench, kind: str, folder: Path) -> Path:
     found = bench.current
     if found is None:
         raise ValueError("There is no model yet: say first which column is the temperature and which the reading.")
-    path = folder / KINDS[kind].file
+    path = Path(tempfile.mkdtemp(prefix="take-", dir=folder)) / KINDS[kind].file
     quietly(lambda: KINDS[kind].write(bench, found, path))
     return path
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import threading
 from collections import OrderedDict
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -106,6 +107,7 @@ class Tiles:
         self.store = store
         self.most = most
         self._cells: OrderedDict[str, Cells] = OrderedDict()
+        self._lock = threading.Lock()
 
     def piece(
         self,
@@ -170,13 +172,17 @@ class Tiles:
         return part.grouped((starts - starts[0]) // CELL)
 
     def _cells_of(self, name: str) -> Cells:
-        if name not in self._cells:
+        with self._lock:
+            found = self._cells.get(name)
+        if found is None:
             values = self.store.get(name)
-            self._cells[name] = Cells.of(np.array(values), np.arange(0, len(values), CELL))
+            found = Cells.of(np.array(values), np.arange(0, len(values), CELL))
+        with self._lock:
+            self._cells[name] = found
+            self._cells.move_to_end(name)
             while len(self._cells) > self.most:
                 self._cells.popitem(last=False)
-        self._cells.move_to_end(name)
-        return self._cells[name]
+        return found
 
     def cloud(self, across: str, up: str) -> dict[str, np.ndarray]:
         """One curve over another: some points, and the mean in bins of equal width of all rows.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import shutil
 import tempfile
 import weakref
 from collections.abc import Sequence
@@ -21,13 +22,14 @@ from ..records.numbers import from_polars
 from . import page_assets
 from .acts import Add, Columns
 from .arrangement import AddedEffect, Settings
-from .bench import Bench
+from .bench import Bench, Past
 from .pieces import NoSuchCurve, cloud_of, known_json, piece_of
 from .roles import Roles
 from .snapshots import snapshot
 from .source import Source
 from .takeaway import KINDS, taken
 from .tiles import Store, Tiles
+from .wording import sentence
 
 IN_MEMORY = "data in memory"
 
@@ -94,7 +96,7 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
     acts: list[Any] = [Columns(Roles(temperature=temperature, reading=name, time=time, run=run))]
     for _, effect in as_effects(model.effects):
         acts.append(Add(AddedEffect.of(bench.codec.pack(effect, "effect", learned=False), effect.label())))
-    bench.versions = [tuple(acts)]
+    bench.past = Past((tuple(acts),), 0)
     return bench
 
 
@@ -139,9 +141,10 @@ class Desk:
         what, number, given = message.get("what"), message.get("number"), message.get("given") or {}
         try:
             answer = self._answer(str(what), given)
-        except (NoSuchCurve, ValueError, TypeError, ArithmeticError, OSError) as error:
-            sentence = "These curves are no longer there." if isinstance(error, NoSuchCurve) else str(error)
-            self.tell({"kind": "failed", "number": number, "problem": " ".join(sentence.split())})
+        except Exception as error:  # effects of the user's own raise whatever they like
+            gone = isinstance(error, NoSuchCurve)
+            problem = "These curves are no longer there." if gone else sentence(error)
+            self.tell({"kind": "failed", "number": number, "problem": problem})
             return
         self.tell({"kind": "done", "number": number, "content": known_json(answer)})
         if what in ("ready", "do"):
@@ -165,6 +168,7 @@ class Desk:
         if what == "take":
             path = taken(self.bench, str(given.get("kind")), Path(self.bench.store.folder))
             content = base64.b64encode(path.read_bytes()).decode()
+            shutil.rmtree(path.parent, ignore_errors=True)
             return {"name": path.name, "media": KINDS[str(given["kind"])].media, "content": content}
         raise ValueError(f"{what!r} is not known here.")
 

@@ -31,6 +31,22 @@ def moment_words(found: Fitted, places: np.ndarray, seconds: np.ndarray) -> str:
     return f"{time_text(float(seconds[0]))} to {time_text(float(seconds[1]))} after the first row"
 
 
+def chosen_lags(given: str) -> Any:
+    """How many time constants to choose, "auto", or which: as a person types it."""
+    words = given.strip()
+    if words == "auto":
+        return words
+    return int(words) if words.isascii() and words.isdigit() and len(words) < 4 else spans(words)
+
+
+def sentence(error: BaseException) -> str:
+    """What an error says, in one line; the kind of error where it is none that was made for people."""
+    said = " ".join(str(error).split())
+    if isinstance(error, ValueError | TypeError | OSError) and said:
+        return said
+    return f"{type(error).__name__}: {said}" if said else type(error).__name__
+
+
 def spans(given: str) -> list[float | str]:
     """Time constants as a person types them: ``60, 15min, 2h``; ValueError for what is none."""
     found: list[float | str] = []

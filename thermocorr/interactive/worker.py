@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import _thread
+import contextlib
 import os
 import queue
 import shutil
@@ -22,11 +23,12 @@ from .arrangement import Settings
 from .bench import Bench
 from .own_effects import effects_in
 from .roles import guessed
-from .session_file import reopened, with_steps
+from .session_file import past_node, reopened, with_past
 from .snapshots import snapshot
 from .source import built_in, opened
 from .takeaway import taken
 from .tiles import Store
+from .wording import sentence
 
 CANCELLED = "Cancelled: everything stands as it was."
 
@@ -49,14 +51,14 @@ class Opening:
     own_file: str = ""
     session: str = ""
     """File of a session to go on with."""
-    steps: Any = None
-    """Steps to stand on the bench, as a session file has them."""
+    past: Any = None
+    """What was done already, as a session file has it."""
 
     def bench(self, store: Store) -> Bench:
         """The bench, its log read; RecordError where that cannot be."""
         own = effects_in(self.own_file) if self.own_file else ()
         if self.session:
-            bench = reopened(self.session, store, own)
+            bench = reopened(self.session, store, own, self.own_file)
         else:
             if self.paths:
                 source = opened(self.paths, self.how, join=self.join, names=self.names)
@@ -64,9 +66,7 @@ class Opening:
                 source = built_in(self.sample)
             roles = guessed(source.frame, **self.named)
             bench = Bench(source, store, roles=roles, settings=self.settings, own=own, own_file=self.own_file)
-        if self.steps is not None:
-            bench = with_steps(bench, self.steps)
-        return bench
+        return bench if self.past is None else with_past(bench, self.past)
 
 
 class Interruptible:
@@ -75,6 +75,8 @@ class Interruptible:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._running = self._asked = self._raised = False
+        self.number = 0
+        """Which work it is, counted from the first."""
         signal.signal(signal.SIGINT, self._handle)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
@@ -83,16 +85,18 @@ class Interruptible:
             self._raised = True
             raise KeyboardInterrupt
 
-    def interrupt(self) -> None:
-        """Interrupt what is running, if anything is."""
+    def interrupt(self, number: int | None = None) -> None:
+        """Interrupt what is running, if anything is; only the work of a number, if one is given."""
         with self._lock:
-            if self._running and not self._asked:
+            if self._running and not self._asked and number in (None, self.number):
                 self._asked = True
                 _thread.interrupt_main()
 
     def run(self, work: Callable[[], Any]) -> tuple[bool, Any]:
         """Whether the work came to its end, and what it returned."""
-        self._asked = self._raised = False
+        with self._lock:
+            self._asked = self._raised = False
+            self.number += 1
         try:
             self._running = True
             result = work()
@@ -112,7 +116,7 @@ class Worker:
     ----------
     pipe : Connection
         To the server. What comes: ("do", number, asked), ("take", number, kind), ("open", number, Opening) and
-        ("cancel",). What goes: ("snapshot", dict, curves, charts, steps), ("progress", text), ("done", number, result)
+        ("cancel",). What goes: ("snapshot", dict, curves, charts, past), ("progress", text), ("done", number, result)
         and ("failed", number, sentence).
     folder : str
         Where curves and what is taken away are put; removed at the end.
@@ -125,8 +129,8 @@ class Worker:
         self.bench: Bench | None = None
         self.work = Interruptible()
         self.messages: queue.SimpleQueue[tuple[Any, ...]] = queue.SimpleQueue()
-        self.chore = False
-        self.failure = ""
+        self.chore = 0
+        """Number of the work that is a chore, while one is done."""
         threading.Thread(target=self._listen, daemon=True).start()
 
     def _listen(self) -> None:
@@ -135,14 +139,14 @@ class Worker:
                 message = self.pipe.recv()
             except (EOFError, OSError):  # the server has gone
                 shutil.rmtree(self.folder, ignore_errors=True)
-                os.kill(os.getpid(), signal.SIGTERM)  # from a thread: nothing else ends the main one at once
+                os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))  # nothing else ends it at once
                 return
             if message[0] == "cancel":
                 self.work.interrupt()
                 continue
             self.messages.put(message)
             if self.chore:
-                self.work.interrupt()
+                self.work.interrupt(self.chore)
 
     def say(self, *message: Any) -> None:
         """Send to the server."""
@@ -155,8 +159,7 @@ class Worker:
             return
         curves = {key: dict(found.curves) for key, found in bench.kept.items()}
         charts = {key: found.charts for key, found in bench.kept.items() if found.charts is not None}
-        steps = [act.node() for act in bench.acts]
-        self.say("snapshot", snapshot(bench), curves, charts, steps)
+        self.say("snapshot", snapshot(bench), curves, charts, past_node(bench.past))
 
     def run(self, opening: Opening) -> None:
         """Open a log, then do what comes."""
@@ -173,9 +176,9 @@ class Worker:
 
     def _do_chore(self, words: str, work: Callable[[], None]) -> None:
         self.say("progress", words)
-        self.chore = True
+        self.chore = self.work.number + 1
         ended, _ = self.work.run(work) if self.messages.empty() else (True, None)
-        self.chore = False
+        self.chore = 0
         if not ended and self.messages.empty() and self.bench is not None and self.bench.current is not None:
             for name in ("errors", "diagnosis"):  # cancelled by the user: not begun again by itself
                 self.bench.current.said.setdefault(name, "Stopped. Judge again to go on.")
@@ -185,29 +188,38 @@ class Worker:
     def _answer(self, kind: str, number: int, given: Any) -> None:
         words = {"open": "reading the log", "take": "writing"}.get(kind, "fitting the model")
         self.say("progress", words)
+        before = self._stands()
         try:
             ended, result = self.work.run(lambda: getattr(self, f"_{kind}")(given))
+            self.show()
         except MemoryError:
             self.say("failed", number, "There is not enough memory for this. Open a shorter log.")
-        except (ValueError, TypeError, ArithmeticError, OSError, ImportError, RecordError) as error:
-            self.say("failed", number, " ".join(str(error).split()) or type(error).__name__)
+        except Exception as error:  # effects of the user's own raise whatever they like
+            self.say("failed", number, sentence(error))
         else:
-            self.show()
-            self.say("done", number, result) if ended else self.say("failed", number, CANCELLED)
+            cancelled = not ended and self._stands() is before
+            self.say("failed", number, CANCELLED) if cancelled else self.say("done", number, result or {})
+
+    def _stands(self) -> Any:
+        """What is another object as soon as something was done."""
+        return None if self.bench is None else self.bench.past
 
     def _open(self, opening: Opening) -> None:
         bench = opening.bench(self.store)
+        if self.bench is not None:  # its curves stay until the other one stands
+            kept = self.bench.kept.values()
+            bench.needed = frozenset(name for found in kept for name in found.curves.values())
         bench.start()
-        self.bench = bench
+        self.bench, bench.needed = bench, frozenset()
 
     def _do(self, asked: dict[str, Any]) -> dict[str, Any]:
         if self.bench is None:
-            raise RecordError("No log is open.")
+            raise RecordError("The log is still being read, or cannot be. Try again in a moment.")
         return self.bench.perform(asked)
 
     def _take(self, kind: str) -> str:
         if self.bench is None:
-            raise RecordError("No log is open.")
+            raise RecordError("The log is still being read, or cannot be. Try again in a moment.")
         return str(taken(self.bench, kind, self.folder))
 
 
@@ -222,8 +234,10 @@ def serve(pipe: Connection, folder: str, opening: Opening, not_its_own: Connecti
     not_its_own : Connection, optional
         The server's end of the pipe, which a forked process must close to see that the server has gone.
     """
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for name in ("SIGTERM", "SIGHUP", "SIGQUIT"):  # it ends with the server, which removes what it wrote
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     if not_its_own is not None:
         not_its_own.close()
-    with one_blas_thread():
+    with one_blas_thread(), contextlib.suppress(BrokenPipeError):
         Worker(pipe, folder).run(opening)

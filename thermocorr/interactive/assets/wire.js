@@ -30,8 +30,9 @@
         if (error.name === "AbortError") throw error;
         throw new Refused("The program does not answer. Has it been ended?");
       }
-      let content = {};
-      try { content = await answer.json(); } catch { content = { problem: await answer.text().catch(() => "") }; }
+      const text = await answer.text();
+      let content;
+      try { content = JSON.parse(text); } catch { content = { problem: text.trim() }; }
       if (answer.status === 404) throw new Gone(content.problem || "This is no longer there.");
       if (!answer.ok) throw new Refused(content.problem || `The program answers ${answer.status}.`);
       return content;
@@ -48,7 +49,12 @@
     async take(kind) {
       const link = tc.element("a", { href: `/take/${kind}`, download: "" });
       const answer = await fetch(link.href, { credentials: "same-origin" });
-      if (!answer.ok) throw new Refused((await answer.json()).problem);
+      if (!answer.ok) {
+        const text = await answer.text();
+        let problem = text.trim();
+        try { problem = JSON.parse(text).problem; } catch { /* plain text */ }
+        throw new Refused(problem);
+      }
       const name = /filename="([^"]+)"/.exec(answer.headers.get("content-disposition") || "")?.[1] || kind;
       tc.saved(name, await answer.blob());
     }
