@@ -132,6 +132,7 @@ class Hub:
     def _died(self, pipe: Connection) -> None:
         if pipe is not self._pipe:
             return  # stopped on purpose
+        self._process.join(1)
         for future in self._asked.values():
             if not future.done():
                 future.set_exception(Refused(DIED))
