@@ -10,6 +10,7 @@ from thermocorr import (
     AllanDisplay,
     ContributionsDisplay,
     DynamicBiasRegressor,
+    InnerTemperaturesDisplay,
     RecordError,
     ResidualLoopDisplay,
     ResidualsDisplay,
@@ -67,6 +68,7 @@ def test_every_kind_of_small_record_is_drawn(kind):
         SpectrumDisplay.from_estimator(model),
         StepResponseDisplay.from_estimator(model),
         ContributionsDisplay.from_estimator(model, X),
+        InnerTemperaturesDisplay.from_estimator(model, X),
     ]
     for display in displays:
         assert len(display.frame())
@@ -77,7 +79,7 @@ def test_every_kind_of_small_record_is_drawn(kind):
         assert np.ravel(display.axes_)[-1].get_xlabel()
         if not kind.startswith("array"):
             labels = " ".join(axes.get_ylabel() for axes in np.ravel(display.axes_))
-            assert "ppm" in labels
+            assert "ppm" in labels or "[K]" in labels
 
 
 @pytest.mark.parametrize("kind", ["dates", "overlapping runs"])

@@ -26,7 +26,7 @@ from ..records.files import TIME_NAMES, require_column
 from ..records.times import dates_once
 from ..records.units import unit_of
 from .spans import number_or_span
-from .table_options import add_column_options, add_table_options, how_to_read
+from .table_options import add_column_options, add_model_options, add_table_options, how_to_read
 
 RESULTS = ("corrected.csv", "model.json", "model.txt")
 """Files in the folder of --out."""
@@ -41,18 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_table_options(parser)
     add_column_options(parser)
-    model = parser.add_argument_group("model")
-    model.add_argument(
-        "--time-constants",
-        metavar="N|auto|LIST",
-        default="6",
-        help="how many to choose (default 6, as in the paper), auto, or a list such as 60,15min,2h",
-    )
-    model.add_argument("--degree", type=int, default=2, metavar="N", help="degree of the static law (default 2)")
+    model = add_model_options(parser, "model")
     model.add_argument("--products", action="store_true", help="add the products of lags, eq. (21)")
-    model.add_argument(
-        "--no-screen", action="store_true", help="keep readings and temperatures that look like spikes and sentinels"
-    )
     model.add_argument("--window", type=int, default=25, metavar="N", help="samples of the moving average (default 25)")
     model.add_argument(
         "--blocks", type=int, default=5, metavar="N", help="blocks of time for held-out figures (default 5)"

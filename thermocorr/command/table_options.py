@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 from ..foreign import HowToRead
 from .spans import number_or_span
@@ -43,6 +44,22 @@ def add_column_options(parser: argparse.ArgumentParser) -> None:
     columns.add_argument(
         "--max-gap", metavar="SPAN", type=number_or_span, help="a longer step starts a new segment, such as 10min"
     )
+
+
+def add_model_options(parser: argparse.ArgumentParser, title: str) -> Any:
+    """Add what a model is made of; returns the group, for more of them."""
+    group = parser.add_argument_group(title)
+    group.add_argument(
+        "--time-constants",
+        metavar="N|auto|LIST",
+        default="6",
+        help="how many to choose (default 6, as in the paper), auto, or a list such as 60,15min,2h",
+    )
+    group.add_argument("--degree", type=int, default=2, metavar="N", help="degree of the static law (default 2)")
+    group.add_argument(
+        "--no-screen", action="store_true", help="keep readings and temperatures that look like spikes and sentinels"
+    )
+    return group
 
 
 def how_to_read(options: argparse.Namespace) -> HowToRead:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..records import RecordError
 from .analyze import parse_time_constants
-from .table_options import add_column_options, add_table_options, how_to_read
+from .table_options import add_column_options, add_model_options, add_table_options, how_to_read
 
 NEEDS = "The workbench needs the packages starlette and uvicorn: pip install 'thermocorr[workbench]'."
 
@@ -26,17 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_table_options(parser)
     add_column_options(parser)
-    model = parser.add_argument_group("model (can be changed on the screen)")
-    model.add_argument(
-        "--time-constants",
-        metavar="N|auto|LIST",
-        default="6",
-        help="how many to choose (default 6), auto, or a list such as 60,15min,2h",
-    )
-    model.add_argument("--degree", type=int, default=2, metavar="N", help="degree of the static law (default 2)")
-    model.add_argument(
-        "--no-screen", action="store_true", help="keep readings and temperatures that look like spikes and sentinels"
-    )
+    model = add_model_options(parser, "model (can be changed on the screen)")
     model.add_argument("--effects", metavar="FILE", help="Python file with effects of your own, to be suspects too")
     serving = parser.add_argument_group("page")
     serving.add_argument("--port", type=int, default=0, help="on 127.0.0.1 (default: a free one)")

@@ -18,6 +18,7 @@ from ..records.numbers import numeric_reading
 from .aligned import like, no_flags
 from .features import DiffusiveFeatures
 from .fitting import standard_errors
+from .inner import Inner, inner_blocks
 from .reading import Reading, check_range
 from .tables import coefficient_table, distinct, equation_text
 from .threads import one_blas_thread
@@ -131,6 +132,49 @@ class FittedModel:
         parts = self._contributions(X)
         labels = distinct([effect.label() for effect in self.features_.effect_list()])
         return pd.DataFrame(parts, columns=labels, index=X.index if isinstance(X, pd.DataFrame) else None)
+
+    def inner_temperatures(self, X: Any) -> pd.DataFrame:
+        """Temperatures inside of the device: what each part of it feels that follows the ambient one late.
+
+        Parameters
+        ----------
+        X : as for `predict`
+
+        Returns
+        -------
+        DataFrame
+            Columns of two levels. The first: "temperature" (psi_j + psi_0j of eqs. (17) (18), unit of X's temperature),
+            "start" (psi_0j of eq. (18): what is left of an unknown start, [K]) and "difference" (Psi_j of eq. (19):
+            inner less ambient temperature, [K]). The second: the time constants [s]. NaN in rows that are passed over.
+
+        Raises
+        ------
+        ValueError
+            For a model without lags.
+
+        Examples
+        --------
+        >>> from thermocorr import DynamicBiasRegressor
+        >>> from thermocorr.datasets import make_record
+        >>> record = make_record(2000, seed=1)
+        >>> model = DynamicBiasRegressor("temperature", [300.0, 5400.0]).fit(record, record["reading"])
+        >>> inner = model.inner_temperatures(record)["temperature"]
+        >>> bool(inner[5400.0].std() < inner[300.0].std() < record["temperature"].std())  # the slower, the calmer
+        True
+        """
+        found: dict[str, np.ndarray] = {}
+        for inner in self.inner_blocks(X):
+            for name, part in zip(("temperature", "start", "difference"), inner[1:], strict=True):
+                whole = found.setdefault(name, np.full((inner.block.record.n_rows, part.shape[1]), np.nan))
+                whole[inner.block.rows] = part
+        index = X.index if isinstance(X, pd.DataFrame) else None
+        parts = [pd.DataFrame(part, columns=self.time_constants_, index=index) for part in found.values()]
+        return pd.concat(parts, axis=1, keys=found, names=["", "time constant [s]"])
+
+    def inner_blocks(self, X: Any) -> Iterator[Inner]:
+        """The numbers of `inner_temperatures`, block by block. X may be a `Record` read before."""
+        record, starts, states = self.features_.resume(X)
+        return inner_blocks(self, self.features_.walk_resumed(record, starts, states))
 
     def flags(self, X: Any, y: Any = None) -> Any:
         """Why a row deserves no trust, or "".

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..records import RecordError
+from ..records.csvlines import LONGEST
 from ..records.files import csv_table
 from .dialect import Dialect
 from .encoding import Decoded, decoded
@@ -56,7 +57,8 @@ def text_table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...]
         For what is no table.
     """
     header = content[: content.find(b"\n") + 1 or len(content)]
-    if max(header.count(mark) for mark in (b",", b";", b"\t", b"|")) >= MOST_COLUMNS:
+    columns = max(header.count(mark) for mark in (b",", b";", b"\t", b"|"))
+    if columns >= MOST_COLUMNS and len(header) <= LONGEST:  # a longer one is refused by the reader of plain CSV
         raise RecordError(f"{path} has more than {MOST_COLUMNS} columns in its first line. Is it a log?")
     if is_plain(first_lines(content), how) and not _is_broken_up(content):
         return _arranged(Table(frame=csv_table(content, path), said=said), how.reading)

@@ -130,7 +130,7 @@ class Bench:
         return self.kept[key]
 
     def _forget(self, needed: str) -> None:
-        most = max(2, min(HELD, HELD_ROWS // max(len(self.source.frame), 1)))
+        most = max(3, min(HELD, HELD_ROWS // max(len(self.source.frame), 1)))
         for key in list(self.kept):
             if len(self.kept) <= most:
                 break

@@ -4,6 +4,7 @@ from .allan_deviation import AllanDisplay
 from .budget_shares import BudgetDisplay
 from .comparison import VariantsDisplay
 from .contributions import ContributionsDisplay
+from .inner_temperatures import InnerTemperaturesDisplay
 from .overview import plot_diagnosis, plot_refinement
 from .places import WhereDisplay
 from .residual_loop import ResidualLoopDisplay
@@ -17,6 +18,7 @@ __all__ = [
     "AllanDisplay",
     "BudgetDisplay",
     "ContributionsDisplay",
+    "InnerTemperaturesDisplay",
     "RefinementDisplay",
     "ResidualLoopDisplay",
     "ResidualsDisplay",

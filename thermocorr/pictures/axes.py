@@ -106,12 +106,11 @@ def legend_above(ax: Any, **options: Any) -> None:
             labels,
             loc="lower right",
             bbox_to_anchor=(1.0, 1.0),
-            ncols=len(labels),
             frameon=False,
             borderaxespad=0.1,
             columnspacing=1.2,
             handlelength=1.6,
-            **options,
+            **{"ncols": len(labels), **options},
         )
 
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..effects.thermal import column_text
+from ..estimators.inner import Inner
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.tables import distinct
 from ..estimators.time_constant_search import TimeConstantSearch
@@ -73,6 +74,12 @@ class Walk:
         """Walk; once."""
         for block, contributions in chain([self._first], self._blocks):
             yield self._part(block, contributions)
+
+    def inner(self) -> Iterator[tuple[int, np.ndarray, np.ndarray, Inner]]:
+        """Segment, seconds since the first row, ambient and inner temperatures of the rows, block by block."""
+        for inner in self.model.inner_blocks(self.record):
+            block = inner.block
+            yield block.segment, block.seconds - self._shift, block.temperature, inner
 
     def uncertainties(self) -> Iterator[np.ndarray]:
         """Standard uncertainty of a reading in the rows of each of the `parts`, shape (n,)."""

@@ -1,0 +1,196 @@
+"""What is taken away from the workbench comes to the same model; sessions open again, or say why not."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import zipfile
+
+import numpy as np
+import pandas as pd
+import pytest
+from benches import bench_of_log, settled, stretch
+
+from thermocorr import load_model
+from thermocorr.datasets import make_record
+from thermocorr.files.codec import ModelFileError
+from thermocorr.interactive.bench import Bench
+from thermocorr.interactive.own_effects import effects_in
+from thermocorr.interactive.roles import guessed
+from thermocorr.interactive.session_file import is_session, reopened
+from thermocorr.interactive.snapshots import snapshot
+from thermocorr.interactive.source import opened
+from thermocorr.interactive.takeaway import KINDS, taken
+from thermocorr.interactive.tiles import Store
+from thermocorr.records import RecordError
+
+OWN = '''
+import numpy as np
+from thermocorr.effects import Effect, EffectInfo
+
+class Fan(Effect):
+    """A fan that comes on above 5 V."""
+    kind = "fan"
+    info = EffectInfo(physics="A fan.", bench_check="Stop it.", formula="fan", parameters={})
+    def __init__(self, column="supply"):
+        self.column = column
+    def inputs(self):
+        return [self.column]
+    @classmethod
+    def candidates(cls, record, columns=None):
+        return [cls(c) for c in (columns or ()) if c == "supply"]
+    def names(self):
+        return ["fan"]
+    def signals(self, x):
+        return [x.where(x[self.column] >= 5.0, 1.0, 0.0)]
+'''
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    record = make_record(3000, effects={"covariate": 2.0}, seed=3)
+    path = tmp_path_factory.mktemp("logs") / "log.csv"
+    record.to_csv(path)
+    return path
+
+
+@pytest.fixture
+def bench(log, tmp_path):
+    return bench_of_log(log, tmp_path)
+
+
+def taken_script(bench, folder):
+    bench.start()
+    return taken(bench, "script", folder).read_text()
+
+
+@pytest.mark.filterwarnings("ignore::thermocorr.RecordWarning")
+def test_the_script_the_notebook_and_the_session_come_to_the_same_model(bench, tmp_path):
+    bench.perform({"do": "add", "suspect": 0})
+    for what, low, high in (("left out", 0.2, 0.25), ("own run", 0.5, 0.6), ("change", 0.8, 0.85)):
+        bench.perform({"do": "mark", "what": what, **stretch(bench, low, high)})
+    bench.perform({"do": "shape", "time_constants": "4", "degree": 2, "products": False})
+    settled(bench)
+    out = tmp_path / "out"
+    out.mkdir()
+    files = {kind: taken(bench, kind, out) for kind in KINDS}
+    wanted = bench.current.model
+    tail = "\nimport json\nprint(json.dumps([model.intercept_, *model.coef_.tolist()]))\n"
+    (out / "run.py").write_text(files["script"].read_text(encoding="utf-8") + tail, encoding="utf-8")
+    done = subprocess.run([sys.executable, out / "run.py"], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout.splitlines()[-1]) == [wanted.intercept_, *wanted.coef_.tolist()]
+    held_out = snapshot(bench)["history"][-1]["held_out"]["value"]
+    assert f"held out {held_out:.6g}" in done.stdout
+    cells = [c for c in json.loads(files["notebook"].read_text())["cells"] if c["cell_type"] == "code"]
+    code = "\n".join(cell["source"] for cell in cells[:-1])
+    space = {}
+    exec(code, space)
+    np.testing.assert_array_equal(space["model"].coef_, wanted.coef_)
+    assert is_session(files["session"])
+    again = reopened(files["session"], Store(tmp_path))
+    again.start()
+    np.testing.assert_array_equal(again.current.model.coef_, wanted.coef_)
+    assert again.past == bench.past
+    again.perform({"do": "undo"})
+    assert len(again.acts) == len(bench.acts) - 1
+    kept = taken(again, "session", out)
+    later = reopened(kept, Store(tmp_path))
+    later.start()
+    later.perform({"do": "redo"})
+    np.testing.assert_array_equal(later.current.model.coef_, wanted.coef_)
+    np.testing.assert_array_equal(load_model(files["model"]).coef_, wanted.coef_)
+    corrected = pd.read_csv(files["corrected"])
+    assert len(corrected) == 3000 and {"corrected", "flag", "u"} <= set(corrected.columns)
+    assert "<!DOCTYPE html>" in files["report"].read_text(encoding="utf-8")[:100]
+    with zipfile.ZipFile(files["firmware"]) as packed:
+        assert sorted(packed.namelist()) == ["thermal_bias.c", "thermal_bias.h", "thermal_bias_test.c"]
+
+
+def test_a_session_of_another_log_or_a_damaged_one_is_refused(bench, tmp_path, log):
+    path = taken(bench, "session", tmp_path)
+    node = json.loads(path.read_text())
+    other = tmp_path / "other.csv"
+    other.write_bytes(log.read_bytes().replace(b"1", b"2", 1))
+
+    def acts(act):
+        return {"acts": [act], "versions": [[0]], "at": 0}
+
+    backwards = {"do": "mark", "what": "left out", "rows": [[5, 2]], "where": "", "moments": []}
+    for change, error, sentence in (
+        ({"log": {**node["log"], "files": [str(other)]}}, RecordError, "its content has changed"),
+        ({"log": {**node["log"], "files": ["/nowhere.csv"]}}, RecordError, "There is no file"),
+        ({"log": {**node["log"], "files": ["/dev/zero"]}}, RecordError, "no regular file"),
+        ({"log": {**node["log"], "files": ["//server/share/log.csv"]}}, ModelFileError, "no file of this machine"),
+        ({"log": {**node["log"], "files": []}}, ModelFileError, "no file of this machine"),
+        ({"log": {**node["log"], "how": {"separator": 5}}}, ModelFileError, "does not belong there"),
+        ({"log": {}}, ModelFileError, "has no"),
+        ({"past": acts({"do": "dance"})}, ModelFileError, "no step of a session"),
+        ({"past": acts(backwards)}, ModelFileError, "ends before"),
+        ({"past": acts({**backwards, "what": "spikes", "rows": [[0, 10**12]]})}, ModelFileError, "than 1000 spikes"),
+        ({"past": acts({**backwards, "rows": [], "moments": [1.0, "2024"]})}, ModelFileError, "dates and numbers"),
+        ({"past": {**node["past"], "at": 7}}, ModelFileError, "past.at"),
+        ({"past": {**node["past"], "versions": [[99]]}}, ModelFileError, "versions"),
+        ({"past": {**node["past"], "versions": []}}, ModelFileError, "nothing"),
+        ({"past": 1}, ModelFileError, "an object"),
+        ({"version": 99}, ModelFileError, "version 99"),
+        ({"settings": {}}, ModelFileError, "has no"),
+        ({"settings": {**node["settings"], "time_constants": None}}, ModelFileError, "time_constants"),
+        ({"settings": {**node["settings"], "screen": 1}}, ModelFileError, "neither true nor false"),
+    ):  # fmt: skip
+        path.write_text(json.dumps({**node, **change}))
+        with pytest.raises(error, match=sentence):
+            reopened(path, Store(tmp_path))
+
+
+def test_several_files_are_runs(log, tmp_path):
+    frame = pd.read_csv(log)
+    frame["time"] = pd.to_datetime(frame["time"]) + pd.Timedelta("90 days")
+    frame.to_csv(tmp_path / "later.csv", index=False)
+    source = opened([log, tmp_path / "later.csv"])
+    bench = Bench(source, Store(tmp_path), roles=guessed(source.frame))
+    bench.start()
+    assert bench.problem == "" and bench.arrangement().roles.run == "file"
+    assert len(bench.store.get(bench.current.curves["begins"])) == 2
+    place = bench.store.get(bench.current.curves["place"])
+    assert place[-1] < 0.2 * 90 * 86_400  # the long pause is left out of the axis
+    script = taken(bench, "script", tmp_path).read_text()
+    space = {}
+    exec(script.split("# How large")[0], space)
+    np.testing.assert_array_equal(space["model"].coef_, bench.current.model.coef_)
+
+
+def test_an_effect_from_a_file_is_a_suspect_and_comes_into_the_script(tmp_path):
+    path = tmp_path / "fan_of_the_test.py"
+    path.write_text(OWN)
+    own = effects_in(path)
+    assert [cls.kind for cls in own] == ["fan"]
+    record = make_record(3000, effects={"covariate": 0.0}, seed=3)
+    record["reading"] += 2.0 * record.attrs["noise"] * (record["supply"] >= 5.0)
+    record.to_csv(tmp_path / "fan.csv")
+    source = opened([tmp_path / "fan.csv"])
+    bench = Bench(source, Store(tmp_path), roles=guessed(source.frame), own=own, own_file=str(path))
+    bench.start()
+    first = snapshot(settled(bench))["judged"]["suspects"][0]
+    assert first["cause"] and first["label"].startswith("fan")
+    bench.perform({"do": "add", "suspect": 0})
+    script = taken(bench, "script", tmp_path)
+    tail = "\nimport json\nprint(json.dumps(model.coef_.tolist()))\n"
+    (tmp_path / "run.py").write_text(script.read_text() + tail)
+    done = subprocess.run([sys.executable, tmp_path / "run.py"], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout.splitlines()[-1]) == bench.current.model.coef_.tolist()
+    taken(bench, "session", tmp_path).replace(tmp_path / "session.json")
+    with pytest.raises(ModelFileError, match="--effects"):
+        reopened(tmp_path / "session.json", Store(tmp_path))
+    again = reopened(tmp_path / "session.json", Store(tmp_path), own, str(path))
+    assert taken_script(again, tmp_path) == script.read_text()
+    for content, sentence in (
+        ("x = 1", "defines no effect"),
+        ("1/0", "ZeroDivisionError"),
+        ("class", "SyntaxError"),
+        ("exit()", "SystemExit"),
+    ):
+        broken = tmp_path / "broken_effects.py"
+        broken.write_text(content)
+        with pytest.raises(RecordError, match=sentence):
+            effects_in(broken)
