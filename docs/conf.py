@@ -10,7 +10,7 @@ from typing import Any
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
-from making import effects, equations, guide_pictures, notebooks  # noqa: E402
+from making import commands, effects, equations, guide_pictures, notebooks  # noqa: E402
 
 import thermocorr  # noqa: E402
 
@@ -57,6 +57,7 @@ def make(app: Any) -> None:
     effects.write_pages(HERE / "effects")
     made = HERE / "_made"
     equations.write_table(Path(thermocorr.__file__).parent, made / "equations.md")
+    commands.write_page(made / "commands.md")
     guide_pictures.draw_all(made)
     notebooks.copy(HERE.parent / "notebooks", HERE / "notebooks")
 

@@ -100,3 +100,18 @@ def test_the_example_of_an_effect_page_runs_and_the_effect_removes_what_was_plan
         assert names["better"].residual_std_ == pytest.approx(noise, rel=0.05)
         assert names["model"].residual_std_ > 1.1 * noise
         assert type(names["better"].features_.effect_list()[-1]) is CATALOGUE[kind]
+
+
+def test_the_reference_of_the_command_line_has_every_command_and_option(making, tmp_path):
+    making("commands").write_page(tmp_path / "commands.md")
+    text = (tmp_path / "commands.md").read_text(encoding="utf-8")
+    for name in ("analyze", "correct", "workbench", "export-c"):
+        assert f"## thermocorr {name}" in text
+    for option in ("--refine", "--follow", "--effects", "--double", "--timezone", "--join"):
+        assert option in text
+
+
+def test_every_picture_is_shown_somewhere_in_the_guide():
+    shown = "".join(path.read_text(encoding="utf-8") for path in (DOCS / "guide").glob("*.md"))
+    missing = [name for name in thermocorr.__all__ if name.endswith("Display") and name not in shown]
+    assert missing == []

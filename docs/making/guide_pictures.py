@@ -25,6 +25,21 @@ PICTURES: dict[str, dict[str, Callable[[dict[str, Any]], Any]]] = {
         "where": lambda made: _displays().WhereDisplay.from_diagnosis(made["diagnosis"]),
         "refinement": lambda made: _displays().RefinementDisplay.from_refinement(made["refinement"]),
     },
+    "pictures": {
+        "gallery_residuals": lambda made: _displays().ResidualsDisplay.from_estimator(
+            made["model"], made["X"], made["y"], made["diagnosis"]
+        ),
+        "gallery_contributions": lambda made: _displays().ContributionsDisplay.from_estimator(made["model"], made["X"]),
+        "gallery_inner": lambda made: _displays().InnerTemperaturesDisplay.from_estimator(made["model"], made["X"]),
+        "gallery_spectrum": lambda made: _displays().SpectrumDisplay.from_estimator(made["model"]),
+        "gallery_step": lambda made: _displays().StepResponseDisplay.from_estimator(made["model"]),
+        "gallery_loop": lambda made: _displays().ResidualLoopDisplay.from_estimator(
+            made["model"], made["X"], made["y"]
+        ),
+        "gallery_allan": lambda made: _displays().AllanDisplay.from_estimator(made["model"], made["X"], made["y"]),
+        "gallery_where": lambda made: _displays().WhereDisplay.from_diagnosis(made["diagnosis"]),
+        "gallery_suspects": lambda made: _displays().SuspectsDisplay.from_diagnosis(made["diagnosis"]),
+    },
     "uncertainty": {
         "budget": lambda made: _displays().BudgetDisplay.from_budget(made["signed"].budget(7000)),
     },
