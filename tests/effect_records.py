@@ -38,6 +38,7 @@ EXAMPLES = [
     ThermalLag([90.0, 4000.0]),
     InitialTransient(["10 min"]),
     LagProducts([90.0, 4000.0], temperature_products=True),
+    LagProducts([90.0, 4000.0], temperature_products=True, order=3),
     Rate(),
     Rate("5 min"),
     Delay(7.0),

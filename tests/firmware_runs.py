@@ -59,6 +59,7 @@ KINDS = {
     "thermal_lag, paper's size": {"time_constants": SIX, "degree": 2, "n": 40_000},
     "initial_transient": {"effects": [InitialTransient(["10 min", "5 h"])]},
     "lag_products": {"effects": [LagProducts([90.0, 4000.0], temperature_products=True)]},
+    "lag_products, third order": {"effects": [LagProducts([90.0, 4000.0], temperature_products=True, order=3)]},
     "lag_products, coarse": {"effects": [CoarseProducts(3)]},
     "lag_products, from T0": {"products": True, "time_constants": [60.0, 600.0, 6000.0], "initial_state": "zero"},
     "rate": {"effects": [Rate()]},

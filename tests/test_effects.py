@@ -269,6 +269,12 @@ def test_products_and_powers():
     products = columns_of(LagProducts([90.0, 4000.0], temperature_products=True), X)
     np.testing.assert_allclose(products, np.column_stack([a * a, a * b, b * b, T0 * a, T0 * b]), atol=1e-13)
     np.testing.assert_array_equal(columns_of(LagProducts([90.0, 4000.0]), X), products[:, :3])
+    third = [a**3, a * a * b, a * b * b, b**3, T0 * a * a, T0 * a * b, T0 * b * b, T0**2 * a, T0**2 * b]
+    cubic = LagProducts([90.0, 4000.0], temperature_products=True, order=3)
+    np.testing.assert_allclose(columns_of(cubic, X), np.column_stack((products, *third)), atol=1e-12)
+    cubic, _ = learned(cubic, X)
+    assert cubic.units() == ["K^2"] * 5 + ["K^3"] * 9 and cubic.names()[5] == "lag[90 s]*lag[90 s]*lag[90 s]"
+    np.testing.assert_allclose(columns_of(LagProducts([90.0], order=3), X)[:, 1], a * a * a, rtol=1e-14)
     np.testing.assert_allclose(columns_of(Interaction("humidity"), X)[:, 0], T0 * (h - h.mean()), atol=1e-12)
     np.testing.assert_allclose(columns_of(Covariate("humidity", 2), X)[:, 0], h**2 - (h**2).mean(), atol=1e-9)
     powers = columns_of(StaticPolynomial(4), X)

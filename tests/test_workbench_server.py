@@ -239,8 +239,12 @@ def test_a_killed_computation_begins_again_from_the_steps(log, tmp_path):
 
 
 def children(pid):
-    listed = subprocess.run(["ps", "-o", "pid=,args=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
-    return [int(line.split()[0]) for line in listed.stdout.splitlines() if not re.search("tracker|defunct", line)]
+    listed = subprocess.run(
+        ["ps", "-ww", "-o", "pid=,args=", "--ppid", str(pid)], capture_output=True, text=True, check=False
+    )
+    lines = [line for line in listed.stdout.splitlines() if not re.search("resource_tracker|defunct", line)]
+    assert len(lines) == 1, lines
+    return [int(line.split()[0]) for line in lines]
 
 
 @POSIX

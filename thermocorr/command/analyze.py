@@ -42,7 +42,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_table_options(parser)
     add_column_options(parser)
     model = add_model_options(parser, "model")
-    model.add_argument("--products", action="store_true", help="add the products of lags, eq. (21)")
+    model.add_argument(
+        "--products",
+        nargs="?",
+        type=int,
+        choices=(2, 3),
+        const=2,
+        default=False,
+        metavar="2|3",
+        help="add the products of two lags, eq. (21), or of three too",
+    )
     model.add_argument("--window", type=int, default=25, metavar="N", help="samples of the moving average (default 25)")
     model.add_argument(
         "--blocks", type=int, default=5, metavar="N", help="blocks of time for held-out figures (default 5)"

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations_with_replacement
+from numbers import Integral
 from typing import Any
 
 import numpy as np
+from sklearn.utils._param_validation import Options
 
 from ..records import Record
 from .grids import time_grid
@@ -16,13 +18,16 @@ from .thermal import HOLD, INITIAL_STATE, REFERENCE, column_text, lag_text, refe
 
 
 class LagProducts(Effect):
-    """Products Psi_j Psi_k of eq. (21), j <= k: nonlinear dynamic transfer.
+    """Products Psi_j Psi_k of eq. (21), j <= k, and of three of them: nonlinear dynamic transfer.
 
     Parameters
     ----------
     time_constants, hold, initial_state, reference_temperature : see `ThermalLag`
     temperature_products : bool, default False
-        Add (T - T0) Psi_j: the device follows later, or feels more, where it is warm.
+        Add (T - T0) Psi_j: the device follows later, or feels more, where it is warm; of the third order also
+        (T - T0)^2 Psi_j and (T - T0) Psi_j Psi_k.
+    order : {2, 3}
+        3 adds the products Psi_j Psi_k Psi_l.
     """
 
     kind = "lag_products"
@@ -43,6 +48,7 @@ class LagProducts(Effect):
         "initial_state": INITIAL_STATE,
         "reference_temperature": REFERENCE,
         "temperature_products": ["boolean"],
+        "order": [Options(Integral, {2, 3})],
     }
 
     def __init__(
@@ -52,12 +58,14 @@ class LagProducts(Effect):
         initial_state: str = "fit",
         reference_temperature: float | str = "mean",
         temperature_products: bool = False,
+        order: int = 2,
     ):
         self.time_constants = time_constants
         self.hold = hold
         self.initial_state = initial_state
         self.reference_temperature = reference_temperature
         self.temperature_products = temperature_products
+        self.order = order
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
@@ -76,9 +84,13 @@ class LagProducts(Effect):
     def names(self) -> list[str]:
         """``lag[60 s]*lag[900 s]``, ..., ``temperature*lag[60 s]``, ..."""
         lag = [f"lag[{time_text(tau)}]" for tau in self.time_constants_]
-        names = [f"{one}*{other}" for one, other in combinations_with_replacement(lag, 2)]
-        if self.temperature_products:
-            names += [f"{column_text(self.temperature_name_)}*{name}" for name in lag]
+        T = column_text(self.temperature_name_)
+        pairs = ["*".join(pair) for pair in combinations_with_replacement(lag, 2)]
+        names = pairs + [f"{T}*{name}" for name in lag if self.temperature_products]
+        if self.order == 3:
+            names += ["*".join(three) for three in combinations_with_replacement(lag, 3)]
+            if self.temperature_products:
+                names += [f"{T}*{pair}" for pair in pairs] + [f"{T}^2*{name}" for name in lag]
         return names
 
     def explained(self, temperature: str) -> str:
@@ -86,17 +98,22 @@ class LagProducts(Effect):
         return lag_text(temperature)
 
     def units(self) -> list[str]:
-        """K^2."""
-        return ["K^2"] * len(self.names())
+        """K^2, and K^3 for products of three."""
+        J = len(self.time_constants_)
+        second = J * (J + 1) // 2 + (J if self.temperature_products else 0)
+        return ["K^2"] * second + ["K^3"] * (len(self.names()) - second)
 
     def signals(self, x: Signals) -> Sequence[Any]:
-        """Products of lag differences, and of T - T0 with them [K^2]."""
+        """Products of lag differences, and of T - T0 with them [K^2], [K^3]."""
         start = self.reference_temperature_ if self.initial_state == "zero" else None
         Psi = x.lag(x.T, self.time_constants_, self.hold, start)
-        products = [one * other for one, other in combinations_with_replacement(Psi, 2)]  # eq. (21)
-        if self.temperature_products:
-            deviation = x.T - self.reference_temperature_
-            products += [deviation * d for d in Psi]  # eq. (21)
+        pairs = [one * other for one, other in combinations_with_replacement(Psi, 2)]  # eq. (21)
+        deviation = x.T - self.reference_temperature_
+        products = pairs + [deviation * d for d in Psi if self.temperature_products]  # eq. (21)
+        if self.order == 3:
+            products += [a * b * c for a, b, c in combinations_with_replacement(Psi, 3)]  # eq. (20)
+            if self.temperature_products:
+                products += [deviation * pair for pair in pairs] + [deviation * deviation * d for d in Psi]
         return products
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
-from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils._param_validation import Interval, Options, StrOptions
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLag
@@ -31,7 +31,7 @@ LAYOUT_CONSTRAINTS: dict[str, Any] = {
 }
 THERMAL_CONSTRAINTS: dict[str, Any] = {
     "degree": [Interval(Integral, 0, 9, closed="both")],
-    "products": ["boolean"],
+    "products": ["boolean", Options(Integral, {2, 3})],
     "reference_temperature": [Interval(Real, None, None, closed="neither"), StrOptions({"mean"})],
     "initial_state": [StrOptions({"equilibrium", "zero", "fit"})],
     "hold": [StrOptions({"first_order", "zero_order"})],
@@ -55,8 +55,9 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         Time constants of the lags: seconds, or anything pandas reads as a time span ("15 min").
     degree : int, default 1
         Highest power of T - T0 in the static law, eq. (3); 0 leaves the static law out.
-    products : bool, default False
-        Add the products Psi_j Psi_k of eq. (21) and (T - T0) Psi_j: the square of an inner temperature needs both.
+    products : {False, True, 2, 3}
+        Add the products Psi_j Psi_k of eq. (21) and (T - T0) Psi_j: the square of an inner temperature needs both. 3
+        adds those of three, for its cube: many columns, which want a long record.
     effects : list, default ()
         Further effects or scikit-learn transformers, alone or as (name, effect) pairs.
     reference_temperature : float or "mean", default "mean"
@@ -125,7 +126,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         time_constants: Any = (60.0, 600.0, 3600.0),
         degree: int = 1,
         *,
-        products: bool = False,
+        products: bool | int = False,
         effects: Any = (),
         reference_temperature: Any = "mean",
         initial_state: str = "fit",
@@ -265,6 +266,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
                         self.initial_state,
                         self.reference_temperature,
                         temperature_products=True,
+                        order=max(int(self.products), 2),
                     ),
                 )
             )

@@ -53,8 +53,9 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         Highest power of T - T0 in the static law, eq. (3).
     effects : list, default ()
         Further effects or scikit-learn transformers, alone or as (name, effect) pairs.
-    products : bool, default False
-        Add the products Psi_j Psi_k of eq. (21) and (T - T0) Psi_j: the square of an inner temperature needs both.
+    products : {False, True, 2, 3}
+        Add the products Psi_j Psi_k of eq. (21) and (T - T0) Psi_j: the square of an inner temperature needs both. 3
+        adds those of three, for its cube: many columns, which want a long record.
     alpha : float or "auto", default "auto"
         Ridge penalty on coefficients times their columns' standard deviation, eps of eq. (13). "auto" takes the
         search's (at most 1e-4 per reading), and 0 for given time constants.
@@ -123,7 +124,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         degree: int = 2,
         *,
         effects: Any = (),
-        products: bool = False,
+        products: bool | int = False,
         alpha: float | str = "auto",
         reference_temperature: Any = "mean",
         initial_state: str = "fit",

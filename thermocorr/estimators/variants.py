@@ -106,7 +106,7 @@ def compare_variants(
     temperature: Any = None,
     time_constants: Any = 6,
     degree: int = 2,
-    products: bool = False,
+    products: bool | int = False,
     window: int = 25,
     n_blocks: int = 5,
     progress: Callable[[str], None] | None = None,
@@ -123,8 +123,8 @@ def compare_variants(
         By default six time constants are chosen, as in the paper.
     degree : int, default 2
         Degree of the nonlinear static law.
-    products : bool, default False
-        Add a fifth variant with the products of eq. (21).
+    products : {False, True, 2, 3}
+        Add a fifth variant with the products of eq. (21), see `DynamicBiasRegressor`.
     window : int, default 25
         Samples of the moving average, eqs. (9) (26).
     n_blocks : int, default 5
@@ -158,7 +158,7 @@ def compare_variants(
         "dynamic nonlinear": clone(dynamic).set_params(degree=degree, products=False),
     }
     if products:
-        variants["dynamic nonlinear with products"] = clone(dynamic).set_params(degree=degree, products=True)
+        variants["dynamic nonlinear with products"] = clone(dynamic).set_params(degree=degree, products=products)
     reading = believed_readings(dynamic, X, y)
     blocks = time_blocks(len(reading), n_blocks)
     inside: dict[str, np.ndarray] = {}

@@ -29,7 +29,7 @@ from .effect_nodes import EffectCodec
 from .model_nodes import pack_model, unpack_model
 
 FORMAT = "thermocorr model"
-VERSION = 5
+VERSION = 6
 LONGEST_MESSAGE = 400
 """Characters of what is said about a file's content, which may be anything."""
 HISTORY_ROWS = 4096
@@ -233,12 +233,30 @@ def _with_one_level(node: dict[str, Any]) -> dict[str, Any]:
     return {**node, "version": 5, "model": {**model, "parameters": {"run_offset": "same", **model["parameters"]}}}
 
 
+def _with_pairs_alone(node: dict[str, Any]) -> dict[str, Any]:
+    """Version 5: products of lags were of two of them."""
+    return {**_ordered(node), "version": 6}
+
+
+def _ordered(node: Any) -> Any:
+    """A part of a file in which products of lags say their order."""
+    if isinstance(node, list):
+        return [_ordered(part) for part in node]
+    if not isinstance(node, dict):
+        return node
+    parts = {key: _ordered(part) for key, part in node.items()}
+    if parts.get("kind") == "lag_products" and isinstance(parts.get("parameters"), dict):
+        parts["parameters"] = {"order": 2, **parts["parameters"]}
+    return parts
+
+
 MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     0: _from_draft,
     1: _from_digest_inside,
     2: _without_screen,
     3: _without_errors,
     4: _with_one_level,
+    5: _with_pairs_alone,
 }
 """Version -> what makes of its content that of the next version."""
 

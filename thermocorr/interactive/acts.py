@@ -18,6 +18,7 @@ MARKS = {
     "spikes": "mark as spikes",
 }
 """What a stretch can be marked as, and in the words of a button."""
+PRODUCTS = {1: ", products of lags", 2: ", products of lags", 3: ", products of two and three lags"}
 MOST_ROWS = 10**12
 MOST_SPIKES = 1000
 """Rows that are marked as spikes at once."""
@@ -48,7 +49,7 @@ class Shape:
 
     time_constants: Any
     degree: int
-    products: bool
+    products: bool | int
 
     def on(self, before: Arrangement) -> Arrangement:
         """These settings replace those there were."""
@@ -58,7 +59,7 @@ class Shape:
         """In words."""
         count = self.time_constants
         lags = f"{count} time constants" if isinstance(count, int) else f"time constants {count}"
-        return f"{lags}, degree {self.degree}{', products of lags' if self.products else ''}"
+        return f"{lags}, degree {self.degree}{PRODUCTS.get(int(self.products), '')}"
 
     def node(self) -> dict[str, Any]:
         """As a session file has it."""
@@ -182,8 +183,8 @@ def shape_of(node: dict[str, Any], where: str) -> Shape:
         taus = tuple(text(tau, place) if isinstance(tau, str) else positive(tau, place) for tau in taus)
     elif taus != "auto":
         taus = integer(taus, f"{where}.time_constants", 1, 64)
-    if not isinstance(node["products"], bool):
-        raise ModelFileError(f"{where}.products is neither true nor false")
+    if type(node["products"]) not in (bool, int) or node["products"] not in (False, True, 2, 3):
+        raise ModelFileError(f"{where}.products is none of: false, true, 2, 3")
     return Shape(taus, integer(node["degree"], f"{where}.degree", 0, 9), node["products"])
 
 

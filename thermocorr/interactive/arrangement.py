@@ -21,7 +21,7 @@ class Settings:
 
     time_constants: Any = 6
     degree: int = 2
-    products: bool = False
+    products: bool | int = False
     screen: bool = True
     sampling_period: float | str | None = None
     max_gap: float | str | None = None

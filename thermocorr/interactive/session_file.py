@@ -142,9 +142,10 @@ def _settings(node: Any) -> Settings:
     elif taus != "auto":
         integer(taus, "$.settings.time_constants", 1, 64)
     integer(given["degree"], "$.settings.degree", 0, 9)
-    for name in ("products", "screen"):
-        if type(given[name]) is not bool:
-            raise ModelFileError(f"$.settings.{name} is neither true nor false")
+    if type(given["screen"]) is not bool:
+        raise ModelFileError("$.settings.screen is neither true nor false")
+    if type(given["products"]) not in (bool, int) or given["products"] not in (False, True, 2, 3):
+        raise ModelFileError("$.settings.products is none of: false, true, 2, 3")
     for name in ("sampling_period", "max_gap"):
         if given[name] is not None and not isinstance(given[name], int | float | str):
             raise ModelFileError(f"$.settings.{name} is no span of time")

@@ -43,13 +43,14 @@
     const { time_constants, degree, products } = state.model;
     const taus = element("input", { type: "text", value: String(time_constants), "data-at": "taus", "aria-describedby": "taus-help" });
     const power = element("input", { type: "number", min: 0, max: 9, value: degree, "data-at": "degree" });
-    const pairs = element("input", { type: "checkbox", checked: products, "data-at": "products" });
+    const pairs = element("select", { "data-at": "products" }, Object.entries({ 0: "none", 2: "of two", 3: "of two and three" }).map(([value, text]) => element("option", { value }, text)));
+    pairs.value = String(Number(products) === 1 ? 2 : Number(products));
     const fitted = state.fitted;
     return details("Model", false,
       element("label", {}, "time constants ", taus), element("p", { class: "fine", id: "taus-help" }, "how many to choose, auto, or which: 60, 15min, 2h"),
       element("label", {}, "degree of the static law ", power),
-      element("label", {}, pairs, " products of lags"),
-      element("button", { type: "button", "data-at": "shape", onclick: () => act.do({ do: "shape", time_constants: taus.value, degree: Number(power.value), products: pairs.checked }) }, "Use these"),
+      element("label", {}, "products of lags ", pairs),
+      element("button", { type: "button", "data-at": "shape", onclick: () => act.do({ do: "shape", time_constants: taus.value, degree: Number(power.value), products: Number(pairs.value) || false }) }, "Use these"),
       fitted ? element("p", { class: "fine" }, `Chosen: ${fitted.time_constants || "no time constants"}.`) : null,
       fitted ? element("pre", { tabindex: 0, "aria-label": "formula" }, fitted.equation) : null,
     );
