@@ -102,7 +102,7 @@ def test_the_reader_of_imports_sees_every_form():
     }
 
 
-EXTRAS = {"thermocorr.interactive.server": "uvicorn", "thermocorr.interactive.guard": "starlette"}
+EXTRAS = {"thermocorr.interactive.browser.server": "uvicorn", "thermocorr.interactive.browser.guard": "starlette"}
 """Modules that cannot be imported without an extra; whoever wants them says so."""
 
 

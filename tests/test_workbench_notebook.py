@@ -17,8 +17,8 @@ from visitors import until
 from thermocorr import Diagnosis, DynamicBiasRegressor, workbench
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate
-from thermocorr.interactive import page_assets
-from thermocorr.interactive.widget import Desk, bench_of
+from thermocorr.interactive.browser import page_assets
+from thermocorr.interactive.browser.widget import Desk, bench_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::thermocorr.RecordWarning")
 

@@ -37,12 +37,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> None:
     """Serve it until the page is closed, or Ctrl-C."""
     try:
-        from ..interactive import server
+        from ..interactive.browser import server
     except ImportError as error:
         raise ImportError(f"{NEEDS} ({error})") from None
     from ..interactive.arrangement import Settings
+    from ..interactive.browser.worker import Opening
     from ..interactive.session_file import is_session
-    from ..interactive.worker import Opening
 
     for path in (*options.log, *([options.effects] if options.effects else [])):
         if not Path(path).is_file():

@@ -12,10 +12,10 @@ from .arrangement import AddedEffect, Arrangement, Moment, Settings, Stretch
 from .roles import Roles
 
 MARKS = {
-    "left out": "leave out",
-    "own run": "treat as another run",
-    "change": "the measurand changed",
-    "spikes": "mark as spikes",
+    "left out": "Leave out",
+    "own run": "Treat as another run",
+    "change": "The measurand changed here",
+    "spikes": "Mark spikes",
 }
 """What a stretch can be marked as, and in the words of a button."""
 PRODUCTS = {1: ", products of lags", 2: ", products of lags", 3: ", products of two and three lags"}
@@ -114,7 +114,7 @@ class Mark:
 
     def sentence(self) -> str:
         """In words."""
-        return f"{MARKS[self.what]}: {self.where}"
+        return f"{MARKS[self.what].lower()}: {self.where}"
 
     def node(self) -> dict[str, Any]:
         """As a session file has it."""

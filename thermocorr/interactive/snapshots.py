@@ -24,9 +24,10 @@ from ..pictures.words import (
 from ..records.text import printable
 from ..records.types import kind_of
 from ..records.units import difference_unit, unit_of
-from .acts import Add, Columns, Mark
+from .acts import MARKS, Add, Columns, Mark
 from .bench import Bench
 from .learning import COLUMN, EFFECT, Fitted
+from .takeaway import KINDS
 from .trial_records import SAMPLES
 from .wording import axis_of, fall, figure, gain
 
@@ -55,6 +56,8 @@ def snapshot(bench: Bench) -> dict[str, Any]:
             for name in frame.columns
         ],
         "samples": {name: sample.title for name, sample in SAMPLES.items()},
+        "marks": MARKS,
+        "take": {name: kind.what for name, kind in KINDS.items()},
         "decided": roles is not None,
         "model": {
             "time_constants": shape.time_constants if isinstance(shape.time_constants, int | str)

@@ -94,11 +94,11 @@ def _session(bench: Bench, found: Fitted, path: Path) -> None:
 
 
 KINDS = {
-    "script": Kind("session.py", "text/x-python", "Python script that comes to the same model", _script),
-    "notebook": Kind("session.ipynb", "application/x-ipynb+json", "the same as a notebook", _notebook),
-    "model": Kind("model.json", "application/json", "model, for load_model and thermocorr correct", _model),
-    "corrected": Kind("corrected.csv", "text/csv", "the log with its corrected readings", _corrected),
-    "report": Kind("report.html", "text/html", "report page", _report),
-    "firmware": Kind("firmware.zip", "application/zip", "C99 source for a microcontroller", _firmware),
-    "session": Kind("session.json", "application/json", "this session, to be opened again", _session),
+    "script": Kind("session.py", "text/x-python", "Python script", _script),
+    "notebook": Kind("session.ipynb", "application/x-ipynb+json", "Notebook", _notebook),
+    "model": Kind("model.json", "application/json", "model.json", _model),
+    "corrected": Kind("corrected.csv", "text/csv", "corrected.csv", _corrected),
+    "report": Kind("report.html", "text/html", "Report page", _report),
+    "firmware": Kind("firmware.zip", "application/zip", "C source", _firmware),
+    "session": Kind("session.json", "application/json", "Session file", _session),
 }

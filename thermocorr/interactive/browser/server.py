@@ -25,15 +25,15 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from ..foreign.containers import FEATHER, PACKED, SHEETS
-from ..records import RecordError
-from ..records.files import FORMATS
+from ...foreign.containers import FEATHER, PACKED, SHEETS
+from ...records import RecordError
+from ...records.files import FORMATS
+from ..takeaway import KINDS
+from ..wording import sentence
 from . import page_assets
 from .guard import Guard
 from .hub import Changed, Hub, Refused
 from .pieces import NoSuchCurve, cloud_of, known_json, piece_of
-from .takeaway import KINDS
-from .wording import sentence
 from .worker import Opening
 
 AWAY = 10.0

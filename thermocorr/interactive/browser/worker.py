@@ -16,19 +16,19 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from ..estimators.threads import one_blas_thread
-from ..foreign import HowToRead
-from ..records import RecordError
-from .arrangement import Settings
-from .bench import Bench
-from .own_effects import effects_in
-from .roles import guessed
-from .session_file import past_node, reopened, with_past
-from .snapshots import snapshot
-from .source import built_in, opened
-from .takeaway import taken
-from .tiles import Store
-from .wording import sentence
+from ...estimators.threads import one_blas_thread
+from ...foreign import HowToRead
+from ...records import RecordError
+from ..arrangement import Settings
+from ..bench import Bench
+from ..own_effects import effects_in
+from ..roles import guessed
+from ..session_file import past_node, reopened, with_past
+from ..snapshots import snapshot
+from ..source import built_in, opened
+from ..takeaway import taken
+from ..tiles import Store
+from ..wording import sentence
 
 CANCELLED = "Cancelled: everything stands as it was."
 

@@ -13,23 +13,23 @@ from typing import Any
 import pandas as pd
 from sklearn.base import clone
 
-from ..effects.protocol import Effect
-from ..effects.wrap import as_effects
-from ..estimators import DynamicBiasRegressor
-from ..foreign import Table
-from ..judgement import diagnose
-from ..records.numbers import from_polars
+from ...effects.protocol import Effect
+from ...effects.wrap import as_effects
+from ...estimators import DynamicBiasRegressor
+from ...foreign import Table
+from ...judgement import diagnose
+from ...records.numbers import from_polars
+from ..acts import Add, Columns
+from ..arrangement import AddedEffect, Settings
+from ..bench import Bench, Past
+from ..roles import Roles
+from ..snapshots import snapshot
+from ..source import Source
+from ..takeaway import KINDS, taken
+from ..tiles import Store, Tiles
+from ..wording import sentence
 from . import page_assets
-from .acts import Add, Columns
-from .arrangement import AddedEffect, Settings
-from .bench import Bench, Past
 from .pieces import NoSuchCurve, cloud_of, known_json, piece_of
-from .roles import Roles
-from .snapshots import snapshot
-from .source import Source
-from .takeaway import KINDS, taken
-from .tiles import Store, Tiles
-from .wording import sentence
 
 IN_MEMORY = "data in memory"
 

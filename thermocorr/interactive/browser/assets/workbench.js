@@ -3,8 +3,6 @@
 (() => {
   const tc = (window.thermocorr ??= {});
   const { element, Part, TimePlot, Views, panels, number } = tc;
-  const MARKS = { "left out": "Leave out", "own run": "Treat as another run", change: "The measurand changed here", spikes: "Mark spikes" };
-  const TAKE = { script: "Python script", notebook: "Notebook", model: "model.json", corrected: "corrected.csv", report: "Report page", firmware: "C source", session: "Session file" };
   const HOVER = 120; // a pointer that stays so long means it [ms]
 
   class Workbench {
@@ -43,9 +41,8 @@
       const zoom = { "Whole record": () => this.plot.chart?.zoom(), "+": step(0.25, 0.75), "−": step(-0.5, 1.5), "◀": step(-0.5, 0.5), "▶": step(0.5, 1.5) };
       const names = { "+": "zoom in", "−": "zoom out", "◀": "earlier", "▶": "later" };
       this.at("zoom").replaceChildren(...Object.entries(zoom).map(([name, run]) => element("button", { type: "button", "aria-label": names[name] || name, onclick: run }, name)), this.mode);
-      this.marks = element("div", { class: "marks", hidden: true }, element("span", { class: "fine" }, "this stretch: "), Object.entries(MARKS).map(([what, text]) => element("button", { type: "button", "data-mark": what, onclick: () => this.mark(what) }, text)));
+      this.marks = element("div", { class: "marks", hidden: true });
       this.at("marks").replaceChildren(this.marks);
-      this.at("take").replaceChildren(...Object.entries(TAKE).map(([kind, text]) => element("button", { type: "button", "data-take": kind, onclick: () => this.take(kind) }, text)));
       this.at("cancel").addEventListener("click", () => this.wire.cancel());
       this.at("dismiss").addEventListener("click", () => this.trouble(""));
       const samples = this.at("samples");
@@ -73,9 +70,7 @@
       this.state = state;
       this.root.dataset.revision = state.revision;
       if (!state.columns) { if (state.trouble) this.trouble(state.trouble); return; }
-      if (state.samples && this.at("samples") && this.at("samples").options.length < 2) {
-        this.at("samples").append(...Object.entries(state.samples).map(([name, text]) => element("option", { value: name }, text)));
-      }
+      if (!this.at("take").children.length) this.menus(state);
       this.at("source").textContent = `${state.source.name}, ${state.source.rows.toLocaleString("en")} rows`;
       const problem = state.trouble || state.problem;
       if (problem || this.problem) this.trouble(problem);
@@ -87,6 +82,13 @@
       this.plot.show(state);
       this.views.show(state);
       this.root.dataset.judged = state.judged && state.fitted ? state.fitted.key : "";
+    }
+    menus(state) { // what can be done with any log, in the program's words
+      const each = (named, make) => Object.entries(named).map(([name, text]) => make(name, text));
+      const button = (what, run) => (name, text) => element("button", { type: "button", [what]: name, onclick: () => run(name) }, text);
+      this.at("samples")?.append(...each(state.samples, (name, text) => element("option", { value: name }, text)));
+      this.at("take").append(...each(state.take, button("data-take", (kind) => this.take(kind))));
+      this.marks.append(element("span", { class: "fine" }, "this stretch: "), ...each(state.marks, button("data-mark", (what) => this.mark(what))));
     }
     progress(text) {
       this.at("progress").textContent = text ? `${text}…` : "";

@@ -16,7 +16,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from .tiles import Store, Tiles
+from ..tiles import Store, Tiles
 from .worker import Opening, serve
 
 CHANGED = "Another window has changed this meanwhile. Look, and try again."

@@ -9,8 +9,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..pages.charts import packed, packed_times
-from .tiles import MOST_PIECES, PIECES, Tiles
+from ...pages.charts import packed, packed_times
+from ..tiles import MOST_PIECES, PIECES, Tiles
 
 MOST_CURVES = 64
 APART = ("begins", "row")
