@@ -1,6 +1,6 @@
 """The workbench with a watch: how soon a picture, a verdict and a fallen error are there; and much clicking at random.
 
-    python benchmarks/workbench.py                      # 84 000 rows, built in
+    python benchmarks/workbench.py                      # 84 000 rows, built in; --one-core for server and computation
     python benchmarks/workbench.py --rows 3000000       # a CSV file of so many rows
     python benchmarks/workbench.py --actions 2000       # random actions: errors, memory, consistency
     python benchmarks/workbench.py --picture docs/workbench.png
@@ -53,10 +53,11 @@ def memory(pid: int) -> float:
     return sum(map(int, listed.stdout.split())) / 1024
 
 
-def watched(log: Path | None) -> None:
-    """Times of one visit."""
+def watched(log: Path | None, one_core: bool) -> None:
+    """Times of one visit; with server and computation on one core, the browser is left the others."""
+    within = ("taskset", "-c", "0") if one_core else ()
     begun = time.perf_counter()
-    with running(*([] if log is None else [log])) as (process, port, token), chromium() as driver:
+    with running(*([] if log is None else [log]), within=within) as (process, port, token), chromium() as driver:
         driver.get("about:blank")  # the browser's own start does not count
         person, start = None, time.perf_counter()
         person = Person(driver, port, token)
@@ -134,6 +135,7 @@ if __name__ == "__main__":
     parser.add_argument("--actions", type=int, default=0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--picture", type=Path)
+    parser.add_argument("--one-core", action="store_true")
     options = parser.parse_args()
     if options.picture:
         pictured(options.picture)
@@ -141,6 +143,6 @@ if __name__ == "__main__":
         clicked(options.actions, options.seed)
     elif options.rows:
         with tempfile.TemporaryDirectory() as place:
-            watched(long_log(Path(place), options.rows))
+            watched(long_log(Path(place), options.rows), options.one_core)
     else:
-        watched(None)
+        watched(None, options.one_core)

@@ -102,9 +102,9 @@ def settled(news):
 
 
 @contextmanager
-def running(*arguments, folder=None):
-    """A workbench's process, its port and its token."""
-    command = [sys.executable, "-m", "thermocorr", "workbench", "--no-browser", *map(str, arguments)]
+def running(*arguments, folder=None, within=()):
+    """A workbench's process, its port and its token; `within` is a command that starts it, such as taskset."""
+    command = [*within, sys.executable, "-m", "thermocorr", "workbench", "--no-browser", *map(str, arguments)]
     environment = {**os.environ, "TMPDIR": str(folder)} if folder else os.environ
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
     try:
