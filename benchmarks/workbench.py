@@ -107,7 +107,7 @@ def pictured(path: Path) -> None:
 
 
 def clicked(actions: int, seed: int) -> None:
-    """Many random actions on a record of 4000 rows."""
+    """Many random actions on a record of 4000 rows: the log stays, all else changes."""
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log.csv"
         make_record(4000, effects={"covariate": 2.0}, seed=3).to_csv(log)

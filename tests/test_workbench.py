@@ -213,6 +213,56 @@ def test_roles_are_guessed_from_names_and_units(columns, temperature, reading):
     assert (roles.temperature, roles.reading, roles.time) == (temperature, reading, columns[0])
 
 
+GERMAN = """Messung Labor 3
+
+Datum;Uhrzeit;Temp. Raum (\u00b0C);rel. Feuchte (%);U1 (V)
+"""
+
+
+def test_times_are_known_before_temperature_and_reading_are(tmp_path):
+    record = make_record(1500, effects={"covariate": 0.0}, seed=2)
+    lines = [
+        f"{time:%d.%m.%Y};{time:%H:%M:%S};{row.temperature:.3f};{row.temperature + 1:.3f};{row.reading:.4f}".replace(
+            ".", ","
+        )
+        for time, row in zip(record.index, record.itertuples(), strict=True)
+    ]
+    lines = [line.replace(",", ".", 2) for line in lines]  # the dates have dots
+    path = tmp_path / "messung.csv"
+    path.write_text(GERMAN + "\n".join(lines) + "\n", encoding="latin-1")
+    bench = Bench(source := opened([path]), Store(tmp_path), roles=guessed(source.frame))
+    bench.start()
+    state = snapshot(bench)
+    assert {c["name"]: c["role"] for c in state["columns"]}["Datum"] == "time" and not state["decided"]
+    names = [c["name"] for c in state["columns"]]
+    asked = {"do": "columns", "temperature": names[2], "reading": names[4], "time": "Datum", "run": None}
+    for ignored in ([], ["Uhrzeit"]):
+        bench.perform({**asked, "ignored": ignored})
+        state = snapshot(bench)
+        assert not state["fitted"]["without_times"] and "steps of" in state["source"]["said"][-1]
+        assert [c["joined"] for c in state["columns"]] == [False, not ignored, False, False, False]
+    bench.perform({**asked, "time": None, "ignored": []})
+    assert snapshot(bench)["fitted"]["without_times"]  # and the screen says so
+
+
+def test_what_is_left_out_or_lasts_is_no_spike(bench):
+    bench.perform({"do": "mark", "what": "left out", **stretch(bench, 0.4, 0.5)})
+    frame = bench.source.frame
+    assert (frame["reading"].iloc[1200:1500] != 0).all()
+    residual = bench.store.get(bench.current.curves["residual"]).copy()
+    residual[1300] += 1e3  # in what is left out
+    residual[[2000, 2001]] += 1e3
+    residual[2200:2230] += 1e3  # for half an hour
+    bench.current.curves["residual"] = bench.store.put(residual)
+    bench.perform({"do": "mark", "what": "spikes", **stretch(bench, 0.0, 1.0)})
+    assert bench.arrangement().spikes == (2000, 2001)
+    bench.perform({"do": "undo"})
+    residual[[2000, 2001]] -= 1e3
+    bench.current.curves["residual"] = bench.store.put(residual)
+    with pytest.raises(ValueError, match="in a row"):
+        bench.perform({"do": "mark", "what": "spikes", **stretch(bench, 0.0, 1.0)})
+
+
 def test_a_role_for_two_columns_or_one_column_for_two_roles_is_refused():
     with pytest.raises(RecordError, match="two things at once"):
         Roles(temperature="a", reading="a")

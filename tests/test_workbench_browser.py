@@ -172,7 +172,7 @@ def test_a_stretch_is_selected_and_left_out(person):
     person.sees("thermocorr.charts.series.spec.panels.filter(p => p.label === 'residual').length === 2")
     labels = person.js("thermocorr.charts.series.spec.panels.slice(1, 3).map(p => p.lines[0].label)")
     assert labels == ["after step 1", "after step 2"]
-    cells = "[...document.querySelectorAll('table.compared tbody tr:first-child data')]"
+    cells = "[...document.querySelectorAll('table.compared thead + tbody tr:last-child data')]"
     values = person.js(f"{cells}.map(d => Number(d.value))")
     assert values == [row["held_out"]["value"] for row in state["history"]]
     person.click("[data-at='compare 1']")
@@ -277,7 +277,8 @@ CLICKED = """
 """
 CHOSEN = """
 (() => {
-  const all = [...document.querySelectorAll('.workbench select')].filter((e) => e.checkVisibility());
+  const listed = [...document.querySelectorAll('.workbench select:not([data-part=samples])')];
+  const all = listed.filter((e) => e.checkVisibility());
   const one = all[Math.floor(arguments[0] * all.length)];
   one.selectedIndex = Math.floor(arguments[1] * one.options.length);
   one.dispatchEvent(new Event('change'));

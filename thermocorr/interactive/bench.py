@@ -32,6 +32,8 @@ HELD_ROWS = 3_000_000
 """Rows of all of them together, from which on fewer are kept."""
 JUMPS = 6.0
 """A reading that is so many times the usual residual of a marked stretch away from its median is a spike."""
+IN_A_ROW = 3
+"""Most readings of one spike: what lasts longer is none."""
 MOST_VERSIONS = 1000
 """Steps that can be undone."""
 Chore = tuple[str, Callable[[], None]]
@@ -246,7 +248,9 @@ class Bench:
 
     def _standing_out(self, found: Fitted, places: np.ndarray) -> np.ndarray:
         """Places whose residual stands far out of the others in a stretch."""
-        residual = self.store.get(found.curves["residual"])[places]
+        rows = self.store.get(found.curves["row"])[places].astype(int)
+        learned = np.isfinite(found.data.learned.to_numpy(float)[rows])
+        residual = np.where(learned, self.store.get(found.curves["residual"])[places], np.nan)
         known = residual[np.isfinite(residual)]
         if not len(known):
             raise ValueError("There are no readings in this stretch.")
@@ -254,6 +258,13 @@ class Bench:
         floor = found.diagnosis.noise_floor if found.diagnosis else found.model.residual_std_
         usual = max(1.4826 * float(np.median(np.abs(known - middle))), floor)
         spikes = places[np.abs(residual - middle) > JUMPS * usual]
+        alone = [part for part in np.split(spikes, np.flatnonzero(np.diff(spikes) != 1) + 1) if len(part) <= IN_A_ROW]
+        if len(spikes) and not alone:
+            raise ValueError(
+                f"{len(spikes)} readings stand out here, more than {IN_A_ROW} in a row: these are no spikes. Leave the "
+                "stretch out instead."
+            )
+        spikes = np.concatenate([*alone, np.zeros(0, int)]).astype(int)
         if not len(spikes):
             raise ValueError(
                 f"No reading in this stretch stands out by more than {JUMPS:g} times the usual residual. To take all "

@@ -78,7 +78,7 @@ def data_of(source: Source, arrangement: Arrangement) -> Data:
     log, said = source.timed(roles.time)
     y = log[roles.reading]
     y.attrs = dict(log.attrs)
-    X = log.drop(columns=[roles.reading, *roles.ignored])
+    X = log.drop(columns=[roles.reading, *(name for name in roles.ignored if name in log.columns)])
     if kind_of(y) != "number":
         raise RecordError(f"The column {roles.reading!r} holds no numbers, so it cannot be the reading.")
     if arrangement.spikes:

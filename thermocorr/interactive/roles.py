@@ -18,7 +18,7 @@ from ..records.units import name_and_unit, unit_of
 DEGREES = ("degC", "degF", "K")
 TEMPERATURES = re.compile(r"temp|ambient|room|oven|case|thermo|^t$|^t[_ ]", re.IGNORECASE)
 READINGS = re.compile(
-    r"reading|measur|voltage|volt|resist|value|output|frequency|freq|weight|load|force|strain|tilt|mass|^u$|^v$|^r$",
+    r"reading|measur|messwert|anzeige|spannung|widerstand|voltage|volt|resist|value|output|frequency|freq|weight|load|force|strain|tilt|mass|^u$|^v$|^r$",
     re.IGNORECASE,
 )
 """Names that temperatures and readings go by."""
@@ -78,13 +78,8 @@ def guessed(
     temperature, reading, time, run : str, optional
         Columns whose role the user knows.
     """
-    stamped = isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex)
-    if time is None and not stamped:
-        by_name = {str(name).strip().lower(): str(name) for name in reversed(frame.columns)}
-        time = next((by_name[name] for name in TIME_NAMES if name in by_name), None)
-        time = time or next((str(c) for c in frame.columns if kind_of(frame[c]) in ("date", "span")), None)
-    if run is None:
-        run = next((str(c) for c in frame.columns if str(c).strip().lower() in RUNS and str(c) != reading), None)
+    time = guessed_time(frame) if time is None else time
+    run = guessed_run(frame, reading) if run is None else run
     numbers = [str(c) for c in frame.columns if kind_of(frame[c]) == "number" and str(c) not in (time, run)]
     if temperature is None:
         temperature = _temperature([name for name in numbers if name != reading], frame)
@@ -93,6 +88,20 @@ def guessed(
     if temperature is None or reading is None:
         return None
     return Roles(temperature=temperature, reading=reading, time=time, run=run)
+
+
+def guessed_time(frame: pd.DataFrame) -> str | None:
+    """The column of times, by its name or by what is in it; None where there is none, or the index has them."""
+    if isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex):
+        return None
+    by_name = {str(name).strip().lower(): str(name) for name in reversed(frame.columns)}
+    time = next((by_name[name] for name in TIME_NAMES if name in by_name), None)
+    return time or next((str(c) for c in frame.columns if kind_of(frame[c]) in ("date", "span")), None)
+
+
+def guessed_run(frame: pd.DataFrame, reading: str | None = None) -> str | None:
+    """The column of labels of runs, by its name; None where there is none."""
+    return next((str(c) for c in frame.columns if str(c).strip().lower() in RUNS and str(c) != reading), None)
 
 
 def _temperature(names: list[str], frame: pd.DataFrame) -> str | None:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
 from ..effects.thermal import column_text
+from ..judgement import Diagnosis
 from ..judgement.diagnosis import largest_lag
 from ..pages.html import unit_text
-from ..pages.sections import HELPS, VERDICTS
+from ..pages.sections import HELPS, VERDICTS, Scales, parameters_text
 from ..pictures.intervals import stretches
 from ..pictures.timeline import time_text
 from ..pictures.words import (
@@ -27,7 +31,9 @@ from ..records.units import difference_unit, unit_of
 from .acts import MARKS, Add, Columns, Mark
 from .bench import Bench
 from .learning import COLUMN, EFFECT, Fitted
+from .roles import Roles, guessed_run, guessed_time
 from .takeaway import KINDS
+from .tiles import Store
 from .trial_records import SAMPLES
 from .wording import axis_of, fall, figure, gain
 
@@ -50,7 +56,8 @@ def snapshot(bench: Bench) -> dict[str, Any]:
                 "shown": printable(name),
                 "unit": unit_text(unit_of(name, frame)),
                 "kind": kind_of(frame[name]),
-                "role": "suspect" if roles is None else roles.of(str(name)),
+                "role": _role(str(name), roles, bench.source.frame),
+                "joined": found is not None and roles is not None and _is_joined(str(name), found),
                 "missing": int(frame[name].isna().sum()),
             }
             for name in frame.columns
@@ -69,10 +76,35 @@ def snapshot(bench: Bench) -> dict[str, Any]:
         "history": _history(bench, found),
         "can_undo": bench.past.at > 0,
         "can_redo": bench.past.at < len(bench.past.versions) - 1,
-        "fitted": None if found is None else _fitted(found),
+        "fitted": None if found is None else {**_fitted(found), "left_out": _marked(found, bench.store)},
         "judged": None if found is None or found.diagnosis is None else _judged(found),
         "lacking": {} if found is None else dict(found.said),
     }  # fmt: skip
+
+
+def _role(name: str, roles: Roles | None, frame: pd.DataFrame) -> str:
+    """The role of a column; where not all is known, what could be guessed."""
+    if roles is not None:
+        return roles.of(name)
+    return "time" if name == guessed_time(frame) else "run" if name == guessed_run(frame) else "suspect"
+
+
+def _is_joined(name: str, found: Fitted) -> bool:
+    """Whether a column of dates, or of times of day, went into the column of times."""
+    roles = found.arrangement.roles
+    assert roles is not None  # there is a model
+    return name not in found.data.X.columns and name != roles.reading and name not in roles.ignored
+
+
+def _marked(found: Fitted, store: Store) -> list[list[float]]:
+    """Stretches that are left out, on the axis."""
+    row, place, axis = store.get(found.curves["row"]), store.get(found.curves["place"]), axis_of(found)
+    shown = []
+    for start, stop in found.arrangement.left_out:
+        inside = np.flatnonzero((row >= start) & (row < stop))
+        if len(inside):
+            shown.append([axis.at(float(place[inside[0]])), axis.at(float(place[inside[-1]]))])
+    return shown
 
 
 def _said(bench: Bench, found: Fitted | None) -> list[str]:
@@ -164,6 +196,7 @@ def _fitted(found: Fitted) -> dict[str, Any]:
         "readings": int(model.reading_.n_readings),
         "rms": figure(found.model.residual_std_, unit),
         "time_constants": ", ".join(map(time_text, model.time_constants_)),
+        "without_times": found.timeline.samples,
         "equation": printable(model.equation(), "\n"),
         "notes": [printable(note) for note in found.notes[:NOTED]],
         "effects": [printable(label) for _, label in _own_effects(model)],
@@ -180,18 +213,21 @@ def _judged(found: Fitted) -> dict[str, Any]:
     assert judged is not None
     unit, axis = judged.unit, axis_of(found)
     helps = judged.best is not None and judged.suspects[0].standing == "helps"
+    start = found.timeline.zero if found.timeline.dates else None
+    scales = Scales(start, found.model.reading_.temperature_unit)
     return {
         "verdict": judged.verdict,
         "said": HELPS if helps else VERDICTS[judged.verdict],
         "floor": figure(judged.noise_floor, unit),
         "rms": figure(judged.residual_rms, unit),
         "explainable": f"{judged.explainable:.0%}",
-        "left": [printable(sentence) for sentence in left_sentences(judged.left, unit_text(unit), judged.verdict)],
+        "left": _left(judged, unit_text(unit)),
         "where": [_place(row, found) for row in each_row(judged.where.head(PLACES))],
         "shades": [[axis.at(low), axis.at(high)] for low, high in stretches(judged, found.timeline)],
         "suspects": [
             {
                 "label": printable(effect_text(suspect.effect)),
+                "parameters": printable(parameters_text(suspect.effect, scales)),
                 "exactly": printable(suspect.effect.label()),
                 "cause": number < judged.n_causes,
                 "standing": suspect.standing,
@@ -207,6 +243,12 @@ def _judged(found: Fitted) -> dict[str, Any]:
             for number, suspect in enumerate(judged.suspects)
         ],
     }
+
+
+def _left(judged: Diagnosis, unit: str) -> list[str]:
+    """What no cause explains; that is what is left when the causes are added, and says so."""
+    said = [printable(words) for words in left_sentences(judged.left, unit, judged.verdict)]
+    return [f"With what is named below added: {said[0][0].lower()}{said[0][1:]}", *said[1:]] if judged.causes else said
 
 
 def _place(row: Any, found: Fitted) -> dict[str, Any]:

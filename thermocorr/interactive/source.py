@@ -99,7 +99,7 @@ def opened(
     return Source(
         table=table,
         name=", ".join(Path(path).name for path in names or paths),
-        files=tuple(str(path) for path in names or paths),
+        files=tuple(names) or tuple(str(Path(path).resolve()) for path in paths),
         how=how,
         join=join,
         digest=digest,

@@ -113,7 +113,15 @@ def cure(found: DiagnosisLike) -> Section:
     )
 
 
-def parameters_text(effect: Any, data: PageData) -> str:
+class Scales(NamedTuple):
+    """What parameters of effects are said on."""
+
+    start: float | None
+    """Seconds since 1970 of the first row; None for a record without dates."""
+    temperature_unit: str
+
+
+def parameters_text(effect: Any, data: PageData | Scales) -> str:
     """Parameters that have a unit, in words; moments of a record with dates as dates."""
     parts = []
     for name, unit in (effect.info.parameters if effect.info is not None else {}).items():

@@ -149,9 +149,9 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
         )
     if left.spikes:
         said.append(
-            f"{'At least ' if len(left.spikes) == MANY_SPIKES else ''}{len(left.spikes)} readings jump far out of the "
-            f"noise, the farthest {time_text(left.spikes[0])} after the record began; they are left out of the "
-            "judgement."
+            f"{'At least ' if len(left.spikes) == MANY_SPIKES else ''}"
+            f"{'one reading jumps' if len(left.spikes) == 1 else f'{len(left.spikes)} readings jump'} far out of the "
+            f"noise, the highest {time_text(left.spikes[0])} after the record began: left out of the judgement."
         )
     seen = [
         f"{'a drift' if name == 'smallest_drift' else 'a step'} of {value:.2g}{unit}"

@@ -40,10 +40,14 @@
     for (let d = 0; d < 13; d++) if (Math.abs(step * 10 ** d - Math.round(step * 10 ** d)) < 1e-6 * step * 10 ** d) return d;
     return 13;
   }
-  function figure(v, unit) {
+  function digits(u) { // so many that neighbours of a curve can be told apart
+    const { min, max } = u.scales.y, size = Math.max(Math.abs(min), Math.abs(max)), span = Math.abs(max - min);
+    return span > 0 && size > 0 ? Math.min(Math.max(4 + Math.ceil(Math.log10(size / span)), 6), 13) : 6;
+  }
+  function figure(v, unit, precision = 6) {
     if (v == null) return "–";
     const size = Math.abs(v);
-    let text = String(Number(v.toPrecision(6)));
+    let text = String(Number(v.toPrecision(precision)));
     if (size && (size < 1e-3 || size >= 1e7)) {
       const [mantissa, power] = v.toExponential(3).split("e");
       text = mantissa + " × 10" + raised(Number(power));
@@ -267,7 +271,7 @@
           } },
         },
         axes: [xs, {
-          stroke: text, grid: gridded(panel.log), ticks, font, labelFont: font, space: 34, labelSize: 20, labelGap: 2,
+          stroke: text, grid: gridded(panel.log), ticks, font, labelFont: font, space: panel.dense ? 20 : 34, labelSize: 20, labelGap: 2,
           label: this.title(panel, unit),
           values: panel.log ? logarithmic : linear(scale),
           size: (u, texts) => this.size(u, texts),
@@ -283,7 +287,7 @@
             spanGaps: Boolean(line.spanned),
             dash: line.dash ? [6, 4] : undefined,
             points: line.edge || line.dash ? { show: false } : line.dots ? { show: true, size: line.joined ? 6 : 4, width: 0, fill: this.colour(line.role) } : undefined,
-            value: (u, v) => figure(v, panel.unit),
+            value: (u, v) => figure(v, panel.unit, digits(u)),
           })),
         ],
         hooks: {
@@ -298,10 +302,13 @@
       const { left, top, width, height } = u.bbox;
       u.ctx.save();
       u.ctx.fillStyle = this.colour("shade");
-      for (const [low, high] of this.spec.shades) {
+      const fill = ([low, high]) => {
         const a = Math.max(u.valToPos(low, "x", true), left), b = Math.min(u.valToPos(high, "x", true), left + width);
         if (b > a) u.ctx.fillRect(a, top, b - a, height);
-      }
+      };
+      this.spec.shades.forEach(fill);
+      u.ctx.fillStyle = this.colour("line");
+      (this.spec.out || []).forEach(fill); // what is left out
       u.ctx.restore();
     }
     rules(u, panel) {

@@ -3,6 +3,7 @@
 (() => {
   const tc = (window.thermocorr ??= {});
   const { element, number, bar } = tc;
+  const CARDS = 3; // causes that are shown unfolded
   const ROLES = { suspect: "suspect", temperature: "temperature", reading: "reading", time: "time", run: "run", ignored: "ignore" };
 
   const details = (summary, open, ...children) => element("details", { open }, element("summary", {}, summary), ...children);
@@ -19,8 +20,9 @@
       }
       select.value = column.role;
       selects.set(column.name, select);
+      if (column.joined) return element("tr", {}, element("th", { scope: "row" }, column.shown), element("td", { class: "fine" }, "in the time"));
       const missing = column.missing ? element("small", {}, `${column.missing} missing`) : null;
-      return element("tr", {}, element("th", { scope: "row" }, column.shown, column.unit ? element("span", { class: "soft" }, ` [${column.unit}]`) : null, missing), element("td", {}, select));
+      return element("tr", {}, element("th", { scope: "row" }, column.shown, column.unit && !column.shown.includes(column.unit) ? element("span", { class: "soft" }, ` [${column.unit}]`) : null, missing), element("td", {}, select));
     })));
     const apply = () => {
       const of = (role) => [...selects].filter(([, select]) => select.value === role).map(([name]) => name);
@@ -35,6 +37,7 @@
       state.decided ? null : element("p", { class: "ask" }, "Which column is the temperature, and which the reading?"),
       table,
       element("button", { type: "button", "data-at": "columns", onclick: apply }, "Use these"),
+      state.fitted?.without_times ? element("p", { class: "ask" }, "No column of times is set: rows count as 1 s apart. Set it above, or give the command --sampling-period.") : null,
       state.source.said.length ? element("p", { class: "fine" }, `Read as: ${state.source.said.join(", ")}.`) : null,
     ];
   }
@@ -89,10 +92,10 @@
     const row = (text, name) => {
       const [a, b] = [one[name]?.value, other[name]?.value], fall = a && b ? 20 * Math.log10(b / a) : null;
       const said = fall == null ? "–" : `${fall < 0 ? "−" : "+"}${Math.abs(fall).toFixed(1)}\u00a0dB`;
-      return element("tr", {}, element("th", { scope: "row" }, text), element("td", {}, number(one[name])), element("td", {}, number(other[name])), element("td", {}, said));
+      return [element("tr", {}, element("th", { scope: "rowgroup", colspan: 3, class: "soft" }, text)), element("tr", {}, element("td", {}, number(one[name])), element("td", {}, number(other[name])), element("td", {}, said))];
     };
-    const head = ["", `step ${one.step}`, `step ${other.step}`, ""].map((text) => element("th", { scope: "col" }, text));
-    return element("table", { class: "compared" }, element("thead", {}, element("tr", {}, head)), element("tbody", {}, row("held out", "held_out"), row("later", "later"), row("in sample", "rms")));
+    const head = [`step ${one.step}`, `step ${other.step}`, ""].map((text) => element("th", { scope: "col" }, text));
+    return element("table", { class: "compared" }, element("thead", {}, element("tr", {}, head)), [["held out", "held_out"], ["later", "later"], ["in sample", "rms"]].map(([text, name]) => element("tbody", {}, row(text, name))));
   }
 
   function verdict(state, act) {
@@ -138,24 +141,28 @@
     const item = (one, i) => {
       const preview = element("div", { class: "preview", "aria-live": "polite" });
       const add = (alike, label) => element("button", {
-        type: "button", class: one.cause && alike == null ? "main" : "", "data-at": `add ${i} ${alike ?? ""}`, "aria-label": `Add ${label}`,
+        type: "button", class: one.cause && alike == null && !(one.held_out?.value < 0) ? "main" : "", "data-at": `add ${i} ${alike ?? ""}`, "aria-label": `Add ${label}`,
         onclick: () => act.do({ do: "add", suspect: i, alike }),
         onfocus: () => act.preview(i, alike, preview), onmouseenter: (event) => { event.stopPropagation(); act.preview(i, alike, preview); },
       }, alike == null ? "Add" : `Add ${label}`);
       const alike = one.alike.length ? element("div", { class: "alike" }, element("span", { class: "fine" }, "cannot be told apart from "), one.alike.map((label, k) => add(k, label))) : null;
-      const figures = [element("dt", {}, "held out"), element("dd", {}, number(one.held_out)), element("dt", {}, "later"), element("dd", {}, number(one.later)), element("dt", {}, "error probability"), element("dd", {}, one.p)];
+      const worth = (figure) => element("dd", { class: figure?.value < 0 ? "bad" : "" }, number(figure));
+      const figures = [element("dt", {}, "gain, held out"), worth(one.held_out), element("dt", {}, "gain, later"), worth(one.later), element("dt", {}, "error probability"), element("dd", {}, one.p)];
       return element("li", { class: one.cause ? "cause" : "", onmouseenter: () => act.preview(i, null, preview), onmouseleave: () => act.preview(null), onfocusout: () => act.preview(null) },
         element("div", { class: "head" }, element("strong", {}, one.label), one.standing ? element("span", { class: "standing" }, one.standing) : null, add(null, one.exactly)),
+        one.parameters ? element("div", { class: "fine" }, one.parameters) : null,
         element("div", {}, bar(one.share, "share of the structure"), ` ${percent(one.share)} of what is structured`),
         element("dl", {}, figures),
         one.cause ? element("p", { class: "fine" }, one.physics, " ", one.when) : null,
         one.cause && one.bench_check ? details("On the bench", false, element("p", { class: "fine" }, one.bench_check)) : null,
         alike, preview);
     };
-    const others = judged.suspects.slice(causes);
+    const first = Math.min(causes, CARDS), others = judged.suspects.slice(causes);
     return [
       element("h2", {}, "What is missing?"),
-      causes ? element("ol", { class: "suspects" }, judged.suspects.slice(0, causes).map(item)) : element("p", { class: "fine" }, judged.verdict === "nothing missing" ? "No suspect is worth adding." : "No suspect explains it by itself."),
+      causes ? element("p", { class: "fine" }, "Most helpful first. A gain is how far the structured part of the error falls, in averages; the error of single readings falls by less, as noise stays.") : null,
+      causes ? element("ol", { class: "suspects" }, judged.suspects.slice(0, first).map(item)) : element("p", { class: "fine" }, judged.verdict === "nothing missing" ? "No suspect is worth adding." : "No suspect explains it by itself."),
+      causes > first ? details(`${causes - first} more that are named`, false, element("ol", { class: "suspects" }, judged.suspects.slice(first, causes).map((one, i) => item(one, first + i)))) : null,
       others.length ? details(`${others.length} others that were tried`, false, element("ol", { class: "suspects" }, others.map((one, i) => item(one, causes + i)))) : null,
     ];
   }

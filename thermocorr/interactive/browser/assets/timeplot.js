@@ -45,10 +45,10 @@
         this.pair.forEach((step, i) => panels.push({ label: "residual", unit, height: 150, rules: floor, like: i ? 1 : null, key: step.key, lines: lines(step.text) }));
       } else panels.push({ label: "residual", unit, height: 150, rules: floor, lines: residual });
       const known = new Map(fitted.curves.map((curve) => [curve.name, curve]));
-      panels.push({ label: fitted.temperature, unit: known.get("temperature").unit, height: 90, lines: [line("temperature", fitted.temperature, "temperature")] });
+      panels.push({ label: fitted.temperature, unit: known.get("temperature").unit, height: 96, dense: true, lines: [line("temperature", fitted.temperature, "temperature")] });
       for (const name of this.extra) {
         const curve = known.get(name);
-        if (curve) panels.push({ label: curve.label, unit: curve.unit, height: 90, lines: [line(name, curve.label, "other")] });
+        if (curve) panels.push({ label: curve.label, unit: curve.unit, height: 96, dense: true, lines: [line(name, curve.label, "other")] });
       }
       return panels.map((panel) => ({ log: false, like: null, rules: [], key: fitted.key, ...panel }));
     }
@@ -76,8 +76,8 @@
       if (number !== this.asked) return; // something newer is under way
       const main = found.get(this.fitted.key), x = places(main.x);
       const columns = panels.map((panel) => panel.lines.map((l) => this.beside(x, found.get(panel.key), l.curve, main)));
-      const shades = this.judged ? this.judged.shades : [];
-      const signature = JSON.stringify([panels, this.fitted.axis, shades]);
+      const shades = this.judged ? this.judged.shades : [], out = this.fitted.left_out;
+      const signature = JSON.stringify([panels, this.fitted.axis, shades, out]);
       if (signature !== this.signature) this.build(panels, x, columns, shades, signature);
       else this.chart.load(x, columns);
       const averaged = this.shown?.averaged;
@@ -107,6 +107,7 @@
         x: { label: axis.label, unit: axis.unit, joints: axis.joints, dates: axis.dates, log: false, data: { ready: x } },
         panels: panels.map((panel, i) => ({ ...panel, lines: panel.lines.map((l, k) => ({ ...l, data: packed(columns[i][k]) })) })),
         shades,
+        out: this.fitted.left_out,
       }, this.place, {
         zoomed: (low, high) => this.zoomed(low, high),
         brushed: (low, high) => { this.selected = [low, high]; },

@@ -40,9 +40,10 @@
     draw() {
       const charts = this.charts();
       if (this.ready && this.tab !== "cloud" && !charts.some((chart) => chart.name === this.tab)) this.tab = "cloud";
-      const tabs = [["cloud", "Residual against…"], ...charts.map((chart) => [chart.name, NAMES[chart.name] || chart.name])];
+      const there = new Set(["cloud", ...charts.map((chart) => chart.name)]);
+      const tabs = [["cloud", "Residual against…"], ...Object.entries(NAMES)].filter(([name]) => !this.ready || there.has(name));
       this.tabs.replaceChildren(...tabs.map(([name, text], i) => element("button", {
-        type: "button", role: "tab", "data-tab": name, "aria-selected": String(name === this.tab), tabindex: name === this.tab ? 0 : -1,
+        type: "button", role: "tab", disabled: !there.has(name), "data-tab": name, "aria-selected": String(name === this.tab), tabindex: name === this.tab ? 0 : -1,
         onclick: () => this.choose(name),
         onkeydown: (event) => {
           const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];

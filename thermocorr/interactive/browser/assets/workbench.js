@@ -17,13 +17,13 @@
       this.plot = new TimePlot(at("plot"), this.wire, (error) => this.failed(error));
       this.views = new Views(at("views"), this.wire, (error) => this.failed(error));
       const act = {
-        do: (asked) => this.do(asked), trouble: (text) => this.trouble(text), go: (place) => this.go(place),
+        do: (asked) => this.do(asked), trouble: (text) => { this.trouble(text); this.again(); }, go: (place) => this.go(place),
         preview: (...given) => this.preview(...given), compare: (row) => this.compare(row),
         curve: (name, on) => this.plot.toggle(name, on),
       };
       const part = (name, build) => new Part(at(name), build);
       this.parts = [
-        [part("columns", (s) => panels.columns(s, act)), (s) => ({ columns: s.columns, decided: s.decided, source: s.source })],
+        [part("columns", (s) => panels.columns(s, act)), (s) => ({ columns: s.columns, decided: s.decided, source: s.source, times: s.fitted?.without_times })],
         [part("model", (s) => panels.model(s, act)), (s) => ({ model: s.model, fitted: s.fitted && { time_constants: s.fitted.time_constants, equation: s.fitted.equation } })],
         [part("history", (s) => panels.history(s, act, this.chosen)), (s) => ({ history: s.history, judged: s.judged && { floor: s.judged.floor }, can_undo: s.can_undo, can_redo: s.can_redo, chosen: this.chosen })],
         [part("summary", (s) => panels.summary(s)), (s) => ({ history: s.history, judged: s.judged && { floor: s.judged.floor }, fitted: Boolean(s.fitted) })],
@@ -79,6 +79,7 @@
       if (this.chosen.some((key) => !there.has(key))) this.chosen = this.plot.pair = [];
       if (state.fitted?.key !== this.plot.fitted?.key) this.plot.preview = null;
       for (const [part, content] of this.parts) part.show({ ...content(state) }, state);
+      if (state.fitted) delete this.root.dataset.empty; else this.root.dataset.empty = "1";
       this.plot.show(state);
       this.views.show(state);
       this.root.dataset.judged = state.judged && state.fitted ? state.fitted.key : "";
@@ -94,6 +95,10 @@
       this.at("progress").textContent = text ? `${text}…` : "";
       this.at("cancel").hidden = !text;
       this.root.dataset.progress = text;
+    }
+    again() { // what was chosen and refused is not in force: show what is
+      for (const [part] of this.parts.slice(0, 2)) part.shown = null;
+      if (this.state) this.show(this.state);
     }
     failed(error) { // of what is drawn
       if (!(tc.Gone && error instanceof tc.Gone)) this.trouble(error.message);
@@ -113,6 +118,7 @@
         return await this.wire.ask(asked, this.state?.revision);
       } catch (error) {
         this.trouble(error.message);
+        if (asked.do === "columns" || asked.do === "shape") this.again();
         return null;
       } finally {
         this.busy -= 1;
@@ -144,6 +150,7 @@
       }
     }
     select(on) {
+      if (on && !this.plot.chart) { this.trouble("There is nothing to select in yet."); return; }
       this.mode.setAttribute("aria-pressed", String(on));
       this.marks.hidden = !on;
       this.plot.brush(on);
