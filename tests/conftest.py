@@ -6,10 +6,11 @@ import os
 from pathlib import Path
 
 import pytest
+from benches import bench_of_log
 from browser import chromium
 from examples import settings
 
-from thermocorr.datasets import load_voltage_reference
+from thermocorr.datasets import load_voltage_reference, make_record
 
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
@@ -58,3 +59,17 @@ def written(tmp_path):
         return path
 
     return write
+
+
+@pytest.fixture(scope="module")
+def bench_log(tmp_path_factory):
+    """A log in which the supply acts on the reading, for workbenches."""
+    path = tmp_path_factory.mktemp("logs") / "log.csv"
+    make_record(3000, effects={"covariate": 2.0}, seed=3).to_csv(path)
+    return path
+
+
+@pytest.fixture
+def bench(bench_log, tmp_path):
+    """A workbench without a screen, everything found out."""
+    return bench_of_log(bench_log, tmp_path)

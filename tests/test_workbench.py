@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from benches import bench_of_log, in_python, settled, shown, stretch
+from benches import in_python, settled, shown, stretch
 
 from thermocorr import DynamicBiasRegressor, diagnose, held_out_residuals
 from thermocorr.datasets import make_record
@@ -16,24 +16,11 @@ from thermocorr.interactive.roles import Roles, guessed
 from thermocorr.interactive.snapshots import snapshot
 from thermocorr.interactive.source import opened
 from thermocorr.interactive.tiles import Store
-from thermocorr.records import RecordError, RecordWarning
+from thermocorr.records import RecordError
 
 
-@pytest.fixture(scope="module")
-def log(tmp_path_factory):
-    record = make_record(3000, effects={"covariate": 2.0}, seed=3)
-    path = tmp_path_factory.mktemp("logs") / "log.csv"
-    record.to_csv(path)
-    return path
-
-
-@pytest.fixture
-def bench(log, tmp_path):
-    return bench_of_log(log, tmp_path)
-
-
-def test_numbers_on_the_screen_are_those_of_the_library(bench, log):
-    X, y = in_python(log)
+def test_numbers_on_the_screen_are_those_of_the_library(bench, bench_log):
+    X, y = in_python(bench_log)
     model = DynamicBiasRegressor("temperature", 6).fit(X, y)
     found = diagnose(model, X, y)
     state = snapshot(bench)
@@ -128,8 +115,8 @@ def test_a_changed_measurand_keeps_its_level_in_corrected_readings(tmp_path):
     assert step == pytest.approx(50 * record.attrs["noise"], rel=0.05)
 
 
-def test_spikes_in_a_stretch_become_no_readings(log, tmp_path):
-    frame = pd.read_csv(log, index_col=0)
+def test_spikes_in_a_stretch_become_no_readings(bench_log, tmp_path):
+    frame = pd.read_csv(bench_log, index_col=0)
     frame.iloc[[1500, 1510], frame.columns.get_loc("reading")] += 1000.0
     path = tmp_path / "spiky.csv"
     frame.to_csv(path)
@@ -247,8 +234,6 @@ def test_times_are_known_before_temperature_and_reading_are(tmp_path):
 
 def test_what_is_left_out_or_lasts_is_no_spike(bench):
     bench.perform({"do": "mark", "what": "left out", **stretch(bench, 0.4, 0.5)})
-    frame = bench.source.frame
-    assert (frame["reading"].iloc[1200:1500] != 0).all()
     residual = bench.store.get(bench.current.curves["residual"]).copy()
     residual[1300] += 1e3  # in what is left out
     residual[[2000, 2001]] += 1e3
@@ -279,4 +264,5 @@ def test_warnings_of_the_fit_are_notes_on_the_screen(tmp_path):
     bench = Bench(source := opened([path]), Store(tmp_path), roles=guessed(source.frame))
     bench.start()
     settled(bench)
-    assert issubclass(RecordWarning, Warning) and snapshot(bench)["fitted"]["notes"]
+    notes = snapshot(bench)["fitted"]["notes"]
+    assert any("temperature" in note for note in notes)

@@ -112,6 +112,7 @@ def test_the_widget_has_everything_in_it(data):
     pytest.importorskip("anywidget", reason="the widget needs anywidget: pip install 'thermocorr[jupyter]'")
     widget = workbench(DynamicBiasRegressor("temperature", 4), *data)
     assert 'data-part="plot"' in widget.body and 'data-part="open"' not in widget.body
+    assert "samples" not in widget.body and "cancel" not in widget.body  # what does nothing there is not there
     own = widget._esm.replace("https://github.com/leeoniya/uPlot", "")
     assert "export default" in own and "http" not in own
     assert ":root" not in widget._css and "body" not in widget._css.replace("tbody", "")

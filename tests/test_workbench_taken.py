@@ -10,7 +10,7 @@ import zipfile
 import numpy as np
 import pandas as pd
 import pytest
-from benches import bench_of_log, settled, stretch
+from benches import settled, stretch
 
 from thermocorr import load_model
 from thermocorr.datasets import make_record
@@ -45,19 +45,6 @@ class Fan(Effect):
     def signals(self, x):
         return [x.where(x[self.column] >= 5.0, 1.0, 0.0)]
 '''
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory):
-    record = make_record(3000, effects={"covariate": 2.0}, seed=3)
-    path = tmp_path_factory.mktemp("logs") / "log.csv"
-    record.to_csv(path)
-    return path
-
-
-@pytest.fixture
-def bench(log, tmp_path):
-    return bench_of_log(log, tmp_path)
 
 
 def taken_script(bench, folder):
@@ -107,11 +94,11 @@ def test_the_script_the_notebook_and_the_session_come_to_the_same_model(bench, t
         assert sorted(packed.namelist()) == ["thermal_bias.c", "thermal_bias.h", "thermal_bias_test.c"]
 
 
-def test_a_session_of_another_log_or_a_damaged_one_is_refused(bench, tmp_path, log):
+def test_a_session_of_another_log_or_a_damaged_one_is_refused(bench, tmp_path, bench_log):
     path = taken(bench, "session", tmp_path)
     node = json.loads(path.read_text())
     other = tmp_path / "other.csv"
-    other.write_bytes(log.read_bytes().replace(b"1", b"2", 1))
+    other.write_bytes(bench_log.read_bytes().replace(b"1", b"2", 1))
 
     def acts(act):
         return {"acts": [act], "versions": [[0]], "at": 0}
@@ -143,11 +130,11 @@ def test_a_session_of_another_log_or_a_damaged_one_is_refused(bench, tmp_path, l
             reopened(path, Store(tmp_path))
 
 
-def test_several_files_are_runs(log, tmp_path):
-    frame = pd.read_csv(log)
+def test_several_files_are_runs(bench_log, tmp_path):
+    frame = pd.read_csv(bench_log)
     frame["time"] = pd.to_datetime(frame["time"]) + pd.Timedelta("90 days")
     frame.to_csv(tmp_path / "later.csv", index=False)
-    source = opened([log, tmp_path / "later.csv"])
+    source = opened([bench_log, tmp_path / "later.csv"])
     bench = Bench(source, Store(tmp_path), roles=guessed(source.frame))
     bench.start()
     assert bench.problem == "" and bench.arrangement().roles.run == "file"

@@ -8,9 +8,8 @@ import sys
 import threading
 import webbrowser
 from collections.abc import Callable
-from pathlib import Path
 
-from ..records import RecordError
+from ..records.files import existing_file
 from .analyze import parse_time_constants
 from .table_options import add_column_options, add_model_options, add_table_options, how_to_read
 
@@ -38,15 +37,16 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
     """Serve it until the page is closed, or Ctrl-C."""
     try:
         from ..interactive.browser import server
-    except ImportError as error:
-        raise ImportError(f"{NEEDS} ({error})") from None
+    except ModuleNotFoundError as error:
+        if str(error.name).split(".")[0] not in ("starlette", "uvicorn"):
+            raise
+        raise ImportError(NEEDS) from None
     from ..interactive.arrangement import Settings
     from ..interactive.browser.worker import Opening
     from ..interactive.session_file import is_session
 
     for path in (*options.log, *([options.effects] if options.effects else [])):
-        if not Path(path).is_file():
-            raise RecordError(f"There is no file {path}. Check its name and the folder you are in ({Path.cwd()}).")
+        existing_file(path)
     taus = parse_time_constants(options.time_constants)
     session = options.log[0] if len(options.log) == 1 and is_session(options.log[0]) else ""
     opening = Opening(

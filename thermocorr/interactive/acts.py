@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..files.codec import ModelFileError, fields, integer, items, number, positive, text
 from .arrangement import AddedEffect, Arrangement, Moment, Settings, Stretch
@@ -19,6 +19,8 @@ MARKS = {
 }
 """What a stretch can be marked as, and in the words of a button."""
 PRODUCTS = {1: ", products of lags", 2: ", products of lags", 3: ", products of two and three lags"}
+MOST_VERSIONS = 1000
+"""Steps that can be undone."""
 MOST_ROWS = 10**12
 MOST_SPIKES = 1000
 """Rows that are marked as spikes at once."""
@@ -183,9 +185,14 @@ def shape_of(node: dict[str, Any], where: str) -> Shape:
         taus = tuple(text(tau, place) if isinstance(tau, str) else positive(tau, place) for tau in taus)
     elif taus != "auto":
         taus = integer(taus, f"{where}.time_constants", 1, 64)
-    if type(node["products"]) not in (bool, int) or node["products"] not in (False, True, 2, 3):
+    return Shape(taus, integer(node["degree"], f"{where}.degree", 0, 9), products_of(node["products"], where))
+
+
+def products_of(value: Any, where: str) -> bool | int:
+    """Which products of lags a model has, from JSON: see `DynamicBiasRegressor`."""
+    if type(value) not in (bool, int) or value not in (False, True, 2, 3):
         raise ModelFileError(f"{where}.products is none of: false, true, 2, 3")
-    return Shape(taus, integer(node["degree"], f"{where}.degree", 0, 9), node["products"])
+    return bool(value) if isinstance(value, bool) else int(value)
 
 
 def _stretch(node: Any, where: str) -> Stretch:
@@ -201,3 +208,20 @@ def folded(acts: tuple[Act, ...], settings: Settings) -> Arrangement:
     for act in acts:
         arrangement = act.on(arrangement)
     return arrangement
+
+
+class Past(NamedTuple):
+    """All rows of steps that ever stood, and which one stands now: one value, so that nothing is half done."""
+
+    versions: tuple[tuple[Act, ...], ...]
+    at: int
+
+    @property
+    def acts(self) -> tuple[Act, ...]:
+        """The steps that stand."""
+        return self.versions[self.at]
+
+    def followed_by(self, acts: tuple[Act, ...]) -> Past:
+        """With these steps instead; what was undone before is forgotten, and what is very long ago."""
+        versions = (*self.versions[: self.at + 1], acts)[-MOST_VERSIONS:]
+        return Past(versions, len(versions) - 1)

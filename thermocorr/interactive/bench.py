@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ..judgement import diagnose
 from ..judgement.adding import with_missing
 from ..pages import PageData, figures
 from ..pages.charts import Chart
-from .acts import MARKS, MOST_SPIKES, Act, Add, Columns, Mark, folded, roles_of, shape_of
+from .acts import MARKS, MOST_SPIKES, Act, Add, Columns, Mark, Past, folded, roles_of, shape_of
 from .arrangement import AddedEffect, Arrangement, Moment, Settings, Stretch
 from .learning import Fitted, errors_of, fitted, quietly
 from .previews import preview_of
@@ -34,26 +34,7 @@ JUMPS = 6.0
 """A reading that is so many times the usual residual of a marked stretch away from its median is a spike."""
 IN_A_ROW = 3
 """Most readings of one spike: what lasts longer is none."""
-MOST_VERSIONS = 1000
-"""Steps that can be undone."""
 Chore = tuple[str, Callable[[], None]]
-
-
-class Past(NamedTuple):
-    """All rows of steps that ever stood, and which one stands now: one value, so that nothing is half done."""
-
-    versions: tuple[tuple[Act, ...], ...]
-    at: int
-
-    @property
-    def acts(self) -> tuple[Act, ...]:
-        """The steps that stand."""
-        return self.versions[self.at]
-
-    def followed_by(self, acts: tuple[Act, ...]) -> Past:
-        """With these steps instead; what was undone before is forgotten, and what is very long ago."""
-        versions = (*self.versions[: self.at + 1], acts)[-MOST_VERSIONS:]
-        return Past(versions, len(versions) - 1)
 
 
 class Bench:
@@ -182,8 +163,8 @@ class Bench:
             fields(asked, "columns", ("do", "temperature", "reading", "time", "run", "ignored")), "columns"
         )
         roles.check(self.source.frame.columns)
-        effects = [act for act in self.acts if not isinstance(act, Columns)]
-        self._become((Columns(roles), *effects))
+        others = [act for act in self.acts if not isinstance(act, Columns)]
+        self._become((Columns(roles), *others))
 
     def _shape(self, asked: dict[str, Any]) -> None:
         asked = fields(asked, "model", ("do", "time_constants", "degree", "products"))
@@ -235,16 +216,20 @@ class Bench:
         rows = np.sort(self.store.get(found.curves["row"])[places].astype(int))
         ends = places[[0, -1]]
         where = moment_words(found, ends, self.store.get(found.curves["seconds"])[ends])
-        moments: tuple[Moment, ...] = ()
-        if what == "change":
-            seconds = self.store.get(found.curves["seconds"])
-            edges = [place for place in (inside.start, inside.stop) if 0 < place < len(seconds)]
-            moments = tuple(_moment(found, float(seconds[edge])) for edge in edges)
-            if not moments:
-                raise ValueError("The whole record is in this stretch: nothing changes in it.")
         if what == "spikes":
             where = f"{len(places)} {'reading' if len(places) == 1 else 'readings'}, {where}"
+        moments = self._changes(found, inside) if what == "change" else ()
         self._become((*self.acts, Mark(what, _stretches(rows), where, moments)))
+
+    def _changes(self, found: Fitted, inside: slice) -> tuple[Moment, ...]:
+        """Moments at which a stretch of rows begins and ends, as far as these are inside of the record."""
+        if found.timeline.overlapping:
+            raise ValueError("Runs overlap in time here, so a moment is in several of them: make the stretch a run.")
+        seconds = self.store.get(found.curves["seconds"])
+        edges = [place for place in (inside.start, inside.stop) if 0 < place < len(seconds)]
+        if not edges:
+            raise ValueError("The whole record is in this stretch: nothing changes in it.")
+        return tuple(_moment(found, float(seconds[edge])) for edge in edges)
 
     def _standing_out(self, found: Fitted, places: np.ndarray) -> np.ndarray:
         """Places whose residual stands far out of the others in a stretch."""
@@ -366,10 +351,14 @@ class Bench:
 
     def _draw(self, found: Fitted) -> None:
         """Charts of the report page that belong to the model."""
-        judged, found.charts = found.diagnosis, []  # none, if one of them cannot be drawn
-        data = quietly(lambda: PageData.of(found.model, found.data.X, found.data.y))
-        charts: list[Chart | None] = [figures.stability(data), figures.loop(data), figures.following(data)]
-        charts += [figures.lag_spectrum(found.model), figures.spectrum(judged) if judged else None]
+        judged, found.charts = found.diagnosis, []
+        try:
+            data = quietly(lambda: PageData.of(found.model, found.data.X, found.data.y))
+            charts: list[Chart | None] = [figures.stability(data), figures.loop(data), figures.following(data)]
+            charts += [figures.lag_spectrum(found.model), figures.spectrum(judged) if judged else None]
+        except Exception as error:  # see above
+            found.said["charts"] = sentence(error)
+            return
         found.charts = [{**chart.payload(), "caption": chart.caption} for chart in charts if chart is not None]
 
 

@@ -13,9 +13,9 @@ from ..files.codec import ModelFileError, fields, integer, items, parse, read_by
 from ..files.model_file import content_of
 from ..foreign import HowToRead
 from ..records import RecordError
-from .acts import Act, act_of
+from .acts import Act, Past, act_of, products_of
 from .arrangement import Settings
-from .bench import Bench, Past
+from .bench import Bench
 from .source import Source, built_in, fingerprint, opened
 from .tiles import Store
 from .trial_records import SAMPLES
@@ -144,8 +144,7 @@ def _settings(node: Any) -> Settings:
     integer(given["degree"], "$.settings.degree", 0, 9)
     if type(given["screen"]) is not bool:
         raise ModelFileError("$.settings.screen is neither true nor false")
-    if type(given["products"]) not in (bool, int) or given["products"] not in (False, True, 2, 3):
-        raise ModelFileError("$.settings.products is none of: false, true, 2, 3")
+    products_of(given["products"], "$.settings")
     for name in ("sampling_period", "max_gap"):
         if given[name] is not None and not isinstance(given[name], int | float | str):
             raise ModelFileError(f"$.settings.{name} is no span of time")

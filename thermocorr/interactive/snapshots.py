@@ -21,7 +21,6 @@ from ..pictures.words import (
     effect_text,
     interval_text,
     left_sentences,
-    place_text,
     probability_text,
     when_text,
 )
@@ -35,7 +34,7 @@ from .roles import Roles, guessed_run, guessed_time
 from .takeaway import KINDS
 from .tiles import Store
 from .trial_records import SAMPLES
-from .wording import axis_of, fall, figure, gain
+from .wording import axis_of, fall, figure, gain, share
 
 PLACES = 12
 """Places of failure that are listed."""
@@ -193,18 +192,11 @@ def _fitted(found: Fitted) -> dict[str, Any]:
             "high": axis.at(found.timeline.span),
         },
         "curves": [{**curve, "unit": unit_text(str(curve["unit"]))} for curve in curves],
-        "readings": int(model.reading_.n_readings),
-        "rms": figure(found.model.residual_std_, unit),
         "time_constants": ", ".join(map(time_text, model.time_constants_)),
         "without_times": found.timeline.samples,
         "equation": printable(model.equation(), "\n"),
         "notes": [printable(note) for note in found.notes[:NOTED]],
-        "effects": [printable(label) for _, label in _own_effects(model)],
     }
-
-
-def _own_effects(model: Any) -> list[tuple[str, str]]:
-    return [(effect.kind, effect.label()) for effect in model.features_.effect_list()]
 
 
 def _judged(found: Fitted) -> dict[str, Any]:
@@ -231,7 +223,7 @@ def _judged(found: Fitted) -> dict[str, Any]:
                 "exactly": printable(suspect.effect.label()),
                 "cause": number < judged.n_causes,
                 "standing": suspect.standing,
-                "share": float(suspect.share) if math.isfinite(suspect.share) else 0.0,
+                "share": share(suspect.share),
                 "held_out": gain(suspect.gain_db),
                 "later": gain(suspect.later_db),
                 "p": probability_text(suspect.p_value),
@@ -254,7 +246,8 @@ def _left(judged: Diagnosis, unit: str) -> list[str]:
 def _place(row: Any, found: Fitted) -> dict[str, Any]:
     """A place of failure: in words, and where the plot is to go."""
     line = found.timeline
-    shown: dict[str, Any] = {"text": printable(place_text(row)), "share": float(row.share), "lift": float(row.lift)}
+    rows = row.share / row.lift if row.lift else math.nan
+    shown: dict[str, Any] = {"share": share(row.share), "rows": share(rows)}
     shown |= {"aspect": printable(aspect_text(row)), "interval": printable(interval_text(row))}
     if row.aspect == "time" and not line.overlapping:
         first, last = line.interval(row.low, row.high)

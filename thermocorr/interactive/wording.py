@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..pages import figures
-from ..pages.html import plain, unit_text
+from ..pages.html import percent_text, plain, unit_text
 from ..pictures.timeline import time_text
 from .learning import Fitted
 
@@ -71,6 +71,12 @@ def figure(value: float | None, unit: str = "", digits: int = 4) -> dict[str, An
         return None
     text = plain(float(value), digits)
     return {"text": f"{text}\u00a0{unit_text(unit)}" if unit else text, "value": float(value)}
+
+
+def share(value: float) -> dict[str, Any]:
+    """A share; of what nobody knows it is nothing."""
+    known = float(value) if math.isfinite(value) else 0.0
+    return {"text": percent_text(known), "value": known}
 
 
 def gain(value: float) -> dict[str, Any] | None:

@@ -108,9 +108,14 @@ def _raised(word: str) -> str:
 
 
 def percent(value: float) -> Markup:
+    """A share as `percent_text` says it."""
+    return number(value, shown=percent_text(value))
+
+
+def percent_text(value: float) -> str:
     """A share; small ones keep a digit."""
     shown = f"{100 * value:.0f} %" if abs(value) >= 0.095 or value == 0 else f"{100 * value:.1f} %"
-    return number(value, shown=shown.replace("-", MINUS))
+    return shown.replace("-", MINUS)
 
 
 def decibels(value: float) -> Markup:

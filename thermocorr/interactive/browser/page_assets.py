@@ -13,6 +13,8 @@ SHARED = ("uplot.min.js", "charts.js", "uplot.min.css", "colours.css")
 OWN = ("elements.js", "wire.js", "timeplot.js", "views.js", "panels.js", "workbench.js", "start.js", "workbench.css")
 WIDGET = ("elements.js", "notebook.js", "timeplot.js", "views.js", "panels.js", "workbench.js")
 """What a notebook has instead: messages of the kernel, and no page of its own."""
+ALONE = ("open", "samples", "cancel")
+"""Parts that only a page of its own has: the kernel's own button interrupts a notebook."""
 TYPES = {"js": "text/javascript", "css": "text/css"}
 ASSETS = {name: TYPES[name.rsplit(".", 1)[1]] for name in (*SHARED, *OWN)}
 """Name -> media type, in the order in which they are loaded."""
@@ -36,7 +38,7 @@ def page() -> str:
 def body() -> str:
     """What stands inside of the workbench's element; a notebook opens no other log."""
     lines = _template("body.html").splitlines(keepends=True)
-    return "".join(line for line in lines if 'data-part="open"' not in line)
+    return "".join(line for line in lines if not any(f'data-part="{part}"' in line for part in ALONE))
 
 
 @cache

@@ -49,6 +49,10 @@ MOST_UPLOADED = 1 << 30
 ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", *FORMATS, *FEATHER, *SHEETS, *PACKED)
 
 
+class TooLarge(ValueError):
+    """A file is larger than what is taken from a page."""
+
+
 class Workbench:
     """The routes of a workbench.
 
@@ -138,20 +142,12 @@ class Workbench:
             said = f"A file that ends in {ending[:12]}" if ending else "A file without an ending"
             return _failed(f"{said} is no log. Known: {', '.join(ENDINGS)}.", 422)
         path = Path(tempfile.mkdtemp(prefix="upload-", dir=self.hub.folder)) / name
-        too_large = f"The file is larger than {MOST_UPLOADED >> 20} MiB. Give its name to the command instead."
         try:
-            if int(request.headers.get("content-length", "0")) > MOST_UPLOADED:
-                shutil.rmtree(path.parent, ignore_errors=True)
-                return _failed(too_large, 413)
-            with path.open("wb") as file:
-                async for chunk in request.stream():
-                    if file.tell() + len(chunk) > MOST_UPLOADED:
-                        shutil.rmtree(path.parent, ignore_errors=True)
-                        return _failed(too_large, 413)
-                    await run_in_threadpool(file.write, chunk)
+            await _received(request, path)
         except (ValueError, OSError, ClientDisconnect) as error:
             shutil.rmtree(path.parent, ignore_errors=True)
-            return _failed(str(error) or "The file did not come whole.", 422)
+            too_large = isinstance(error, TooLarge)
+            return _failed(str(error) or "The file did not come whole.", 413 if too_large else 422)
         own = self.hub.opening.own_file
         return await self._opened(Opening(paths=(str(path),), names=(name,), own_file=own))
 
@@ -191,6 +187,18 @@ class Workbench:
 
 async def _broken(request: Request, error: Exception) -> Response:
     return _failed(f"The workbench has a fault: {sentence(error)}. Please report it.", 500)
+
+
+async def _received(request: Request, path: Path) -> None:
+    """Write the body of a request to a file; raises TooLarge as soon as that is known."""
+    too_large = TooLarge(f"The file is larger than {MOST_UPLOADED >> 20} MiB. Give its name to the command instead.")
+    if int(request.headers.get("content-length", "0")) > MOST_UPLOADED:
+        raise too_large
+    with path.open("wb") as file:
+        async for chunk in request.stream():
+            if file.tell() + len(chunk) > MOST_UPLOADED:
+                raise too_large
+            await run_in_threadpool(file.write, chunk)
 
 
 async def _shown(make: Callable[[], Any]) -> Response:

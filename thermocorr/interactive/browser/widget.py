@@ -19,9 +19,9 @@ from ...estimators import DynamicBiasRegressor
 from ...foreign import Table
 from ...judgement import diagnose
 from ...records.numbers import from_polars
-from ..acts import Add, Columns
+from ..acts import Add, Columns, Past
 from ..arrangement import AddedEffect, Settings
-from ..bench import Bench, Past
+from ..bench import Bench
 from ..roles import Roles
 from ..snapshots import snapshot
 from ..source import Source

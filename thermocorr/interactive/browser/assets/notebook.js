@@ -28,7 +28,6 @@
       });
     }
     ask(asked) { return this.asked("do", asked); }
-    cancel() { return Promise.resolve({}); } // the kernel's own interrupt does it
     piece(query) { return this.asked("piece", Object.fromEntries(Object.entries(query).map(([key, value]) => [key, String(value)]))); }
     cloud(query) { return this.asked("cloud", query); }
     charts(key) { return this.asked("charts", { key }); }

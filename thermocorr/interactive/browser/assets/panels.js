@@ -7,7 +7,6 @@
   const ROLES = { suspect: "suspect", temperature: "temperature", reading: "reading", time: "time", run: "run", ignored: "ignore" };
 
   const details = (summary, open, ...children) => element("details", { open }, element("summary", {}, summary), ...children);
-  const percent = (share) => `${share >= 0.095 || share === 0 ? Math.round(100 * share) : (100 * share).toFixed(1)} %`;
 
   function columns(state, act) {
     const selects = new Map();
@@ -89,13 +88,11 @@
     if (pair.length === 1) return element("p", { class: "fine" }, `Step ${pair[0].step} is chosen: choose another one to compare it with.`);
     if (pair.length !== 2) return null;
     const [one, other] = pair;
-    const row = (text, name) => {
-      const [a, b] = [one[name]?.value, other[name]?.value], fall = a && b ? 20 * Math.log10(b / a) : null;
-      const said = fall == null ? "–" : `${fall < 0 ? "−" : "+"}${Math.abs(fall).toFixed(1)}\u00a0dB`;
-      return [element("tr", {}, element("th", { scope: "rowgroup", colspan: 3, class: "soft" }, text)), element("tr", {}, element("td", {}, number(one[name])), element("td", {}, number(other[name])), element("td", {}, said))];
-    };
-    const head = [`step ${one.step}`, `step ${other.step}`, ""].map((text) => element("th", { scope: "col" }, text));
-    return element("table", { class: "compared" }, element("thead", {}, element("tr", {}, head)), [["held out", "held_out"], ["later", "later"], ["in sample", "rms"]].map(([text, name]) => element("tbody", {}, row(text, name))));
+    const row = ([text, name]) => element("tbody", {},
+      element("tr", {}, element("th", { scope: "rowgroup", colspan: 2, class: "soft" }, text)),
+      element("tr", {}, element("td", {}, number(one[name])), element("td", {}, number(other[name]))));
+    const head = pair.map((step) => element("th", { scope: "col" }, `step ${step.step}`));
+    return element("table", { class: "compared" }, element("thead", {}, element("tr", {}, head)), [["held out", "held_out"], ["later", "later"], ["in sample", "rms"]].map(row));
   }
 
   function verdict(state, act) {
@@ -118,13 +115,13 @@
   function where(state, act) {
     const judged = state.judged;
     if (!judged) return [];
-    const calm = judged.verdict === "nothing missing", longest = Math.max(...judged.where.map((place) => place.share), 1e-300);
+    const calm = judged.verdict === "nothing missing", longest = Math.max(...judged.where.map((place) => place.share.value), 1e-300);
     if (!judged.where.length || calm) return [element("h2", {}, "Where does it fail?"), element("p", { class: "fine" }, "Nowhere more than noise does.")];
     const listed = (places, first) => element("ul", { class: "places" }, places.map((place, k) => {
         const i = first + k;
         const can = place.from_to || place.curve, text = `${place.aspect}: ${place.interval}`;
         const name = [text, " ", can ? element("button", { type: "button", class: "plain", "data-at": `place ${i}`, "aria-label": `show where ${text}`, onclick: () => act.go(place) }, "show") : null];
-        return element("li", {}, name, element("div", {}, bar(place.share / longest, "share of the error", place.lift ? place.share / place.lift / longest : null), " ", element("span", { class: "fine" }, `${percent(place.share)}, of the rows ${percent(place.share / place.lift)}`)));
+        return element("li", {}, name, element("div", {}, bar(place.share.value / longest, "share of the error", place.rows.value / longest), " ", element("span", { class: "fine" }, number(place.share), ", of the rows ", number(place.rows))));
       }));
     return [
       element("h2", {}, "Where does it fail?"),
@@ -151,7 +148,7 @@
       return element("li", { class: one.cause ? "cause" : "", onmouseenter: () => act.preview(i, null, preview), onmouseleave: () => act.preview(null), onfocusout: () => act.preview(null) },
         element("div", { class: "head" }, element("strong", {}, one.label), one.standing ? element("span", { class: "standing" }, one.standing) : null, add(null, one.exactly)),
         one.parameters ? element("div", { class: "fine" }, one.parameters) : null,
-        element("div", {}, bar(one.share, "share of the structure"), ` ${percent(one.share)} of what is structured`),
+        element("div", {}, bar(one.share.value, "share of the structure"), " ", number(one.share), " of what is structured"),
         element("dl", {}, figures),
         one.cause ? element("p", { class: "fine" }, one.physics, " ", one.when) : null,
         one.cause && one.bench_check ? details("On the bench", false, element("p", { class: "fine" }, one.bench_check)) : null,

@@ -43,7 +43,7 @@
       this.at("zoom").replaceChildren(...Object.entries(zoom).map(([name, run]) => element("button", { type: "button", "aria-label": names[name] || name, onclick: run }, name)), this.mode);
       this.marks = element("div", { class: "marks", hidden: true });
       this.at("marks").replaceChildren(this.marks);
-      this.at("cancel").addEventListener("click", () => this.wire.cancel());
+      this.at("cancel")?.addEventListener("click", () => this.wire.cancel());
       this.at("dismiss").addEventListener("click", () => this.trouble(""));
       const samples = this.at("samples");
       samples?.addEventListener("change", () => { if (samples.value) this.open({ sample: samples.value }); samples.value = ""; });
@@ -93,7 +93,7 @@
     }
     progress(text) {
       this.at("progress").textContent = text ? `${text}…` : "";
-      this.at("cancel").hidden = !text;
+      if (this.at("cancel")) this.at("cancel").hidden = !text;
       this.root.dataset.progress = text;
     }
     again() { // what was chosen and refused is not in force: show what is
