@@ -67,6 +67,10 @@ def fit_fleet(
     if not names:
         raise RecordError("The fleet has no devices.")
     parts = [opened(device) for device in devices.values()]
+    if shared_time_constants and isinstance(model.temperature, list):
+        raise ValueError(
+            "Devices with several thermometers have time constants of their own: shared_time_constants=False."
+        )
     if not shared_time_constants or model.count_to_choose() == 0:
         return dict(
             zip(names, _each(workers, _fit, parts, names, [(reading, model, history_rows)] * len(parts)), strict=True)

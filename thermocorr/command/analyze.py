@@ -112,14 +112,18 @@ def _run(
         said = [
             *understood,
             f"steps of {time_text(best.features_.history_.usual_step)}",
-            unit_of(best.temperature, log),
+            unit_of(best.features_.history_.record.temperature_name, log),
         ]
         say(f"Read as: {', '.join(filter(None, said))}.\n")
-    say(f"{best.reading_.n_readings} readings of {reading!r}, temperature {best.temperature!r}\n")
+    thermometers = best.thermometers_
+    named = f"temperature{'s' * (len(thermometers) > 1)} {', '.join(map(repr, thermometers))}"
+    say(f"{best.reading_.n_readings} readings of {reading!r}, {named}\n")
     for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
         say(f"Note: {note}\n")
     say(f"{comparison}\n\n{later}\n")
-    say(f"Time constants of the last model: {', '.join(map(time_text, best.time_constants_))}\n")
+    for name, taus in thermometers.items():
+        of_which = f", {name}" if len(thermometers) > 1 else ""
+        say(f"Time constants of the last model{of_which}: {', '.join(map(time_text, taus)) or 'none'}\n")
     judged = _judge(best, X, y, options, say, progress)
     best = judged.model
     noise = added_noise(best, X, y)
@@ -222,8 +226,10 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
     table = read_logs(options.log, how, join=options.join, time=options.time)
     log = table.frame
     reading = require_column(log.columns, options.reading, "reading", ("reading",))
-    temperature = require_column(log.columns, options.temperature, "temperature", ("temperature",))
-    if reading == temperature:
+    thermometers = [
+        require_column(log.columns, name, "temperature", ("temperature",)) for name in options.temperature or [None]
+    ]
+    if reading in thermometers:
         raise RecordError(
             f"--reading and --temperature both name {reading!r}. The reading is what the instrument shows."
         )
@@ -233,7 +239,7 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
     time = None
     if options.sampling_period is None and not (stamped and options.time is None):
         time = require_column(
-            log.columns, options.time, "time", tuple(n for n in TIME_NAMES if n not in (reading, temperature))
+            log.columns, options.time, "time", tuple(n for n in TIME_NAMES if n not in (reading, *thermometers))
         )
     elif options.time is not None:
         raise RecordError("Give --time or --sampling-period, not both.")
@@ -246,6 +252,7 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
         "max_gap": options.max_gap,
         "screen": not options.no_screen,
     }
+    temperature = thermometers if len(thermometers) > 1 else thermometers[0]
     model = DynamicBiasRegressor(temperature, time_constants, options.degree, **layout)
     return table.frame, stamped, model, reading, table.said
 

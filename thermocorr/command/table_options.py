@@ -31,7 +31,12 @@ def add_column_options(parser: argparse.ArgumentParser) -> None:
         "--join", action="store_true", help="join several files by their times; without it, each is a run of its own"
     )
     columns = parser.add_argument_group("columns of the log")
-    columns.add_argument("--temperature", metavar="COLUMN", help="ambient temperature (default: temperature)")
+    columns.add_argument(
+        "--temperature",
+        metavar="COLUMN",
+        action="append",
+        help="ambient temperature (default: temperature); once more for each further thermometer, such as a case's",
+    )
     columns.add_argument("--reading", metavar="COLUMN", help="what the instrument shows")
     columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds (default: time, timestamp, ...)")
     columns.add_argument("--run", metavar="COLUMN", help="labels of runs; each starts anew")
@@ -53,7 +58,7 @@ def add_model_options(parser: argparse.ArgumentParser, title: str) -> Any:
         "--time-constants",
         metavar="N|auto|LIST",
         default="6",
-        help="how many to choose (default 6, as in the paper), auto, or a list such as 60,15min,2h",
+        help="how many to choose for each thermometer (default 6, as in the paper), auto, or a list: 60,15min,2h",
     )
     group.add_argument("--degree", type=int, default=2, metavar="N", help="degree of the static law (default 2)")
     group.add_argument(

@@ -9,6 +9,7 @@ import threading
 import webbrowser
 from collections.abc import Callable
 
+from ..records import RecordError
 from ..records.files import existing_file
 from .analyze import parse_time_constants
 from .table_options import add_column_options, add_model_options, add_table_options, how_to_read
@@ -47,6 +48,10 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
 
     for path in (*options.log, *([options.effects] if options.effects else [])):
         existing_file(path)
+    if len(options.temperature or ()) > 1:
+        raise RecordError(
+            "The workbench begins with one --temperature. Add further thermometers on its page: columns that act late."
+        )
     taus = parse_time_constants(options.time_constants)
     session = options.log[0] if len(options.log) == 1 and is_session(options.log[0]) else ""
     opening = Opening(
@@ -54,7 +59,7 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
         how=how_to_read(options),
         join=options.join,
         named={
-            role: value
+            role: value[0] if isinstance(value, list) else value
             for role in ("temperature", "reading", "time", "run")
             if (value := getattr(options, role)) is not None
         },

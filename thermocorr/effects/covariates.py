@@ -148,6 +148,18 @@ class LaggedCovariate(Covariate):
         return [value - self.mean_, *x.lag(value, self.time_constants_, self.hold)]
 
 
+class ColumnLags(LaggedCovariate):
+    """The lag differences of a recorded column without the column itself."""
+
+    def names(self) -> list[str]:
+        """``humidity lag[3600 s]``, ..."""
+        return super().names()[1:]
+
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """The lag differences."""
+        return super().signals(x)[1:]
+
+
 class Interaction(Effect):
     """A sensitivity to temperature that depends on a recorded column: (T - T0) (column - its mean).
 

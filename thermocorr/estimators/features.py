@@ -21,6 +21,7 @@ from ..records import History, Layout, Log, Record, RecordError, RecordWarning, 
 from ..records.numbers import from_polars
 from ..records.record import SegmentStart
 from ..records.screen import Screen, screened
+from .thermometers import Thermometers
 
 LAYOUT_CONSTRAINTS: dict[str, Any] = {
     "temperature": "no_validation",
@@ -51,8 +52,9 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
 
     Parameters
     ----------
-    time_constants : sequence, default (60, 600, 3600)
-        Time constants of the lags: seconds, or anything pandas reads as a time span ("15 min").
+    time_constants : sequence, or mapping of thermometer to sequence, default (60, 600, 3600)
+        Time constants of the lags: seconds, or anything pandas reads as a time span ("15 min"). With several
+        thermometers a sequence holds for all of them.
     degree : int, default 1
         Highest power of T - T0 in the static law, eq. (3); 0 leaves the static law out.
     products : {False, True, 2, 3}
@@ -74,8 +76,10 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         "paper" gives eqs. (17) (19) (25) as printed, with psi in K s, for comparison.
     screen : bool, default True
         Pass over temperatures that are none, see `DynamicBiasRegressor`; their rows get NaN.
-    temperature : str or int, optional
-        Column of the ambient temperature; by default the one called "temperature", else the first.
+    temperature : str, int, or list of these, optional
+        Column of the ambient temperature; by default the one called "temperature", else the first. Of a list, the first
+        is the ambient temperature; the others are thermometers of further surroundings (a case, a room), which act
+        linearly, each with lags of its own.
     time : str, optional
         Column of times (dates, or seconds); by default the index.
     run : str, optional
@@ -191,7 +195,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         """Check parameters and record, let every effect learn its constants; returns the validated record."""
         self._validate_params()
         X = self._check_columns(X, reset=True)
-        further = as_effects(self.effects)
+        further = self.further_effects()
         needed = needed_columns([effect for _, effect in further])
         record = read_record(X, self.layout(), y=y, needed=needed, quiet=quiet)
         self._screen: Screen | None = None
@@ -233,6 +237,16 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         """Keep what ties later rows to this record."""
         self.history_ = History.of(record, end_states, self.longest_step(), screen=self._screen)
 
+    def thermometers(self) -> Thermometers:
+        """Which columns are thermometers."""
+        return Thermometers.of(self.temperature)
+
+    def further_effects(self) -> list[tuple[str, Effect]]:
+        """Effects beside the static law and the lags of the temperature: further thermometers, and those given."""
+        own, named = as_effects(self.effects), self.thermometers().effects(self.time_constants, self.hold)
+        taken = {name for name, _ in own}
+        return [*((name if name not in taken else f"{name}_lags", effect) for name, effect in named), *own]
+
     def effect_list(self) -> list[Effect]:
         """The learned effects without their names."""
         return [effect for _, effect in self.effects_]
@@ -249,14 +263,15 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         parts: list[tuple[str, Effect]] = [
             ("static_polynomial", StaticPolynomial(self.degree, self.reference_temperature))
         ]
-        time_constants = self.time_constants
-        if time_constants is None or np.size(time_constants) == 0:
-            return parts
-        lag = ThermalLag(time_constants, self.hold, self.initial_state, self.form, self.reference_temperature)
-        parts.append(("thermal_lag", lag))
-        if self.initial_state == "fit":
-            parts.append(("initial_transient", InitialTransient(time_constants, self.longest_decay_share)))
-        if self.products:
+        time_constants = self.thermometers().split(self.time_constants)[0]
+        some = time_constants is not None and np.size(time_constants) > 0
+        if some:
+            lag = ThermalLag(time_constants, self.hold, self.initial_state, self.form, self.reference_temperature)
+            parts.append(("thermal_lag", lag))
+        of_all = self.thermometers().all_times(self.time_constants)
+        if self.initial_state == "fit" and of_all:
+            parts.append(("initial_transient", InitialTransient(of_all, self.longest_decay_share)))
+        if self.products and some:
             parts.append(
                 (
                     "lag_products",
@@ -274,7 +289,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
 
     def layout(self) -> Layout:
         """Which columns of X are the temperature, the time and the run, and how its rows are spaced."""
-        return Layout(self.temperature, self.time, self.run, self.sampling_period, self.max_gap)
+        return Layout(self.thermometers().ambient, self.time, self.run, self.sampling_period, self.max_gap)
 
     def _check_columns(self, X: Any, reset: bool) -> Any:
         return check_columns(self, X, reset)

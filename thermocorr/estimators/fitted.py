@@ -123,6 +123,18 @@ class FittedModel:
         return self.features_.time_constants_
 
     @property
+    def thermometers_(self) -> dict[Any, np.ndarray]:
+        """Time constants of the bodies that follow each thermometer [s]."""
+        features = self.features_
+        ambient = features.history_.record.temperature_name
+        return {ambient: self.time_constants_, **features.thermometers().times_in(features.effects_)}
+
+    def fixed_time_constants(self) -> Any:
+        """The time constants in the form of the parameter `time_constants`: a list, or one for each thermometer."""
+        found = {name: times.tolist() for name, times in self.thermometers_.items()}
+        return found if len(found) > 1 else self.time_constants_.tolist()
+
+    @property
     def reference_temperature_(self) -> float:
         """T0."""
         return self.features_.reference_temperature_

@@ -28,6 +28,7 @@ from .flat import flat_columns
 from .reading import Reading, check_corrected, check_plausible
 from .ridge import MergedRidge
 from .run_levels import RunLevels, run_levels
+from .thermometers import Thermometers
 from .threads import one_blas_thread
 from .time_constants.resolution import spectrum_table, unresolved
 from .time_constants.search import SearchSettings, TimeConstantChoice, search
@@ -43,12 +44,15 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
     Parameters
     ----------
-    temperature : str or int, optional
-        Column of the ambient temperature; by default the one called "temperature", else the first.
-    time_constants : "auto", int, or sequence, default "auto"
-        Sequence: the time constants, in seconds or anything pandas reads as a time span ("15 min"). A number: how many
-        to choose. "auto": choose their number too. The choice is by forecasting later blocks of time from earlier
-        ones, see `thermocorr.estimators.time_constants.search`.
+    temperature : str, int, or list of these, optional
+        Column of the ambient temperature; by default the one called "temperature", else the first. Of a list, the first
+        is the ambient temperature; the others are thermometers of further surroundings (a case, a room), which act
+        linearly, each with lags of its own.
+    time_constants : "auto", int, sequence, or mapping of thermometer to sequence, default "auto"
+        Sequence: the time constants, in seconds or anything pandas reads as a time span ("15 min"), for every
+        thermometer; a mapping has those of each. A number: how many to choose, on average for each thermometer. "auto":
+        choose their number too. The choice is by forecasting later blocks of time from earlier ones, see
+        `thermocorr.estimators.time_constants.search`.
     degree : int, default 2
         Highest power of T - T0 in the static law, eq. (3).
     effects : list, default ()
@@ -76,7 +80,9 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     Attributes
     ----------
     time_constants_ : ndarray of shape (J,)
-        [s].
+        Those of the (first) thermometer [s].
+    thermometers_ : dict of column to ndarray
+        The time constants of each thermometer [s].
     coef_ : ndarray of shape (n_columns,)
     intercept_ : float
         U0, the reading at the reference temperature, device at rest.
@@ -177,8 +183,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         with one_blas_thread():
             self.learn_levels(X, y)
             self.search_ = self._search(X, y)
-            chosen = self.time_constants if self.search_ is None else self.search_.time_constants
-            features = self.unfitted_features(chosen)
+            features = self.unfitted_features(self.time_constants if self.search_ is None else self._chosen())
             record = features.learn(X, y, quiet=self.search_ is not None)
             reading = Reading.of(X, y, record)
             require_rows(reading.n_readings, len(features.get_feature_names_out()))
@@ -310,12 +315,22 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             found = run_levels(features, features.learn(X, y, quiet=True), self.run_offset == "each")
         self.run_levels_ = found
 
+    def _chosen(self) -> Any:
+        """The time constants that the search chose, as the parameter has them."""
+        found = self.search_
+        assert found is not None
+        if not found.further:
+            return found.time_constants
+        return {Thermometers.of(self.temperature).ambient: found.time_constants, **found.further}
+
     def _search(self, X: Any, y: Any) -> TimeConstantChoice | None:
         """Choose time constants where the user left it to the data; None where they are given."""
         count = self.count_to_choose()
         if count == 0:
             return None
-        settings = SearchSettings(count=count, longest_decay_share=self.longest_decay_share)
+        thermometers = Thermometers.of(self.temperature)
+        together = None if count is None else count * (1 + len(thermometers.further))
+        settings = SearchSettings(count=together, longest_decay_share=self.longest_decay_share)
         plain = self.unfitted_features(())
         if self.products:  # the lags are chosen beside products of a coarse grid, lest they imitate these
             plain.set_params(products=False, effects=[*as_effects(plain.effects), ("products", CoarseProducts())])

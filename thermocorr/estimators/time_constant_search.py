@@ -15,6 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..records import seconds_of
 from .regressor import DynamicBiasRegressor
+from .thermometers import Thermometers
 from .threads import one_blas_thread
 from .time_constants.crossvalidation import SCORINGS
 from .time_constants.projection import refined, sensitivity
@@ -166,6 +167,11 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
                 f"Got {self.candidates!r} instead."
             )
         model = DynamicBiasRegressor() if self.estimator is None else clone(self.estimator)
+        if Thermometers.of(model.temperature).further:
+            raise ValueError(
+                f"TimeConstantSearch searches the time constants of one thermometer. Got {model.temperature!r}: fit "
+                "DynamicBiasRegressor(temperature=[...], time_constants='auto'), which chooses those of several."
+            )
         started = time.perf_counter()
         with one_blas_thread():
             model.learn_levels(X, y)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..effects import InitialTransient
+from ..effects import InitialTransient, LaggedCovariate
 from ..effects.protocol import Effect
 from ..effects.thermal import ThermalLag
 from ..estimators.uncertainty.joint import Beyond, JointErrors
@@ -106,7 +106,8 @@ def _unpack_wider(
     node = fields(node, where, ("place", "effect", "end_states"))
     at = integer(node["place"], f"{where}.place", 0, len(effects) - 1)
     wide = codec.unpack(node["effect"], f"{where}.effect", learned=True)
-    if type(wide) is not type(effects[at]) or not isinstance(wide, ThermalLag | InitialTransient):
+    alike = type(wide) is type(effects[at]) and wide.inputs() == effects[at].inputs()
+    if not (alike and isinstance(wide, ThermalLag | InitialTransient | LaggedCovariate)):
         raise unexpected(f"{where}.effect", type(wide).__name__, f"another {type(effects[at]).__name__}")
     given = items(node["end_states"], f"{where}.end_states", len(history.end_states))
     ends = []

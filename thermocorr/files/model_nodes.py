@@ -259,8 +259,9 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
     given = fields(node["parameters"], f"{where}.parameters", tuple(DynamicBiasRegressor._get_param_names()))
     parameters = {key: unpack(value, f"{where}.parameters.{key}", codec.unpack_nested) for key, value in given.items()}
     for key in ("temperature", "time", "run"):
-        if parameters[key] is not None:
-            name(parameters[key], f"{where}.parameters.{key}")
+        for given_name in parameters[key] if isinstance(parameters[key], list) else [parameters[key]]:
+            if given_name is not None:
+                name(given_name, f"{where}.parameters.{key}")
     model = DynamicBiasRegressor(**parameters)
     given_effects = model.effects if isinstance(model.effects, list | tuple) else ()
     for i, item in enumerate(given_effects):
@@ -290,7 +291,7 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
     features.history_ = unpack_history(node["history"], f"{where}.history", features.effect_list(), codec)
     features.n_features_in_ = model.n_features_in_ = integer(node["n_features_in"], f"{where}.n_features_in", 1)
     if parameters["temperature"] is not None:
-        _check_temperature(parameters["temperature"], features, f"{where}.parameters.temperature")
+        _check_temperature(features.thermometers().ambient, features, f"{where}.parameters.temperature")
     if node["feature_names_in"] is not None:
         names = items(node["feature_names_in"], f"{where}.feature_names_in", model.n_features_in_)
         checked = [text(column, f"{where}.feature_names_in[{i}]") for i, column in enumerate(names)]
@@ -334,7 +335,10 @@ def _restore_features(features: DiffusiveFeatures, node: dict[str, Any], where: 
     lags: Any = next((effect for effect in effects if effect.kind == "thermal_lag"), None)
     features.reference_temperature_ = static.reference_temperature_
     features.time_constants_ = np.zeros(0) if lags is None else lags.time_constants_
-    features.time_constants = features.time_constants_.tolist()
+    further = features.thermometers().times_in(features.effects_)
+    own = features.time_constants_.tolist()
+    given = {features.thermometers().ambient: own, **{column: taus.tolist() for column, taus in further.items()}}
+    features.time_constants = given if further else own
     try:
         names = list(features.get_feature_names_out())
         for effect in effects:

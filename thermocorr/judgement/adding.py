@@ -96,9 +96,9 @@ def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegr
     """An unfitted copy with one effect more; a missing lag of the temperature or of a column joins those there are."""
     extended: DynamicBiasRegressor = clone(model)
     if effect.kind == "thermal_lag" and len(model.time_constants_):
-        taus = np.unique([*model.time_constants_.tolist(), *np.asarray(effect.time_constants, float).tolist()])
-        extended.set_params(time_constants=taus.tolist())
-        return extended
+        return extended.set_params(time_constants=_with_times(model, None, effect.time_constants))
+    if isinstance(effect, LaggedCovariate) and effect.power == 1 and effect.column in model.thermometers_:
+        return extended.set_params(time_constants=_with_times(model, effect.column, effect.time_constants))
     own = [other for _, other in as_effects(model.effects)]
     for i, other in enumerate(own):
         if isinstance(effect, LaggedCovariate) and isinstance(other, LaggedCovariate) and _same_column(effect, other):
@@ -107,6 +107,15 @@ def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegr
             extended.set_params(effects=[clone(e) for e in (*own[:i], longer, *own[i + 1 :])])
             return extended
     return model.with_effect(effect)
+
+
+def _with_times(model: DynamicBiasRegressor, thermometer: Any, more: Any) -> Any:
+    """The time constants of a fitted model, and some more of one thermometer: of the first for None."""
+    found = dict(model.thermometers_)
+    name = next(iter(found)) if thermometer is None else thermometer
+    found[name] = np.unique([*found[name], *seconds_array(more)])
+    times = {each: taus.tolist() for each, taus in found.items()}
+    return times if len(times) > 1 else times[name]
 
 
 def _same_column(one: LaggedCovariate, other: LaggedCovariate) -> bool:

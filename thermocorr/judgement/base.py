@@ -8,7 +8,6 @@ from sklearn.base import clone
 from ..effects import StaticPolynomial, ThermalLag
 from ..effects.grids import longest_segment
 from ..effects.protocol import Effect
-from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record
 from .levels import FASTEST, LAGS, SLOWEST
@@ -27,7 +26,7 @@ def thermal_base(model: DynamicBiasRegressor, record: Record, slowest: float) ->
     """The base: static law, fast and middle lags, the model's further effects. And the model's slow lags."""
     own = np.asarray(model.time_constants_, float)
     grid = np.geomspace(FASTEST * record.usual_step(), slowest, LAGS)
-    further = [clone(effect) for _, effect in as_effects(model.features_.effects)]
+    further = [clone(effect) for _, effect in model.features_.further_effects()]
     if model.products:
         further += [clone(effect) for effect in model.features_.effect_list() if effect.kind == "lag_products"]
     static = StaticPolynomial(model.degree, model.reference_temperature)

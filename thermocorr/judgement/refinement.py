@@ -232,7 +232,7 @@ def _simpler(model: DynamicBiasRegressor, X: Any, y: Any, errors: Errors) -> tup
 def _tuned(model: DynamicBiasRegressor, X: Any, y: Any) -> DynamicBiasRegressor:
     """Effects' parameters moved to the least residual, one after the other, time constants of the lags held."""
     effects = [effect for _, effect in as_effects(model.effects)]
-    fixed = clone(model).set_params(time_constants=model.time_constants_.tolist(), alpha=model.alpha_)
+    fixed = clone(model).set_params(time_constants=model.fixed_time_constants(), alpha=model.alpha_)
     best, start = fixed.fit(X, y), model.residual_std_
     least = best.residual_std_
     record = best.features_.history_.record

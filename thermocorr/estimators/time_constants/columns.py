@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...effects import InitialTransient, ThermalLag
+from ...effects.covariates import ColumnLags
 from ...effects.protocol import Effect
 from ...equations import TriangularFactor
 from ...records import Record
@@ -29,9 +30,12 @@ class LagColumns:
     """Learned lags and decays for a list of time constants, and where their columns stand."""
 
     lag: ThermalLag
+    further: list[ColumnLags]
+    """Lags of the thermometers beyond the first."""
     transient: InitialTransient
     starts: InitialTransient
-    """Decays that are fitted and taken out of everything: where there are many segments, in place of `transient`."""
+    """Decays that are fitted and taken out of everything: where there are many segments, or several thermometers that
+    share them, in place of `transient`."""
     share: float
     layout: GridLayout
     decays: list[tuple[int, int, float]]
@@ -39,7 +43,10 @@ class LagColumns:
 
     @classmethod
     def of(cls, features: DiffusiveFeatures, record: Record, time_constants: np.ndarray, share: float) -> LagColumns:
-        """Lags, and decays up to a `share` of the record, behind the columns of the learned `features`."""
+        """Lags, and decays up to a `share` of the record, behind the columns of the learned `features`.
+
+        Each thermometer has lags of all the time constants.
+        """
         taus = time_constants.tolist()
         lag = ThermalLag(
             taus,
@@ -47,22 +54,26 @@ class LagColumns:
             features.initial_state,
             reference_temperature=features.reference_temperature,
         )
-        fitted, many = features.initial_state == "fit", len(record.segments) > MOST_SEGMENTS
+        columns = features.thermometers().further
+        further = [ColumnLags(column, taus, features.hold) for column in columns]
+        fitted, many = features.initial_state == "fit", bool(further) or len(record.segments) > MOST_SEGMENTS
         transient = InitialTransient(taus, share if fitted and not many else 0.0)
         span = max(record.duration(segment) for segment in record.segments)
         few = np.geomspace(FASTEST_START * record.usual_step(), max(span, record.usual_step()), N_STARTS)
         starts = InitialTransient(few.tolist(), share if fitted and many else 0.0)
-        for effect in (lag, transient, starts):
+        for effect in (lag, *further, transient, starts):
             effect.learn(record)
         n_free = 1 + sum(len(effect.names()) for effect in features.effect_list())
-        owned: list[list[int]] = [[] for _ in time_constants]
+        grid = np.tile(time_constants, 1 + len(further))
+        owned: list[list[int]] = [[] for _ in grid]
         decays = []
         for key, taus in transient.decays_.items():
             for offset, tau in enumerate(taus):
                 column = n_free + len(time_constants) + transient.first_column_[key] + offset
                 owned[int(np.searchsorted(time_constants, tau))].append(column)
                 decays.append((column, key, float(tau)))
-        return cls(lag, transient, starts, share, GridLayout(time_constants, span, n_free, owned), decays)
+        deviations = [record.moments(name).std or 1.0 for name in (record.temperature_name, *columns)]
+        return cls(lag, further, transient, starts, share, GridLayout(grid, span, n_free, owned, deviations), decays)
 
     def dead(self, record: Record, folds: TimeFolds) -> list[list[int]]:
         """Decays too slow for what each fold learns from: columns that it must not use."""

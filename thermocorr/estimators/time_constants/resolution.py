@@ -21,7 +21,7 @@ def spectrum_table(factored: Factored, reference: Reference) -> pd.DataFrame:
     Returns
     -------
     DataFrame with columns
-        time_constant [s];
+        time_constant [s], of the lags of the (first) thermometer;
         coefficient: mu(tau) of the reference model (ridge over the whole grid), reading per K;
         excitation [K]: rms of the lag difference, the static law and further effects taken out;
         smallest_coefficient: coefficient of twice its standard error, were this the only lag and the residuals white;
@@ -29,7 +29,8 @@ def spectrum_table(factored: Factored, reference: Reference) -> pd.DataFrame:
         cannot tell the two apart.
     """
     layout, whole = factored.layout, TriangularFactor.merged(factored.chunks)
-    lags = whole.r[layout.n_free :, layout.n_free : layout.n_free + len(layout.grid)]
+    grid = layout.grid[layout.owner == 0]
+    lags = whole.r[layout.n_free :, layout.n_free : layout.n_free + len(grid)]
     norms = np.linalg.norm(lags, axis=0)
     noise = np.sqrt(reference.residual_sum_of_squares / whole.n_rows)
     unit = lags / np.where(norms > 0, norms, 1.0)
@@ -37,8 +38,8 @@ def spectrum_table(factored: Factored, reference: Reference) -> pd.DataFrame:
         smallest = 2 * noise / norms
     return pd.DataFrame(
         {
-            "time_constant": layout.grid,
-            "coefficient": reference.coefficients[layout.n_free : layout.n_free + len(layout.grid)],
+            "time_constant": grid,
+            "coefficient": reference.coefficients[layout.n_free : layout.n_free + len(grid)],
             "excitation": norms / np.sqrt(whole.n_rows),
             "smallest_coefficient": smallest,
             "alike_next": np.append(np.einsum("ij,ij->j", unit[:, :-1], unit[:, 1:]), np.nan),

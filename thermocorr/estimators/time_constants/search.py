@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from numbers import Integral
 from typing import Any
 
@@ -104,7 +104,9 @@ class TimeConstantChoice:
     """What the search found and how."""
 
     time_constants: np.ndarray
-    """[s]."""
+    """Those of the first thermometer [s]."""
+    further: dict[object, np.ndarray] = field(default_factory=dict)
+    """Those of the thermometers beyond it [s]."""
     alpha: float
     """Ridge penalty for the final fit."""
     grid: np.ndarray
@@ -252,8 +254,11 @@ def _choice(
 ) -> TimeConstantChoice:
     grid = factored.layout.grid
     ordered = sorted(tried, key=lambda line: float(line.losses.mean()))
+    members = np.array(chosen.members, np.intp)
+    own = [grid[members[factored.layout.owner[members] == i]] for i in range(len(factored.layout.deviations))]
     return TimeConstantChoice(
-        time_constants=grid[list(chosen.members)],
+        time_constants=own[0],
+        further=dict(zip(factored.features.thermometers().further, own[1:], strict=True)),
         alpha=chosen.alpha,
         grid=grid,
         tried=tuple(ordered),
@@ -282,7 +287,7 @@ def _evenly_spread(
         settings = replace(settings, cv=max(2, min(int(settings.cv), record.n_rows // 4)))
     factored = factors_of(features, record, reading, grid, settings)
     cross = factored.cross_validation(settings.scoring)
-    members, alpha = tuple(range(count)), PENALTIES[2] * reading.n_readings
+    members, alpha = tuple(range(len(factored.layout.grid))), PENALTIES[2] * reading.n_readings
     losses = cross.score_sets([members], alpha)[0] if cross.prepared(alpha) else np.full(1, np.nan)
     chosen = Tried(members, alpha, losses)
     return _choice(factored, [chosen], chosen, None)
@@ -294,7 +299,7 @@ def factors_of(
     """The one pass: a factor for each stretch over ``[1 | static | lags | decays | U]``."""
     columns = LagColumns.of(features, record, grid, settings.longest_decay_share)
     folds = folds_in_time(record, settings.cv, settings.washout)
-    effects = [*features.effect_list(), columns.lag, columns.transient]
+    effects = [*features.effect_list(), columns.lag, *columns.further, columns.transient]
     chunks = columns.swept(record, effects, folds.edges)
     return Factored(record=record, reading=reading, features=features, columns=columns, chunks=chunks, folds=folds)
 
@@ -307,7 +312,7 @@ def reference_spectrum(factored: Factored) -> Reference:
         TriangularFactor.merged([chunk for chunk, b in zip(factored.chunks, block, strict=True) if b == number])
         for number in range(len(ends) - 1)
     ]
-    return reference_of(blocks, factored.layout, factored.record.moments(factored.record.temperature_name).std)
+    return reference_of(blocks, factored.layout)
 
 
 def final_alpha(factored: Factored, reference: Reference) -> float:

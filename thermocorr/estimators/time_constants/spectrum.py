@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,7 @@ HORIZON = 3 / 7
 TOLERANCE = 0.003
 """Misfit of the chosen set to the reference, as a share of the reference's residual variance."""
 MAX_COUNT = 8
+"""Most time constants of one thermometer."""
 MAX_EXCHANGES = 8
 LARGEST_ALPHA = 1e-4
 """Largest ridge penalty per row of the final fit; a record that forecasts better with less keeps its own."""
@@ -51,13 +53,31 @@ class GridLayout:
     """Which column of a factor is what."""
 
     grid: np.ndarray
-    """Time constants of the log grid [s], increasing."""
+    """Time constants of the log grid [s], increasing; with several thermometers those of each, one behind the other."""
     span: float
     """Length of the longest segment [s]."""
     n_free: int
     """Columns that stand first and are never penalised: 1, the static law, further effects."""
     decays: Sequence[Sequence[int]]
     """``decays[i]``: columns of grid member i's decays, one for each segment that has it."""
+    deviations: Sequence[float]
+    """Standard deviation of each thermometer [K], the scale of the penalty on its lags."""
+
+    @cached_property
+    def owner(self) -> np.ndarray:
+        """The number of the thermometer that each grid member follows."""
+        return np.repeat(np.arange(len(self.deviations)), len(self.grid) // len(self.deviations))
+
+    @cached_property
+    def prior(self) -> np.ndarray:
+        """Standard deviation of each grid member's coefficient before the record speaks, up to a common factor.
+
+        A denser grid means the same prior, and so does a thermometer that swings less.
+        """
+        size = len(self.grid) // len(self.deviations)
+        step = np.gradient(np.log(self.grid[:size])) if size > 1 else np.full(1, GRID_STEP)
+        scale = np.tile(np.sqrt(step / GRID_STEP), len(self.deviations))
+        return np.asarray(scale / np.asarray(self.deviations)[self.owner])
 
     def columns(self, chosen: Sequence[int]) -> list[int]:
         """Columns of the model with grid members `chosen`, the free ones left out."""
@@ -94,7 +114,7 @@ def spread(grid: np.ndarray, span: float, count: int) -> np.ndarray:
     return np.geomspace(grid[1], max(span / 3, 1.5 * grid[1]), count)
 
 
-def reference_of(blocks: Sequence[TriangularFactor], layout: GridLayout, temperature_std: float) -> Reference:
+def reference_of(blocks: Sequence[TriangularFactor], layout: GridLayout) -> Reference:
     """Choose penalty and ceiling by forecasting; fit the whole grid with them.
 
     Parameters
@@ -103,18 +123,16 @@ def reference_of(blocks: Sequence[TriangularFactor], layout: GridLayout, tempera
         Blocks of about equal length in time order.
     layout : GridLayout
         Which column is what.
-    temperature_std : float
-        Standard deviation of the temperature [K], the scale of the penalty.
     """
-    errors = forecast_errors(blocks, layout, temperature_std)
+    errors = forecast_errors(blocks, layout)
     c, a = np.unravel_index(int(np.argmin(errors.mean(axis=0))), errors.shape[1:])
     whole = TriangularFactor.merged(blocks)
-    model = reference_models(whole, layout, CEILINGS[c], [PENALTIES[a]], temperature_std)[0]
+    model = reference_models(whole, layout, CEILINGS[c], [PENALTIES[a]])[0]
     return Reference(model, CEILINGS[c], PENALTIES[a], errors, squared_error(whole, model))
 
 
 def reference_models(
-    factor: TriangularFactor, layout: GridLayout, ceiling: float, penalties: Sequence[float], temperature_std: float
+    factor: TriangularFactor, layout: GridLayout, ceiling: float, penalties: Sequence[float]
 ) -> np.ndarray:
     """Coefficients of the whole grid for each penalty, shape (len(penalties), columns before the reading).
 
@@ -124,10 +142,9 @@ def reference_models(
     r, free = factor.r, layout.n_free
     members = layout.members(ceiling)
     columns = np.array(layout.columns(members.tolist()))
-    step = np.gradient(np.log(layout.grid)) if len(layout.grid) > 1 else np.full(1, GRID_STEP)
-    owners = [*members, *(i for i in members for _ in layout.decays[i])]
-    scale = np.sqrt(step[owners] / GRID_STEP)  # a denser grid means the same prior
-    scale[: len(members)] /= temperature_std
+    of_decays = [i for i in members for _ in layout.decays[i]]
+    deviation = np.asarray(layout.deviations)[layout.owner[of_decays]]
+    scale = np.concatenate((layout.prior[members], layout.prior[of_decays] * deviation))
     left, singular, right = np.linalg.svd(r[free:, columns] * scale, full_matrices=False)
     target = left.T @ r[free:, -1]
     result = np.zeros((len(penalties), r.shape[1] - 1))
@@ -144,7 +161,7 @@ def squared_error(factor: TriangularFactor, coefficients: np.ndarray) -> float:
     return float(rest @ rest)
 
 
-def forecast_errors(blocks: Sequence[TriangularFactor], layout: GridLayout, temperature_std: float) -> np.ndarray:
+def forecast_errors(blocks: Sequence[TriangularFactor], layout: GridLayout) -> np.ndarray:
     """Mean squared forecast errors, shape (forecasts, ceilings, penalties), by forward chaining."""
     n_blocks = len(blocks)
     errors = []
@@ -160,7 +177,7 @@ def forecast_errors(blocks: Sequence[TriangularFactor], layout: GridLayout, temp
             [
                 [
                     squared_error(test, model) / test.n_rows
-                    for model in reference_models(learned, layout, ceiling, PENALTIES, temperature_std)
+                    for model in reference_models(learned, layout, ceiling, PENALTIES)
                 ]
                 for ceiling in CEILINGS
             ]
@@ -197,7 +214,8 @@ def project(records: Sequence[Projected], count: int | None = None) -> list[tupl
     if count is None and total <= limit:
         return path
     chosen: tuple[int, ...] = ()
-    for _ in range(min(count or MAX_COUNT, len(candidates))):
+    most = MAX_COUNT * len(records[0].layout.deviations)
+    for _ in range(min(count or most, len(candidates))):
         chosen = grown(chosen, candidates, best, -1e-12 * total)
         path.append(chosen)
         if count is None and sum(misfit.exact(chosen) for misfit in misfits) <= limit:

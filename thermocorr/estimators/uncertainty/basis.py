@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ...effects import InitialTransient
+from ...effects import InitialTransient, LaggedCovariate
 from ...effects.protocol import Effect
 from ...effects.thermal import ThermalLag
 from ...records import History
@@ -73,7 +73,8 @@ def basis_of(model: Any, bins: Binned, offset: float) -> Basis:
     if bins.columns is not None:
         means, own = bins.columns, True
     else:
-        wide = [_widened(effect, grid, history) for effect in effects]
+        searched = () if model.search_ is None else tuple(model.search_.further)
+        wide = [_widened(effect, grid, searched, history) for effect in effects]
         own = all(one is other for one, other in zip(effects, wide, strict=True))
         effects = wide
         means, ends = binned_columns(effects, history, bins)
@@ -100,29 +101,44 @@ def basis_of(model: Any, bins: Binned, offset: float) -> Basis:
 
 def _priors(effects: Sequence[Effect], own: Sequence[Effect]) -> list[np.ndarray]:
     """Columns of the lags and of the decays that are not the model's own: 1 for those, 0 for others, shape (1 + p,)."""
+    edges = np.cumsum([1, *(len(effect.names()) for effect in effects)])
     groups = []
-    for kind in (ThermalLag, InitialTransient):
-        known = {name for effect in own if isinstance(effect, kind) for name in effect.names()}
-        drawn = [isinstance(effect, kind) and name not in known for effect in effects for name in effect.names()]
-        if kind is ThermalLag and any(drawn):  # the chosen ones are not known better than their neighbours
-            drawn = [isinstance(effect, kind) for effect in effects for _ in effect.names()]
-        groups.append(np.array([False, *drawn], float))
-    return [group for group in groups if group.any()]
+    for start, effect, narrow in zip(edges, effects, own, strict=False):
+        known = narrow.names()
+        if effect.names() == known:
+            continue
+        if not isinstance(effect, InitialTransient):  # the lags chosen are not known better than their neighbours
+            known = effect.names()[:1] if isinstance(effect, LaggedCovariate) else []
+        drawn = [name not in known for name in effect.names()]
+        group = np.zeros(edges[-1])
+        group[start : start + len(drawn)] = drawn
+        groups.append(group)
+    return groups
 
 
 def _spectrum(model: Any) -> np.ndarray:
     """Time constants that may be there, for a model that has searched its own [s]; empty for others."""
     choice, record = model.search_, model.features_.history_.record
-    if choice is None or choice.reference is None or model.products or not len(choice.time_constants):
+    if (
+        choice is None
+        or choice.reference is None
+        or model.products
+        or not (choice.further or len(choice.time_constants))
+    ):
         return np.zeros(0)
     span = max(record.duration(segment) for segment in record.segments)
-    longest = max(SPECTRUM_SHARE * span, BEYOND_CHOSEN * choice.time_constants.max())
-    return np.asarray(choice.grid[choice.grid <= longest])
+    slowest = max(taus.max(initial=0.0) for taus in (choice.time_constants, *choice.further.values()))
+    longest = max(SPECTRUM_SHARE * span, BEYOND_CHOSEN * slowest)
+    return np.unique(choice.grid[choice.grid <= longest])
 
 
-def _widened(effect: Effect, grid: np.ndarray, history: History) -> Effect:
-    """A lag with all time constants of a grid, start-up decays with those that the model leaves out; others as are."""
-    if isinstance(effect, ThermalLag) and len(grid):
+def _widened(effect: Effect, grid: np.ndarray, searched: Sequence[Any], history: History) -> Effect:
+    """A lag with all time constants of a grid, start-up decays with those that the model leaves out; others as are.
+
+    So are lags of further thermometers, the columns `searched`.
+    """
+    lags = isinstance(effect, ThermalLag) or (isinstance(effect, LaggedCovariate) and effect.column in searched)
+    if lags and len(grid):
         changed: dict[str, Any] = {"time_constants": grid}
     elif isinstance(effect, InitialTransient) and 1 < len(history.record.segments) <= MOST_SEGMENTS:
         changed = {"longest_share": 1.0}

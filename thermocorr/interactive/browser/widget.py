@@ -16,6 +16,7 @@ from sklearn.base import clone
 from ...effects.protocol import Effect
 from ...effects.wrap import as_effects
 from ...estimators import DynamicBiasRegressor
+from ...estimators.thermometers import Thermometers
 from ...foreign import Table
 from ...judgement import diagnose
 from ...records.numbers import from_polars
@@ -78,9 +79,14 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
     name = name if name not in frame.columns else f"{name} (reading)"
     frame = frame.assign(**{name: pd.Series(getattr(y, "to_numpy", lambda: y)(), index=index)})
     frame.attrs = {**attrs, "units": {**attrs.get("units", {}), **getattr(y, "attrs", {}).get("units", {})}}
-    temperature = str(frame.columns[0] if model.temperature is None else model.temperature)
+    ambient, further = Thermometers.of(model.temperature)
+    temperature = str(frame.columns[0] if ambient is None else ambient)
     time, run = (None if column is None else str(column) for column in (model.time, model.run))
-    taus = model.time_constants
+    base, given, taus = clone(model), as_effects(model.effects), model.time_constants
+    if further:  # the bench has one, and the others as effects
+        features = clone(model).fit(X, y).features_
+        given, taus = features.further_effects(), features.thermometers().split(features.time_constants)[0]
+        base.set_params(temperature=ambient, time_constants=list(taus))
     settings = Settings(
         time_constants=tuple(taus) if isinstance(taus, list | tuple) else taus,
         degree=model.degree,
@@ -91,10 +97,10 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
     )
     source = Source(table=Table(frame=frame), name=IN_MEMORY)
     folder = tempfile.TemporaryDirectory(prefix="thermocorr-")
-    bench = Bench(source, Store(folder.name), settings=settings, own=suspects, base=clone(model))
+    bench = Bench(source, Store(folder.name), settings=settings, own=suspects, base=base)
     weakref.finalize(bench, folder.cleanup)
     acts: list[Any] = [Columns(Roles(temperature=temperature, reading=name, time=time, run=run))]
-    for _, effect in as_effects(model.effects):
+    for _, effect in given:
         acts.append(Add(AddedEffect.of(bench.codec.pack(effect, "effect", learned=False), effect.label())))
     bench.past = Past((tuple(acts),), 0)
     return bench
