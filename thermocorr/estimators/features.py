@@ -20,10 +20,12 @@ from ..effects.wrap import EffectsParameters, as_effects
 from ..records import History, Layout, Log, Record, RecordError, RecordWarning, read_record
 from ..records.numbers import from_polars
 from ..records.record import SegmentStart
-from ..records.screen import Screen, screened
+from ..records.screen import screened
+from .filling import Filling, check_rules, filling_of, learned_beside
 from .thermometers import Thermometers
 
 LAYOUT_CONSTRAINTS: dict[str, Any] = {
+    "fill": [dict, None],
     "temperature": "no_validation",
     "time": "no_validation",
     "run": "no_validation",
@@ -89,6 +91,10 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     max_gap : float or time span, optional
         A longer step starts a new segment. By default temperature is taken as a straight line across gaps. Rows that
         lack a temperature, or a column that an effect uses, are passed over as if they had not been recorded.
+    fill : dict of column to rule, optional
+        What to do with missing cells instead: "hold" the last value, or "estimate" a thermometer from the others (which
+        is done where there are several), or "pass" over; ("hold", "1 h") does so for an hour at most. Only earlier rows
+        are used, and readings beside filled cells are not learned from.
 
     Attributes
     ----------
@@ -143,6 +149,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         run: Any = None,
         sampling_period: Any = None,
         max_gap: Any = None,
+        fill: Any = None,
     ):
         self.time_constants = time_constants
         self.degree = degree
@@ -159,6 +166,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         self.run = run
         self.sampling_period = sampling_period
         self.max_gap = max_gap
+        self.fill = fill
 
     def fit(self, X: Any, y: Any = None) -> DiffusiveFeatures:
         """Learn the reference temperature, the segments and the states at their ends.
@@ -197,13 +205,17 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         X = self._check_columns(X, reset=True)
         further = self.further_effects()
         needed = needed_columns([effect for _, effect in further])
-        record = read_record(X, self.layout(), y=y, needed=needed, quiet=quiet)
-        self._screen: Screen | None = None
+        check_rules(self.fill, [self.thermometers().ambient, *self.thermometers().further], needed)
+        filling = bool(self.thermometers().further or self.fill)
+        record = read_record(X, self.layout(), y=y, needed=needed, quiet=quiet or filling)
+        n_read, self.screen_, self.filling_ = len(record.notes), None, Filling()
+        self.__dict__.pop("history_", None)
         if self.screen:
-            known = len(record.notes)
-            record, self._screen = screened(record, self.longest_step())
-            for note in () if quiet else record.notes[known:]:
-                warnings.warn(note, RecordWarning, stacklevel=3)
+            record, self.screen_ = screened(record, self.longest_step())
+        if filling:
+            record = self._filled(X, y, record, needed, record.notes[n_read:])
+        for note in () if quiet else record.notes[0 if filling else n_read :]:
+            warnings.warn(note, RecordWarning, stacklevel=3)
         self.effects_ = [*self._thermal_part(), *((name, _copy(effect)) for name, effect in further)]
         for _, effect in self.effects_:
             effect.learn(record)
@@ -212,6 +224,22 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         lags = next((e for _, e in self.effects_ if isinstance(e, ThermalLag)), None)
         self.time_constants_ = np.zeros(0) if lags is None else lags.time_constants_
         return record
+
+    def _filled(self, X: Any, y: Any, record: Record, needed: list[Any], screen_notes: tuple[str, ...]) -> Record:
+        """The record with missing cells filled as its known rows tell; the readings beside them are left out."""
+        thermometers = [record.temperature_name, *self.thermometers().further]
+        self.filling_ = filling_of(record, thermometers, self.fill)
+        lacking = record.n_used < len(X) or record.refused
+        if not (self.filling_.stand_ins and lacking) or isinstance(X, Log):
+            return record
+        full = read_record(X, self.layout(), y=y, needed=needed, quiet=True, fill=self._fill)
+        if self.screen_ is not None:
+            full = self.screen_.without_codes(full, self.longest_step())
+            full = self.screen_.without_spikes(full, self.longest_step())
+        return learned_beside(full, record, screen_notes)
+
+    def _fill(self, record: Record) -> Record:
+        return self.filling_.in_record(record, self.screen_, getattr(self, "history_", None))
 
     def walk_fitted(self, record: Record) -> Iterator[Walked]:
         """Columns of the record that is being fitted, block by block."""
@@ -230,12 +258,15 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         if isinstance(X, Record):
             return resume(effects, self.history_, X)
         X = self._check_columns(X, reset=False)
-        record = read_record(X, self.layout(), y=y, needed=needed_columns(effects), quiet=True)
+        fill = self._fill if self.filling_.stand_ins else None
+        record = read_record(X, self.layout(), y=y, needed=needed_columns(effects), quiet=True, fill=fill)
         return resume(effects, self.history_, record)
 
     def remember(self, record: Record, end_states: list[list[Any]]) -> None:
         """Keep what ties later rows to this record."""
-        self.history_ = History.of(record, end_states, self.longest_step(), screen=self._screen)
+        if self.filling_.stand_ins:
+            self.filling_ = self.filling_.at_end_of(record)
+        self.history_ = History.of(record, end_states, self.longest_step(), screen=self.screen_)
 
     def thermometers(self) -> Thermometers:
         """Which columns are thermometers."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -11,6 +11,8 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
+from ..effects import Covariate
+from ..effects.protocol import Effect
 from ..effects.stream import Walked
 from ..effects.thermal import column_text
 from ..records import Block, Record
@@ -192,7 +194,9 @@ class FittedModel:
         """Why a row deserves no trust, or "".
 
         "no temperature", "no reading", "sentinel" or "spike" (of the temperature or the reading, see `screen`),
-        "washout", "outside fitted range".
+        "washout", "outside fitted range". And, of rows with cells that were missing and are filled (see `fill`):
+        "filled", and "thermometer lost" once what the filling may be wrong by moves the reading by more than the
+        residuals' standard deviation.
         """
         reading = None if y is None else numeric_reading(y, X)
         record, starts, _ = self.features_.resume(X)
@@ -234,6 +238,14 @@ class FittedModel:
         assert parts is not None  # a record has at least one block
         return parts, believed
 
+    def effect_coefficients(self) -> Iterator[tuple[Effect, np.ndarray]]:
+        """Each effect, and the coefficients of its columns."""
+        at = 0
+        for effect in self.features_.effect_list():
+            width = len(effect.names())
+            yield effect, self.coef_[at : at + width]
+            at += width
+
     def weighed(self, steps: Iterator[Walked]) -> Iterator[tuple[Block, np.ndarray]]:
         """Each block of a walk, and the contributions of all effects in its rows, shape (n, n_effects)."""
         effects, coef = self.features_.effect_list(), self.coef_
@@ -257,7 +269,45 @@ class FittedModel:
                 flags[np.isnan(reading)] = "no reading"
             for rows, reason in self._refused(block, reading):
                 flags[rows] = reason
+        self.mark_filled(flags, self.filling_errors(block.record.filled, block.rows))
         return flags
+
+    def filling_errors(self, errors: Mapping[Any, np.ndarray], rows: Any) -> np.ndarray | None:
+        """Standard deviation of the bias by filled cells, NaN in rows that have none; None where no row has.
+
+        Parameters
+        ----------
+        errors : mapping of column to array of shape (n_rows,)
+            As `Record.filled` has them.
+        rows : slice or array of int
+            Rows that are asked for.
+        """
+        parts = [self._sensitivity(name) * each[rows] for name, each in errors.items()]
+        if not parts or np.isnan(parts).all():
+            return None
+        total = np.sqrt(np.nansum(np.square(parts), axis=0))
+        return np.where(np.isnan(parts).all(axis=0), np.nan, total)
+
+    def mark_filled(self, flags: np.ndarray, errors: np.ndarray | None) -> None:
+        """Flag the rows that have `filling_errors`, where nothing graver is said of them."""
+        if errors is not None:
+            mild = np.isin(flags, ("", "outside fitted range")) & np.isfinite(errors)
+            flags[mild] = "filled"
+            flags[mild & (errors > self.residual_std_)] = "thermometer lost"
+
+    def _sensitivity(self, column: Any) -> float:
+        """Change of the bias with a column, at once or for good, whichever is more."""
+        temperature = self.features_.history_.record.temperature_name
+        lasting = moved = 0.0
+        for effect, part in self.effect_coefficients():
+            if column == temperature and effect.kind == "static_polynomial" and len(part):
+                lasting += float(part[0])
+            elif column == temperature and effect.kind == "thermal_lag":
+                moved += float(part.sum())
+            elif isinstance(effect, Covariate) and effect.column == column and effect.power == 1:
+                lasting += float(part[0])
+                moved += float(part[1:].sum())
+        return max(abs(lasting), abs(lasting - moved))
 
     def believed(self, block: Block, reading: np.ndarray) -> np.ndarray:
         """Readings of a block's rows without those that the screen refuses, shape (n,)."""

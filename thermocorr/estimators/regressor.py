@@ -69,7 +69,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         Leave out readings that are none, and pass over temperatures that are none: codes for "no value" (9.9E37, -999,
         85.0 of a thermometer at power-on) and isolated spikes, see `thermocorr.equations.spikes`. They are named in a
         warning and in `notes_`, and flagged "sentinel" or "spike" wherever they are met again.
-    reference_temperature, initial_state, hold, time, run, sampling_period, max_gap : see `DiffusiveFeatures`
+    reference_temperature, initial_state, hold, time, run, sampling_period, max_gap, fill : see `DiffusiveFeatures`
     run_offset : {"auto", "each", "same"}, default "auto"
         Whether each run has a U0 of its own (steps that `correct` keeps), or all have the same. "auto": each where
         levels are more than ten times as far apart as what is left within the runs, and the temperature varies there.
@@ -142,6 +142,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         run_offset: str = "auto",
         sampling_period: Any = None,
         max_gap: Any = None,
+        fill: Any = None,
         washout: Any = "auto",
     ):
         self.temperature = temperature
@@ -160,6 +161,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.run_offset = run_offset
         self.sampling_period = sampling_period
         self.max_gap = max_gap
+        self.fill = fill
         self.washout = washout
 
     def fit(self, X: Any, y: Any) -> DynamicBiasRegressor:

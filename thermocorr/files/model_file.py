@@ -29,7 +29,7 @@ from .effect_nodes import EffectCodec
 from .model_nodes import pack_model, unpack_model
 
 FORMAT = "thermocorr model"
-VERSION = 6
+VERSION = 7
 LONGEST_MESSAGE = 400
 """Characters of what is said about a file's content, which may be anything."""
 HISTORY_ROWS = 4096
@@ -250,6 +250,15 @@ def _ordered(node: Any) -> Any:
     return parts
 
 
+def _without_filling(node: dict[str, Any]) -> dict[str, Any]:
+    """Version 6: rows that lack something were passed over."""
+    model = node.get("model")
+    if not (isinstance(model, dict) and isinstance(model.get("parameters"), dict)):
+        raise ModelFileError("$.model has no parameters")
+    model = {"filling": [], **model, "parameters": {"fill": None, **model["parameters"]}}
+    return {**node, "version": 7, "model": model}
+
+
 MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     0: _from_draft,
     1: _from_digest_inside,
@@ -257,6 +266,7 @@ MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     3: _without_errors,
     4: _with_one_level,
     5: _with_pairs_alone,
+    6: _without_filling,
 }
 """Version -> what makes of its content that of the next version."""
 

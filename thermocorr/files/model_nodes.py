@@ -39,6 +39,7 @@ from .codec import (
 )
 from .effect_nodes import EffectCodec, check_state
 from .error_nodes import pack_errors, unpack_errors
+from .filling_nodes import pack_filling, unpack_filling
 from .screen_nodes import pack_screen, unpack_screen
 
 KINDS = ("datetime", "datetime with time zone", "timedelta", "seconds", "rows")
@@ -217,7 +218,7 @@ def unpack_reading(node: Any, where: str) -> Reading:
 
 _MODEL = (
     "parameters", "intercept", "coefficients", "standard_errors", "columns", "alpha", "rank", "residual_std", "washout",
-    "notes", "n_features_in", "feature_names_in", "reading", "effects", "history", "errors",
+    "notes", "n_features_in", "feature_names_in", "reading", "effects", "history", "filling", "errors",
 )  # fmt: skip
 
 
@@ -249,6 +250,7 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
         "feature_names_in": None if names is None else [str(column) for column in names],
         "effects": effects,
         "history": pack_history(history, features.effect_list(), codec),
+        "filling": pack_filling(features.filling_),
         "errors": pack_errors(model.joint_errors(), features.effect_list(), codec) if model.knows_noise else None,
     }
 
@@ -289,6 +291,8 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
         features.set_params(effects=model.run_levels_.beside(as_effects(model.effects)))
     _restore_features(features, node, where)
     features.history_ = unpack_history(node["history"], f"{where}.history", features.effect_list(), codec)
+    features.filling_ = unpack_filling(node["filling"], f"{where}.filling", features.history_.record.columns)
+    features.screen_ = features.history_.screen
     features.n_features_in_ = model.n_features_in_ = integer(node["n_features_in"], f"{where}.n_features_in", 1)
     if parameters["temperature"] is not None:
         _check_temperature(features.thermometers().ambient, features, f"{where}.parameters.temperature")

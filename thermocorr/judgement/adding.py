@@ -15,6 +15,7 @@ from ..effects.wrap import as_effects
 from ..estimators.holdout import held_out_residuals, rms, time_blocks
 from ..estimators.later import later_rms
 from ..estimators.regressor import DynamicBiasRegressor
+from ..estimators.thermometers import Thermometers
 from ..records.thinned import ThinnedLog
 from .levels import HELPS, MOSTLY, SAME, SUPERFLUOUS
 
@@ -97,7 +98,7 @@ def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegr
     extended: DynamicBiasRegressor = clone(model)
     if effect.kind == "thermal_lag" and len(model.time_constants_):
         return extended.set_params(time_constants=_with_times(model, None, effect.time_constants))
-    if isinstance(effect, LaggedCovariate) and effect.power == 1 and effect.column in model.thermometers_:
+    if isinstance(effect, LaggedCovariate) and effect.power == 1 and effect.column in Thermometers.of(model.temperature).further:
         return extended.set_params(time_constants=_with_times(model, effect.column, effect.time_constants))
     own = [other for _, other in as_effects(model.effects)]
     for i, other in enumerate(own):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -23,6 +24,7 @@ from ..files.codec import (
     unpack,
 )
 from ..files.effect_nodes import EffectCodec, check_state
+from ..files.filling_nodes import remembered
 from ..records.grammar import LARGEST
 from .live_errors import LiveErrors
 
@@ -49,6 +51,8 @@ class StreamState:
     """Stamp of its first sample."""
     states: tuple[Any, ...] = ()
     """State of each effect, where a segment goes on."""
+    filling: tuple[tuple[float, ...], ...] = ()
+    """What each stand-in for missing cells remembers; none before the first sample."""
     averaged: tuple[float, ...] = ()
     """Values in the window of the moving average."""
     tracked: tuple[float, float | None] | None = None
@@ -142,6 +146,7 @@ def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
             pack(inner, f"the state of {effect.label()!r}")
             for effect, inner in zip(effects, state.states, strict=False)
         ],
+        "filling": [[None if math.isnan(value) else value for value in each] for each in state.filling],
         "averaged": list(state.averaged),
         "tracked": None if state.tracked is None else list(state.tracked),
     }
@@ -150,7 +155,7 @@ def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
 def _unpacked(
     node: Any, where: str, model: DynamicBiasRegressor, effects: Sequence[Effect], settings: Settings
 ) -> StreamState:
-    node = fields(node, where, _STATE_FIELDS)
+    node = {"filling": [], **fields(node, where, tuple(f for f in _STATE_FIELDS if f != "filling"), ("filling",))}
     history, codec = model.features_.history_, EffectCodec()
 
     def stamp(key: str) -> Any:
@@ -182,8 +187,20 @@ def _unpacked(
         key=None if node["key"] is None else integer(node["key"], f"{where}.key", 0, segments - 1),
         segment_zero=stamp("segment_zero") if is_open else 0,
         states=tuple(states),
+        filling=_filling(node["filling"], f"{where}.filling", model),
         averaged=tuple(_corrected(value, f"{where}.averaged[{i}]") for i, value in enumerate(averaged)),
         tracked=_tracked(node["tracked"], f"{where}.tracked", settings),
+    )
+
+
+def _filling(node: Any, where: str, model: DynamicBiasRegressor) -> tuple[tuple[float, ...], ...]:
+    if node == []:
+        return ()
+    stand_ins = model.features_.filling_.stand_ins
+    given = items(node, where, len(stand_ins))
+    return tuple(
+        tuple(remembered(each, f"{where}[{i}]", one))
+        for i, (each, one) in enumerate(zip(given, stand_ins, strict=True))
     )
 
 

@@ -123,7 +123,8 @@ class History:
         seen: set[object] = set()
         for number, segment in enumerate(record.segments):
             row = record.row(segment.start)
-            values = {name: column[row] for name, column in record.columns.items()}
+            gone = {name for name, errors in record.filled.items() if np.isfinite(errors[row])}
+            values = {name: np.nan if name in gone else column[row] for name, column in record.columns.items()}
             tied = self.tie(record.stamp(segment.start), segment.run, values, segment.run not in seen)
             seen.add(segment.run)
             if tied is not None:
@@ -161,7 +162,8 @@ class History:
             follows = first_of_run and (self.max_gap is None or step <= self.max_gap)
             return (SegmentStart(key, zero, step), None) if follows else None
         if self.record.stamp(row) == stamp:  # a fitted row, unless another log counts its time from the same zero
-            if any(values[name] != kept[row] for name, kept in self.record.columns.items()):
+            known = {name: value for name, value in values.items() if value == value}  # those filled tell nothing
+            if any(known.get(name, kept[row]) != kept[row] for name, kept in self.record.columns.items()):
                 return None
             if row == start:
                 return SegmentStart(key, zero, None), None

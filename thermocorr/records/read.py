@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -48,6 +48,7 @@ def read_record(
     y: Any = None,
     needed: Sequence[object] = (),
     quiet: bool = False,
+    fill: Callable[[Record], Record] | None = None,
 ) -> Record:
     """Validate a record and find its times and segments.
 
@@ -66,6 +67,8 @@ def read_record(
         if it had not been recorded.
     quiet : bool
         Do not warn about the record's quality (it is noted in `Record.notes` all the same).
+    fill : callable, optional
+        Fills missing cells of a record in memory, before rows that lack some are passed over.
 
     Raises
     ------
@@ -91,7 +94,7 @@ def read_record(
     record = Record(
         times=times, temperature_name=name, columns=columns, segments=tuple(segments), order=order, reading=reading
     )
-    record = _known(record, layout, notes)
+    record = _known(record if fill is None or isinstance(X, Log) else fill(record), layout, notes)
     record = replace(record, notes=tuple(notes))
     _refuse_ages(record)
     if not quiet:

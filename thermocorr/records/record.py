@@ -179,6 +179,8 @@ class Record:
     neither begins nor ends with one."""
     refused: tuple[Refused, ...] = ()
     """What the screen left out of this record."""
+    filled: Mapping[object, Floats] = field(default_factory=dict, repr=False)
+    """Standard deviation of the cells of a column that were missing and are filled, NaN for others, shape (n_rows,)."""
 
     @property
     def n_rows(self) -> int:

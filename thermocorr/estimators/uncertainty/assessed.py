@@ -43,7 +43,7 @@ def uncertainty_of(
     n = record.n_rows
     corrected, bias, shared = (np.full(n, np.nan) for _ in range(3))
     variances = {part: np.full(n, np.nan) for part in PARTS}
-    status = no_flags(record)
+    filled, status = np.zeros(n), no_flags(record)
     noise = joint.noise
     doubt = 1.0 if why_provisional else 0.0
     for block, value, errors in ErrorWalk(model, joint, removed=True).blocks(record):
@@ -63,11 +63,14 @@ def uncertainty_of(
         }  # fmt: skip
         for part, variance in each.items():
             variances[part][rows] = variance + lost
+        by_filling = model.filling_errors(record.filled, rows)
+        if by_filling is not None:
+            filled[rows] = np.nan_to_num(by_filling) ** 2
         shared[rows] = errors.shared + lost
         fine = "provisional" if why_provisional else "signed"
         status[rows] = np.where(flags == "", fine, flags)
     fixed, own = sensor_variance(model, record, sensor)
-    variances["sensor"] = fixed + own + 0.0 * variances["noise"]
+    variances["sensor"] = fixed + own + filled + 0.0 * variances["noise"]
     return Uncertainty(
         model=model, joint=joint, record=record, index=index, corrected=corrected, bias=bias, variances=variances,
         shared=shared, sensor_own=own, status=status, sensor=sensor, reference=reference, coverage=coverage,

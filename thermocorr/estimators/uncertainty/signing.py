@@ -172,6 +172,8 @@ class SignedModel(FittedModel):
         for block, _, errors in walk.blocks(record):
             variance = errors.bias if of == "bias" else errors.of_readings(joint.noise)
             variance[self.block_flags(block, None) == "washout"] = np.nan
+            by_filling = self.filling_errors(block.record.filled, block.rows)
+            variance += 0.0 if by_filling is None else np.nan_to_num(by_filling) ** 2
             result[block.rows] = np.sqrt(variance)
         return result
 

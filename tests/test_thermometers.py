@@ -1,0 +1,260 @@
+"""Several thermometers, each with time constants of its own; one that is lost; columns with missing cells."""
+
+import json
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import lfilter
+
+from thermocorr import (
+    DiffusiveFeatures,
+    DynamicBiasRegressor,
+    OnlineCorrector,
+    RecordWarning,
+    TimeConstantSearch,
+    diagnose,
+    load_model,
+    refine,
+    save_model,
+)
+from thermocorr.command.cli import main
+from thermocorr.effects import Covariate
+
+STEP, LEARNED = 60.0, 7000
+BODIES = {"case": (600.0, 5400.0), "room": (1200.0, 20_000.0)}
+"""Time constants of the device behind each of its two surfaces [s]."""
+
+
+def wander(rng, n, memory, deviation):
+    decay = np.exp(-STEP / memory)
+    white = rng.standard_normal(n) * deviation * np.sqrt(1 - decay**2)
+    return lfilter([1], [1, -decay], white)
+
+
+def followed(T, tau):
+    """A body of one time constant, stepped in twenty parts of each step: no formula of the package."""
+    fine = np.interp(np.arange(20 * len(T)) / 20, np.arange(len(T)), T)
+    decay = np.exp(-STEP / 20 / tau)
+    return lfilter([1 - decay], [1, -decay], fine, zi=[decay * fine[0]])[0][::20]
+
+
+def two_surfaces(seed, n=10_000, noise=0.01):
+    """Case and room, the reading, and the reading without noise. The case follows the room and a fan of its own."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(n) * STEP
+    room = (
+        23
+        + np.sin(2 * np.pi * t / 86_400 + rng.uniform(0, 6))
+        + wander(rng, n, 20_000, 0.4)
+        + wander(rng, n, 3000, 0.15)
+    )
+    case = 25 + 0.8 * (followed(room, 1500.0) - 23) + wander(rng, n, 7200, 0.15) + wander(rng, n, 1000, 0.05)
+    U = 100 + 0.4 * (case - 25) + 0.2 * (room - 23)
+    for T, shares in ((case, (0.5, 0.3)), (room, (-0.3, 0.4))):
+        for tau, share in zip(BODIES["case" if T is case else "room"], shares, strict=True):
+            U = U + share * (followed(T, tau) - T)
+    X = pd.DataFrame({"case": case, "room": room}, index=pd.to_timedelta(t, unit="s"))
+    return X, pd.Series(U + noise * rng.standard_normal(n), index=X.index, name="reading"), U, noise
+
+
+@pytest.fixture(scope="module")
+def device():
+    X, y, U, noise = two_surfaces(1)
+    return X, y, U, noise, DynamicBiasRegressor(["case", "room"]).fit(X[:LEARNED], y[:LEARNED])
+
+
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_both_sets_of_time_constants_are_found_and_later_rows_are_foretold_to_the_noise(seed):
+    X, y, U, noise = two_surfaces(seed)
+    model = DynamicBiasRegressor(["case", "room"]).fit(X[:LEARNED], y[:LEARNED])
+    for name, true in BODIES.items():
+        found = np.log(model.thermometers_[name])
+        assert all(abs(found - np.log(tau)).min() < np.log(1.5) for tau in true), (name, model.thermometers_)
+    error = model.predict(X[LEARNED:]) - U[LEARNED:]
+    given = DynamicBiasRegressor(["case", "room"], BODIES).fit(X[:LEARNED], y[:LEARNED])
+    oracle = given.predict(X[LEARNED:]) - U[LEARNED:]
+    assert np.sqrt(np.mean(oracle**2)) < 0.2 * noise  # the device is what the test says
+    assert np.sqrt(np.mean(error**2)) < 0.3 * noise
+    one = DynamicBiasRegressor("case").fit(X[:LEARNED], y[:LEARNED])
+    assert np.sqrt(np.mean((one.predict(X[LEARNED:]) - U[LEARNED:]) ** 2)) > 3 * noise
+
+
+def test_nothing_is_missing_beside_both_thermometers_and_refine_adds_nothing(device):
+    X, y, _, _, model = device
+    assert diagnose(model, X[:LEARNED], y[:LEARNED]).verdict == "nothing missing"
+    refined = refine(DynamicBiasRegressor(["case", "room"]), X[:LEARNED], y[:LEARNED])
+    assert [step for step in refined.steps["effect"] if step] == []
+
+
+def test_a_missing_lag_joins_those_of_its_thermometer(device):
+    X, y, _, _, _ = device
+    lacking = DynamicBiasRegressor(["case", "room"], {"case": [600.0, 5400.0], "room": [1200.0]})
+    refined = refine(lacking, X[:LEARNED], y[:LEARNED])
+    assert not refined.model_.effects  # it is no effect of its own
+    assert len(refined.model_.thermometers_["room"]) > 1
+    assert refined.model_.residual_std_ < 1.05 * 0.01
+
+
+def test_what_each_thermometer_carries_stands_beside_each_other(device):
+    X, _, _, _, model = device
+    parts = model.contributions(X)
+    assert list(parts) == ["static polynomial", "thermal lag", "initial transient", "lagged covariate: room"]
+    assert np.allclose(parts.sum(axis=1) + model.intercept_, model.predict(X), atol=1e-12)
+
+
+def test_a_stream_a_file_and_a_copy_say_the_same(device, tmp_path):
+    X, y, _, _, model = device
+    whole = model.correct(X, y)
+    save_model(model, tmp_path / "model.json")
+    for each in (model, load_model(tmp_path / "model.json")):
+        live = OnlineCorrector(each)
+        later = zip(X.index[LEARNED:][:300], X[LEARNED:].to_numpy(), y[LEARNED:], strict=False)
+        rows = [live.update(t, case, u, room=room).corrected for t, (case, room), u in later]
+        assert np.abs(whole[LEARNED : LEARNED + 300] - rows).max() < 1e-12
+    again = DynamicBiasRegressor(["case", "room"], model.fixed_time_constants(), alpha=model.alpha_)
+    assert np.allclose(again.fit(X[:LEARNED], y[:LEARNED]).coef_, model.coef_, rtol=1e-9)
+
+
+def test_columns_of_an_array_and_of_the_transformer(device):
+    X, y, _, _, _ = device
+    named = DynamicBiasRegressor(["case", "room"], [600.0]).fit(X, y)
+    numbered = DynamicBiasRegressor([0, 1], [600.0], sampling_period=STEP).fit(X.to_numpy(), y.to_numpy())
+    assert np.allclose(named.coef_, numbered.coef_, rtol=1e-9)
+    features = DiffusiveFeatures({"case": [600.0]}, temperature=["case", "room"], initial_state="equilibrium")
+    features.set_output(transform="pandas")
+    assert list(features.fit_transform(X)) == ["case", "lag[600 s]", "room"]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"temperature": []}, "must be a column, or a list of different ones"),
+        ({"temperature": ["case", "case"]}, "must be a column, or a list of different ones"),
+        ({"time_constants": {"rom": [60]}}, "has some for 'rom', which is none of the thermometers"),
+        ({"fill": {"room": "interpolate"}}, "must say 'pass', 'hold', 'estimate'"),
+        ({"fill": {"humidity": "hold"}}, "names 'humidity', which the model does not read"),
+        ({"temperature": "case", "fill": {"case": "estimate"}}, "no thermometer with others beside it"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(device, parameters, said):
+    X, y, _, _, _ = device
+    with pytest.raises(ValueError, match=said):
+        DynamicBiasRegressor(**{"temperature": ["case", "room"], "time_constants": [600.0], **parameters}).fit(X, y)
+
+
+def test_the_search_for_one_thermometer_says_what_it_is_not_for(device):
+    X, y, _, _, model = device
+    with pytest.raises(ValueError, match="searches the time constants of one thermometer"):
+        TimeConstantSearch(model).fit(X, y)
+
+
+# ------------------------------------------------------------------------------------------------ a lost thermometer
+
+
+def with_hole(X, column, start, rows=60):
+    lost = X.copy()
+    lost.iloc[start : start + rows, lost.columns.get_loc(column)] = np.nan
+    return lost, slice(start, start + rows)
+
+
+@pytest.mark.parametrize("seed", [6, 7])
+@pytest.mark.parametrize("column", ["case", "room"])
+def test_a_thermometer_lost_for_an_hour_is_flagged_and_the_error_stays_below_twice_the_usual(column, seed):
+    """The fan of the case is foretold by nothing: in an hour it moves the case by 0.1 K, the reading by 0.03."""
+    X, y, U, noise = two_surfaces(seed, noise=0.03)
+    model = DynamicBiasRegressor(["case", "room"]).fit(X[:LEARNED], y[:LEARNED])
+    errors, said = [], []
+    for start in range(LEARNED + 100, len(X) - 100, 200):
+        lost, hole = with_hole(X, column, start)
+        result = model.evaluate(lost, y, return_std=True)
+        assert set(result["flag"].iloc[hole]) <= {"filled", "thermometer lost"}
+        assert result["flag"].iloc[hole].iloc[0] == "filled"
+        assert result["u"].iloc[hole.stop - 1] > result["u"].iloc[hole.start - 1]
+        errors.append((result["corrected"] - model.intercept_ - (y - U)).to_numpy()[hole])
+        said.append(result["u"].iloc[hole])
+    usual = (model.correct(X, y) - model.intercept_)[LEARNED:].std()
+    assert np.sqrt(np.mean(np.square(errors)) + noise**2) < 2 * usual
+    assert np.mean(np.square(errors)) + noise**2 < np.mean(np.square(said)) * 1.2  # what it may be wrong by is said
+
+
+def test_a_lost_thermometer_live_in_blocks_of_any_size_and_after_a_restart(device):
+    X, y, _, _, model = device
+    lost, _ = with_hole(X, "room", LEARNED + 50)
+    lost, _ = with_hole(lost, "case", LEARNED + 400)
+    whole = model.evaluate(lost, y, return_std=True)[LEARNED : LEARNED + 600]
+    for size in (1, 7, 600):
+        live, parts = OnlineCorrector(model, uncertainty=True), []
+        for start in range(LEARNED, LEARNED + 600, size):
+            rows = slice(start, min(start + size, LEARNED + 600))
+            parts.append(live.update_many(lost[rows], y[rows]))
+            live = OnlineCorrector.from_state(model, json.loads(json.dumps(live.state())))
+        found = pd.concat(parts)
+        assert np.abs(found["corrected"] - whole["corrected"]).max() < 1e-9
+        assert list(found["flag"]) == list(whole["flag"])
+        assert np.abs(found["u"] - whole["u"]).max() < 1e-6
+
+
+def test_readings_beside_filled_cells_are_not_learned_from(device):
+    X, y, _, _, _ = device
+    model = DynamicBiasRegressor(["case", "room"], BODIES)
+    lost, hole = with_hole(X, "room", 3000)
+    spoiled = y.copy()
+    spoiled.iloc[hole] += 5.0
+    with pytest.warns(RecordWarning, match="60 cells of 'room' filled, the first in row 3000; their readings are not"):
+        a = model.fit(lost, y).coef_.copy()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert np.array_equal(a, model.fit(lost, spoiled).coef_)
+
+
+def test_a_code_for_no_temperature_is_filled_too(device):
+    X, y, _, noise, _ = device
+    coded = X.copy()
+    coded.iloc[100:110, 0] = -999.0
+    coded.iloc[8000:8030, 0] = -999.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model = DynamicBiasRegressor(["case", "room"], BODIES).fit(coded, y)
+    assert set(model.flags(coded, y)[8000:8030]) <= {"filled", "thermometer lost"}
+    assert model.residual_std_ < 1.1 * noise
+
+
+def test_all_thermometers_lost_is_no_temperature(device):
+    X, y, _, _, model = device
+    lost, hole = with_hole(with_hole(X, "room", 8000)[0], "case", 8000)
+    assert set(model.flags(lost, y)[hole]) == {"no temperature"}
+    assert np.isnan(model.correct(lost, y)[hole]).all()
+
+
+def test_a_column_is_held_for_as_long_as_is_allowed():
+    X, y, _, _ = two_surfaces(5)
+    X = X.rename(columns={"room": "humidity"})
+    lost, hole = with_hole(X, "humidity", 8000)
+    effects = [Covariate("humidity")]
+    passing = DynamicBiasRegressor("case", [600.0], effects=effects).fit(X, y)
+    assert set(passing.flags(lost)[hole]) == {"no temperature"}
+    holding = DynamicBiasRegressor("case", [600.0], effects=effects, fill={"humidity": ("hold", "20 min")}).fit(X, y)
+    assert np.array_equal(holding.coef_, passing.coef_)
+    flags = holding.flags(lost)[hole]
+    assert set(flags[:20]) <= {"filled", "thermometer lost"} and set(flags[20:]) == {"no temperature"}
+    held = X.copy()
+    held.iloc[hole, 1] = X["humidity"].iloc[7999]
+    assert np.allclose(holding.predict(lost)[hole][:20], holding.predict(held)[hole][:20], atol=1e-12)
+
+
+def test_the_command_takes_several_thermometers(device, tmp_path, capsys):
+    X, y, _, _, _ = device
+    log = X[:3000].assign(U=y[:3000])
+    log.insert(0, "time", np.arange(3000) * STEP)
+    log.to_csv(tmp_path / "log.csv", index=False)
+    options = ["--temperature", "case", "--temperature", "room", "--reading", "U", "--quiet"]
+    assert main(["analyze", str(tmp_path / "log.csv"), *options, "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "temperatures 'case', 'room'" in said
+    assert "Time constants of the last model, room:" in said
+    assert (
+        main(["correct", "--model", str(tmp_path / "out" / "model.json"), str(tmp_path / "log.csv"), "--reading", "U"])
+        == 0
+    )
