@@ -18,6 +18,8 @@ _WITH_UNIT = re.compile(r"(?P<number>[-+0-9.,eE]+)\s*(?P<unit>[^\d\s.,+-].*)")
 
 NEARLY = 0.5
 """Share of the cells of a column that are numbers, from which on the others are said."""
+SOME = 10_000
+"""Cells of a column, at random, that tell whether it is worth counting all of its numbers."""
 
 
 class Shape(NamedTuple):
@@ -135,6 +137,9 @@ def nearly_numbers(frame: pd.DataFrame) -> list[str]:
         if kind_of(frame[name]) != "text":
             continue
         known = frame[name].dropna()
+        some = known.sample(min(len(known), SOME), random_state=np.random.default_rng(0))
+        if pd.to_numeric(some, errors="coerce").notna().mean() < NEARLY / 2:  # far from it: dates, words
+            continue
         good = pd.to_numeric(known, errors="coerce").notna()
         if len(known) and NEARLY <= good.mean() < 1.0:
             word = known[~good].iloc[0]
