@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from thermocorr import ParquetLog, RecordError
-from thermocorr.records import RecordWarning
+from thermocorr.records import RecordWarning, csvlines
 from thermocorr.records.csvlines import check_lines, fields_of, header_of
 from thermocorr.records.files import existing_file, read_table, require_column
 from thermocorr.records.grammar import LARGEST, MISSING, label, number
@@ -142,13 +143,19 @@ def test_headers():
 
 
 @examples(300)
-@given(st.lists(st.text(alphabet='1,."\r\n a', max_size=8), min_size=1, max_size=6), st.booleans())
-@example(["1,2", "3,4,5"], True)
-@example(["1,2", "3"], True)
-@example(["1,2", '"3,4"'], True)
-@example(["1,2", "", "3,4"], False)
-@example(["1,2", "\r", "3,4"], True)
-def test_lines_are_counted_as_by_the_csv_module(lines, ended):
+@given(
+    st.lists(st.text(alphabet='1,."\r\n a', max_size=8) | st.sampled_from(["1,2", "3,4\r"]), min_size=1, max_size=8),
+    st.booleans(),
+    st.sampled_from([1, 8, csvlines.BLOCK]),
+)
+@example(["1,2", "3,4,5"], True, 1)
+@example(["1,2", "3"], True, 1)
+@example(["1,2", '"3,4"'], True, 8)
+@example(["1,2", "", "3,4"], False, 8)
+@example(["1,2", "\r", "3,4"], True, 8)
+@example(["1,2\r", "3,\r4"], True, 8)
+@example(["1,2,3", "4"], True, 8)
+def test_lines_are_counted_as_by_the_csv_module(lines, ended, block):
     """Where every line has two fields for Python's csv module, all are rows; else the first other one is named."""
     lines = [part for line in lines for part in line.split("\n")]
     content = "a,b\n" + "\n".join(lines) + ("\n" if ended else "")
@@ -163,13 +170,14 @@ def test_lines_are_counted_as_by_the_csv_module(lines, ended):
         if fields is None or len(fields) not in (0, 2):
             wrong = k + 2
             break
-    if wrong is None:
-        rows, end = check_lines(content.encode(), 2, 4)
-        assert rows == sum(bool(line.removesuffix("\r")) for line in whole)
-        assert content[:end] == "a,b\n" + "".join(f"{line}\n" for line in whole)
-    else:
-        with pytest.raises(RecordError, match=rf"^line {wrong}:"):
-            check_lines(content.encode(), 2, 4)
+    with patch.object(csvlines, "BLOCK", block):
+        if wrong is None:
+            rows, end = check_lines(content.encode(), 2, 4)
+            assert rows == sum(bool(line.removesuffix("\r")) for line in whole)
+            assert content[:end] == "a,b\n" + "".join(f"{line}\n" for line in whole)
+        else:
+            with pytest.raises(RecordError, match=rf"^line {wrong}:"):
+                check_lines(content.encode(), 2, 4)
 
 
 # ---------------------------------------------------------------------------------------------------------------- files

@@ -17,6 +17,10 @@ from .errors import RecordError, listing
 Places = NDArray[np.intp]
 Chosen = NDArray[np.bool_]
 _CONTROLS = {"\0": "zero byte", "\r": "carriage return", "\v": "vertical tab", "\f": "form feed"}
+_NO_MARKS = bytes(set(range(256)) - set(b',"\n') - set("".join(_CONTROLS).encode()))
+"""Bytes that say nothing of where fields and lines end."""
+BLOCK = 1 << 18
+"""Bytes that are checked together, up to the end of a line: they stay in the cache of a processor."""
 LONGEST = 1 << 20
 """Bytes of a header, and of a line of a stream, at most: a longer one is no row of a log."""
 BOM = b"\xef\xbb\xbf"
@@ -117,57 +121,75 @@ def check_lines(content: bytes, n_columns: int, start: int, line: int = 2) -> tu
         For the first line that is no row of the table.
     """
     end = max(content.rfind(b"\n") + 1, start)
-    ends = np.asarray(_places(content, b"\n", start, end) + 1)
-    starts = np.concatenate(([start], ends[:-1]))[: len(ends)]
-    empty = _empty(content, starts, ends)
-    suspects = _suspects(content, starts, ends, n_columns) & ~empty
-    for row in np.flatnonzero(suspects):
+    rows = 0
+    while start < end:
+        cut = content.find(b"\n", min(start + BLOCK, end - 1), end) + 1
+        block, start = content[start:cut], cut
+        plain = _plain_rows(block, n_columns)
+        rows += plain or _checked_rows(block, n_columns, line)
+        line += plain or block.count(b"\n")
+    return rows, end
+
+
+def _plain_rows(block: bytes, n_columns: int) -> int:
+    """How many rows these lines are, if all of them are rows without quotes; 0 where they need a closer look."""
+    marks = block.translate(None, _NO_MARKS)
+    row = b"," * (n_columns - 1) + (b"\r\n" if marks.endswith(b"\r\n") else b"\n")
+    rows = len(marks) // len(row)
+    if n_columns == 1 or marks != row * rows or (b"\r" in row and block.count(b"\r\n") != rows):
+        return 0
+    return rows if _is_text(block) else 0
+
+
+def _is_text(block: bytes) -> bool:
+    try:
+        return block.isascii() or bool(block.decode("utf-8"))
+    except UnicodeDecodeError:
+        return False
+
+
+def _checked_rows(block: bytes, n_columns: int, line: int) -> int:
+    """How many rows these lines are, looked at one by one where one of their bytes is unusual."""
+    ends = _places(block, b"\n") + 1
+    starts = np.concatenate(([0], ends[:-1]))
+    empty = _empty(block, starts, ends)
+    for row in np.flatnonzero(_suspects(block, starts, n_columns) & ~empty):
         try:
-            found = fields_of(content[starts[row] : ends[row]])
+            found = fields_of(block[starts[row] : ends[row]])
             if len(found) != n_columns:
                 raise RecordError(miscounted(len(found), n_columns))
         except RecordError as error:
             raise RecordError(f"line {row + line}: {error}") from None
-    return len(ends) - int(empty.sum()), end
+    return len(ends) - int(empty.sum())
 
 
-def _places(content: bytes, byte: bytes, start: int, end: int) -> Places:
-    here = np.frombuffer(content, np.uint8, end - start, start)
-    return np.asarray(np.flatnonzero(here == byte[0]) + start)
+def _places(block: bytes, byte: bytes) -> Places:
+    return np.asarray(np.flatnonzero(np.frombuffer(block, np.uint8) == byte[0]))
 
 
-def _empty(content: bytes, starts: Places, ends: Places) -> Chosen:
+def _empty(block: bytes, starts: Places, ends: Places) -> Chosen:
     short = np.asarray(ends - starts <= 2)
     for row in np.flatnonzero(short):
-        short[row] = content[starts[row] : ends[row]] in (b"\n", b"\r\n")
+        short[row] = block[starts[row] : ends[row]] in (b"\n", b"\r\n")
     return short
 
 
-def _suspects(content: bytes, starts: Places, ends: Places, n_columns: int) -> Chosen:
+def _suspects(block: bytes, starts: Places, n_columns: int) -> Chosen:
     """Lines that need a closer look: another number of commas, quotes, bytes that are no plain text."""
-    if not len(ends):
-        return np.zeros(0, bool)
-    low, high = int(starts[0]), int(ends[-1])
-    commas = _places(content, b",", low, high)
-    suspects = np.asarray(np.diff(np.searchsorted(commas, np.append(starts, high))) != n_columns - 1)
+    commas = np.searchsorted(_places(block, b","), np.append(starts, len(block)))
+    suspects = np.asarray(np.diff(commas) != n_columns - 1)
     for mark in (b'"', b"\0", b"\v", b"\f"):
-        if content.find(mark, low, high) >= 0:
-            suspects |= _holding(_places(content, mark, low, high), starts, len(ends))
-    returns = _places(content, b"\r", low, high)  # one stands before each line feed, or before none
-    if len(returns):
-        behind = np.frombuffer(content, np.uint8)[np.minimum(returns + 1, high - 1)]
-        suspects |= _holding(returns[behind != ord("\n")], starts, len(ends))
-    if not content.isascii():
-        try:
-            content.decode("utf-8")
-        except UnicodeDecodeError:
-            beyond = np.flatnonzero(np.frombuffer(content, np.uint8, high - low, low) > 127) + low
-            suspects |= _holding(beyond, starts, len(ends))
+        suspects |= _holding(_places(block, mark), starts)
+    content = np.frombuffer(block, np.uint8)
+    returns = _places(block, b"\r")  # one stands before each line feed, or before none
+    suspects |= _holding(returns[content[returns + 1] != ord("\n")], starts)
+    if not _is_text(block):
+        suspects |= _holding(np.flatnonzero(content > 127), starts)
     return suspects
 
 
-def _holding(places: Places, starts: Places, n: int) -> Chosen:
+def _holding(places: Places, starts: Places) -> Chosen:
     """Lines that hold one of these bytes."""
-    found = np.zeros(n, bool)
+    found = np.zeros(len(starts), bool)
     found[np.searchsorted(starts, places, side="right") - 1] = True
     return found

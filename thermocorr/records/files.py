@@ -98,7 +98,7 @@ def csv_table(content: bytes, path: Path, names: list[str] | None = None, line: 
 
     Raises RecordError for the first line that is no row of the table.
     """
-    if not content.strip():
+    if not content or content.isspace():
         if names is not None:
             return pd.DataFrame(columns=names)
         raise RecordError(
@@ -129,8 +129,10 @@ def csv_table(content: bytes, path: Path, names: list[str] | None = None, line: 
 def _cells(content: bytes, start: int, end: int, names: list[str], as_text: list[str] | None = None) -> pd.DataFrame:
     """The lines of a part of a file as a table: with columns of numbers, or these columns alone, as text."""
     options: dict[str, Any] = {**EVERY_DIGIT, "dtype": dict.fromkeys(as_text or (), str), "usecols": as_text}
+    lines = io.BytesIO(content[:end])  # no copy of a whole file
+    lines.seek(start)
     frame: pd.DataFrame = pd.read_csv(
-        io.BytesIO(memoryview(content)[start:end]),
+        lines,
         header=None,
         names=names,
         index_col=False,
