@@ -3,6 +3,7 @@
 from .catalogue import CATALOGUE
 from .covariates import Covariate, Interaction, LaggedCovariate
 from .disturbance import Disturbance
+from .events import Events
 from .hinge import Hinge
 from .hysteresis import Hysteresis
 from .lead import Lead
@@ -27,6 +28,7 @@ __all__ = [
     "Drift",
     "Effect",
     "EffectInfo",
+    "Events",
     "Hinge",
     "Hysteresis",
     "InitialTransient",

@@ -76,6 +76,8 @@ class Effect(BaseEstimator):
     elsewhere says little of there."""
     foresees: ClassVar[bool] = False
     """True for what looks at later samples: a record has them, a stream and a device do not, nor a part of a record."""
+    tried: ClassVar[bool] = True
+    """False for what a diagnosis does not try as such: what somebody knows, or what it puts together from others."""
     removed_by_correct: bool = True
     """False for what the user wants to keep in the corrected reading, such as the drift of a standard."""
     _parameter_constraints: ClassVar[dict[str, Any]] = {}

@@ -30,6 +30,7 @@ class SeveralSteps(Effect):
 
     kind = "several_steps"
     of_time_alone = True
+    tried = False
     learned = {"seconds_": "numbers", "moments_": "texts"}
     info = EffectInfo(
         physics="Something switches: a loose contact, a relay, a control loop with two states, or somebody who moves "
@@ -56,11 +57,15 @@ class SeveralSteps(Effect):
     def learn(self, record: Record) -> None:
         """Convert the moments to seconds since the record began, and to dates where there are dates."""
         self._validate_params()
-        steps = [Step(time) for time in self.times]
+        steps = [Step(time) for time in self.moments(record)]
         for step in steps:
             step.learn(record)
         self.seconds_ = [step.seconds_ for step in steps]
         self.moments_ = [step.moment_ for step in steps]
+
+    def moments(self, record: Record) -> list[Any]:
+        """The moments, before they are seconds."""
+        return list(self.times)
 
     def names(self) -> list[str]:
         """``step[2024-03-05 00:00:00]``, ..."""

@@ -126,7 +126,7 @@ def sweep(
     """Sweep the columns of a walk into factors of ``[Q | 1 | U]``, less what the decays of `starts` hold.
 
     `steps` walks with ``extra=2``: free columns for the 1 and the reading, which is taken from the record, less
-    `offset`. Rows without a reading are left out.
+    `offset`. Rows without a reading are left out; others count by their weight, where they have one.
     """
     assert record.reading is not None
     chunks: list[TriangularFactor] = []
@@ -145,6 +145,8 @@ def sweep(
             chunks = [TriangularFactor(rows.shape[1]) for _ in edges[1:]]
         if starts is not None:
             rows = np.column_stack((starts.own(block), rows))
+        if record.weight is not None:
+            rows = rows * np.sqrt(record.weight[block.rows])[:, None]
         known = np.isfinite(reading) if np.isnan(reading.sum()) else None
         for chunk, part in _pieces(edges, block.places):
             piece = np.asfortranarray(rows[part] if known is None else rows[part][known[part]])

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import replace
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils._param_validation import Interval, StrOptions
 
-from ..effects.products import CoarseProducts
 from ..effects.protocol import Effect
 from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import solve_ridge
@@ -22,18 +20,18 @@ from ..records import Block, Record, RecordWarning, seconds_of
 from ..records.numbers import numeric_reading
 from .aligned import like, no_flags
 from .cancellation import cancelling
+from .choosing import choose, count_to_choose
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import equal_edges, require_rows, sweep_effects
 from .flat import flat_columns
 from .reading import Reading, check_corrected, check_plausible
 from .ridge import MergedRidge
 from .run_levels import RunLevels, run_levels
-from .thermometers import Thermometers
 from .threads import one_blas_thread
-from .time_constants.resolution import spectrum_table, unresolved
-from .time_constants.search import SearchSettings, TimeConstantChoice, search
-from .time_constants.spectrum import DECAY_SHARE, POOL_SIZE
+from .time_constants.resolution import unresolved
+from .time_constants.spectrum import DECAY_SHARE
 from .uncertainty.signing import SignedModel
+from .weighing import learned_readings
 
 WASHOUT_TIME_CONSTANTS = 3.0
 """An unknown start is felt for this many of the longest time constant: 5 % of it is left then."""
@@ -164,7 +162,9 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.fill = fill
         self.washout = washout
 
-    def fit(self, X: Any, y: Any) -> DynamicBiasRegressor:
+    __metadata_request__fit = {"sample_weight": None}
+
+    def fit(self, X: Any, y: Any, *, mask: Any = None, **weights: Any) -> DynamicBiasRegressor:
         """Learn the bias from a record.
 
         Parameters
@@ -173,6 +173,13 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             Temperature and whatever else was recorded.
         y : array-like of shape (n_rows,)
             Readings; rows with NaN are left out of the fit, not of the lags.
+        mask : array of bool of shape (n_rows,), or list of (start, end), optional
+            Readings that are not learned from, as if they were NaN: the measurand was changed, somebody was at work. A
+            stretch is two moments, both included: dates, or seconds or spans since the record began.
+        sample_weight : array of shape (n_rows,), optional
+            How much each reading counts: numbers of averages, or one over the squares of known uncertainties. Only
+            their ratios do. Zero leaves a reading out, not its temperature: the lags go on. (This is why scikit-learn
+            is not told of it by the signature: it takes a weight of zero for a row that is not there.)
 
         Raises
         ------
@@ -182,10 +189,11 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self._validate_params()
         if y is None:
             raise ValueError("This DynamicBiasRegressor requires y to be passed, but the target y is None.")
+        y = learned_readings(X, y, self.unfitted_features(()).layout(), mask, weights)
         with one_blas_thread():
             self.learn_levels(X, y)
-            self.search_ = self._search(X, y)
-            features = self.unfitted_features(self.time_constants if self.search_ is None else self._chosen())
+            self.search_ = choose(self, X, y)
+            features = self.unfitted_features(self.time_constants if self.search_ is None else self.search_.parameter)
             record = features.learn(X, y, quiet=self.search_ is not None)
             reading = Reading.of(X, y, record)
             require_rows(reading.n_readings, len(features.get_feature_names_out()))
@@ -317,43 +325,9 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             found = run_levels(features, features.learn(X, y, quiet=True), self.run_offset == "each")
         self.run_levels_ = found
 
-    def _chosen(self) -> Any:
-        """The time constants that the search chose, as the parameter has them."""
-        found = self.search_
-        assert found is not None
-        if not found.further:
-            return found.time_constants
-        return {Thermometers.of(self.temperature).ambient: found.time_constants, **found.further}
-
-    def _search(self, X: Any, y: Any) -> TimeConstantChoice | None:
-        """Choose time constants where the user left it to the data; None where they are given."""
-        count = self.count_to_choose()
-        if count == 0:
-            return None
-        thermometers = Thermometers.of(self.temperature)
-        together = None if count is None else count * (1 + len(thermometers.further))
-        settings = SearchSettings(count=together, longest_decay_share=self.longest_decay_share)
-        plain = self.unfitted_features(())
-        if self.products:  # the lags are chosen beside products of a coarse grid, lest they imitate these
-            plain.set_params(products=False, effects=[*as_effects(plain.effects), ("products", CoarseProducts())])
-        found = search(plain, X, y, settings)
-        spectrum = None
-        if found.factored is not None and found.reference is not None:
-            table = spectrum_table(found.factored, found.reference)
-            spectrum = {str(name): column.to_numpy() for name, column in table.items()}
-        return replace(found, factored=None, spectrum=spectrum)  # the factors hold the record: it would stay in memory
-
     def count_to_choose(self) -> int | None:
         """How many time constants to choose: None leaves their number open, 0 means that they are given."""
-        given = self.time_constants
-        if isinstance(given, str) and given == "auto":
-            return None
-        if isinstance(given, bool) or (isinstance(given, Integral) and not 1 <= int(given) <= POOL_SIZE):
-            raise ValueError(
-                f"The 'time_constants' parameter must be 'auto', a number to choose from 1 to {POOL_SIZE}, or a list "
-                f"of times. Got {given!r} instead."
-            )
-        return int(given) if isinstance(given, Integral) else 0
+        return count_to_choose(self.time_constants)
 
     def unfitted_features(self, time_constants: Any, levels: RunLevels | None = None) -> DiffusiveFeatures:
         """Features with the settings of this model and the time constants given, before their fit.

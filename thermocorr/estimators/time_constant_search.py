@@ -22,6 +22,7 @@ from .time_constants.projection import refined, sensitivity
 from .time_constants.resolution import interval_table, spectrum_table
 from .time_constants.search import SearchSettings, TimeConstantChoice, Tried, search
 from .time_constants.spectrum import MAX_COUNT
+from .weighing import learned_readings
 
 
 class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
@@ -146,12 +147,14 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         self.n_jobs = n_jobs
         self.verbose = verbose
 
-    def fit(self, X: Any, y: Any) -> TimeConstantSearch:
+    __metadata_request__fit = {"sample_weight": None}
+
+    def fit(self, X: Any, y: Any, *, mask: Any = None, **weights: Any) -> TimeConstantSearch:
         """Search, and fit the best model to the whole record.
 
         Parameters
         ----------
-        X, y : as for `DynamicBiasRegressor.fit`
+        X, y, mask, sample_weight : as for `DynamicBiasRegressor.fit`
 
         Raises
         ------
@@ -173,14 +176,15 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
                 "DynamicBiasRegressor(temperature=[...], time_constants='auto'), which chooses those of several."
             )
         started = time.perf_counter()
+        learned = learned_readings(X, y, model.unfitted_features(()).layout(), mask, weights)
         with one_blas_thread():
-            model.learn_levels(X, y)
-            choice = search(model.unfitted_features(()), X, y, self._settings(model))
+            model.learn_levels(X, learned)
+            choice = search(model.unfitted_features(()), X, learned, self._settings(model))
             self._conclude(choice)
         self.search_time_ = time.perf_counter() - started
         if self.refit:
             started = time.perf_counter()
-            self.best_estimator_ = model.set_params(**self.best_params_).fit(X, y)
+            self.best_estimator_ = model.set_params(**self.best_params_).fit(X, y, mask=mask, **weights)
             self.refit_time_ = time.perf_counter() - started
             for name in ("n_features_in_", "feature_names_in_"):
                 if hasattr(self.best_estimator_, name):

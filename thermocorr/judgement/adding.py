@@ -98,7 +98,11 @@ def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegr
     extended: DynamicBiasRegressor = clone(model)
     if effect.kind == "thermal_lag" and len(model.time_constants_):
         return extended.set_params(time_constants=_with_times(model, None, effect.time_constants))
-    if isinstance(effect, LaggedCovariate) and effect.power == 1 and effect.column in Thermometers.of(model.temperature).further:
+    if (
+        isinstance(effect, LaggedCovariate)
+        and effect.power == 1
+        and effect.column in Thermometers.of(model.temperature).further
+    ):
         return extended.set_params(time_constants=_with_times(model, effect.column, effect.time_constants))
     own = [other for _, other in as_effects(model.effects)]
     for i, other in enumerate(own):

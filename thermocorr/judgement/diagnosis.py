@@ -86,7 +86,7 @@ def diagnose(
         candidates = [
             effect
             for kind, effects in CATALOGUE.items()
-            if kind not in (*exclude, *DATED, "several_steps")
+            if effects.tried and kind not in (*exclude, *DATED)
             for effect in effects.candidates(record, names)
         ]
         pool = Pool(model, record, [*candidates, *further_candidates(suspects, record, names)])

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -17,7 +17,9 @@ from .labels import factorized
 from .log import Log
 from .numbers import from_polars, is_frame, numeric_column, numeric_reading
 from .record import Record, Segment, holes
+from .screen import LeftOut
 from .times import Times, seconds_of, times_from
+from .weighted import WeightedReading
 
 GAP_STEPS = 10.0
 """A step of more than so many usual ones is a gap, where there is no `max_gap`."""
@@ -60,7 +62,7 @@ def read_record(
         "temperature", else the first.
     layout : Layout
         Names of special columns and limits.
-    y : array-like of shape (n_rows,), optional
+    y : array-like of shape (n_rows,), or WeightedReading, optional
         Readings; NaN where there is none.
     needed : sequence of column names
         Further columns that must be numbers. A row with a NaN in one of them, or in the temperature, is passed over as
@@ -89,11 +91,13 @@ def read_record(
     notes: list[str] = []
     times = _times(X, layout, frame, n, notes)
     runs, order = _runs(X, layout, times)
+    weight, y = (y.weight, y.y) if isinstance(y, WeightedReading) else (None, y)
     reading = None if y is None else numeric_reading(y, X)
     segments = _segments(times, runs, order, layout, notes)
     record = Record(
-        times=times, temperature_name=name, columns=columns, segments=tuple(segments), order=order, reading=reading
-    )
+        times=times, temperature_name=name, columns=columns, segments=tuple(segments), order=order, weight=weight,
+        reading=reading if weight is None else cast(Any, LeftOut(reading, np.flatnonzero(weight == 0))),
+    )  # fmt: skip
     record = _known(record if fill is None or isinstance(X, Log) else fill(record), layout, notes)
     record = replace(record, notes=tuple(notes))
     _refuse_ages(record)

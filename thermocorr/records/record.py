@@ -177,6 +177,8 @@ class Record:
     skipped: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp), repr=False)
     """Rows in time order, sorted, inside segments, that are passed over as if they had not been recorded; a segment
     neither begins nor ends with one."""
+    weight: Floats | None = field(default=None, repr=False)
+    """How much each reading counts in a fit, shape (n_rows,); None where all do alike."""
     refused: tuple[Refused, ...] = ()
     """What the screen left out of this record."""
     filled: Mapping[object, Floats] = field(default_factory=dict, repr=False)

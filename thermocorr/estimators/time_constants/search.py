@@ -107,6 +107,8 @@ class TimeConstantChoice:
     """Those of the first thermometer [s]."""
     further: dict[object, np.ndarray] = field(default_factory=dict)
     """Those of the thermometers beyond it [s]."""
+    ambient: object = None
+    """Name of the first thermometer."""
     alpha: float
     """Ridge penalty for the final fit."""
     grid: np.ndarray
@@ -118,6 +120,11 @@ class TimeConstantChoice:
     factored: Factored | None = None
     spectrum: dict[str, np.ndarray] | None = None
     """Columns of `resolution.spectrum_table`, in the choice that a fitted `DynamicBiasRegressor` keeps."""
+
+    @property
+    def parameter(self) -> Any:
+        """The time constants as the parameter of this name takes them."""
+        return {self.ambient: self.time_constants, **self.further} if self.further else self.time_constants
 
 
 def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings) -> TimeConstantChoice:
@@ -258,6 +265,7 @@ def _choice(
     own = [grid[members[factored.layout.owner[members] == i]] for i in range(len(factored.layout.deviations))]
     return TimeConstantChoice(
         time_constants=own[0],
+        ambient=factored.record.temperature_name,
         further=dict(zip(factored.features.thermometers().further, own[1:], strict=True)),
         alpha=chosen.alpha,
         grid=grid,

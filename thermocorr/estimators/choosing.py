@@ -1,0 +1,48 @@
+"""How a regressor comes by its time constants, where its user leaves them to the data."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from numbers import Integral
+from typing import Any
+
+from ..effects.products import CoarseProducts
+from ..effects.wrap import as_effects
+from .thermometers import Thermometers
+from .time_constants.resolution import spectrum_table
+from .time_constants.search import SearchSettings, TimeConstantChoice, search
+from .time_constants.spectrum import POOL_SIZE
+
+
+def count_to_choose(given: Any) -> int | None:
+    """How many time constants to choose, from the parameter: None leaves their number open, 0 where they are given.
+
+    Raises ValueError for what is none of these.
+    """
+    if isinstance(given, str) and given == "auto":
+        return None
+    if isinstance(given, bool) or (isinstance(given, Integral) and not 1 <= int(given) <= POOL_SIZE):
+        raise ValueError(
+            f"The 'time_constants' parameter must be 'auto', a number to choose from 1 to {POOL_SIZE}, or a list of "
+            f"times. Got {given!r} instead."
+        )
+    return int(given) if isinstance(given, Integral) else 0
+
+
+def choose(model: Any, X: Any, y: Any) -> TimeConstantChoice | None:
+    """Choose the time constants of an unfitted model from a record; None where they are given."""
+    count = count_to_choose(model.time_constants)
+    if count == 0:
+        return None
+    further = Thermometers.of(model.temperature).further
+    together = None if count is None else count * (1 + len(further))
+    settings = SearchSettings(count=together, longest_decay_share=model.longest_decay_share)
+    plain = model.unfitted_features(())
+    if model.products:  # the lags are chosen beside products of a coarse grid, lest they imitate these
+        plain.set_params(products=False, effects=[*as_effects(plain.effects), ("products", CoarseProducts())])
+    found = search(plain, X, y, settings)
+    spectrum = None
+    if found.factored is not None and found.reference is not None:
+        table = spectrum_table(found.factored, found.reference)
+        spectrum = {str(name): column.to_numpy() for name, column in table.items()}
+    return replace(found, factored=None, spectrum=spectrum)  # the factors hold the record: it would stay in memory

@@ -1,0 +1,101 @@
+"""Which readings a fit learns from, and how much each counts: masks and weights."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..effects.moments import since_start
+from ..records import Layout, Log, RecordError, read_record
+from ..records.errors import times_word
+from ..records.numbers import from_polars, numeric_reading
+from ..records.weighted import WeightedReading
+
+
+def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weights: Mapping[str, Any]) -> Any:
+    """The readings to learn from: NaN where they are masked, with weights where some are given.
+
+    Parameters
+    ----------
+    X, y, mask : see `DynamicBiasRegressor.fit`
+    layout : Layout
+        Where things stand in X.
+    weights : mapping
+        Further arguments of `fit`: ``sample_weight``, or none.
+
+    Raises
+    ------
+    TypeError
+        For any other argument.
+    RecordError
+        For masks and weights that do not fit the record.
+    """
+    unknown = set(weights) - {"sample_weight"}
+    if unknown:
+        raise TypeError(f"fit() got an unexpected keyword argument {sorted(unknown)[0]!r}")
+    if mask is not None:
+        y = _masked(X, y, layout, mask)
+    weight = weights.get("sample_weight")
+    return y if weight is None else WeightedReading(y, _checked(weight, len(X)))
+
+
+def _masked(X: Any, y: Any, layout: Layout, mask: Any) -> Any:
+    if isinstance(X, Log):
+        raise RecordError("A mask is for a record in memory. Write NaN for these readings when the file is written.")
+    X, y = from_polars(X), from_polars(y)
+    values = np.array(numeric_reading(y, X), float)
+    values[_rows(X, layout, mask, len(values))] = np.nan
+    if isinstance(y, pd.DataFrame):
+        y = y.iloc[:, 0]
+    if not isinstance(y, pd.Series):
+        return values
+    masked = pd.Series(values, index=y.index, name=y.name)
+    masked.attrs = dict(y.attrs)
+    return masked
+
+
+def _rows(X: Any, layout: Layout, mask: Any, n: int) -> np.ndarray:
+    """Rows that are masked, shape (n,), booleans."""
+    given = mask if isinstance(mask, list) else np.asarray(mask)
+    if isinstance(given, np.ndarray) and given.dtype.kind in "bif" and given.ndim == 1:
+        if len(given) != n or not np.isin(given, (0, 1)).all():
+            raise RecordError(
+                f"The mask must say of each of the {n} rows whether it is left out, True or False. Got an array of "
+                f"{len(given)}, with values such as {given[:1].tolist()}."
+            )
+        return np.asarray(given.astype(bool))
+    record = read_record(X, layout, quiet=True)
+    found = np.zeros(n, bool)
+    seconds = record.times.seconds(slice(0, n), record.first_stamp())
+    for stretch in mask:
+        if isinstance(stretch, str) or np.ndim(stretch) != 1 or len(stretch) != 2:
+            raise RecordError(
+                "The mask must be an array of True and False, one for each row, or a list of (start, end). Got "
+                f"{stretch!r} in a list."
+            )
+        start, end = (since_start(moment, record, "mask", "fit") for moment in stretch)
+        if not start <= end:
+            raise RecordError(f"The mask has a stretch that ends before it starts: {stretch!r}.")
+        found |= (seconds >= start) & (seconds <= end)
+    return found
+
+
+def _checked(weight: Any, n: int) -> np.ndarray:
+    """Weights as numbers of mean 1 where they count, shape (n,)."""
+    values = np.asarray(weight, float)
+    if values.ndim == 0:
+        values = np.full(n, float(values))
+    if values.shape != (n,):
+        raise ValueError(f"sample_weight.shape == {values.shape}, expected {(n,)}: one weight for each row.")
+    wrong = ~(np.isfinite(values) & (values >= 0))
+    if wrong.any():
+        raise RecordError(
+            f"{times_word(int(wrong.sum()), 'weight')} of the readings are no weights, the first in row "
+            f"{int(wrong.argmax())}: {values[wrong][0]}. They must be zero or above."
+        )
+    if not values.any():
+        raise RecordError("All weights of the readings are zero: there is nothing to learn from.")
+    return np.asarray(values / values[values > 0].mean())
