@@ -25,6 +25,7 @@ from thermocorr.effects import (
     LaggedCovariate,
     LaggedModulation,
     LagProducts,
+    Lead,
     LogAgeing,
     Periodic,
     Rate,
@@ -263,3 +264,21 @@ def test_a_date_needs_dates():
     X = log(50).assign(time=60.0 * np.arange(50))
     with pytest.raises(ValueError, match=r"a date where the record has dates \(this one has seconds\)"):
         learned(Step("2024-03-04"), X)
+
+
+def test_a_title_says_spans_as_a_person_does_and_a_label_stays_a_name():
+    said = {
+        Delay("25 min"): ("delay: 1500 s", "delay: 25 min"),
+        Lead("25 min"): ("lead: 1500 s", "lead: 25 min"),
+        Periodic("1 d"): ("periodic: 86400 s", "periodic: 1 d"),
+        Hinge(22.8, "below", ["10 min", "2 h"]): (
+            "hinge: below 22.8, lag 600 s, 7200 s", "hinge: below 22.8, lag 10 min, 2 h"
+        ),
+        LaggedModulation(None, "humidity", "6 h"): (
+            "lagged modulation: temperature by humidity, 21600 s late",
+            "lagged modulation: temperature by humidity, 6 h late",
+        ),
+        Covariate("humidity"): ("covariate: humidity", "covariate: humidity"),
+    }  # fmt: skip
+    for effect, names in said.items():
+        assert (effect.label(), effect.title()) == names

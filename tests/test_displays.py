@@ -293,7 +293,7 @@ def test_logs_on_disk_give_the_same_numbers(fitted, kind, tmp_path):
     display = ResidualsDisplay.from_estimator(same, log, reading)
     np.testing.assert_allclose(display.frame()["residual_high"], expected["residual_high"], atol=1e-8)
     AllanDisplay.from_estimator(same, log, reading)
-    assert display.plot().axes_[1].get_xlabel() == ("time" if kind == "parquet" else "time [days]")
+    assert display.plot().axes_[1].get_xlabel() == ("time" if kind == "parquet" else "time [d]")
 
 
 def test_one_axes_is_divided_and_several_are_taken(fitted):

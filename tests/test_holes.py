@@ -117,8 +117,8 @@ def test_the_note_says_how_long_the_longest_hole_is():
     X, y = record[["temperature"]].copy(), record["reading"]
     X.iloc[100:130] = np.nan
     model = DynamicBiasRegressor("temperature", ["5 min"])
-    with pytest.warns(UserWarning, match=r"30 rows of 600 .*row 100.*for 1860 s at most.*Pass max_gap=180 to"):
+    with pytest.warns(UserWarning, match=r"30 rows of 600 .*row 100.*for 31 min at most.*Pass max_gap=180 to"):
         model.fit(X, y)
     X.iloc[400] = np.nan
-    with pytest.warns(UserWarning, match=r"31 rows of 600 .*for 120 s at most\. To use"):
+    with pytest.warns(UserWarning, match=r"31 rows of 600 .*for 2 min at most\. To use"):
         model.set_params(max_gap="10 min").fit(X, y)

@@ -38,7 +38,7 @@ def test_output_forms_show_every_variant(comparison):
         for variant in comparison.frame().index:
             assert variant in text
     assert comparison.to_latex().count(r"\\") == 1 + len(comparison.frame())
-    assert "mV" in comparison.caption()
+    assert "Figures in nV." in comparison.caption()
 
 
 def test_held_out_residuals_cover_the_record(comparison, voltage):

@@ -19,10 +19,11 @@ from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..pages import Findings
 from ..pages.report import report_text
 from ..pictures.added_noise import added_noise
-from ..pictures.timeline import time_text
 from ..pictures.words import aspect_text, each_row, interval_text
 from ..records import RecordError, RecordWarning
 from ..records.files import TIME_NAMES, require_column
+from ..records.quantities import number_text, scale_of, span_text
+from ..records.text import printable
 from ..records.times import dates_once
 from ..records.units import unit_of
 from .spans import number_or_span
@@ -111,7 +112,7 @@ def _run(
     if understood:
         said = [
             *understood,
-            f"steps of {time_text(best.features_.history_.usual_step)}",
+            f"steps of {span_text(best.features_.history_.usual_step)}",
             unit_of(best.features_.history_.record.temperature_name, log),
         ]
         say(f"Read as: {', '.join(filter(None, said))}.\n")
@@ -123,7 +124,7 @@ def _run(
     say(f"{comparison}\n\n{later}\n")
     for name, taus in thermometers.items():
         of_which = f", {name}" if len(thermometers) > 1 else ""
-        say(f"Time constants of the last model{of_which}: {', '.join(map(time_text, taus)) or 'none'}\n")
+        say(f"Time constants of the last model{of_which}: {', '.join(map(span_text, taus)) or 'none'}\n")
     judged = _judge(best, X, y, options, say, progress)
     best = judged.model
     noise = added_noise(best, X, y)
@@ -208,9 +209,14 @@ def places(found: Diagnosis) -> str:
     if not len(found.where):
         return "No place where it fails more than elsewhere."
     worst = found.where.head(5)
-    rows = [(aspect_text(row), interval_text(row), row.n, row.rms, f"{row.share:.0%}") for row in each_row(worst)]
-    frame = pd.DataFrame(rows, columns=["fails most in", "range", "n", "rms", "share"])
-    return frame.to_string(index=False, float_format=lambda value: f"{value:.3g}")
+    scale = scale_of(worst["rms"], printable(found.unit))
+    rows = [
+        (aspect_text(row), interval_text(row), row.n, scale.factor * row.rms, f"{row.share:.0%}")
+        for row in each_row(worst)
+    ]
+    rms = f"rms [{scale.unit}]" if scale.unit else "rms"
+    frame = pd.DataFrame(rows, columns=["fails most in", "range", "n", rms, "share"])
+    return frame.to_string(index=False, float_format=number_text)
 
 
 def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasRegressor, str, tuple[str, ...]]:

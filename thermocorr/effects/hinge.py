@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from numbers import Real
 from typing import Any
 
@@ -11,6 +11,7 @@ from sklearn.base import clone
 from sklearn.utils._param_validation import Interval, StrOptions
 
 from ..records import Record
+from ..records.quantities import span_text
 from .grids import temperature_quantiles, time_grid
 from .protocol import Effect, EffectInfo, time_text
 from .signals import Signals
@@ -105,5 +106,12 @@ class Hinge(Effect):
 
     def label(self) -> str:
         """``hinge: above 0``, ``hinge: above 0, lag 3600 s``."""
-        times = [time_text(tau) for tau in seconds_array(self.time_constants)]
+        return self._named(time_text)
+
+    def title(self) -> str:
+        """``hinge: above 0, lag 1 h``."""
+        return self._named(span_text)
+
+    def _named(self, said: Callable[[float], str]) -> str:
+        times = [said(tau) for tau in seconds_array(self.time_constants)]
         return f"hinge: {self.side} {self.knee:.6g}" + (f", lag {', '.join(times)}" if times else "")

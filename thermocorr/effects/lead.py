@@ -9,6 +9,7 @@ import numpy as np
 
 from ..equations import lag_differences
 from ..records import Block, Record, seconds_of
+from ..records.quantities import span_text
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, time_text
 from .thermal import seconds_array
@@ -103,3 +104,7 @@ class Lead(Effect):
     def label(self) -> str:
         """``lead: 40 s``."""
         return f"lead: {time_text(seconds_of(self.lead, 'lead'))}"
+
+    def title(self) -> str:
+        """``lead: 40 s``."""
+        return f"lead: {span_text(seconds_of(self.lead, 'lead'))}"

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..records import Record
+from ..records.quantities import span_text
 from ..records.units import unit_of
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, suspects, time_text
@@ -100,6 +101,13 @@ class LaggedModulation(Effect):
         return [(fast - self.means_[0]) * (late - self.means_[1])]
 
     def label(self) -> str:
-        """``lagged modulation: temperature by humidity of 6 h``."""
+        """``lagged modulation: temperature by humidity, 21600 s late``."""
+        return self._named(time_text)
+
+    def title(self) -> str:
+        """``lagged modulation: temperature by humidity, 6 h late``."""
+        return self._named(span_text)
+
+    def _named(self, said: Callable[[float], str]) -> str:
         fast, slow = ("temperature" if given is None else str(given) for given in (self.fast, self.slow))
-        return f"lagged modulation: {fast} by {slow}, {time_text(float(seconds_array([self.time_constant])[0]))} late"
+        return f"lagged modulation: {fast} by {slow}, {said(float(seconds_array([self.time_constant])[0]))} late"

@@ -9,6 +9,7 @@ from typing import Any
 from sklearn.utils._param_validation import Interval
 
 from ..records import Record, seconds_of
+from ..records.quantities import span_text
 from .grids import longest_segment
 from .protocol import Effect, EffectInfo, time_text
 from .signals import Signals
@@ -91,3 +92,7 @@ class Periodic(Effect):
     def label(self) -> str:
         """``periodic: 86400 s``."""
         return f"periodic: {time_text(seconds_of(self.period, 'period'))}"
+
+    def title(self) -> str:
+        """``periodic: 1 d``."""
+        return f"periodic: {span_text(seconds_of(self.period, 'period'))}"

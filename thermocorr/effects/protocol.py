@@ -209,6 +209,10 @@ class Effect(BaseEstimator):
         """Name of the contribution in tables and plots."""
         return self.kind.replace("_", " ") + "".join(f": {name}" for name in self.inputs())
 
+    def title(self) -> str:
+        """Name in sentences: as in `label`, time spans in units that suit them."""
+        return self.label()
+
 
 def refuse_foresight(effects: Sequence[Effect], who: str) -> None:
     """Raise ValueError for the first effect that looks at later samples, which `who` does not have."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..records import Record, seconds_of
+from ..records.quantities import span_text
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, time_text
 from .signals import Signals
@@ -128,3 +129,7 @@ class Delay(Effect):
     def label(self) -> str:
         """``delay: 600 s``."""
         return f"delay: {time_text(seconds_of(self.delay, 'delay'))}"
+
+    def title(self) -> str:
+        """``delay: 10 min``."""
+        return f"delay: {span_text(seconds_of(self.delay, 'delay'))}"

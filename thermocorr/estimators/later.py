@@ -12,6 +12,7 @@ import pandas as pd
 from sklearn.base import clone
 
 from ..records import RecordError, read_record
+from ..records.quantities import number_text, scale_of
 from ..records.text import printable
 from .holdout import rms
 from .regressor import DynamicBiasRegressor
@@ -60,14 +61,18 @@ class LaterErrors:
         if helps is None:
             return "Whether a correction helps on later data cannot be told: the record is too short."
         rival = self._rival()
-        error = f"{self._figure(variant)} rms ({blocks.loc[variant].min():.2g} to {blocks.loc[variant].max():.2g})"
-        other = f"{self._figure(rival)} {'uncorrected' if rival == BEFORE else 'static'}"
+        scale = scale_of([self._all[variant]], printable(self.unit))
+        own, others, best = (scale.text(self._all[name]) for name in (variant, rival, self.best))
+        each = scale.factor * blocks.loc[variant].to_numpy(float)
+        least, most = number_text(each.min(), 2), number_text(each.max(), 2)
+        error = f"{own} rms ({least} to {most})"
+        other = f"{others} {'uncorrected' if rival == BEFORE else 'static'}"
         count = f"{round(self._wins(variant) * blocks.shape[1])} of {blocks.shape[1]}"
         said = f"better in {count} later blocks, each foretold from everything before it, the {variant} correction"
         if helps:
             said = f"Use it: {said} leaves {error} instead of {other}."
             if self._all[variant] > LIKE * self._all[self.best]:
-                said += f" The {self.best} one does better there: {self._figure(self.best)}."
+                said += f" The {self.best} one does better there: {best}."
             return said
         return f"Not shown to help: {said} leaves {error} against {other}."
 
@@ -83,14 +88,12 @@ class LaterErrors:
     def _wins(self, variant: str) -> float:
         return float(np.mean(self.blocks.loc[variant] < self.blocks.loc[self._rival()]))
 
-    def _figure(self, variant: str) -> str:
-        return printable(f"{self._all[variant]:.3g} {self.unit}".strip())
-
     def __str__(self) -> str:
         shown = self.table.rename(index={self.best: f"{self.best} *"})
+        scale = scale_of(self.table, printable(self.unit))
         head = "Error on later blocks of time, offset included"
-        text = shown.to_string(float_format=lambda value: f"{value:.3g}", na_rep="-")
-        return f"{head}{f' [{printable(self.unit)}]' if self.unit else ''}; * is the least:\n{text}"
+        text = (scale.factor * shown).to_string(float_format=number_text, na_rep="-")
+        return f"{head}{f' [{scale.unit}]' if scale.unit else ''}; * is the least:\n{text}"
 
     __repr__ = __str__
 

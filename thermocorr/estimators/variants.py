@@ -14,6 +14,7 @@ from sklearn.base import clone
 
 from ..equations import moving_average, reduction_db
 from ..records import Record, read_record
+from ..records.quantities import Scale, number_text, scale_of
 from ..records.text import printable
 from .holdout import held_out_residuals, rms, time_blocks
 from .regressor import DynamicBiasRegressor
@@ -52,21 +53,26 @@ class VariantComparison:
         """The figures: one row per variant."""
         return self.table.copy()
 
-    def caption(self) -> str:
-        """What the columns mean."""
-        unit = f" Figures in {printable(self.unit)}." if self.unit else ""
+    def scale(self) -> Scale:
+        """The unit in which the figures are printed; `frame` has them in that of the reading."""
+        return scale_of(self.table[[name for name in _TITLES if not name.endswith("_db")]], self.unit)
+
+    def caption(self, unit: str = "") -> str:
+        """What the columns mean; `unit` is how their unit is written, as in `scale` where nothing is said."""
+        unit = printable(unit or self.scale().unit)
+        figures = f" Figures in {unit}." if unit else ""
         return (
             f"Smoothed: moving average of {self.window} samples. Reduction: smoothed std against the reading before "
             f"correction; negative is good. Held out: {self.n_blocks} blocks of time, each predicted by a model fitted "
-            f"without it; rms includes each block's offset, std does not.{unit}"
+            f"without it; rms includes each block's offset, std does not.{figures}"
         )
 
     def formatted(self) -> pd.DataFrame:
         """The figures as text, four digits or a tenth of a decibel."""
-        text = pd.DataFrame(index=self.table.index)
+        text, factor = pd.DataFrame(index=self.table.index), self.scale().factor
         for name, title in _TITLES.items():
-            digits = "{:.1f}" if name.endswith("_db") else "{:.4g}"
-            text[title] = ["" if np.isnan(v) else digits.format(v) for v in self.table[name]]
+            said = "{:.1f}".format if name.endswith("_db") else lambda value: number_text(factor * value, 4)
+            text[title] = ["" if np.isnan(v) else said(v) for v in self.table[name]]
         return text
 
     def __str__(self) -> str:

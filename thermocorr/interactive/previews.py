@@ -9,6 +9,7 @@ import numpy as np
 from ..effects.protocol import Effect
 from ..estimators.holdout import rms
 from ..judgement.adding import with_missing
+from ..records.quantities import scale_of
 from .learning import Fitted
 from .tiles import Store
 from .wording import figure
@@ -34,9 +35,11 @@ def preview_of(found: Fitted, effect: Effect, store: Store) -> dict[str, Any]:
     before = np.asarray(store.get(found.curves["residual"]))
     learned = np.isfinite(found.data.learned.to_numpy(float)[rows]) & np.isfinite(after) & np.isfinite(before)
     found.curves |= {AFTER: store.put(after), TAKEN: store.put(before - after)}
+    errors = rms(before[learned]), rms(after[learned])
+    scale = scale_of(errors, found.model.reading_.unit)
     return {
         "curves": {name: found.curves[name] for name in (AFTER, TAKEN)},
-        "before": figure(rms(before[learned]), found.model.reading_.unit),
-        "after": figure(rms(after[learned]), found.model.reading_.unit),
+        "before": figure(errors[0], scale),
+        "after": figure(errors[1], scale),
         "label": effect.label(),
     }

@@ -11,10 +11,9 @@ import pandas as pd
 from ..effects.thermal import column_text
 from ..judgement import Diagnosis
 from ..judgement.diagnosis import largest_lag
-from ..pages.html import unit_text
+from ..pages.html import unit_text, units_of_axis
 from ..pages.sections import HELPS, VERDICTS, Scales, parameters_text
 from ..pictures.intervals import stretches
-from ..pictures.timeline import time_text
 from ..pictures.words import (
     aspect_text,
     each_row,
@@ -24,6 +23,7 @@ from ..pictures.words import (
     probability_text,
     when_text,
 )
+from ..records.quantities import scale_of, span_text
 from ..records.text import printable
 from ..records.types import kind_of
 from ..records.units import difference_unit, unit_of
@@ -109,13 +109,15 @@ def _marked(found: Fitted, store: Store) -> list[list[float]]:
 def _said(bench: Bench, found: Fitted | None) -> list[str]:
     said = list(bench.source.table.said if found is None else found.data.said)
     if found is not None:
-        said.append(f"steps of {time_text(found.model.features_.history_.usual_step)}")
+        said.append(f"steps of {span_text(found.model.features_.history_.usual_step)}")
     return [printable(words) for words in said]
 
 
 def _history(bench: Bench, found: Fitted | None) -> list[dict[str, Any]]:
     """The steps with their errors, each against the first that has one."""
-    unit = found.model.reading_.unit if found else ""
+    errors = [bench.known(bench.arrangement(number).key()) for number in range(1, len(bench.acts) + 1)]
+    sizes = [known.get(name) for known in errors for name in ("rms", "held_out", "later")]
+    scale = scale_of([size for size in sizes if size is not None], found.model.reading_.unit if found else "")
     rows: list[dict[str, Any]] = []
     first: float | None = None
     for number, act in enumerate(bench.acts, 1):
@@ -129,9 +131,9 @@ def _history(bench: Bench, found: Fitted | None) -> list[dict[str, Any]]:
                 "key": key,
                 "text": printable(act.sentence()),
                 "kind": {Columns: "columns", Add: "add", Mark: "mark"}.get(type(act), "shape"),
-                "rms": figure(known.get("rms"), unit),
-                "held_out": figure(held_out, unit),
-                "later": figure(known.get("later"), unit),
+                "rms": figure(known.get("rms"), scale),
+                "held_out": figure(held_out, scale),
+                "later": figure(known.get("later"), scale),
                 "db": fall(held_out, first) if number > 1 else None,
                 "verdict": known.get("verdict", ""),
             }
@@ -153,7 +155,7 @@ def _fitted(found: Fitted) -> dict[str, Any]:
     ]
     conditions = {
         "rate": ("rate of the temperature", f"{difference_unit(degrees)}/h"),
-        "lag difference": (f"lag difference, {time_text(largest_lag(model) or 0.0)}", difference_unit(degrees)),
+        "lag difference": (f"lag difference, {span_text(largest_lag(model) or 0.0)}", difference_unit(degrees)),
         "hour": ("hour of day (UTC)" if axis.dates else "hour of day", "h"),
     }
     curves += [
@@ -181,6 +183,7 @@ def _fitted(found: Fitted) -> dict[str, Any]:
         "reading": printable(model.reading_.name),
         "temperature": printable(column_text(model.temperature)),
         "unit": unit_text(unit),
+        "units": units_of_axis(unit),
         "axis": {
             "label": axis.label,
             "unit": axis.unit,
@@ -191,8 +194,11 @@ def _fitted(found: Fitted) -> dict[str, Any]:
             "low": axis.at(0.0),
             "high": axis.at(found.timeline.span),
         },
-        "curves": [{**curve, "unit": unit_text(str(curve["unit"]))} for curve in curves],
-        "time_constants": ", ".join(map(time_text, model.time_constants_)),
+        "curves": [
+            {**curve, "unit": unit_text(unit_), "units": units_of_axis(unit_)}
+            for curve, unit_ in ((curve, str(curve["unit"])) for curve in curves)
+        ],
+        "time_constants": ", ".join(map(span_text, model.time_constants_)),
         "without_times": found.timeline.samples,
         "equation": printable(model.equation(), "\n"),
         "notes": [printable(note) for note in found.notes[:NOTED]],
@@ -204,14 +210,15 @@ def _judged(found: Fitted) -> dict[str, Any]:
     judged = found.diagnosis
     assert judged is not None
     unit, axis = judged.unit, axis_of(found)
+    scale = scale_of((judged.residual_rms, judged.noise_floor), unit)
     helps = judged.best is not None and judged.suspects[0].standing == "helps"
     start = found.timeline.zero if found.timeline.dates else None
     scales = Scales(start, found.model.reading_.temperature_unit)
     return {
         "verdict": judged.verdict,
         "said": HELPS if helps else VERDICTS[judged.verdict],
-        "floor": figure(judged.noise_floor, unit),
-        "rms": figure(judged.residual_rms, unit),
+        "floor": figure(judged.noise_floor, scale),
+        "rms": figure(judged.residual_rms, scale),
         "explainable": f"{judged.explainable:.0%}",
         "left": _left(judged, unit_text(unit)),
         "where": [_place(row, found) for row in each_row(judged.where.head(PLACES))],
@@ -227,7 +234,7 @@ def _judged(found: Fitted) -> dict[str, Any]:
                 "held_out": gain(suspect.gain_db),
                 "later": gain(suspect.later_db),
                 "p": probability_text(suspect.p_value),
-                "alike": [printable(effect.label()) for effect in suspect.confusable_with],
+                "alike": [printable(effect.title()) for effect in suspect.confusable_with],
                 "when": printable(when_text(suspect)),
                 "physics": suspect.effect.info.physics if suspect.effect.info else "",
                 "bench_check": suspect.effect.info.bench_check if suspect.effect.info else "",

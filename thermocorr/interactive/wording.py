@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from ..pages import figures
-from ..pages.html import percent_text, plain, unit_text
-from ..pictures.timeline import time_text
+from ..pages.html import percent_text, quantity
+from ..records.quantities import Scale, span_texts
 from .learning import Fitted
 
 
@@ -28,7 +28,7 @@ def moment_words(found: Fitted, places: np.ndarray, seconds: np.ndarray) -> str:
         first, last = (pd.Timestamp(moment).round("s") for moment in line.times(seconds))
         start, end = f"{first:%Y-%m-%d %H:%M:%S}", f"{last:%Y-%m-%d %H:%M:%S}"
         return f"{start} to {end.removeprefix(f'{first:%Y-%m-%d} ')}"
-    return f"{time_text(float(seconds[0]))} to {time_text(float(seconds[1]))} after the first row"
+    return f"{' to '.join(span_texts(seconds[:2]))} after the first row"
 
 
 def chosen_lags(given: str) -> Any:
@@ -65,12 +65,11 @@ def spans(given: str) -> list[float | str]:
     return found
 
 
-def figure(value: float | None, unit: str = "", digits: int = 4) -> dict[str, Any] | None:
-    """A number as text with its unit, and as it is; None for one that nobody knows."""
+def figure(value: float | None, scale: Scale, digits: int = 4) -> dict[str, Any] | None:
+    """A number as text with a unit that suits it and its neighbours, and as it is; None for one that nobody knows."""
     if value is None or not math.isfinite(value):
         return None
-    text = plain(float(value), digits)
-    return {"text": f"{text}\u00a0{unit_text(unit)}" if unit else text, "value": float(value)}
+    return {"text": quantity(float(value), digits=digits, scale=scale), "value": float(value)}
 
 
 def share(value: float) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from ..estimators.holdout import held_out_residuals, rms, time_blocks
 from ..estimators.later import later_rms
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.thermometers import Thermometers
+from ..records.quantities import quantity_texts
 from ..records.thinned import ThinnedLog
 from .levels import HELPS, MOSTLY, SAME, SUPERFLUOUS
 
@@ -69,8 +70,11 @@ class Errors:
         each = np.fmin(self.each, other.each)
         return Errors(min(self.held_out, other.held_out), min(self.later, other.later), each)
 
-    def __str__(self) -> str:
-        return f"{self.held_out:.4g} held out, {self.later:.4g} on later blocks"
+    def text(self, unit: str, before: Errors) -> str:
+        """Say the two errors beside those before, in one unit that suits them."""
+        numbers = (self.held_out, before.held_out, self.later, before.later)
+        now, then, later_now, later_then = quantity_texts(numbers, unit, 4)
+        return f"{now} after {then} held out, {later_now} after {later_then} on later blocks"
 
     def as_good_as(self, other: Errors) -> bool:
         """Whether a simpler model is to be preferred."""

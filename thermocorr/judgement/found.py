@@ -12,6 +12,7 @@ import pandas as pd
 from ..effects.protocol import Effect
 from ..pages import DiagnosisPage, PageData
 from ..pictures.words import each_row, effect_text, left_sentences, suspect_sentence, worst_sentence
+from ..records.quantities import quantity_texts
 from ..records.text import printable
 from .left import Left
 from .levels import LEVEL
@@ -130,9 +131,10 @@ class Diagnosis(DiagnosisPage):
         return {key: value for key, value in self.__dict__.items() if key != "_data"} | {"gather": None}
 
     def __str__(self) -> str:
+        residual, floor = quantity_texts((self.residual_rms, self.noise_floor), self.unit, 4)
         lines = [
             f"Verdict: {self.verdict}",
-            f"Residual {self.residual_rms:.4g} {self.unit}, noise floor {self.noise_floor:.4g} {self.unit}: "
+            f"Residual {residual}, noise floor {floor}: "
             f"{self.explainable:.0%} of the residual variance could still be explained.",
         ]
         if len(self.where) and self.verdict != "nothing missing":

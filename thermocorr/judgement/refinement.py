@@ -15,6 +15,7 @@ from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..pages import RefinementPage
+from ..records.quantities import number_text, scale_of
 from ..records.text import printable
 from .adding import Errors, with_missing
 from .diagnosis import diagnose
@@ -37,8 +38,12 @@ class Refinement(RefinementPage):
     """Diagnosis of the model after each step."""
 
     def __str__(self) -> str:
+        errors = ["rms", "held_out_rms", "later_rms"]
+        scale = scale_of(self.steps[errors], self.diagnoses[-1].unit)
+        heads = {name: f"{name.replace('_', ' ')} [{scale.unit}]" if scale.unit else name for name in errors}
+        steps = self.steps.assign(**{name: scale.factor * self.steps[name] for name in errors}).rename(columns=heads)
         lines = [
-            self.steps.to_string(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-"),
+            steps.to_string(index=False, float_format=lambda value: number_text(value, 4), na_rep="-"),
             f"Verdict on the last model: {self.diagnoses[-1].verdict}",
         ]
         return printable("\n".join(lines), "\n")
@@ -138,20 +143,20 @@ def _refined(
     """Step by step from a fitted model, whose diagnosis is known."""
     say("measuring the error on held-out and on later blocks")
     start = best = Errors.of(current, X, y)
-    diagnoses = [first]
+    diagnoses, unit = [first], first.unit
     rows = [_step(0, "", current, best, start, diagnoses[0], X, y)]
     try:
         for number in range(1, max_steps + 1):
             added: Effect | None = None
             for effect in worth_trying(diagnoses[-1]):
-                say(f"step {number}: adding {effect.label()}")
+                say(f"step {number}: adding {effect.title()}")
                 extended = with_missing(current, effect)
                 extended.fit(X, y)
                 errors = Errors.of(extended, X, y)
                 if errors.worth(effect, best):
                     added = effect
                     break
-                say(f"{effect.label()} does not help on data that it was not learned from: {errors} after {best}")
+                say(f"{effect.title()} does not help on data that it was not learned from: {errors.text(unit, best)}")
             if added is None:
                 break
             current, best, gone = _without_superfluous(extended, X, y, errors)

@@ -6,6 +6,8 @@ from markupsafe import Markup
 
 from ..pictures.protocols import DiagnosisLike, RefinementLike
 from ..pictures.words import each_row, effect_text, place_text
+from ..records.quantities import scale_of
+from .chapters import steps_scale
 from .charts import still
 from .html import decibels, number, percent, probability, rendered
 from .sections import CALM, VERDICTS
@@ -26,6 +28,7 @@ def brief_diagnosis(found: DiagnosisLike) -> str:
     return rendered(
         "brief_diagnosis",
         found=found,
+        scale=scale_of((found.residual_rms, found.noise_floor), found.unit),
         said=VERDICTS.get(found.verdict, ""),
         drawn=_residual(found),
         places=[] if calm else places,
@@ -35,19 +38,19 @@ def brief_diagnosis(found: DiagnosisLike) -> str:
 
 def brief_refinement(refinement: RefinementLike) -> str:
     """The steps, and the last residual."""
-    last = refinement.diagnoses[-1]
+    last, scale = refinement.diagnoses[-1], steps_scale(refinement)
     rows = [
         (
             f"{row.step} {row.effect or 'as given'}",
-            number(row.held_out_rms),
-            number(row.later_rms),
-            number(row.rms),
+            number(row.held_out_rms, scale=scale),
+            number(row.later_rms, scale=scale),
+            number(row.rms, scale=scale),
             decibels(row.db) if row.step else "",
             row.verdict,
         )
         for row in each_row(refinement.steps)
     ]
-    return rendered("brief_refinement", rows=rows, unit=last.unit, drawn=_residual(last))
+    return rendered("brief_refinement", rows=rows, scale=scale, drawn=_residual(last))
 
 
 def _residual(found: DiagnosisLike) -> Markup:

@@ -10,8 +10,9 @@ from markupsafe import Markup
 from ..estimators.variants import VariantComparison
 from ..pictures.protocols import RefinementLike
 from ..pictures.words import MINUS, each_row
+from ..records.quantities import Scale, scale_of
 from .data import PageData
-from .html import Section, number, rendered, section
+from .html import Section, number, rendered, section, unit_text
 
 LISTED = 200
 """Coefficients listed, and lines of the formula: a record of many segments has decays for each."""
@@ -35,25 +36,31 @@ def steps(refinement: RefinementLike, title: str, figures: Markup) -> Section:
         in_short=in_short(refinement),
         largest=float(np.nanmax(refinement.steps["held_out_rms"])),
         floor=refinement.diagnoses[-1].noise_floor,
-        unit=refinement.diagnoses[0].unit,
+        scale=steps_scale(refinement),
         figures=figures,
     )
 
 
 def in_short(refinement: RefinementLike) -> Markup:
     """What refinement achieved, in a sentence."""
-    table = refinement.steps
-    return rendered("in_short", first=table.iloc[0], last=table.iloc[-1], unit=refinement.diagnoses[0].unit)
+    table, unit = refinement.steps, refinement.diagnoses[0].unit
+    scale = steps_scale(refinement)
+    return rendered("in_short", first=table.iloc[0], last=table.iloc[-1], unit=unit, scale=scale)
+
+
+def steps_scale(refinement: RefinementLike) -> Scale:
+    """The unit for the errors of all steps."""
+    return scale_of(refinement.steps[["held_out_rms", "later_rms", "rms"]], refinement.diagnoses[0].unit)
 
 
 def variants(comparison: VariantComparison, title: str) -> Section:
     """Static and dynamic, linear and nonlinear: on the fitted record, then on data that the fits did not see."""
-    figures, names = comparison.frame(), comparison.formatted().columns
+    figures, names, scale = comparison.frame(), comparison.formatted().columns, comparison.scale()
     middle = len(names) // 2
     tables = []
     for chosen in (slice(0, middle), slice(middle, None)):
         rows = [
-            (name, [_variant_cell(column, figures.loc[name, column]) for column in figures.columns[chosen]])
+            (name, [_variant_cell(column, figures.loc[name, column], scale) for column in figures.columns[chosen]])
             for name in figures.index[figures.iloc[:, chosen].notna().any(axis=1)]
         ]
         tables.append((("variant", *names[chosen]), rows))
@@ -64,14 +71,16 @@ def variants(comparison: VariantComparison, title: str) -> Section:
         title,
         held=[float(held[name]) for name in compared] if held.index.isin(compared).sum() == 2 else [],
         tables=tables,
-        caption=comparison.caption(),
+        caption=comparison.caption(unit_text(scale.unit)),
     )
 
 
-def _variant_cell(column: str, value: float) -> str:
+def _variant_cell(column: str, value: float, scale: Scale) -> str:
     if np.isnan(value):
         return ""
-    return number(value, shown=f"{value:.1f}".replace("-", MINUS) if column.endswith("_db") else None)
+    if column.endswith("_db"):
+        return number(value, shown=f"{value:.1f}".replace("-", MINUS))
+    return number(value, scale=scale)
 
 
 def formula(data: PageData, title: str, figures: Markup) -> Section:
@@ -84,9 +93,11 @@ def formula(data: PageData, title: str, figures: Markup) -> Section:
         data=data,
         time_constants=list(data.time_constants),
         largest=max(data.shares.max(), 1e-300),
+        moves=scale_of(data.shares, data.unit),
+        unsure=scale_of([value for _, value in data.uncertainties], data.unit),
         equation="\n".join(shown),
         summary=f"{count} coefficients" + (f", the first {LISTED} of them" if count > LISTED else ""),
-        coefficients=list(each_row(data.coefficients[:LISTED])),
+        coefficients=[(row, scale_of([row.coefficient], row.unit)) for row in each_row(data.coefficients[:LISTED])],
         open=count <= OPEN_ROWS,
         figures=figures,
     )

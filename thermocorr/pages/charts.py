@@ -10,7 +10,12 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from .html import rendered, unit_text
+from ..pictures.axes import FINE_TIMES, TIMES
+from ..records.quantities import SPANS
+from .html import rendered, unit_text, units_of_axis
+
+TIME_SPANS = {"units": list(SPANS.items()), "fine": FINE_TIMES, "coarse": TIMES}
+"""Units of time spans, and where an axis of them has its ticks [s]."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,7 @@ class Chart:
             "x": {
                 "label": self.x_label,
                 "unit": unit_text(self.x_unit),
+                "spans": TIME_SPANS if self.x_log and self.x_unit == "s" else None,
                 "joints": [list(joint) for joint in self.joints],
                 "dates": self.dates,
                 "log": self.x_log,
@@ -83,6 +89,7 @@ class Chart:
                 {
                     "label": panel.label,
                     "unit": unit_text(panel.unit),
+                    "units": units_of_axis(panel.unit),
                     "log": panel.log,
                     "height": panel.height,
                     "like": panel.scale_of,

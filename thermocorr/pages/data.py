@@ -13,9 +13,10 @@ import pandas as pd
 
 from ..effects.thermal import column_text
 from ..pictures import AllanDisplay, ContributionsDisplay, ResidualLoopDisplay, StepResponseDisplay
-from ..pictures.timeline import TimeLine, time_text
+from ..pictures.timeline import TimeLine
 from ..pictures.walk import Walk
 from ..records import Record
+from ..records.quantities import span_text
 from ..records.units import unit_of
 from .traces import MOST_POINTS, Traces, column_key
 
@@ -130,7 +131,7 @@ class PageData:
         if self.timeline.samples:
             return f"{said}, at unknown times{many}."
         zone = "" if self.timeline.zone is None else " UTC"
-        return f"{said}, {self.span}{zone}, every {time_text(self.step)}{many}."
+        return f"{said}, {self.span}{zone}, every {span_text(self.step)}{many}."
 
 
 def _uncertainties(model: Any) -> tuple[tuple[str, float], ...]:

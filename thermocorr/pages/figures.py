@@ -11,7 +11,8 @@ import numpy as np
 from ..estimators.time_constants.resolution import CONFIDENCE_95
 from ..pictures import SpectrumDisplay
 from ..pictures.protocols import DiagnosisLike
-from ..pictures.timeline import SECONDS_OF, TimeLine, elapsed_unit, time_text
+from ..pictures.timeline import TimeLine
+from ..records.quantities import SPANS, span_text, span_unit
 from ..records.units import difference_unit
 from .charts import Chart, Line, Panel
 from .data import PageData
@@ -132,8 +133,8 @@ def axis_of(line: TimeLine, places: np.ndarray) -> Axis:
         return Axis(x=places + line.zero, label=zone, unit="", scale=1.0, dates=True, zero=line.zero, joints=())
     if line.samples and line.in_order:
         return Axis(x=places, label="sample", unit="", scale=1.0, dates=False, zero=0.0, joints=())
-    unit = "samples" if line.samples else elapsed_unit(line.span)
-    scale = 1.0 if line.samples else SECONDS_OF[unit]
+    unit = "samples" if line.samples else span_unit(line.span)
+    scale = 1.0 if line.samples else SPANS[unit]
     label = "time since the first row" if line.in_order else "recorded time, long gaps left out"
     joints: tuple[tuple[float, float], ...] = ()
     if not line.in_order and len(line.starts) <= MOST_JOINTS:
@@ -300,7 +301,7 @@ def series_caption(data: PageData, floor: float | None, shaded: bool) -> str:
     if floor is not None:
         parts.append("Dashed: twice the noise floor; about one white-noise sample in twenty lies outside.")
     if len(residual_lines(data, floor)) > 1:
-        span = time_text(data.traces.average_rows * data.step)
+        span = span_text(data.traces.average_rows * data.step)
         parts.append(f"The line inside the residual is its mean over stretches of {span}: what the noise hides.")
     if shaded:
         parts.append("Shaded: where it fails clearly more than elsewhere.")
@@ -308,7 +309,7 @@ def series_caption(data: PageData, floor: float | None, shaded: bool) -> str:
     if width > 1:
         parts.append(
             f"The record has {data.traces.n_rows:,} rows: shown are the smallest and the largest of every {width} "
-            f"({time_text(width * data.step)}), so that no spike is hidden."
+            f"({span_text(width * data.step)}), so that no spike is hidden."
         )
     parts.append("Drag across to zoom, double-click for the whole record.")
     return " ".join(parts)

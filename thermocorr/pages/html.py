@@ -15,11 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from ..pictures.timeline import time_text
 from ..pictures.words import MINUS, aspect_text, effect_text, interval_text, place_text
+from ..records.quantities import Scale, prefix_and_unit, prefixed, scale_of, span_text
 from ..records.text import printable
 
-_UNITS = {"degC": "°C", "degF": "°F", "ohm": "Ω", "kohm": "kΩ", "uV": "µV", "uA": "µA", "um": "µm", "urad": "µrad"}
+_UNITS = {"degC": "°C", "degF": "°F", "ohm": "Ω", "u": "µ"}
+"""Units and prefixes that print has signs for."""
 DASH, TIMES = "\u2013", "\u00d7"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -56,7 +57,7 @@ def _environment() -> Any:
         lstrip_blocks=True,
     )
     said = (
-        aspect_text, decibels, effect_text, interval_text, number, percent, place_text, probability, time_text,
+        aspect_text, decibels, effect_text, interval_text, number, percent, place_text, probability, span_text,
         unit_text, width, with_unit,
     )  # fmt: skip
     environment.filters.update({function.__name__: function for function in said})
@@ -85,22 +86,41 @@ def plain(value: float, digits: int = 4) -> str:
     return shown.replace("-", MINUS) if value else "0"
 
 
-def number(value: float, unit: str = "", digits: int = 4, shown: str | None = None) -> Markup:
-    """A number with its unit; its every digit stands in the attribute ``value`` for who reads the page by machine."""
-    shown = plain(float(value), digits) if shown is None else shown
-    label = f"{shown}\u00a0{unit_text(unit)}" if unit else shown
-    return Markup('<data value="{}" class="n">{}</data>').format(repr(float(value)), printable(label))
+def number(
+    value: float, unit: str = "", digits: int = 4, shown: str | None = None, scale: Scale | None = None
+) -> Markup:
+    """A number with its unit, in the prefix that suits it or that of `scale`; without a unit for a column that has one.
+
+    Its every digit stands in the attribute ``value``, in the unit of the record, for who reads the page by machine.
+    """
+    if unit:
+        shown = quantity(value, unit, digits, scale)
+    elif shown is None:
+        shown = plain(float(value) * (1.0 if scale is None else scale.factor), digits)
+    return Markup('<data value="{}" class="n">{}</data>').format(repr(float(value)), printable(shown))
+
+
+def quantity(value: float, unit: str = "", digits: int = 4, scale: Scale | None = None) -> str:
+    """A number and its unit with the signs of print, in the prefix that suits it or in that of `scale`."""
+    scale = scale_of([value], unit) if scale is None else scale
+    shown = plain(float(value) * scale.factor, digits)
+    return f"{shown}\u00a0{unit_text(scale.unit)}" if scale.unit else shown
 
 
 def unit_text(unit: str) -> str:
     """A unit with the signs of print: °C, Ω, µV; K^2 as K²."""
-    words = re.split(r"([ /()])", unit)
-    return "".join(_UNITS.get(word, _raised(word)) for word in words)
+    words = [prefix_and_unit(word) for word in re.split(r"([ /()])", unit)]
+    return "".join(_UNITS.get(prefix, prefix) + _UNITS.get(bare, _raised(bare)) for prefix, bare in words)
 
 
 def with_unit(name: str, unit: str) -> str:
     """A name with its unit in brackets: rms [mV]."""
     return f"{name} [{unit_text(unit)}]" if unit else name
+
+
+def units_of_axis(unit: str) -> list[list[Any]]:
+    """Units that an axis may be written in, as the script takes them: power of ten, unit in print, least number."""
+    return [[step.power, unit_text(step.unit), step.least] for step in prefixed(unit)]
 
 
 def _raised(word: str) -> str:

@@ -10,8 +10,8 @@ import pandas as pd
 from markupsafe import Markup
 
 from ..pictures.protocols import DiagnosisLike
-from ..pictures.timeline import time_text
 from ..pictures.words import each_row, effect_text, left_sentences
+from ..records.quantities import scale_of, span_text
 from .data import PageData
 from .figures import placed
 from .html import Section, plain, section, unit_text
@@ -45,7 +45,8 @@ def anything(found: DiagnosisLike, figures: Markup) -> Section:
         found=found,
         named=named,
         said=HELPS if helps else VERDICTS.get(found.verdict, ""),
-        left=" ".join(left_sentences(found.left, found.unit, found.verdict)),
+        left=" ".join(left_sentences(found.left, unit_text(found.unit), found.verdict)),
+        scale=scale_of((found.residual_rms, found.noise_floor), found.unit),
         largest=max(found.residual_rms, found.noise_floor) or 1.0,
         figures=figures,
     )
@@ -83,7 +84,7 @@ def places(found: DiagnosisLike, data: PageData, figures: Markup) -> Section:
         calm=calm,
         shown=rows[:shown],
         folded=rows[shown:],
-        unit=found.unit,
+        scale=scale_of(where["rms"], found.unit),
         figures=figures,
     )
 
@@ -136,7 +137,7 @@ def parameters_text(effect: Any, data: PageData | Scales) -> str:
         if name == "time" and data.start is not None:
             shown = [str(pd.Timestamp(data.start + number, unit="s").round("s")) for number in numbers]
         elif unit == "s":
-            shown = [time_text(number) for number in numbers]
+            shown = [span_text(number) for number in numbers]
         else:
             if name in ("knee", "reference_temperature"):
                 unit = data.temperature_unit

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from ..equations import allan_deviation
+from ..records.quantities import quantity_texts, span_text
 from ..records.text import printable
 from .allan_deviation import LOOKED_AT, AllanDisplay
-from .timeline import time_text
 from .walk import Walk, regressor_of
 
 WORTH_A_WORD = 1.05
@@ -48,17 +48,17 @@ def added_noise(model: Any, X: Any, y: Any) -> str:
         return ""
     at = int(np.argmax(np.where(worse, ratio, 0.0)))
     tau, last = float(after.averaging_times[at]), float(after.averaging_times[:n][worse].max())
-    unit = f" {display.unit}" if display.unit else ""
+    now, then = quantity_texts([after.deviation[at], before.deviation[at]], display.unit, 2)
     through = _loudest(fitted, X, tau / float(after.averaging_times[0]))
     return printable(
         f"At averaging times up to {_times(last, display)} the correction adds noise: Allan deviation "
-        f"{after.deviation[at]:.2g}{unit} after and {before.deviation[at]:.2g}{unit} before at {_times(tau, display)}, "
+        f"{now} after and {then} before at {_times(tau, display)}, "
         f"most of it through {through}, which passes on the noise of its input."
     )
 
 
 def _times(seconds: float, display: AllanDisplay) -> str:
-    return f"{seconds:.0f} samples" if display.samples else time_text(seconds)
+    return f"{seconds:.0f} samples" if display.samples else span_text(seconds)
 
 
 def _loudest(model: Any, X: Any, n_rows: float) -> str:

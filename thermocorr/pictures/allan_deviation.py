@@ -9,7 +9,7 @@ import pandas as pd
 
 from ..equations import AllanDeviation, AllanStream
 from ..records import Record
-from .axes import BLUE, GREY, VERMILION, axes_grid, labelled, legend_above, log_time_axis, plain
+from .axes import BLUE, GREY, VERMILION, axes_grid, label_log_values, legend_above, log_time_axis, plain
 from .walk import Walk
 
 LOOKED_AT = 1 << 14
@@ -114,7 +114,7 @@ class AllanDisplay:
         only.set_yscale("log")
         plain(only)
         log_time_axis(only, "averaging time", self.samples)
-        only.set_ylabel(labelled(f"Allan deviation of {self.name}", self.unit))
+        label_log_values(only.yaxis, f"Allan deviation of {self.name}", self.unit)
         legend_above(only)
         self.axes_, self.ax_, self.figure_ = axes, only, only.figure
         return self

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..records.quantities import scale_of, span_text
 from ..records.text import printable
 from ..records.units import unit_of
 from .cells import with_breaks
-from .timeline import TimeLine, time_text
+from .timeline import TimeLine
 
 BLUE, VERMILION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 SKY, PURPLE, GREY, BLACK = "#56B4E9", "#CC79A7", "#737373", "#222222"
@@ -68,33 +69,51 @@ def axes_grid(
     return axes
 
 
-def labelled(name: str, unit: str, power: int = 0) -> str:
+def labelled(name: str, unit: str, power: int = 0, shown: str = "") -> str:
     """``voltage [mV]``; without a unit the name alone. A unit at the end of the name is not said twice.
 
-    With a power of ten, ``voltage [10^-3 mV]``.
+    With a power of ten, ``voltage [10^-3 mV]``; with a unit to be `shown` in its place, ``voltage [uV]``.
     """
     if unit and "_" in name and unit_of(name, None) == unit:
         name = name.rsplit("_", 1)[0]
-    if power:
-        unit = f"$10^{{{power}}}$ {unit}".strip()
+    unit = shown or (f"$10^{{{power}}}$ {unit}".strip() if power else unit)
     return printable(f"{name} [{unit}]" if unit else name)
 
 
 def label_values(axis: Any, name: str, unit: str) -> None:
-    """Label an axis of values, its power of ten beside the unit: ``residual [10^-5 mV]``. Call it after drawing."""
+    """Label an axis of values with the unit that suits their size: ``residual [uV]`` for thousandths of a mV.
+
+    Where the unit takes no prefix, a power of ten stands beside it: ``residual [10^-5 ppm]``. Call it after drawing.
+    """
     from matplotlib.ticker import ScalarFormatter
 
     low, high = axis.get_view_interval()
     largest = max(abs(low), abs(high))
-    power = int(np.floor(np.log10(largest))) if largest > 0 else 0
-    if -3 < power < 5:
+    scale = scale_of([largest], unit)
+    power = int(np.floor(np.log10(largest))) if largest > 0 and scale.unit == unit else -round(np.log10(scale.factor))
+    if scale.unit == unit and -3 < power < 5:
         power = 0
     formatter = ScalarFormatter(useOffset=bool(high - low < 1e-8 * largest))
     formatter.set_powerlimits((power, power) if power else (-9, 9))
     axis.set_major_formatter(formatter)
     if power:
         axis.get_offset_text().set_visible(False)
-    axis.set_label_text(labelled(name, unit, power))
+    axis.set_label_text(labelled(name, unit, power) if scale.unit == unit else labelled(name, unit, 0, scale.unit))
+
+
+def label_log_values(axis: Any, name: str, unit: str) -> None:
+    """Label a logarithmic axis of values with the unit that suits the largest. Call it after drawing."""
+    from matplotlib.ticker import LogFormatterSciNotation
+
+    scale = scale_of([max(axis.get_view_interval())], unit)
+
+    class Scaled(LogFormatterSciNotation):
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            return str(super().__call__(x * scale.factor, pos))
+
+    axis.set_major_formatter(Scaled())
+    axis.set_minor_formatter(Scaled(labelOnlyBase=False))
+    axis.set_label_text(labelled(name, unit, shown=scale.unit))
 
 
 def legend_above(ax: Any, **options: Any) -> None:
@@ -189,6 +208,6 @@ def log_time_axis(ax: Any, label: str, samples: bool = False) -> None:
     if len(inside) > 7:
         inside = [t for t in TIMES if low <= t <= high]
     ax.xaxis.set_major_locator(FixedLocator(inside))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, position: time_text(value)))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, position: span_text(value)))
     ax.xaxis.set_minor_locator(NullLocator())
     ax.set_xlabel(label)

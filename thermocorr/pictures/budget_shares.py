@@ -7,6 +7,7 @@ from typing import Any
 import pandas as pd
 
 from ..estimators import Budget
+from ..records.quantities import scale_of
 from .axes import BLUE, axes_grid, label_values, plain
 from .words import each_row
 
@@ -47,8 +48,9 @@ class BudgetDisplay:
         percent = 100 * shown["share"]
         colors = [BLUE if kind == "A" else PALE for kind in shown["type"]]
         only.barh(range(len(shown)), percent, color=colors, height=0.62)
+        scale = scale_of(shown["contribution"], self.budget.unit)
         for row, line in enumerate(each_row(shown)):
-            text = f"{100 * line.share:.1f} %, {line.contribution:.2g} {self.budget.unit}".rstrip()
+            text = f"{100 * line.share:.1f} %, {scale.text(line.contribution, 2)}"
             only.text(100 * line.share + 1.0, row, text, va="center", fontsize=8)
         only.set_yticks(range(len(shown)), [f"{line.quantity} ({line.type})" for line in each_row(shown)])
         only.invert_yaxis()

@@ -11,6 +11,7 @@ from ..effects.thermal import column_text
 from ..equations import moving_average
 from ..estimators.variants import VariantComparison, compare_variants
 from ..records import Record
+from ..records.quantities import quantity_text, scale_of
 from .axes import BLACK, COLOURS, MARKED, axes_grid, draw_cells, dress_time, label_values, labelled, plain
 from .cells import cells_of
 from .timeline import TimeLine
@@ -120,12 +121,13 @@ class VariantsDisplay:
         return self
 
     def _title(self, name: str) -> str:
-        figures = self.table.loc[name]
-        unit = f" {self.reading[1]}" if self.reading[1] else ""
+        figures: Any = self.table.loc[name]
+        unit = self.reading[1]
         if name == READING:
             smoothing = f"curves: moving average of {self.window} samples"
-            return f"{name}, less its mean: std {figures['std']:.3g}{unit} ({smoothing})"
-        return f"{name}: std {figures['std_smoothed']:.3g}{unit}, {figures['reduction_db']:.1f} dB"
+            return f"{name}, less its mean: std {quantity_text(figures['std'], unit)} ({smoothing})"
+        scale = scale_of(self.table["std_smoothed"].drop(READING), unit)
+        return f"{name}: std {scale.text(figures['std_smoothed'])}, {figures['reduction_db']:.1f} dB"
 
     def _share_scale(self, axes: np.ndarray, variants: list[str]) -> None:
         """One scale for all corrections, on both sides."""

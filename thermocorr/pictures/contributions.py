@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..records.quantities import quantity_text
 from .axes import COLOURS, axes_grid, draw_cells, dress_time, label_values, name_runs, plain
 from .cells import cells_of
 from .timeline import TimeLine
@@ -77,8 +78,7 @@ class ContributionsDisplay:
             axes_.margins(x=0.01)
             dress_time(axes_, self.timeline, labels=axes_ is axes[-1])
             label_values(axes_.yaxis, "adds", self.unit)
-            unit = f" {self.unit}" if self.unit else ""
-            axes_.set_title(f"{label}: rms {self.rms[label]:.3g}{unit}", loc="left", fontsize=10)
+            axes_.set_title(f"{label}: rms {quantity_text(self.rms[label], self.unit)}", loc="left", fontsize=10)
             axes_.tick_params(labelbottom=axes_ is axes[-1])
         name_runs(axes[0], self.timeline)
         axes[0].figure.align_ylabels(axes)

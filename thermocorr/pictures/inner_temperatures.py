@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..records.quantities import span_text
 from ..records.units import difference_unit
 from .axes import COLOURS, axes_grid, draw_cells, dress_time, label_values, legend_above, name_runs, plain
 from .cells import cells_of
-from .timeline import TimeLine, time_text
+from .timeline import TimeLine
 from .walk import Walk
 
 MOST_LINES = 8
@@ -54,7 +55,7 @@ class InnerTemperaturesDisplay:
         walk = Walk(model, X)
         taus = np.asarray(walk.model.time_constants_, float)
         chosen = np.unique(np.linspace(0, len(taus) - 1, min(len(taus), MOST_LINES)).round().astype(int))
-        names = [AMBIENT, *(f"{kind} {time_text(tau)}" for kind in KINDS for tau in taus[chosen])]
+        names = [AMBIENT, *(f"{kind} {span_text(tau)}" for kind in KINDS for tau in taus[chosen])]
 
         def parts() -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
             for segment, seconds, ambient, inner in walk.inner():
@@ -78,8 +79,8 @@ class InnerTemperaturesDisplay:
         draw_cells(axes[0], self.cells, self.timeline, AMBIENT, "0.55", label=AMBIENT)
         for axes_, kind in zip(axes, KINDS, strict=True):
             for tau, colour in zip(self.time_constants, colours, strict=True):
-                label = time_text(tau) if kind == KINDS[0] else None
-                draw_cells(axes_, self.cells, self.timeline, f"{kind} {time_text(tau)}", colour, label=label)
+                label = span_text(tau) if kind == KINDS[0] else None
+                draw_cells(axes_, self.cells, self.timeline, f"{kind} {span_text(tau)}", colour, label=label)
             plain(axes_)
             axes_.margins(x=0.01)
             dress_time(axes_, self.timeline, labels=axes_ is axes[-1])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..records.quantities import quantity_texts
 from .axes import pyplot
 from .places import WhereDisplay
 from .protocols import DiagnosisLike, RefinementLike
@@ -17,9 +18,9 @@ def plot_diagnosis(diagnosis: DiagnosisLike, X: Any = None) -> Any:
     upper, lower = figure.subplots(2, 1, height_ratios=(1, 1.2))
     SuspectsDisplay.from_diagnosis(diagnosis).plot(upper)
     WhereDisplay.from_diagnosis(diagnosis, X).plot(lower)
-    unit = f" {diagnosis.unit}" if diagnosis.unit else ""
+    residual, floor = quantity_texts((diagnosis.residual_rms, diagnosis.noise_floor), diagnosis.unit)
     figure.suptitle(
-        f"Residual {diagnosis.residual_rms:.3g}{unit}, noise floor {diagnosis.noise_floor:.3g}{unit}: "
+        f"Residual {residual}, noise floor {floor}: "
         f"{diagnosis.explainable:.0%} of the residual variance could still be explained",
         fontsize=11,
     )

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .axes import BLUE, GREEN, GREY, VERMILION, axes_grid, label_values, labelled, legend_above, plain
+from .axes import BLUE, GREEN, GREY, VERMILION, axes_grid, label_log_values, label_values, legend_above, plain
 from .protocols import RefinementLike
 from .words import each_row
 
@@ -57,7 +57,7 @@ class RefinementDisplay:
         values = values[np.isfinite(values) & (values > 0)]
         if len(values) and values.max() > WIDE * values.min():
             only.set_yscale("log")
-            only.set_ylabel(labelled("rms error", self.unit))
+            label_log_values(only.yaxis, "rms error", self.unit)
         else:
             only.set_ylim(0.0, 1.15 * float(values.max(initial=0.0)) or 1.0)
             label_values(only.yaxis, "rms error", self.unit)

@@ -10,10 +10,8 @@ import pandas as pd
 
 from ..records import Record
 from ..records.numbers import is_frame
+from ..records.quantities import SPANS, span_unit
 
-SECONDS_OF = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "days": 86_400.0, "years": 365.25 * 86_400.0}
-LARGEST = {"ms": 1.0, "s": 150.0, "min": 9000.0, "h": 4 * 86_400.0, "days": 3 * 365.25 * 86_400.0, "years": np.inf}
-"""Longest span that is written in each unit [s]."""
 EMPTY = 0.5
 """Share of the span without rows, above which long gaps are left out of the axis."""
 LONG_GAP = 0.05
@@ -108,7 +106,7 @@ class TimeLine:
 
             first = dates.date2num(np.datetime64(int(self.first), "ns"))
             return np.asarray(first + np.asarray(places) / 86_400.0)
-        return np.asarray(places) / (1.0 if self.samples else SECONDS_OF[elapsed_unit(self.span)])
+        return np.asarray(places) / (1.0 if self.samples else SPANS[span_unit(self.span)])
 
     @property
     def _shows_dates(self) -> bool:
@@ -123,7 +121,7 @@ class TimeLine:
         what = "time" if self.in_order else "recorded time, long gaps left out"
         if self.overlapping:
             what = "recorded time, runs one after the other"
-        return f"{what} [{elapsed_unit(self.span)}]"
+        return f"{what} [{span_unit(self.span)}]"
 
     def dress(self, axis: Any) -> None:
         """Give an axis of matplotlib its ticks; its label is left to the caller."""
@@ -155,19 +153,6 @@ class TimeLine:
 def _small(recorded: float) -> float:
     """What stands for a long gap on the axis [s]."""
     return LONG_GAP * recorded / 5
-
-
-def elapsed_unit(span: float) -> str:
-    """The unit in which a span of time [s] is written."""
-    return next(unit for unit, limit in LARGEST.items() if span <= limit)
-
-
-def time_text(seconds: float) -> str:
-    """A time span as a person writes it: 45 s, 2.5 min, 3 h, 1.2 d."""
-    for unit, size, least in (("y", 365.25 * 86_400, 1.0), ("d", 86_400, 1.0), ("h", 3600, 1.0), ("min", 60, 1.0)):
-        if seconds >= least * size * (1 - 1e-9):
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds:.3g} s" if seconds >= 1 - 1e-9 else f"{seconds * 1e3:.3g} ms"
 
 
 def zone_of(X: Any, time: Any) -> Any:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..records.quantities import quantity_text, quantity_texts, span_text, span_texts
 from ..records.text import printable
-from .timeline import time_text
 
 MINUS = "\u2212"
 YEARLY = 200 * 86_400.0
@@ -34,7 +34,7 @@ def aspect_text(row: Any) -> str:
     if row.aspect == "column":
         return printable(row.column)
     if row.aspect == "lag difference":
-        return f"lag difference, {time_text(row.time_constant)} [K]"
+        return f"lag difference, {span_text(row.time_constant)} [K]"
     return _HEADS.get(row.aspect, str(row.aspect))
 
 
@@ -47,7 +47,8 @@ def ends_text(row: Any, span: float = 0.0) -> tuple[str, str]:
             return low.strftime(form), high.strftime(form)
         return str(low), str(high).removeprefix(f"{low:%Y-%m-%d} ")
     if row.unit == "s":
-        return time_text(row.low), time_text(row.high)
+        first, last = span_texts((row.low, row.high))
+        return first, last
     return f"{row.low:.4g}".replace("-", MINUS), f"{row.high:.4g}".replace("-", MINUS)
 
 
@@ -90,7 +91,7 @@ def suspect_sentence(suspect: Any) -> str:
     physics = suspect.effect.info.physics if suspect.effect.info is not None else ""
     return (
         (
-            f"{suspect.effect.label()}: {STANDINGS[suspect.standing]}; explains {suspect.share:.0%} of the structured "
+            f"{suspect.effect.title()}: {STANDINGS[suspect.standing]}; explains {suspect.share:.0%} of the structured "
             f"variance, gain {suspect.gain_db:.2f} dB on held-out blocks and {suspect.later_db:.2f} dB on later data, "
             f"error probability {probability_text(suspect.p_value)}{tie}. {when_text(suspect)} {physics}"
         )
@@ -99,14 +100,16 @@ def suspect_sentence(suspect: Any) -> str:
     )
 
 
-def moment_text(moment: Any) -> str:
-    """A date to the second, or a time since the record began."""
-    return str(moment.round("s")) if isinstance(moment, pd.Timestamp) else f"{moment:.6g} s"
+def moment_texts(low: Any, high: Any) -> list[str]:
+    """Two dates to the second, or two times since the record began."""
+    if isinstance(low, pd.Timestamp):
+        return [str(moment.round("s")) for moment in (low, high)]
+    return span_texts((low, high))
 
 
 def when_text(suspect: Any) -> str:
     """Within which limits the record knows a suspect's moments: a sentence, or nothing where it has none."""
-    spans = [f"between {moment_text(low)} and {moment_text(high)}" for low, high in suspect.when]
+    spans = [f"between {' and '.join(moment_texts(low, high))}" for low, high in suspect.when]
     if not spans:
         return ""
     if suspect.effect.kind == "disturbance":
@@ -129,13 +132,15 @@ _TO_LOG = (
 
 
 def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
-    """What no cause explains, what to log to learn more, and what this record could have shown."""
-    unit = f" {unit}" if unit else ""
+    """What no cause explains, what to log to learn more, and what this record could have shown.
+
+    `unit` is that of the reading, in the letters or in the signs of print.
+    """
     said = []
     if left.structured:
         said.append(
-            f"What is left wanders by {left.wandering:.3g}{unit} and remembers for about "
-            f"{time_text(left.correlation_time)}."
+            f"What is left wanders by {quantity_text(left.wandering, unit)} and remembers for about "
+            f"{span_text(left.correlation_time)}."
         )
         if verdict in ("unexplained", "ambiguous"):
             to_log = next(text for limit, text in _TO_LOG if left.correlation_time <= limit)
@@ -151,13 +156,11 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
         said.append(
             f"{'At least ' if len(left.spikes) == MANY_SPIKES else ''}"
             f"{'one reading jumps' if len(left.spikes) == 1 else f'{len(left.spikes)} readings jump'} far out of the "
-            f"noise, the highest {time_text(left.spikes[0])} after the record began: left out of the judgement."
+            f"noise, the highest {span_text(left.spikes[0])} after the record began: left out of the judgement."
         )
-    seen = [
-        f"{'a drift' if name == 'smallest_drift' else 'a step'} of {value:.2g}{unit}"
-        for name in ("smallest_drift", "smallest_step")
-        if np.isfinite(value := getattr(left, name))
-    ]
+    sizes = {"a drift": left.smallest_drift, "a step": left.smallest_step}
+    known = {what: size for what, size in sizes.items() if np.isfinite(size)}
+    seen = [f"{what} of {text}" for what, text in zip(known, quantity_texts([*known.values()], unit, 2), strict=True)]
     if seen:
         said.append(f"This record could have shown {' or '.join(seen)}; smaller ones are beyond it.")
     return said

@@ -16,6 +16,7 @@ from .errors import RecordError, RecordWarning, listing, times_word
 from .labels import factorized
 from .log import Log
 from .numbers import from_polars, is_frame, numeric_column, numeric_reading
+from .quantities import span_text, span_texts
 from .record import Record, Segment, holes
 from .screen import LeftOut
 from .times import Times, seconds_of, times_from
@@ -251,7 +252,7 @@ def _known(record: Record, layout: Layout, notes: list[str]) -> Record:
     said += "They are passed over as if they had not been recorded"
     longest, usual = _longest_hole(known), known.usual_step()
     if longest:
-        said += f": temperature is taken as a straight line across, for {longest:.5g} s at most"
+        said += f": temperature is taken as a straight line across, for {span_text(longest)} at most"
         if max_gap is None and longest > GAP_STEPS * usual:
             said += f". Pass max_gap={3 * usual:.5g} to start a new segment after long ones"
     notes.append(f"{said}. To use their readings too, fill short holes first, for example with X.interpolate(limit=5).")
@@ -296,9 +297,9 @@ def _check_steps(
         first = found[0] - 1 if order is None else int(order[found[0] - 1])
         advice = 3 * (usual or 1)
         notes.append(
-            f"Sampling has {times_word(len(found), 'gap')}, the first after row {first} ({wide[0]:.5g} s where "
-            f"{usual:.5g} s is usual). Temperature is taken as a straight line across. Pass max_gap={advice:.5g} "
-            "to start a new segment there."
+            f"Sampling has {times_word(len(found), 'gap')}, the first after row {first} "
+            f"({' where '.join(span_texts((wide[0], usual or 0.0)))} is usual). Temperature is taken as a straight "
+            f"line across. Pass max_gap={advice:.5g} to start a new segment there."
         )
     return np.zeros(0, np.intp)
 

@@ -7,6 +7,7 @@ import pandas as pd
 
 from ...equations import RidgeSolution, TriangularFactor
 from ...records import Record
+from ...records.quantities import span_texts
 from .search import Factored
 from .spectrum import Reference
 
@@ -79,14 +80,16 @@ def unresolved(
     step, span = record.usual_step(), max(record.duration(segment) for segment in record.segments)
     said = []
     for tau in time_constants[time_constants > span]:
+        late, whole, needed = span_texts((tau, span, 3 * tau))
         said.append(
-            f"A time constant of {tau:.6g} s is longer than the record ({span:.6g} s): over the record its lag looks "
-            f"like a drift, and its coefficient is a guess. Record for at least {3 * tau:.6g} s, or leave it out."
+            f"A time constant of {late} is longer than the record ({whole}): over the record its lag looks like a "
+            f"drift, and its coefficient is a guess. Record for at least {needed}, or leave it out."
         )
     for tau in time_constants[time_constants < step / 2]:
+        late, sampled = span_texts((tau, step))
         said.append(
-            f"A time constant of {tau:.6g} s is shorter than half the sampling step ({step:.6g} s): the record cannot "
-            "tell it from no lag. Sample faster, or leave it out."
+            f"A time constant of {late} is shorter than half the sampling step ({sampled}): the record cannot tell it "
+            "from no lag. Sample faster, or leave it out."
         )
     mu = solution.coef[n_static : n_static + len(time_constants)]
     triangle = solution.inverse_triangle[n_static : n_static + len(time_constants)]
@@ -97,7 +100,7 @@ def unresolved(
         )
         if abs(mu[j] + mu[j + 1]) < error_of_sum:
             continue  # nothing here that could be parted
-        pair = f"Time constants of {time_constants[j]:.6g} s and {time_constants[j + 1]:.6g} s"
+        pair = f"Time constants of {' and '.join(span_texts(time_constants[j : j + 2]))}"
         if error > both or not (triangle[j].any() and triangle[j + 1].any()):
             said.append(
                 f"{pair} cannot be told apart in this record: the difference of their coefficients is known to "

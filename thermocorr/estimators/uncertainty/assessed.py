@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...records import Record, RecordError
+from ...records.quantities import quantity_texts, span_texts
 from ..aligned import no_flags
 from .declared import Reference, Sensor
 from .joint import JointErrors
@@ -97,10 +98,10 @@ def too_short(joint: JointErrors) -> str:
     noise = joint.noise
     if noise.wander_variance <= WANDERS * noise.variance or MEMORIES * noise.memory <= joint.end:
         return ""
+    memory, end, needed = span_texts((noise.memory, joint.end, MEMORIES * noise.memory))
     return (
-        f"The noise remembers for about {noise.memory:.3g} s, and the fitted record lasts {joint.end:.3g} s: what "
-        f"wanders so slowly has hardly been seen, and uncertainties may be too small. Record for at least "
-        f"{MEMORIES * noise.memory:.3g} s."
+        f"The noise remembers for about {memory}, and the fitted record lasts {end}: what wanders so slowly has hardly "
+        f"been seen, and uncertainties may be too small. Record for at least {needed}."
     )
 
 
@@ -112,8 +113,9 @@ def _verdict_on(model: Any, diagnosis: Any) -> str:
         )
     found, own = float(diagnosis.residual_rms), model.residual_std_
     if not own / OTHER <= found <= own * OTHER and max(found, own) > 0:
+        residual, left = quantity_texts((found, own), model.reading_.unit)
         raise ValueError(
-            f"The diagnosis is of another model: it found a residual of {found:.3g}, and this model left {own:.3g} of "
+            f"The diagnosis is of another model: it found a residual of {residual}, and this model left {left} of "
             "its record. Pass diagnose(model, X, y) of the same model."
         )
     return str(diagnosis.verdict)

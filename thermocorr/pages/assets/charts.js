@@ -82,8 +82,8 @@
   };
   const decade = (v) => v != null && Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-9;
   const decades = (u, splits) => splits.map((v) => (decade(v) ? v : null));
-  const logarithmic = (u, splits) => {
-    const known = splits.filter(decade), powers = known[0] < 2e-3 || known[known.length - 1] > 2e4;
+  const logarithmic = (scale) => (u, values) => {
+    const splits = values.map((v) => (v == null ? v : v / scale)), known = splits.filter(decade), powers = known[0] < 2e-3 || known[known.length - 1] > 2e4;
     return splits.map((v) => {
       if (!decade(v)) return "";
       return powers ? "10" + raised(Math.round(Math.log10(v))) : String(Number(v.toPrecision(1)));
@@ -96,11 +96,25 @@
     }
     return steps;
   };
-  function exponent(columns) { // a power of a thousand for an axis of very small or very large numbers
+  function fitting(columns, unit, units) { // the unit that suits an axis, and its power of ten: as thermocorr.records.quantities
     let size = 0;
     for (const column of columns) for (const v of column) if (v != null && Math.abs(v) > size) size = Math.abs(v);
-    return size === 0 || (size >= 2e-3 && size < 1e6) ? 0 : 3 * Math.floor(Math.log10(size) / 3 + 1e-9);
+    if (size === 0) return [0, unit];
+    if (units?.length) {
+      if (size >= 0.1 && size < 1e4) return [0, unit];
+      return units.findLast(([, , least]) => size >= least) ?? units[0];
+    }
+    const power = size >= 2e-3 && size < 1e6 ? 0 : 3 * Math.floor(Math.log10(size) / 3 + 1e-9);
+    return [power, power ? "10" + raised(power) + (unit ? " " + unit : "") : unit];
   }
+  const span = (seconds, { units }) => { // 900 s as 15 min
+    const [unit, size] = units.find(([, least]) => seconds >= least * (1 - 1e-9)) ?? units[units.length - 1];
+    return figure(Number((seconds / size).toPrecision(3)), unit);
+  };
+  const drawn = ({ fine, coarse }, low, high) => { // ticks of an axis of time spans
+    const inside = (ticks) => ticks.filter((v) => v >= low && v <= high);
+    return inside(fine).length > 7 ? inside(coarse) : inside(fine);
+  };
 
   class Chart {
     // place: element to draw in; live: {zoomed(low, high), brushed(low, high)} for a chart whose data follow its zoom
@@ -229,11 +243,12 @@
       return this.axis;
     }
     when(v, step) { // x as a person writes it; the true time where segments were moved
-      const { dates, unit, joints } = this.spec.x;
+      const { dates, unit, joints, spans } = this.spec.x;
       if (dates || v == null) return moment(v, step);
+      if (spans) return span(v, spans);
       const joint = joints.findLast((pair) => pair[0] <= v);
       if (!joint) return figure(v, unit);
-      const size = { ms: 1e-3, s: 1, min: 60, h: 3600, days: 86400, years: 31557600 }[unit];
+      const size = { ms: 1e-3, s: 1, min: 60, h: 3600, d: 86400, y: 31557600 }[unit];
       return joint[1] > 1e7 ? moment(joint[1] + (v - joint[0]) * size, step * size) : figure(joint[1] + v - joint[0], unit);
     }
     title(panel, unit) { // a name too long for the axis stands in the legend alone
@@ -242,16 +257,21 @@
     }
     options(panel, i) {
       const { spec } = this, last = i === spec.panels.length - 1;
-      const power = panel.log ? 0 : exponent(this.columns[panel.like ?? i]), scale = 10 ** power;
-      const unit = (power ? "10" + raised(power) + (panel.unit ? " " + panel.unit : "") : panel.unit);
+      const plain = panel.log && !panel.units?.length; // powers of ten stand at the ticks
+      const [power, unit] = plain ? [0, panel.unit] : fitting(this.columns[panel.like ?? i], panel.unit, panel.units);
+      const scale = 10 ** power, prefixed = panel.units?.some(([, text]) => text === unit);
       const text = this.colour("text"), grid = { stroke: this.colour("grid"), width: 1 }, ticks = { stroke: this.colour("grid"), width: 1, size: 5 };
       const font = "12px " + getComputedStyle(this.place).fontFamily;
       const gridded = (log) => (log ? { ...grid, filter: decades } : grid);
-      const xs = { stroke: text, grid: gridded(spec.x.log), ticks, font, labelFont: font, space: 70 };
-      if (last) { xs.label = spec.x.label + (spec.x.unit ? " [" + spec.x.unit + "]" : ""); xs.labelSize = 18; xs.labelGap = 2; }
+      const xs = { stroke: text, grid: spec.x.spans ? grid : gridded(spec.x.log), ticks, font, labelFont: font, space: 70 };
+      if (last) { xs.label = spec.x.label + (spec.x.unit && !spec.x.spans ? " [" + spec.x.unit + "]" : ""); xs.labelSize = 18; xs.labelGap = 2; }
       if (spec.x.dates) xs.values = DATES;
-      else xs.values = spec.x.log ? logarithmic : linear(1);
-      if (spec.x.log) { xs.splits = ladder; xs.filter = (u, splits) => splits; }
+      else xs.values = spec.x.log ? logarithmic(1) : linear(1);
+      if (spec.x.spans) {
+        xs.splits = (u, k, low, high) => drawn(spec.x.spans, low, high);
+        xs.values = (u, splits) => splits.map((v) => span(v, spec.x.spans));
+        xs.filter = (u, splits) => splits;
+      } else if (spec.x.log) { xs.splits = ladder; xs.filter = (u, splits) => splits; }
       if (!last) { xs.values = (u, splits) => splits.map(() => ""); xs.size = 8; }
       else xs.size = spec.x.dates ? 40 : 28;
       const step = this.x.length > 1 ? this.x[1] - this.x[0] : 1;
@@ -273,7 +293,7 @@
         axes: [xs, {
           stroke: text, grid: gridded(panel.log), ticks, font, labelFont: font, space: panel.dense ? 20 : 34, labelSize: 20, labelGap: 2,
           label: this.title(panel, unit),
-          values: panel.log ? logarithmic : linear(scale),
+          values: panel.log ? logarithmic(scale) : linear(scale),
           size: (u, texts) => this.size(u, texts),
         }],
         series: [
@@ -287,7 +307,7 @@
             spanGaps: Boolean(line.spanned),
             dash: line.dash ? [6, 4] : undefined,
             points: line.edge || line.dash ? { show: false } : line.dots ? { show: true, size: line.joined ? 6 : 4, width: 0, fill: this.colour(line.role) } : undefined,
-            value: (u, v) => figure(v, panel.unit, digits(u)),
+            value: (u, v) => (prefixed && v != null ? figure(v / scale, unit, digits(u)) : figure(v, panel.unit, digits(u))),
           })),
         ],
         hooks: {

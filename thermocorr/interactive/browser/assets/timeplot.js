@@ -34,21 +34,21 @@
       this.signature = "";
     }
     panels() { // what is drawn: panels of lines, each with the curve that it shows
-      const { fitted, judged } = this, unit = fitted.unit;
+      const { fitted, judged } = this, { unit, units } = fitted;
       const floor = judged?.floor ? [2 * judged.floor.value, -2 * judged.floor.value] : [];
       const averaged = this.shown ? this.shown.averaged : true, mean = (name) => (averaged ? `mean ${name}` : name);
       const lines = (label) => [line("residual", label, "residual"), ...(averaged ? [line("mean residual", "mean of stretches", "average")] : [])];
       const residual = lines(this.preview ? "residual now" : "residual");
       if (this.preview) residual.push(line(mean(AFTER), `${averaged ? "mean " : ""}with ${this.preview.label}`, "other"), line(mean(TAKEN), "what it takes away", "model", { dash: true }));
-      const panels = [{ label: fitted.reading, unit, height: 150, lines: [line("reading", "measured", "reading"), line("model", "modelled", "model"), line("corrected", "corrected", "corrected")] }];
+      const panels = [{ label: fitted.reading, unit, units, height: 150, lines: [line("reading", "measured", "reading"), line("model", "modelled", "model"), line("corrected", "corrected", "corrected")] }];
       if (this.pair.length === 2) {
-        this.pair.forEach((step, i) => panels.push({ label: "residual", unit, height: 150, rules: floor, like: i ? 1 : null, key: step.key, lines: lines(step.text) }));
-      } else panels.push({ label: "residual", unit, height: 150, rules: floor, lines: residual });
+        this.pair.forEach((step, i) => panels.push({ label: "residual", unit, units, height: 150, rules: floor, like: i ? 1 : null, key: step.key, lines: lines(step.text) }));
+      } else panels.push({ label: "residual", unit, units, height: 150, rules: floor, lines: residual });
       const known = new Map(fitted.curves.map((curve) => [curve.name, curve]));
       panels.push({ label: fitted.temperature, unit: known.get("temperature").unit, height: 96, dense: true, lines: [line("temperature", fitted.temperature, "temperature")] });
       for (const name of this.extra) {
         const curve = known.get(name);
-        if (curve) panels.push({ label: curve.label, unit: curve.unit, height: 96, dense: true, lines: [line(name, curve.label, "other")] });
+        if (curve) panels.push({ label: curve.label, unit: curve.unit, units: curve.units, height: 96, dense: true, lines: [line(name, curve.label, "other")] });
       }
       return panels.map((panel) => ({ log: false, like: null, rules: [], key: fitted.key, ...panel }));
     }

@@ -83,12 +83,12 @@
       try { found = await this.wire.cloud({ key: fitted.key, across: this.across, up: "residual" }); } catch (error) { if (this.fitted === fitted) this.troubled(error); return; } finally { this.fetching = ""; }
       if (this.fitted !== fitted || this.tab !== "cloud" || signature !== JSON.stringify([fitted.key, this.tab, this.across, this.range])) return;
       const curve = curves.find((one) => one.name === this.across);
-      this.put(cloudSpec(found, curve, fitted.unit, this.range), "Points: some of the rows. Line: mean residual of all rows in each range, with a band of twice its error as if the noise were white. A line that leaves zero is a law that the model does not have.", signature);
+      this.put(cloudSpec(found, curve, fitted, this.range), "Points: some of the rows. Line: mean residual of all rows in each range, with a band of twice its error as if the noise were white. A line that leaves zero is a law that the model does not have.", signature);
     }
   }
 
   // Points, and the means of bins, merged over one x that never decreases.
-  function cloudSpec(found, curve, unit, range) {
+  function cloudSpec(found, curve, { unit, units }, range) {
     const [x, y, center, mean, error] = ["x", "y", "center", "mean", "error"].map((name) => values(found[name]));
     const rows = [...x.map((v, i) => [v, y[i], null, null]), ...center.map((v, i) => [v, null, mean[i], error[i]])].sort((a, b) => a[0] - b[0]);
     const column = (pick) => ({ ready: rows.map(pick) });
@@ -96,7 +96,7 @@
     return {
       name: "cloud",
       x: { label: curve.label, unit: curve.unit, joints: [], dates: false, log: false, data: { ready: Float64Array.from(rows, (r) => r[0]) } },
-      panels: [{ label: "residual", unit, log: false, like: null, height: 230, rules: [0], lines: [
+      panels: [{ label: "residual", unit, units, log: false, like: null, height: 230, rules: [0], lines: [
         { label: "rows", role: "residual", dots: true, joined: false, data: column((r) => r[1]) },
         { label: "mean", role: "model", joined: true, spanned: true, data: column((r) => r[2]) },
         edge(-1, "low"), edge(1, "high"),
