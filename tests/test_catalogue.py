@@ -270,7 +270,7 @@ def test_a_title_says_spans_as_a_person_does_and_a_label_stays_a_name():
     said = {
         Delay("25 min"): ("delay: 1500 s", "delay: 25 min"),
         Lead("25 min"): ("lead: 1500 s", "lead: 25 min"),
-        Periodic("1 d"): ("periodic: 86400 s", "periodic: 1 d"),
+        Periodic("1 D"): ("periodic: 86400 s", "periodic: 1 d"),
         Hinge(22.8, "below", ["10 min", "2 h"]): (
             "hinge: below 22.8, lag 600 s, 7200 s", "hinge: below 22.8, lag 10 min, 2 h"
         ),

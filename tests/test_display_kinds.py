@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -21,7 +23,8 @@ from thermocorr import (
     WhereDisplay,
 )
 from thermocorr.datasets import make_record
-from thermocorr.records.quantities import span_text, span_unit
+from thermocorr.pictures.axes import label_log_values, label_values, pyplot
+from thermocorr.records.quantities import scale_of, span_text, span_unit
 
 pytestmark = pytest.mark.usefixtures("drawing")
 
@@ -142,3 +145,26 @@ def test_spans_are_written_as_a_person_does():
     assert [span_text(t) for t in (0.002, 1.0, 90.0, 3600.0, 86_400.0, 3.2e7)] == [
         "2 ms", "1 s", "1.5 min", "1 h", "1 d", "1.01 y"
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("unit", "size", "label"),
+    [("mV", 2e-4, "x [uV]"), ("mV", 2.0, "x [mV]"), ("ohm", 3e5, "x [kohm]"), ("ppm", 2e-4, "x [$10^{-4}$ ppm]")],
+)
+def test_an_axis_has_the_unit_that_suits_it_and_its_ticks_say_the_numbers(unit, size, label):
+    figure, (even, log) = pyplot().subplots(2)
+    even.plot([0.0, size])
+    label_values(even.yaxis, "x", unit)
+    log.semilogy([size / 150, size])
+    label_log_values(log.yaxis, "x", unit)
+    figure.canvas.draw()
+    assert even.get_ylabel() == label
+    factor = scale_of([size], unit).factor if unit != "ppm" else 1e4
+    texts = [text.get_text().replace("\u2212", "-") for text in even.get_yticklabels()]
+    ticks = [(float(text), value) for text, value in zip(texts, even.get_yticks(), strict=True)]
+    for shown, value in ticks:
+        assert shown == pytest.approx(factor * value, abs=1e-6 * factor * size)
+    decades = [re.fullmatch(r"\$\\mathdefault\{10\^\{(.+)\}\}\$", t.get_text()) for t in log.get_yticklabels()]
+    found = [(int(d[1]), y) for d, y in zip(decades, log.get_yticks(), strict=True) if d]
+    scaled = factor if unit != "ppm" else 1.0
+    assert found and all(10.0**power == pytest.approx(scaled * y) for power, y in found)

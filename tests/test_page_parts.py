@@ -11,9 +11,10 @@ import pandas as pd
 import pytest
 
 import thermocorr.pages
-from thermocorr.pages.html import number, plain, rendered, script_data
+from thermocorr.pages.html import number, plain, rendered, script_data, unit_text, units_of_axis, with_unit
 from thermocorr.pages.traces import Cells
 from thermocorr.pictures.words import aspect_text, ends_text, interval_text, place_text
+from thermocorr.records.quantities import scale_of
 
 TEMPLATES = Path(thermocorr.pages.__file__).parent / "templates"
 
@@ -130,3 +131,27 @@ def test_names_are_made_harmless_in_text_and_in_data():
 @pytest.mark.parametrize("path", sorted(TEMPLATES.glob("*.html")), ids=lambda path: path.name)
 def test_no_template_trusts_what_it_is_given(path):
     assert not re.search(r"\|\s*safe\b|autoescape", path.read_text(encoding="utf-8"))
+
+
+# ---- units
+
+
+def test_a_number_of_a_page_has_the_unit_that_suits_it_and_keeps_its_value():
+    assert number(6.2e-05, "mV") == '<data value="6.2e-05" class="n">62.00\u00a0nV</data>'
+    scale = scale_of([0.0014, 0.00013], "mV")
+    assert with_unit("rms", scale.unit) == "rms [\u00b5V]"
+    assert number(0.00013, scale=scale) == '<data value="0.00013" class="n">0.1300</data>'
+    assert number(0.00013, "mV", scale=scale) == '<data value="0.00013" class="n">0.1300\u00a0\u00b5V</data>'
+
+
+def test_units_have_the_signs_of_print_with_any_prefix():
+    said = {
+        "uV": "\u00b5V",
+        "mohm": "m\u03a9",
+        "uohm/K": "\u00b5\u03a9/K",
+        "degC": "\u00b0C",
+        "mV/(K^2)": "mV/(K\u00b2)",
+        "min": "min",
+    }
+    assert {unit: unit_text(unit) for unit in said} == said
+    assert units_of_axis("ppm") == [] and [-3, "\u00b5V", 1e-4] in units_of_axis("mV")
