@@ -214,7 +214,7 @@ def _check_parameters(effect: Any, where: str) -> None:
             seconds_array(effect.time_constants)
         except (ValueError, TypeError, OverflowError) as error:
             raise ModelFileError(f"{where}.time_constants: {error}") from None
-    if hasattr(effect, "column"):
+    if hasattr(effect, "column") and (effect.column is not None or None in effect.inputs()):
         name(effect.column, f"{where}.column")
     for limited in ("width", "knee", "reference_temperature"):
         value = getattr(effect, limited, None)
