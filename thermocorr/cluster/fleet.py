@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from concurrent.futures import Executor
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from joblib import Parallel, delayed
 from sklearn.base import clone
 
 from ..estimators.features import DiffusiveFeatures
+from ..estimators.prior import LawPrior
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
 from ..estimators.time_constants.search import SearchSettings, factors_of, final_alpha, learned, reference_spectrum
@@ -22,6 +24,18 @@ BATCHES = 64
 """Batches into which an executor's tasks are cut: it hands them over one by one otherwise."""
 
 
+class Fleet(dict[Any, DynamicBiasRegressor]):
+    """Fitted models by the names of their devices."""
+
+    @cached_property
+    def prior(self) -> LawPrior:
+        """What the fleet tells of one more device of its make; ValueError where it tells nothing."""
+        return LawPrior.of(list(self.values()))
+
+    def __sklearn_clone__(self) -> Fleet:
+        return self  # a parameter of other models, whose fit is its worth
+
+
 def fit_fleet(
     workers: Any,
     devices: Mapping[Any, Any],
@@ -29,8 +43,9 @@ def fit_fleet(
     model: DynamicBiasRegressor | None = None,
     *,
     shared_time_constants: bool = False,
+    shrinkage: bool = False,
     history_rows: int | None = None,
-) -> dict[Any, DynamicBiasRegressor]:
+) -> Fleet:
     """Fit one model for each device, in parallel.
 
     Parameters
@@ -48,12 +63,17 @@ def fit_fleet(
         Devices of one make have the same bodies inside: choose one set of time constants for all (with
         ``time_constants="auto"`` or a number), by the sum of the devices' misfits over their noise. Each device keeps
         its own coefficients and ridge penalty.
+    shrinkage : bool
+        Fit each device once more, with what all of them tell as its prior (`LawPrior`): devices whose records
+        determine their law badly are drawn to the others. They need the same time constants.
     history_rows : int, optional
         Keep so many rows of each device's record at most, see `DynamicBiasRegressor.slim`.
 
     Returns
     -------
-    dict of name to fitted DynamicBiasRegressor
+    Fleet
+        A dict of name to fitted `DynamicBiasRegressor`. ``DynamicBiasRegressor(prior=fleet)`` calibrates one more
+        device from an hour.
 
     Raises
     ------
@@ -71,10 +91,21 @@ def fit_fleet(
         raise ValueError(
             "Devices with several thermometers have time constants of their own: shared_time_constants=False."
         )
-    if not shared_time_constants or model.count_to_choose() == 0:
-        return dict(
-            zip(names, _each(workers, _fit, parts, names, [(reading, model, history_rows)] * len(parts)), strict=True)
-        )
+    own = [model] * len(parts)
+    if shared_time_constants and model.count_to_choose() != 0:
+        own = _with_shared_times(workers, parts, names, reading, model)
+    fleet = _each(workers, _fit, parts, names, [(reading, one, history_rows) for one in own])
+    if shrinkage:
+        prior = LawPrior.of(fleet)
+        own = [clone(one).set_params(prior=prior) for one in own]
+        fleet = _each(workers, _fit, parts, names, [(reading, one, history_rows) for one in own])
+    return Fleet(zip(names, fleet, strict=True))
+
+
+def _with_shared_times(
+    workers: Any, parts: list[Part], names: list[Any], reading: str, model: DynamicBiasRegressor
+) -> list[DynamicBiasRegressor]:
+    """An unfitted model for each device, with one set of time constants for all."""
     looks = _each(workers, _span, parts, names, [(reading, model)] * len(parts))
     grid = log_grid(min(step for step, _ in looks), max(span for _, span in looks), POOL_SIZE)
     found: list[tuple[Projected, float]] = _each(
@@ -85,9 +116,7 @@ def fit_fleet(
     own = [clone(model).set_params(time_constants=chosen) for _ in parts]
     if model.alpha == "auto":
         own = [one.set_params(alpha=alpha) for one, (_, alpha) in zip(own, found, strict=True)]
-    return dict(
-        zip(names, _each(workers, _fit, parts, names, [(reading, one, history_rows) for one in own]), strict=True)
-    )
+    return own
 
 
 def _each(workers: Any, function: Any, parts: list[Part], names: list[Any], arguments: list[Any]) -> list[Any]:

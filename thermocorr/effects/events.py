@@ -52,6 +52,7 @@ class Events(SeveralSteps):
     """
 
     kind = "events"
+    learned = SeveralSteps.learned
     info = EffectInfo(
         physics="Somebody or something stepped what is measured: a load was put on, a reference was exchanged.",
         bench_check="Look in the laboratory's log book at these moments; at constant temperature the reading stays at "

@@ -92,13 +92,14 @@ class StaticPolynomial(Effect):
         self.temperature_name_ = record.temperature_name
         self.reference_temperature_ = reference_of(self.reference_temperature, record)
 
-    def _powers(self) -> range:
+    def powers(self) -> range:
+        """Powers of T - T0, one for each column."""
         return range(self.lowest_power, self.degree + 1)
 
     def names(self) -> list[str]:
         """``temperature``, ``temperature^2``, ..."""
         name = column_text(self.temperature_name_)
-        return [name if i == 1 else f"{name}^{i}" for i in self._powers()]
+        return [name if i == 1 else f"{name}^{i}" for i in self.powers()]
 
     def explained(self, temperature: str) -> str:
         """Nothing: the equation writes the powers of T - T0 out."""
@@ -106,7 +107,7 @@ class StaticPolynomial(Effect):
 
     def units(self) -> list[str]:
         """K, K^2, ..."""
-        return ["K" if i == 1 else f"K^{i}" for i in self._powers()]
+        return ["K" if i == 1 else f"K^{i}" for i in self.powers()]
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """Powers of T - T0 [K^i]."""

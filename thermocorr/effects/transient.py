@@ -33,7 +33,8 @@ class InitialTransient(Effect):
         [s], or spans such as "15 min".
     longest_share : float
         A decay longer than this share of all segments together is left out: over the record it looks like drift or
-        ageing, and would swallow them without a word. So is one that is longer than its segment.
+        ageing, and would swallow them without a word. So is one that is longer than its segment, unless the share is
+        above 1.
     """
 
     kind = "initial_transient"
@@ -80,6 +81,8 @@ class InitialTransient(Effect):
     def longest(self, durations: Sequence[float]) -> list[float]:
         """The longest decay of each segment [s], from what is known of its length [s]."""
         limit = self.longest_share * sum(durations)
+        if self.longest_share > 1:
+            return [limit] * len(durations)
         return [min(limit, duration) if self.longest_share else 0.0 for duration in durations]
 
     @property

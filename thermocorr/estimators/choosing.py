@@ -32,7 +32,7 @@ def count_to_choose(given: Any) -> int | None:
 def choose(model: Any, X: Any, y: Any) -> TimeConstantChoice | None:
     """Choose the time constants of an unfitted model from a record; None where they are given."""
     count = count_to_choose(model.time_constants)
-    if count == 0:
+    if count == 0 or model.prior is not None:
         return None
     further = Thermometers.of(model.temperature).further
     together = None if count is None else count * (1 + len(further))

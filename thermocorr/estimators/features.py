@@ -38,7 +38,7 @@ THERMAL_CONSTRAINTS: dict[str, Any] = {
     "reference_temperature": [Interval(Real, None, None, closed="neither"), StrOptions({"mean"})],
     "initial_state": [StrOptions({"equilibrium", "zero", "fit"})],
     "hold": [StrOptions({"first_order", "zero_order"})],
-    "longest_decay_share": [Interval(Real, 0, 1, closed="both")],
+    "longest_decay_share": [Interval(Real, 0, None, closed="left")],
     "screen": ["boolean"],
     "effects": ["array-like", Effect],
     **LAYOUT_CONSTRAINTS,
@@ -73,7 +73,8 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         Temperature between samples: a straight line, or the earlier value as in eq. (25). Both are exact.
     longest_decay_share : float, default 1.0
         Decay columns slower than this share of all segments together are left out: over the record they look like
-        drift or ageing and would swallow them without a word. So are those slower than their segment.
+        drift or ageing and would swallow them without a word. So are those slower than their segment, unless it is
+        above 1.
     form : {"unit_gain", "paper"}, default "unit_gain"
         "paper" gives eqs. (17) (19) (25) as printed, with psi in K s, for comparison.
     screen : bool, default True

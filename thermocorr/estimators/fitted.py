@@ -21,6 +21,7 @@ from .aligned import like, no_flags
 from .features import DiffusiveFeatures
 from .fitting import standard_errors
 from .inner import Inner, inner_blocks
+from .prior import Law, law_of
 from .reading import Reading, check_range
 from .tables import coefficient_table, distinct, equation_text
 from .threads import one_blas_thread
@@ -79,6 +80,20 @@ class FittedModel:
             with one_blas_thread():
                 self.standard_errors_ = standard_errors(self._swept, self._solution, self.alpha_)
         return self.standard_errors_
+
+    def law(self) -> Law:
+        """The coefficients without those of starts and steps, and how well the record determines them.
+
+        Raises ValueError for a model read from a file, which has forgotten it.
+        """
+        check_is_fitted(self, "pipeline_")
+        if hasattr(self, "law_"):
+            kept: Law = self.law_
+            return kept
+        if not hasattr(self, "_swept"):
+            raise ValueError("A model read from a file does not know how well its record determined it. Fit it again.")
+        effects, errors = self.features_.effect_list(), self.standard_errors()
+        return law_of(effects, self._swept, self._solution, errors, float(self.features_.reference_temperature_))
 
     def equation(self) -> str:
         """The fitted formula as text."""

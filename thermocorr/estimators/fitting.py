@@ -31,6 +31,8 @@ class Swept:
     """Subtracted from every reading before it was swept in, so that its digits are kept."""
     binned: Binned | None = None
     """The record, averaged over short stretches; None where nobody gathered it."""
+    prior: TriangularFactor | None = None
+    """Rows that stand for what is known beside the record."""
 
     def ordered(self, effects: Sequence[int], columns: Sequence[int]) -> Swept:
         """Factors and end states with columns and effects in another order, as `decays_first` gives it."""
@@ -46,7 +48,7 @@ class Swept:
 
     def total(self) -> TriangularFactor:
         """One factor of all rows."""
-        return TriangularFactor.merged(self.chunks)
+        return TriangularFactor.merged([*self.chunks, *([] if self.prior is None else [self.prior])])
 
 
 def block_rows(n_used: int, n_chunks: int = N_CHUNKS) -> int:
@@ -191,7 +193,7 @@ def standard_errors(
     """
     if combinations is None:
         combinations = np.eye(1 + len(solution.coef))
-    white = _white_errors(swept, solution, combinations)
+    white = white_errors(swept, solution, combinations)
     chunks = [chunk for chunk in swept.chunks if chunk.n_rows]
     if len(chunks) < 4:
         return white
@@ -199,7 +201,7 @@ def standard_errors(
     last = len(norms) + 1
     estimates = np.tile(np.concatenate(([solution.intercept], solution.coef)), (len(chunks), 1))
     for left_out, estimate in enumerate(estimates):
-        rest = TriangularFactor.merged(chunk for i, chunk in enumerate(chunks) if i != left_out)
+        rest = Swept([chunk for i, chunk in enumerate(chunks) if i != left_out], [], 0.0, prior=swept.prior).total()
         # A start-up decay that only the chunk left out has seen keeps its estimate: the rest cannot say anything on it.
         seen = np.flatnonzero(np.linalg.norm(rest.r[:, 1:-1], axis=0) > 0.01 * norms) + 1
         part = solve_ridge(rest.select([0, *seen, last]), alpha)
@@ -208,7 +210,8 @@ def standard_errors(
     return np.asarray(np.maximum(np.sqrt(spread), white))
 
 
-def _white_errors(swept: Swept, solution: RidgeSolution, combinations: np.ndarray) -> np.ndarray:
+def white_errors(swept: Swept, solution: RidgeSolution, combinations: np.ndarray) -> np.ndarray:
+    """Standard errors of linear combinations of (U0, coefficients), were the residuals white; shape (k,)."""
     n, p = solution.n_rows, len(solution.coef)
     variance = solution.residual_sum_of_squares / max(n - solution.rank - 1, 1)
     top = swept.total().r[0]

@@ -53,10 +53,13 @@ class Reading:
         )
 
 
-def check_plausible(record: Record, reading: Reading) -> None:
-    """Refuse a temperature that never changes; warn about one that cannot be a temperature, or a stuck reading."""
+def check_plausible(record: Record, reading: Reading, known_before: bool = False) -> None:
+    """Refuse a temperature that never changes; warn about one that cannot be a temperature, or a stuck reading.
+
+    Where its effect is known before, it need not change.
+    """
     low, high = reading.temperature_range
-    if reading.n_readings > 1 and is_flat(low, high):
+    if reading.n_readings > 1 and is_flat(low, high) and not known_before:
         raise RecordError(
             f"The temperature never changes{flat_text(low, high, record.n_used)}. Nothing can be learned about its "
             f"effect. Is {quoted(record.temperature_name)} the right column?"

@@ -24,6 +24,7 @@ from .choosing import choose, count_to_choose
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import equal_edges, require_rows, sweep_effects
 from .flat import flat_columns
+from .prior import known_before
 from .reading import Reading, check_corrected, check_plausible
 from .ridge import MergedRidge
 from .run_levels import RunLevels, run_levels
@@ -71,6 +72,10 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     run_offset : {"auto", "each", "same"}, default "auto"
         Whether each run has a U0 of its own (steps that `correct` keeps), or all have the same. "auto": each where
         levels are more than ten times as far apart as what is left within the runs, and the temperature varies there.
+    prior : fitted models of a fleet, or LawPrior, optional
+        What like devices tell of this one: their time constants, T0, and the distribution of their coefficients, from
+        which this device's own are taken to be drawn. An hour of a new unit is enough then. See
+        `thermocorr.estimators.prior.LawPrior`.
     washout : float, time span or "auto", default "auto"
         How long rows are flagged after a start that the fit does not know [s]; "auto" is three times the longest time
         constant.
@@ -141,6 +146,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         sampling_period: Any = None,
         max_gap: Any = None,
         fill: Any = None,
+        prior: Any = None,
         washout: Any = "auto",
     ):
         self.temperature = temperature
@@ -160,6 +166,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.sampling_period = sampling_period
         self.max_gap = max_gap
         self.fill = fill
+        self.prior = prior
         self.washout = washout
 
     __metadata_request__fit = {"sample_weight": None}
@@ -194,23 +201,29 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             self.learn_levels(X, y)
             self.search_ = choose(self, X, y)
             features = self.unfitted_features(self.time_constants if self.search_ is None else self.search_.parameter)
+            prior = known_before(self, features)
             record = features.learn(X, y, quiet=self.search_ is not None)
             reading = Reading.of(X, y, record)
-            require_rows(reading.n_readings, len(features.get_feature_names_out()))
-            check_plausible(record, reading)
+            if prior is None:
+                require_rows(reading.n_readings, len(features.get_feature_names_out()))
+            check_plausible(record, reading, prior is not None)
             self.alpha_ = self._penalty()
             self._swept = sweep_effects(record, features.effect_list(), equal_edges(record))
+            if prior is not None:
+                self._swept.prior, self._swept.binned = prior.rows(features.effect_list()), None
             total = self._swept.total()
             self._solution = solve_ridge(total, self.alpha_)
         features.remember(record, self._swept.end_states)
         ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
         self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
-        for learned in ("standard_errors_", "joint_errors_", "provenance_"):
+        for learned in ("standard_errors_", "joint_errors_", "provenance_", "law_"):
             self.__dict__.pop(learned, None)
         self.reading_ = reading
         effects = features.effect_list()
-        doubts = [*filter(None, [self.run_levels_.note]), *self._unresolved(record), *flat_columns(record, effects)]
-        doubts += cancelling(effects, total, self._solution, reading)
+        doubts = [*filter(None, [self.run_levels_.note])]
+        if prior is None:
+            doubts += [*self._unresolved(record), *flat_columns(record, effects)]
+            doubts += cancelling(effects, total, self._solution, reading)
         for text in doubts:
             warnings.warn(text, RecordWarning, stacklevel=2)
         self.notes_ = (*record.notes, *doubts)

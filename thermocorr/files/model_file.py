@@ -251,11 +251,11 @@ def _ordered(node: Any) -> Any:
 
 
 def _without_filling(node: dict[str, Any]) -> dict[str, Any]:
-    """Version 6: rows that lack something were passed over."""
+    """Version 6: rows that lack something were passed over, and no device had a fleet behind it."""
     model = node.get("model")
     if not (isinstance(model, dict) and isinstance(model.get("parameters"), dict)):
         raise ModelFileError("$.model has no parameters")
-    model = {"filling": [], **model, "parameters": {"fill": None, **model["parameters"]}}
+    model = {"filling": [], **model, "parameters": {"fill": None, "prior": None, **model["parameters"]}}
     return {**node, "version": 7, "model": model}
 
 

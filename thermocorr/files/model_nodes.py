@@ -12,6 +12,7 @@ from sklearn.pipeline import Pipeline
 from ..effects.stream import needed_columns
 from ..effects.wrap import as_effects
 from ..estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
+from ..estimators.prior import LawPrior
 from ..estimators.reading import Reading
 from ..estimators.run_levels import RunLevels
 from ..records import History, Record, Segment, seconds_of
@@ -234,7 +235,7 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
     return {
         "parameters": {
             key: pack(value, f"the parameter {key!r}", codec.pack_effect)
-            for key, value in model.get_params(deep=False).items()
+            for key, value in {**model.get_params(deep=False), "prior": _plain_prior(model.prior)}.items()
         },
         "columns": list(features.get_feature_names_out()),
         "intercept": float(ridge.intercept_),
@@ -255,6 +256,11 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
     }
 
 
+def _plain_prior(prior: Any) -> dict[str, Any] | None:
+    found = LawPrior.given(prior)
+    return None if found is None else found.as_dict()
+
+
 def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegressor:
     """The fitted model, every part of it checked."""
     node = fields(node, where, _MODEL)
@@ -271,6 +277,7 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
             text(item[0], f"{where}.parameters.effects[{i}]")
     try:
         as_effects(model.effects)
+        LawPrior.given(model.prior)
         for key in ("sampling_period", "max_gap", "washout"):
             value = parameters[key]
             if value is not None and not (isinstance(value, str) and value == "auto"):
@@ -278,7 +285,7 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
         model._validate_params()
         features = model.unfitted_features(())
         features._validate_params()
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, AttributeError) as error:
         raise ModelFileError(f"{where}.parameters: {error}") from None
     named = []
     for i, item in enumerate(items(node["effects"], f"{where}.effects")):

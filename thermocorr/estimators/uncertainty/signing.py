@@ -32,7 +32,7 @@ class SignedModel(FittedModel):
 
     @property
     def knows_noise(self) -> bool:
-        """Whether the model can tell uncertainties: not if it was fitted on several processes, nor from an old file."""
+        """Whether the model can tell uncertainties: not if it was fitted on several processes or beside a fleet."""
         return hasattr(self, "joint_errors_") or getattr(getattr(self, "_swept", None), "binned", None) is not None
 
     def slim(self, history_rows: int = 100) -> Any:
@@ -49,7 +49,9 @@ class SignedModel(FittedModel):
             self.joint_errors_ = replace(errors, history=errors.history.thinned(history_rows))
         features = self.features_
         features.history_ = features.history_.thinned(history_rows)
-        self.__dict__.pop("_swept", None)
+        if hasattr(self, "_swept"):
+            self.law_ = self.law()
+            del self._swept
         return self
 
     def joint_errors(self) -> JointErrors:

@@ -1,0 +1,288 @@
+"""What a fleet of like devices tells of one more: the mean of their laws, and how far these lie apart.
+
+The coefficients of each device are drawn from one normal distribution (a random-effects model); its mean and covariance
+are estimated by expectation and maximisation, each device weighing as much as its record determines it (Laird & Ware
+1982, Biometrics 38, 963). A unit with a short record of its own is fitted with that distribution as its prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from math import comb
+from typing import Any
+
+import numpy as np
+
+from ..effects import InitialTransient, SeveralSteps, StaticPolynomial
+from ..effects.protocol import Effect, time_text
+from ..equations import RidgeSolution, TriangularFactor
+from .features import DiffusiveFeatures
+from .fitting import Swept, white_errors
+
+FEWEST = 3
+"""Devices of a fleet that say something of one more."""
+PASSES = 200
+CONVERGED = 1e-6
+"""Relative change of the covariance at which the estimation ends."""
+LEAST = 1e-100
+"""Stands for zero where something is divided by it."""
+ANY_DECAY = 1e6
+"""Share of the record up to which decays are fitted: their sizes are known before."""
+LIKE_ONE_ANOTHER = 1e-4
+"""Devices are taken to differ by this share of the mean of their laws at least."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawPrior:
+    """Distribution of the coefficients of a fleet's devices: of the law, without start-up decays and steps.
+
+    Examples
+    --------
+    >>> from thermocorr import DynamicBiasRegressor
+    >>> from thermocorr.datasets import make_record
+    >>> from thermocorr.estimators.prior import LawPrior
+    >>> records = [make_record(3000, seed=seed) for seed in range(4)]
+    >>> fleet = [DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(r, r["reading"]) for r in records]
+    >>> LawPrior.of(fleet).columns
+    ('temperature', 'temperature^2', 'lag[300 s]', 'lag[5400 s]')
+    """
+
+    columns: tuple[str, ...]
+    mean: np.ndarray
+    """Shape (p,)."""
+    covariance: np.ndarray
+    """Covariance between devices, shape (p, p)."""
+    spread: np.ndarray
+    """Usual covariance of the columns in a device's record, shape (p, p)."""
+    noise: float
+    """Usual standard deviation of a device's residuals, as large as if they were white."""
+    reference_temperature: float
+    """T0 to which the coefficients belong."""
+    time_constants: Any
+    """As the parameter has them."""
+    n_devices: int
+
+    @classmethod
+    def of(cls, models: Sequence[Any]) -> LawPrior:
+        """Learn it from fitted models of several devices.
+
+        Parameters
+        ----------
+        models : sequence of DynamicBiasRegressor
+            With the same columns: the same effects and time constants (``fit_fleet(shared_time_constants=True)``).
+
+        Raises
+        ------
+        ValueError
+            For fewer than three, and for models that differ in more than their coefficients.
+        """
+        if len(models) < FEWEST:
+            raise ValueError(f"A fleet of {len(models)} tells too little of one more device: {FEWEST} are the least.")
+        laws = [model.law() for model in models]
+        names = laws[0].columns
+        for number, law in enumerate(laws):
+            if law.columns != names:
+                raise ValueError(
+                    f"Devices 0 and {number} of the fleet have other columns: {list(names)} and {list(law.columns)}. "
+                    "Fit all with the same effects and time constants (shared_time_constants=True)."
+                )
+        T0 = float(np.mean([law.reference_temperature for law in laws]))
+        laws = [law.at(T0) for law in laws]
+        scale = np.median([law.scale for law in laws], axis=0)
+        mean, covariance = _drawn_from(
+            np.array([law.coef * scale for law in laws]),
+            np.array([law.triangle.T @ law.triangle / np.outer(scale, scale) / law.noise**2 for law in laws]),
+        )
+        return cls(
+            columns=names,
+            mean=mean / scale,
+            covariance=covariance / np.outer(scale, scale),
+            spread=np.mean([law.triangle.T @ law.triangle / law.n_rows for law in laws], axis=0),
+            noise=float(np.median([law.noise for law in laws])),
+            reference_temperature=T0,
+            time_constants=models[0].fixed_time_constants(),
+            n_devices=len(models),
+        )
+
+    @classmethod
+    def given(cls, prior: Any) -> LawPrior | None:
+        """The parameter `prior`: one of these, its `as_dict`, or the fitted models of a fleet; None for none."""
+        if prior is None or isinstance(prior, LawPrior):
+            return prior
+        if isinstance(prior, Mapping) and "covariance" in prior:
+            arrays = {name: np.asarray(prior[name], float) for name in ("mean", "covariance", "spread")}
+            return cls(**{**prior, **arrays, "columns": tuple(prior["columns"])})
+        if isinstance(prior, Mapping) and isinstance(getattr(prior, "prior", None), LawPrior):
+            known: LawPrior = prior.prior  # type: ignore[attr-defined]  # a fleet, which has worked it out
+            return known
+        return cls.of(list(prior.values()) if isinstance(prior, Mapping) else list(prior))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain lists and numbers."""
+        return {
+            name: value.tolist() if isinstance(value, np.ndarray) else list(value) if name == "columns" else value
+            for name, value in asdict(self).items()
+        }
+
+    def rows(self, effects: Sequence[Effect]) -> TriangularFactor:
+        """Rows of ``[1 | Q | U]`` that say as much as the prior, for a model with these learned effects.
+
+        Raises
+        ------
+        ValueError
+            For a model without the columns of the fleet.
+        """
+        names = [name for effect in effects for name in effect.names()]
+        lacking = [name for name in self.columns if name not in names]
+        if lacking:
+            raise ValueError(f"The fleet's devices have {lacking[0]!r} in their law, and this model has only {names}.")
+        root = np.linalg.cholesky(np.linalg.inv(self.covariance)).T
+        rows = np.zeros((len(self.columns), len(names) + 2))
+        rows[:, [1 + names.index(name) for name in self.columns]] = self.noise * root
+        rows[:, -1] = self.noise * root @ self.mean
+        at = 1
+        for effect in effects:
+            width = len(effect.names())
+            if isinstance(effect, InitialTransient):
+                starts = [
+                    self._starts(taus, at + effect.first_column_[key], rows.shape[1])
+                    for key, taus in effect.decays_.items()
+                ]
+                rows = np.vstack((rows, *starts))
+            at += width
+        factor = TriangularFactor(rows.shape[1]).update(np.asfortranarray(rows))
+        factor.n_rows = 0
+        return factor
+
+    def _starts(self, time_constants: np.ndarray, at: int, width: int) -> np.ndarray:
+        """Rows on the start-up decays of a segment, from column `at` on: as large together as the lags usually are."""
+        which = []
+        for tau in time_constants:
+            lag = f"lag[{time_text(tau)}]"
+            found = [k for k, name in enumerate(self.columns) if name.endswith(lag)]
+            if not found:
+                raise ValueError(f"The fleet's devices have no {lag!r} in their law: {list(self.columns)}.")
+            which.append(found[0])
+        size = self.mean[which]
+        covariance = self.spread[np.ix_(which, which)] * np.outer(size, size)
+        covariance += np.diag(1e-6 * np.diag(covariance) + (1e-3 * self.noise) ** 2)
+        rows = np.zeros((len(which), width))
+        rows[:, at : at + len(which)] = self.noise * np.linalg.cholesky(np.linalg.inv(covariance)).T
+        return rows
+
+
+def known_before(model: Any, features: DiffusiveFeatures) -> LawPrior | None:
+    """The prior of a model; its features get the time constants and T0 of the fleet, unless the user gave others.
+
+    Start-up decays as long as the record are safe beside it.
+    """
+    prior = LawPrior.given(model.prior)
+    if prior is None:
+        return None
+    if isinstance(model.time_constants, str | int):
+        features.set_params(time_constants=prior.time_constants)
+    if model.reference_temperature == "mean":
+        features.set_params(reference_temperature=prior.reference_temperature)
+    elif model.reference_temperature != prior.reference_temperature:
+        raise ValueError(
+            f"The fleet's laws are about {prior.reference_temperature:.6g}, and this model has "
+            f"reference_temperature={model.reference_temperature!r}. Leave it at 'mean', or fit the fleet with it."
+        )
+    features.set_params(longest_decay_share=ANY_DECAY)
+    return prior
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law:
+    """Coefficients of one device, and what its record says of them."""
+
+    columns: tuple[str, ...]
+    coef: np.ndarray
+    triangle: np.ndarray
+    """Factor of the columns less what start-up decays, steps and U0 explain of them, shape (p, p)."""
+    scale: np.ndarray
+    """Standard deviation of each column, shape (p,)."""
+    n_rows: int
+    noise: float
+    """Standard deviation of the residuals, as large as if they were white."""
+    reference_temperature: float
+    powers: tuple[int, ...]
+    """Power of T - T0 of each column, 0 for other columns."""
+    bent: bool
+    """Whether other columns depend on T0."""
+
+    def at(self, T0: float) -> Law:
+        """The law about another reference temperature."""
+        shift = T0 - self.reference_temperature
+        if not shift:
+            return self
+        if self.bent:
+            raise ValueError(
+                "The devices have products with T - T0 in their law, and different T0. Fit all with the same "
+                "reference_temperature, in degC."
+            )
+        into = np.eye(len(self.coef))  # (u + shift)^k = sum of comb(k, j) shift^(k - j) u^j
+        for i, k in enumerate(self.powers):
+            for j, power in enumerate(self.powers):
+                if k and 0 < power <= k:
+                    into[j, i] = comb(k, power) * shift ** (k - power)
+        triangle = self.triangle @ np.linalg.inv(into)
+        return Law(**{**vars(self), "coef": into @ self.coef, "triangle": triangle, "reference_temperature": T0})
+
+
+def law_of(
+    effects: Sequence[Effect], swept: Swept, solution: RidgeSolution, errors: np.ndarray, reference_temperature: float
+) -> Law:
+    """The law of a fitted model, from its effects, factors, solution and standard errors of all coefficients."""
+    names = [name for effect in effects for name in effect.names()]
+    own = [isinstance(effect, InitialTransient | SeveralSteps) for effect in effects for _ in effect.names()]
+    law, starts = np.flatnonzero(~np.array(own, bool)), np.flatnonzero(own)
+    total = swept.total()
+    ordered = total.select([0, *(1 + starts), *(1 + law), len(names) + 1])
+    triangle = ordered.r[1 + len(starts) : -1, 1 + len(starts) : -1]
+    n_rows = max(total.n_rows, 1)
+    white = white_errors(swept, solution, np.eye(1 + len(names)))[1 + law]
+    ratio = np.divide(errors[1 + law], white, out=np.ones(len(law)), where=white > 0)
+    noise = np.sqrt(solution.residual_sum_of_squares / n_rows) * float(np.median(np.maximum(ratio, 1.0)))
+    powers = [
+        power
+        for effect in effects
+        for power in (effect.powers() if isinstance(effect, StaticPolynomial) else [0] * len(effect.names()))
+    ]
+    return Law(
+        columns=tuple(names[i] for i in law),
+        coef=solution.coef[law],
+        triangle=triangle,
+        scale=np.maximum(np.linalg.norm(triangle, axis=0) / np.sqrt(n_rows), LEAST),
+        n_rows=n_rows,
+        noise=float(noise) or LEAST,
+        reference_temperature=reference_temperature,
+        powers=tuple(powers[i] for i in law),
+        bent=any(effect.is_product for effect in effects),
+    )
+
+
+def _drawn_from(estimates: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance of the devices' coefficients, shape (p,) and (p, p).
+
+    Parameters
+    ----------
+    estimates : array of shape (n, p)
+        Coefficients of each device, on a common scale.
+    information : array of shape (n, p, p)
+        Inverse of the covariance of each device's own estimate.
+    """
+    mean = estimates.mean(axis=0)
+    least = (LIKE_ONE_ANOTHER * np.abs(mean).max()) ** 2 * np.eye(len(mean))
+    covariance = np.cov(estimates.T).reshape(least.shape) + least
+    said = np.einsum("nij,nj->ni", information, estimates)
+    for _ in range(PASSES):
+        inverse = np.linalg.inv(covariance)
+        spread = np.linalg.inv(information + inverse)
+        each = np.einsum("nij,nj->ni", spread, said + inverse @ mean)
+        mean = each.mean(axis=0)
+        before, covariance = covariance, spread.mean(axis=0) + (each - mean).T @ (each - mean) / len(each) + least
+        if np.abs(covariance - before).max() <= CONVERGED * np.abs(covariance).max():
+            break
+    return mean, covariance
