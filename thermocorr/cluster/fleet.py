@@ -133,7 +133,7 @@ def _each(workers: Any, function: Any, parts: list[Part], names: list[Any], argu
 def _fit(
     part: Part, name: Any, reading: str, model: DynamicBiasRegressor, history_rows: int | None
 ) -> DynamicBiasRegressor:
-    with _Named(name):
+    with _Named(name, part):
         own: DynamicBiasRegressor = clone(model)
         own.fit(part, part[reading])
     return own if history_rows is None else own.slim(history_rows)
@@ -141,7 +141,7 @@ def _fit(
 
 def _span(part: Part, name: Any, reading: str, model: DynamicBiasRegressor) -> tuple[float, float]:
     """Usual step and length of a device's record [s]."""
-    with _Named(name):
+    with _Named(name, part):
         record = _plain(model).learn(part, part[reading])
         return record.usual_step(), max(record.duration(segment) for segment in record.segments)
 
@@ -150,7 +150,7 @@ def _spectrum(
     part: Part, name: Any, reading: str, model: DynamicBiasRegressor, grid: np.ndarray
 ) -> tuple[Projected, float]:
     """What `project` needs of a device, and its ridge penalty."""
-    with _Named(name), one_blas_thread():
+    with _Named(name, part), one_blas_thread():
         settings = SearchSettings(candidates=grid, longest_decay_share=model.longest_decay_share)
         own = clone(model)
         own.learn_levels(part, part[reading])
@@ -166,14 +166,14 @@ def _plain(model: DynamicBiasRegressor) -> DiffusiveFeatures:
 
 
 class _Named:
-    """Puts the device's name before an error."""
+    """Puts the name of a device, or of what else a part is, before an error."""
 
-    def __init__(self, name: Any):
-        self.name = name
+    def __init__(self, name: Any, part: Part):
+        self.name, self.word = name, getattr(part, "word", "Device")
 
     def __enter__(self) -> None:
         pass
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         if isinstance(error, RecordError):
-            raise RecordError(f"Device {self.name!r}: {error}") from None
+            raise RecordError(f"{self.word} {self.name!r}: {error}") from None

@@ -83,17 +83,31 @@ def sweep_effects(
 
     What the decays of `starts` hold is taken out of all columns, segment by segment, and in each stretch apart.
 
-    A record that is spread over several processes has a method of this name, which is called instead. Columns made of
+    A record that is spread over several processes, or shares its columns with others, has a method of this name, which
+    is called instead. Columns made of
     a recorded one that never changes beyond its rounding are zero.
     """
-    swept: Swept = (
-        record.sweep_effects(effects, edges)
-        if hasattr(record, "sweep_effects")  # of one segment
+    swept = (
+        _by_itself(record, effects, edges, starts)
+        if hasattr(record, "sweep_effects")
         else _swept(record, effects, edges, starts)
     )
     flat = {id(effect) for effect in flat_effects(record, effects)}
     silent = [id(effect) in flat for effect in effects for _ in effect.names()]
     return swept.without((1 + np.flatnonzero(silent)).tolist()) if flat else swept
+
+
+def _by_itself(record: Any, effects: Sequence[Effect], edges: np.ndarray, starts: InitialTransient | None) -> Swept:
+    """Factors that a record makes itself, less what the decays of `starts` hold."""
+    if starts is None:
+        given: Swept = record.sweep_effects(effects, edges)
+        return given
+    swept, n = record.sweep_effects([starts, *effects], edges), len(starts.names())
+    chunks = []
+    for chunk in swept.chunks:
+        felt = [column for column in range(1, n + 1) if chunk.r[:, column].any()]
+        chunks.append(chunk.select([*felt, 0, *range(n + 1, chunk.r.shape[1])]).behind(len(felt)))
+    return Swept(chunks, [states[1:] for states in swept.end_states], swept.reading_offset)
 
 
 def _swept(
@@ -131,16 +145,30 @@ def sweep(
     `offset`. Rows without a reading are left out; others count by their weight, where they have one.
     """
     assert record.reading is not None
+    return sweep_readings(record, [record.reading], steps, edges, [offset], starts)[0]
+
+
+def sweep_readings(
+    record: Record,
+    readings: Sequence[np.ndarray],
+    steps: Iterator[Walked],
+    edges: np.ndarray,
+    offsets: Sequence[float],
+    starts: InitialTransient | None = None,
+) -> list[Swept]:
+    """Sweep several readings that are known in the same rows; `steps` walks with one free column more for each."""
+    n_readings = len(readings)
     chunks: list[TriangularFactor] = []
     ends: list[list[Any]] = []
     begun: dict[tuple[int, int], TriangularFactor] = {}
-    binning = Binning(record)
+    binnings = [Binning(record) for _ in readings]
     for step in steps:
         block, rows = step.block, step.columns
-        reading = np.asarray(record.reading[block.rows], float) - offset
-        binning.take(block, rows[:, :-2], reading)
-        rows[:, -2] = 1.0
-        rows[:, -1] = reading
+        for k, (values, offset, binning) in enumerate(zip(readings, offsets, binnings, strict=True), -n_readings):
+            reading = np.asarray(values[block.rows], float) - offset
+            binning.take(block, rows[:, : -1 - n_readings], reading)
+            rows[:, k] = reading
+        rows[:, -1 - n_readings] = 1.0
         if block.stop == record.segments[block.segment].stop:
             ends.append(list(step.states))
         if not chunks:
@@ -158,7 +186,13 @@ def sweep(
                 begun.setdefault((chunk, block.segment), TriangularFactor(rows.shape[1])).update(piece)
     for (chunk, _), factor in begun.items():
         chunks[chunk].merge(factor.behind(factor.r.shape[1] - chunks[chunk].r.shape[1]))
-    return Swept(chunks, ends, offset, binning.binned())
+    if n_readings == 1:
+        return [Swept(chunks, ends, offsets[0], binnings[0].binned())]
+    shared = range(chunks[0].r.shape[1] - n_readings)
+    return [
+        Swept([chunk.select([*shared, len(shared) + k]) for chunk in chunks], ends, offset, binning.binned())
+        for k, (offset, binning) in enumerate(zip(offsets, binnings, strict=True))
+    ]
 
 
 def _pieces(edges: np.ndarray, places: np.ndarray) -> Iterator[tuple[int, slice]]:

@@ -68,7 +68,8 @@ def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
     if isinstance(y, pd.DataFrame):
         if y.shape[1] != 1:
             raise RecordError(
-                f"y has {y.shape[1]} columns ({listing(y.columns)}). Pass one, such as y[{y.columns[0]!r}]."
+                f"y has {y.shape[1]} columns ({listing(y.columns)}). Pass one, such as y[{y.columns[0]!r}], or fit a "
+                "model for each with thermocorr.cluster.channels.fit_channels(X, y)."
             )
         y = y.iloc[:, 0]
     if isinstance(y, pd.Series) and isinstance(X, pd.DataFrame):
