@@ -12,6 +12,7 @@ from thermocorr.cluster import channels as module
 from thermocorr.cluster.channels import fit_channels
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate
+from thermocorr.estimators.fitting import sweep_readings
 
 
 @pytest.fixture(scope="module")
