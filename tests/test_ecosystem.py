@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import pickle
+import sys
 
 import joblib
 import numpy as np
@@ -26,6 +27,7 @@ from thermocorr import (
     compare_variants,
     diagnose,
 )
+from thermocorr.effects import Covariate
 
 
 @pytest.fixture(scope="module")
@@ -196,8 +198,6 @@ def test_polars_zones_spans_nulls_and_text(lab, polars):
     assert np.flatnonzero(np.isnan(columns).any(axis=1)).tolist() == [5]
     runs = frame.with_columns(run=pl.when(pl.int_range(pl.len()) < 600).then(pl.lit("a")).otherwise(pl.lit("b")))
     assert len(DiffusiveFeatures([300.0], time="time", run="run").fit(runs).history_.record.segments) == 2
-    with pytest.raises(RecordError, match="LazyFrame"):
-        DiffusiveFeatures([300.0]).fit(frame.lazy())
     with pytest.raises(RecordError, match="no temperature 'oven'"):
         DiffusiveFeatures([300.0], temperature="oven").fit(frame)
 
@@ -213,3 +213,35 @@ def test_search_comparison_and_diagnosis_take_polars_frames(lab, polars):
     pd.testing.assert_frame_equal(table, compare_variants(X, y, model=model).frame())
     found = diagnose(clone(model).set_params(time="time").fit(frame, readings), frame, readings)
     assert str(found.verdict) == str(diagnose(model.fit(X, y), X, y).verdict)
+
+
+# --------------------------------------------------------------------------------------------- tables of other packages
+
+
+@pytest.mark.parametrize("kind", ["pyarrow", "duckdb", "polars.lazy"])
+def test_tables_of_other_packages(lab, kind):
+    X, y = lab
+    pytest.importorskip("narwhals", reason="narwhals is not installed: pip install 'thermocorr[frames]'")
+    package = pytest.importorskip(kind.split(".")[0], reason=f"{kind} is not installed: pip install 'thermocorr[test]'")
+    frame = pd.DataFrame({"time": X.index, **{name: X[name].to_numpy() for name in X}, "reading": y.to_numpy()})
+    frame.loc[5, "humidity"] = np.nan
+    if kind == "pyarrow":
+        table = package.Table.from_pandas(frame)
+    else:
+        table = package.from_df(frame) if kind == "duckdb" else package.from_pandas(frame).lazy()
+    model = DynamicBiasRegressor("temperature", [300.0, 7200.0], time="time", effects=[Covariate("humidity")])
+    expected = clone(model).fit(frame, y.to_numpy())
+    found = clone(model).fit(table, y.to_numpy())
+    np.testing.assert_array_equal(found.coef_, expected.coef_)
+    np.testing.assert_array_equal(found.predict(table), expected.predict(frame))
+    np.testing.assert_array_equal(
+        OnlineCorrector(found).update_many(table, y.to_numpy())["corrected"], expected.correct(frame, y.to_numpy())
+    )
+    assert str(diagnose(found, table, y.to_numpy()).verdict) == str(diagnose(expected, frame, y.to_numpy()).verdict)
+
+
+def test_a_table_that_nobody_can_read_says_what_is_needed(lab, monkeypatch):
+    pyarrow = pytest.importorskip("pyarrow", reason="pyarrow is not installed: pip install 'thermocorr[parquet]'")
+    monkeypatch.setitem(sys.modules, "narwhals", None)
+    with pytest.raises(RecordError, match=r"a table of pyarrow, for which the package narwhals is needed"):
+        DynamicBiasRegressor(time="time").fit(pyarrow.table({"time": [1.0]}), lab[1])

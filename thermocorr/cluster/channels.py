@@ -17,7 +17,7 @@ from ..effects.stream import own_starts, walk
 from ..estimators.fitting import Swept, block_rows, decays_first, reading_offset, sweep_readings
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Layout, Log, Record, RecordError, RecordWarning, read_record
-from ..records.numbers import from_polars, numeric_reading
+from ..records.numbers import as_pandas, numeric_reading
 from ..records.screen import screened
 from .fleet import Fleet, fit_fleet
 
@@ -65,7 +65,7 @@ def fit_channels(
     >>> bool(abs(models["doubled"].coef_ - 2 * models["reading"].coef_).max() < 1e-6)
     True
     """
-    X, Y = from_polars(X), from_polars(Y)
+    X, Y = as_pandas(X), as_pandas(Y)
     if not isinstance(X, pd.DataFrame):
         raise TypeError(f"X must be a DataFrame, whose columns have names. Got {type(X).__name__}.")
     if not isinstance(Y, pd.DataFrame):

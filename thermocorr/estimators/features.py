@@ -18,7 +18,7 @@ from ..effects.protocol import Effect
 from ..effects.stream import Walked, needed_columns, own_starts, resume, walk
 from ..effects.wrap import EffectsParameters, as_effects
 from ..records import History, Layout, Log, Record, RecordError, RecordWarning, read_record
-from ..records.numbers import from_polars
+from ..records.numbers import as_pandas
 from ..records.record import SegmentStart
 from ..records.screen import screened
 from .filling import Filling, check_rules, filling_of, learned_beside
@@ -366,7 +366,7 @@ def _copy(effect: Effect) -> Effect:
 
 def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
     """scikit-learn's checks of X for frames (names and number) and arrays (shape, dtype, infinities)."""
-    X = from_polars(X)
+    X = as_pandas(X)
     if isinstance(X, pd.Series):
         raise RecordError(
             "X is a Series. Reshape your data: pass a DataFrame, for example with X.to_frame(), whose columns are the "

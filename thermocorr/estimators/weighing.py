@@ -11,7 +11,7 @@ import pandas as pd
 from ..effects.moments import since_start
 from ..records import Layout, Log, RecordError, read_record
 from ..records.errors import times_word
-from ..records.numbers import from_polars, numeric_reading
+from ..records.numbers import as_pandas, numeric_reading
 from ..records.weighted import WeightedReading
 
 
@@ -45,7 +45,7 @@ def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weights: Mapping
 def _masked(X: Any, y: Any, layout: Layout, mask: Any) -> Any:
     if isinstance(X, Log):
         raise RecordError("A mask is for a record in memory. Write NaN for these readings when the file is written.")
-    X, y = from_polars(X), from_polars(y)
+    X, y = as_pandas(X), as_pandas(y)
     values = np.array(numeric_reading(y, X), float)
     values[_rows(X, layout, mask, len(values))] = np.nan
     if isinstance(y, pd.DataFrame):

@@ -15,7 +15,7 @@ from ..estimators.threads import one_blas_thread
 from ..pages import PageData
 from ..pictures.words import effect_text
 from ..records import Record
-from ..records.numbers import from_polars, is_frame
+from ..records.numbers import as_pandas, is_frame
 from .candidates import as_fitted, further_candidates, given_effects, record_of, suspect_record
 from .causes import ANYWHERE, Search
 from .choice import Cause, Tried, first_of_each
@@ -79,7 +79,7 @@ def diagnose(
     if unknown:
         raise ValueError(f"The 'exclude' parameter names {sorted(unknown)}, which are no kinds: {sorted(CATALOGUE)}.")
     with one_blas_thread():
-        X = from_polars(X)
+        X = as_pandas(X)
         read = record_of(model, X, y, given_effects(suspects))
         record = suspect_record(model, read, X, y, columns)
         names = [name for name in record.columns if name != record.temperature_name]

@@ -12,7 +12,7 @@ from sklearn.base import clone
 
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
-from ..records.numbers import from_polars
+from ..records.numbers import as_pandas
 from ..records.thinned import Thinned, ThinnedLog
 from .candidates import given_effects, record_of, suspect_record
 from .levels import MOST_TRIED
@@ -46,7 +46,7 @@ def shorter(
     """The averages of a record that is too long to be fitted many times; None for any other."""
     if isinstance(X, ThinnedLog):
         return None
-    X = from_polars(X)
+    X = as_pandas(X)
     read = record_of(current, X, y, given_effects(suspects))
     record = suspect_record(current, read, X, y, columns, MOST_TRIED)
     if not isinstance(record, Thinned):

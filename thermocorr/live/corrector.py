@@ -14,7 +14,7 @@ from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
 from ..records import RecordError, read_record
 from ..records.errors import quoted
-from ..records.numbers import from_polars, is_frame
+from ..records.numbers import as_pandas, is_frame
 from ..records.read import times_of
 from ..records.screen import Screen
 from .advance import Advanced, Stream
@@ -281,7 +281,7 @@ class OnlineCorrector(Resumable):
             `corrected`, `bias`, `flag`, and `smoothed`, `reference`, `u`, `u_smoothed` where they were asked for; rows
             as they came.
         """
-        X = from_polars(X)
+        X = as_pandas(X)
         X = X if is_frame(X) else np.asarray(X)
         n, stream, run = len(X), self._stream, self.model.run
         reading = np.full(n, np.nan) if y is None else readings(y, n)

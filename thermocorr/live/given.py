@@ -13,7 +13,7 @@ import pandas as pd
 from ..records import RecordError
 from ..records.errors import quoted
 from ..records.labels import check_dates, out_of_reach
-from ..records.numbers import from_polars, is_frame, numeric_column
+from ..records.numbers import as_pandas, is_frame, numeric_column
 from ..records.screen import Limits
 from ..records.times import BEYOND
 
@@ -87,7 +87,7 @@ def _floats(values: Any) -> np.ndarray:
 
 def readings(y: Any, n: int) -> np.ndarray:
     """Readings as floats, NaN where there is none, shape (n,)."""
-    values = _floats(from_polars(y)[:])
+    values = _floats(as_pandas(y)[:])
     values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
     if values.shape != (n,):
         raise RecordError(

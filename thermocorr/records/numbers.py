@@ -17,13 +17,37 @@ from .types import Role, kind_of, require_role
 
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
+TABLES = ("pyarrow", "duckdb", "modin", "ibis", "cudf", "pyspark", "sqlframe")
+"""Packages whose tables narwhals reads."""
 
-def from_polars(X: Any) -> Any:
-    """A polars DataFrame as a pandas one (times as in pandas, missing values as NaN); anything else as it is."""
-    if not type(X).__module__.startswith("polars.") or type(X).__name__ not in ("DataFrame", "LazyFrame"):
+
+def as_pandas(X: Any) -> Any:
+    """A table of another package as a pandas one (times as in pandas, missing values as NaN); anything else as it is.
+
+    polars, lazy frames too; with narwhals (which scikit-learn brings, or the extra "frames") pyarrow, DuckDB, modin and
+    whatever else it knows. A lazy table is computed.
+    """
+    package = type(X).__module__.partition(".")[0]
+    if package == "polars":
+        X = X.collect() if type(X).__name__ == "LazyFrame" else X
+        return _from_polars(X) if type(X).__name__ == "DataFrame" else X
+    if package not in TABLES:
         return X
-    if type(X).__name__ == "LazyFrame":
-        raise RecordError("The data are a polars LazyFrame, whose rows are not there yet. Pass X.collect().")
+    try:
+        import narwhals
+    except ImportError:
+        raise RecordError(
+            f"The data are a table of {package}, for which the package narwhals is needed: pip install "
+            "'thermocorr[frames]', or pass a pandas DataFrame."
+        ) from None
+    table: Any = narwhals.from_native(X, pass_through=True, allow_series=True)
+    if isinstance(table, narwhals.LazyFrame):
+        table = table.collect("pandas")
+    return table.to_pandas() if isinstance(table, narwhals.DataFrame | narwhals.Series) else X
+
+
+def _from_polars(X: Any) -> pd.DataFrame:
+    """A polars frame without a detour: what narwhals makes of it needs pyarrow."""
     columns: dict[str, Any] = {}
     for name in X.columns:
         series = X[name]
@@ -64,7 +88,7 @@ def numeric_column(X: Any, column: object, role: Role = "column") -> NDArray[Any
 
 def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
     """Readings as numbers, row by row beside X."""
-    y = from_polars(y)
+    y = as_pandas(y)
     if isinstance(y, pd.DataFrame):
         if y.shape[1] != 1:
             raise RecordError(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .errors import RecordError, RecordWarning, listing, times_word
 from .labels import factorized
 from .log import Log
-from .numbers import from_polars, is_frame, numeric_column, numeric_reading
+from .numbers import as_pandas, is_frame, numeric_column, numeric_reading
 from .quantities import span_text, span_texts
 from .record import Record, Segment, holes
 from .screen import LeftOut
@@ -82,7 +82,7 @@ def read_record(
         record: Record | None = X.to_record(layout, y, needed)
         if record is not None:
             return record
-    X = from_polars(X)
+    X = as_pandas(X)
     frame = is_frame(X)
     n = len(X)
     name = temperature_column(X, layout, quiet)

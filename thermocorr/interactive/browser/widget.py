@@ -19,7 +19,7 @@ from ...estimators import DynamicBiasRegressor
 from ...estimators.thermometers import Thermometers
 from ...foreign import Table
 from ...judgement import diagnose
-from ...records.numbers import from_polars
+from ...records.numbers import as_pandas
 from ..acts import Add, Columns, Past
 from ..arrangement import AddedEffect, Settings
 from ..bench import Bench
@@ -70,7 +70,7 @@ def workbench(model: DynamicBiasRegressor, X: Any, y: Any, *, suspects: Sequence
 
 def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[type[Effect]] = ()) -> Bench:
     """A bench for data in memory, with the model's effects on it."""
-    frame = from_polars(X)
+    frame = as_pandas(X)
     if not isinstance(frame, pd.DataFrame):
         raise TypeError(f"The workbench needs a DataFrame, whose columns have names. Got {type(X).__name__}.")
     attrs, index = dict(frame.attrs), frame.index
