@@ -21,6 +21,7 @@ from thermocorr import (
 )
 from thermocorr.command.cli import main
 from thermocorr.effects import Covariate
+from thermocorr.estimators.other_thermometer import better_thermometer
 
 STEP, LEARNED = 60.0, 7000
 BODIES = {"case": (600.0, 5400.0), "room": (1200.0, 20_000.0)}
@@ -258,3 +259,48 @@ def test_the_command_takes_several_thermometers(device, tmp_path, capsys):
         main(["correct", "--model", str(tmp_path / "out" / "model.json"), str(tmp_path / "log.csv"), "--reading", "U"])
         == 0
     )
+
+
+# --------------------------------------------------------------------------------------------- another thermometer
+
+
+@pytest.fixture(scope="module")
+def wrong_column():
+    """The device feels the oven, and somebody took the thermometer of the room."""
+    X, _, _, _ = two_surfaces(8)
+    X = X.rename(columns={"case": "oven"}).assign(humidity=40 + X["case"])
+    y = 5 + 2 * followed(X["oven"].to_numpy(), 900.0) + 0.01 * np.random.default_rng(0).standard_normal(len(X))
+    return X, pd.Series(y, X.index, name="U")
+
+
+def test_another_column_that_does_better_as_the_temperature_is_said(wrong_column):
+    X, y = wrong_column
+    found = better_thermometer(DynamicBiasRegressor("room", [600.0]).fit(X, y), X, y)
+    assert found.column == "oven" and found.error < 0.3 * found.present
+    assert better_thermometer(DynamicBiasRegressor("oven", [900.0]).fit(X, y), X, y) is None
+    both = DynamicBiasRegressor(["room", "oven"], [900.0]).fit(X, y)
+    assert better_thermometer(both, X, y) is None
+    with_it = DynamicBiasRegressor("room", [600.0], effects=[Covariate("oven")]).fit(X, y)
+    assert better_thermometer(with_it, X, y) is None  # it has it
+
+
+def test_a_thermometer_that_is_only_needed_beside_the_first_is_no_better_one():
+    X, y, _, _ = two_surfaces(9)
+    assert better_thermometer(DynamicBiasRegressor("case").fit(X, y), X, y) is None
+
+
+def test_the_command_says_so(wrong_column, tmp_path, capsys):
+    X, y = wrong_column
+    log = X[:4000].assign(U=y[:4000])
+    log.insert(0, "time", np.arange(4000) * STEP)
+    log.to_csv(tmp_path / "log.csv", index=False)
+    assert main(["analyze", str(tmp_path / "log.csv"), "--temperature", "room", "--reading", "U", "--quiet"]) == 0
+    assert "Note: with 'oven' as the temperature later blocks are missed by" in capsys.readouterr().out
+
+
+def test_an_effect_is_taken_out_by_its_name():
+    model = DynamicBiasRegressor("case", effects=[Covariate("room"), ("dew", Covariate("humidity"))])
+    left = model.without_effect("dew")
+    assert [name for name, _ in left.effects] == ["covariate_room"] and len(model.effects) == 2
+    with pytest.raises(ValueError, match=r"no effect called 'rain'. There are \['covariate_room', 'dew'\]"):
+        model.without_effect("rain")

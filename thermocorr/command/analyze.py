@@ -12,6 +12,7 @@ import pandas as pd
 
 from ..datasets import load_voltage_reference
 from ..estimators import DynamicBiasRegressor, compare_variants, later_errors
+from ..estimators.other_thermometer import better_thermometer
 from ..files import Outputs
 from ..files.result_files import write_corrected, write_model
 from ..foreign import RUN, read_logs, with_times
@@ -21,8 +22,9 @@ from ..pages.report import report_text
 from ..pictures.added_noise import added_noise
 from ..pictures.words import aspect_text, each_row, interval_text
 from ..records import RecordError, RecordWarning
+from ..records.errors import quoted
 from ..records.files import TIME_NAMES, require_column
-from ..records.quantities import number_text, scale_of, span_text
+from ..records.quantities import number_text, quantity_texts, scale_of, span_text
 from ..records.text import printable
 from ..records.times import dates_once
 from ..records.units import unit_of
@@ -107,7 +109,8 @@ def _run(
         later = later_errors(
             comparison.models, X, y, n_blocks=options.blocks, progress=None if options.quiet else progress
         )
-    kept, best = list(comparison.models.items())[-1]
+        kept, best = list(comparison.models.items())[-1]
+        other = better_thermometer(best, X, y)
     say(f"{later.advice(kept)}\n")
     if understood:
         said = [
@@ -121,6 +124,14 @@ def _run(
     say(f"{best.reading_.n_readings} readings of {reading!r}, {named}\n")
     for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
         say(f"Note: {note}\n")
+    if other is not None:
+        with_it, without = quantity_texts((other.error, other.present), best.reading_.unit)
+        present = next(iter(thermometers))
+        say(
+            f"Note: with {quoted(other.column)} as the temperature later blocks are missed by {with_it} instead of "
+            f"{without}: try --temperature {other.column}, or both of them (--temperature {present} --temperature "
+            f"{other.column}).\n"
+        )
     say(f"{comparison}\n\n{later}\n")
     for name, taus in thermometers.items():
         of_which = f", {name}" if len(thermometers) > 1 else ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -130,6 +130,33 @@ class EffectsParameters(_BaseComposition):
         else:
             super(_BaseComposition, self).set_params(**params)
         return self
+
+    def with_effect(self, effect: Effect) -> Self:
+        """An unfitted copy of this model with one more effect."""
+        model: Self = clone(self)
+        given = model.effects if isinstance(model.effects, list | tuple) else [model.effects]
+        model.set_params(effects=[*given, effect])
+        return model
+
+    def without_effect(self, name: str) -> Self:
+        """An unfitted copy of this model without one of its `effects`.
+
+        Parameters
+        ----------
+        name : str
+            As in a (name, effect) pair, or the kind and columns: "covariate_humidity".
+
+        Raises
+        ------
+        ValueError
+            For a name that none of them has.
+        """
+        model: Self = clone(self)
+        given = as_effects(model.effects)
+        if name not in [own for own, _ in given]:
+            raise ValueError(f"The model has no effect called {name!r}. There are {[own for own, _ in given]}.")
+        model.set_params(effects=[pair for pair in given if pair[0] != name])
+        return model
 
     def _named(self) -> bool:
         given = self.effects

@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.pipeline import Pipeline
 from sklearn.utils._param_validation import Interval, StrOptions
 
-from ..effects.protocol import Effect
 from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import solve_ridge
 from ..records import Block, Record, RecordWarning, seconds_of
@@ -306,13 +305,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             else:
                 index = pd.RangeIndex(rows.start, rows.stop) if isinstance(rows, slice) else pd.Index(rows)
             yield pd.DataFrame(values, index=index)
-
-    def with_effect(self, effect: Effect) -> DynamicBiasRegressor:
-        """An unfitted copy of this model with one more effect."""
-        model: DynamicBiasRegressor = clone(self)
-        given = model.effects if isinstance(model.effects, list | tuple) else [model.effects]
-        model.set_params(effects=[*given, effect])
-        return model
 
     def _unresolved(self, record: Record) -> list[str]:
         """Sentences on given time constants that the record cannot determine."""

@@ -13,15 +13,13 @@ from ..records import RecordError
 from ..records.errors import listing, quoted
 from ..records.files import TIME_NAMES
 from ..records.types import kind_of
-from ..records.units import name_and_unit, unit_of
+from ..records.units import DEGREES, TEMPERATURES, name_and_unit, unit_of
 
-DEGREES = ("degC", "degF", "K")
-TEMPERATURES = re.compile(r"temp|ambient|room|oven|case|thermo|^t$|^t[_ ]", re.IGNORECASE)
 READINGS = re.compile(
     r"reading|measur|messwert|anzeige|spannung|widerstand|voltage|volt|resist|value|output|frequency|freq|weight|load|force|strain|tilt|mass|^u$|^v$|^r$",
     re.IGNORECASE,
 )
-"""Names that temperatures and readings go by."""
+"""Names that readings go by."""
 RUNS = ("run", "run_id", "run id", RUN)
 """Names, in small letters, that labels of runs go by; several files are such runs."""
 

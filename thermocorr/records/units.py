@@ -23,6 +23,10 @@ _WRITTEN = {
     "sec": "s", "seconds": "s", "ms": "ms", "min": "min", "h": "h", "hours": "h", "bar": "bar", "mhz": "MHz",
 }  # fmt: skip
 """How people and programs write units, in small letters, beside the values of `_SUFFIXES`."""
+DEGREES = ("degC", "degF", "K")
+"""Units of temperatures."""
+TEMPERATURES = re.compile(r"temp|ambient|room|oven|case|thermo|^t$|^t[_ ]", re.IGNORECASE)
+"""Names that temperatures go by."""
 _KNOWN = {unit: unit for unit in _SUFFIXES.values()}
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*(?:[\[(<](?P<inside>[^\[\]()<>]+)[\])>]|\s/\s*(?P<behind>\S+))\s*")
 _OHM_SIGN = str.maketrans({"\u2126": "\u03a9"})
@@ -43,6 +47,18 @@ def unit_of(name: object, data: Any) -> str:
     if "_" in text and (unit := _SUFFIXES.get(text.rsplit("_", 1)[-1], "")):
         return unit
     return name_and_unit(text)[1]
+
+
+def is_temperature(name: object, data: Any) -> bool:
+    """Whether a column is called like a temperature, or has the unit of one.
+
+    Examples
+    --------
+    >>> [is_temperature(name, None) for name in ("room", "oven_degC", "humidity_pct")]
+    [True, True, False]
+    """
+    unit = unit_of(name, data)
+    return unit in DEGREES or (not unit and TEMPERATURES.search(name_and_unit(str(name))[0].strip()) is not None)
 
 
 def unit_of_text(text: str) -> str:
