@@ -8,19 +8,18 @@ from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils._param_validation import Interval, Options, StrOptions
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted
 
 from ..effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.stream import Walked, needed_columns, own_starts, resume, walk
 from ..effects.wrap import EffectsParameters, as_effects
 from ..records import History, Layout, Log, Record, RecordError, RecordWarning, read_record
-from ..records.numbers import as_pandas
 from ..records.record import SegmentStart
 from ..records.screen import screened
+from .checked import check_columns
 from .filling import Filling, check_rules, filling_of, learned_beside
 from .thermometers import Thermometers
 
@@ -229,18 +228,24 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     def _filled(self, X: Any, y: Any, record: Record, needed: list[Any], screen_notes: tuple[str, ...]) -> Record:
         """The record with missing cells filled as its known rows tell; the readings beside them are left out."""
         thermometers = [record.temperature_name, *self.thermometers().further]
-        self.filling_ = filling_of(record, thermometers, self.fill)
-        lacking = record.n_used < len(X) or record.refused
-        if not (self.filling_.stand_ins and lacking) or isinstance(X, Log):
+        if isinstance(X, Log):
+            if self.fill:
+                raise RecordError(
+                    "The 'fill' parameter is for records in memory, not for a log that is read in pieces."
+                )
             return record
-        full = read_record(X, self.layout(), y=y, needed=needed, quiet=True, fill=self._fill)
+        self.filling_ = filling_of(record, thermometers, self.fill, self.screen_)
+        if not self.filling_.stand_ins:
+            return record
+        full = read_record(X, self.layout(), y=y, needed=needed, quiet=True, fill=self.fill_in)
         if self.screen_ is not None:
             full = self.screen_.without_codes(full, self.longest_step())
             full = self.screen_.without_spikes(full, self.longest_step())
         return learned_beside(full, record, screen_notes)
 
-    def _fill(self, record: Record) -> Record:
-        return self.filling_.in_record(record, self.screen_, getattr(self, "history_", None))
+    def fill_in(self, record: Record) -> Record:
+        """The record with missing cells filled as a fitted model fills them."""
+        return self.filling_.in_record(record, getattr(self, "history_", None))
 
     def walk_fitted(self, record: Record) -> Iterator[Walked]:
         """Columns of the record that is being fitted, block by block."""
@@ -259,7 +264,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         if isinstance(X, Record):
             return resume(effects, self.history_, X)
         X = self._check_columns(X, reset=False)
-        fill = self._fill if self.filling_.stand_ins else None
+        fill = self.fill_in if self.filling_.stand_ins else None
         record = read_record(X, self.layout(), y=y, needed=needed_columns(effects), quiet=True, fill=fill)
         return resume(effects, self.history_, record)
 
@@ -362,39 +367,3 @@ def _copy(effect: Effect) -> Effect:
 
     copy: Effect = clone(effect)
     return copy
-
-
-def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
-    """scikit-learn's checks of X for frames (names and number) and arrays (shape, dtype, infinities)."""
-    X = as_pandas(X)
-    if isinstance(X, pd.Series):
-        raise RecordError(
-            "X is a Series. Reshape your data: pass a DataFrame, for example with X.to_frame(), whose columns are the "
-            "temperature and whatever else was recorded."
-        )
-    if isinstance(X, Log):
-        return _check_log_columns(estimator, X, reset)
-    if isinstance(X, pd.DataFrame):
-        if X.shape[1] == 0:
-            raise RecordError(
-                f"Found array with 0 feature(s) (shape={X.shape}) while a minimum of 1 is required: the data have no "
-                "columns. The temperature is needed."
-            )
-        if len(X) == 0:
-            raise RecordError("The data have 0 rows. Check the file, or the selection that made them.")
-        if not X.columns.is_unique:
-            twice = X.columns[X.columns.duplicated()][0]
-            raise RecordError(f"Several columns are called {twice!r}. Give columns unique names.")
-        validate_data(estimator, X, skip_check_array=True, reset=reset)
-        return X
-    return validate_data(
-        estimator, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan", accept_sparse=False
-    )
-
-
-def _check_log_columns(estimator: Any, X: Log, reset: bool) -> Log:
-    """scikit-learn's checks of a log: `validate_data` on an empty frame with the columns of the log."""
-    if len(X) == 0:
-        raise RecordError("The log has 0 rows. Check its files.")
-    validate_data(estimator, pd.DataFrame(columns=X.columns), skip_check_array=True, reset=reset)
-    return X

@@ -7,8 +7,8 @@ that a stream fills what a whole record does.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from ..equations.lags import LagState, lag_differences
 from ..records import History, Record, seconds_of
 from ..records.errors import quoted, times_word
-from ..records.screen import LeftOut, Screen
+from ..records.screen import LeftOut, Limits, Screen, screened
 
 RULES = ("pass", "hold", "estimate")
 """What may be done with a missing cell: pass over its row, hold the last value, estimate it from other thermometers."""
@@ -57,6 +57,10 @@ class StandIn:
     """Time in which that is forgotten [s]."""
     longest: float = np.inf
     """A hole is filled for so long [s]."""
+    limits: Limits = field(default_factory=Limits)
+    """What is no value of the column, but a code for none or a spike."""
+    range: tuple[float, float] = (-np.inf, np.inf)
+    """Lowest and highest value that was fitted."""
 
     @property
     def width(self) -> int:
@@ -212,12 +216,17 @@ class Filling:
         values = {**given, **{name: filled.values for name, filled in found.items()}}
         return values, {name: each.errors for name, each in found.items()}, [each.state for each in found.values()]
 
-    def in_record(self, record: Record, screen: Screen | None, history: History | None) -> Record:
-        """A record whose missing cells are filled, those of temperatures that are refused codes among them."""
-        columns = {name: np.array(record.columns[name], float) for name in self.columns}
-        if screen is not None and record.temperature_name in columns:
-            T = columns[record.temperature_name]
-            T[screen.temperature.coded(T)] = np.nan
+    def believed(self, given: Mapping[Any, np.ndarray], stamp_of: Callable[[int], Any]) -> dict[Any, np.ndarray]:
+        """Columns that are filled or fill others, NaN where a cell is none; `stamp_of` gives a row's time stamp."""
+        columns = {name: np.array(given[name], float) for name in self.columns}
+        for one in self.stand_ins:
+            for rows, _ in one.limits.reasons(columns[one.column], stamp_of):
+                columns[one.column][rows] = np.nan
+        return columns
+
+    def in_record(self, record: Record, history: History | None) -> Record:
+        """A record whose missing cells are filled, and those that are codes for none."""
+        columns = self.believed(record.columns, record.times.stamp)
         errors = {one.column: np.full(record.n_rows, np.nan) for one in self.stand_ins}
         for start, stop, run in record.segments:
             rows = record.rows(start, stop)
@@ -248,7 +257,9 @@ class Filling:
         return list(dict.fromkeys(name for one in self.stand_ins for name in (one.column, *one.others)))
 
 
-def filling_of(record: Record, thermometers: Sequence[Any], rules: Mapping[Any, Any] | None) -> Filling:
+def filling_of(
+    record: Record, thermometers: Sequence[Any], rules: Mapping[Any, Any] | None, screen: Screen | None
+) -> Filling:
     """Stand-ins for a record's columns, learned from it.
 
     Parameters
@@ -259,7 +270,14 @@ def filling_of(record: Record, thermometers: Sequence[Any], rules: Mapping[Any, 
         Where there are several, each is estimated from the others unless a rule says otherwise.
     rules : mapping of column to rule
         "pass", "hold", "estimate", or one of these and the longest hole that is filled: ("hold", "1 h").
+    screen : Screen, optional
+        What is refused of the first thermometer; where there is one, that of the others is found.
     """
+    limits: dict[Any, Limits] = {}
+    if screen is not None:
+        limits[thermometers[0]] = screen.temperature
+        for name in thermometers[1:]:
+            record, limits[name] = _screened(record, name)
     several = list(thermometers) if len(thermometers) > 1 else []
     wanted = {**dict.fromkeys(several, "estimate"), **(rules or {})}
     stand_ins = []
@@ -269,8 +287,17 @@ def filling_of(record: Record, thermometers: Sequence[Any], rules: Mapping[Any, 
             continue
         others = [other for other in thermometers if other != name] if rule == "estimate" else []
         limit = np.inf if longest is None else seconds_of(longest, "fill")
-        stand_ins.append(_stand_in(record, name, tuple(others), limit))
+        stand_in = _stand_in(record, name, tuple(others), limit)
+        known = record.moments(name)
+        stand_ins.append(replace(stand_in, limits=limits.get(name, Limits()), range=(known.low, known.high)))
     return Filling(tuple(stand_ins))
+
+
+def _screened(record: Record, name: Any) -> tuple[Record, Limits]:
+    """The record without rows in which a further thermometer shows what is no temperature, and what that is."""
+    plain = replace(record, temperature_name=name, reading=None, refused=(), notes=())
+    found, screen = screened(plain)
+    return replace(record, segments=found.segments, skipped=found.skipped, known_moments={}), screen.temperature
 
 
 def learned_beside(full: Record, known: Record, notes: Sequence[str]) -> Record:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -11,14 +12,15 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from ..effects import Covariate
-from ..effects.protocol import Effect
 from ..effects.stream import Walked
 from ..effects.thermal import column_text
 from ..records import Block, Record
 from ..records.numbers import numeric_reading
+from ..records.record import SegmentStart
+from ..records.screen import LeftOut
 from .aligned import like, no_flags
 from .features import DiffusiveFeatures
+from .filling_error import SPOILT, FillingError
 from .fitting import standard_errors
 from .inner import Inner, inner_blocks
 from .prior import Law, law_of
@@ -202,7 +204,7 @@ class FittedModel:
 
     def inner_blocks(self, X: Any) -> Iterator[Inner]:
         """The numbers of `inner_temperatures`, block by block. X may be a `Record` read before."""
-        record, starts, states = self.features_.resume(X)
+        record, starts, states = self.resumed(X)
         return inner_blocks(self, self.features_.walk_resumed(record, starts, states))
 
     def flags(self, X: Any, y: Any = None) -> Any:
@@ -210,11 +212,11 @@ class FittedModel:
 
         "no temperature", "no reading", "sentinel" or "spike" (of the temperature or the reading, see `screen`),
         "washout", "outside fitted range". And, of rows with cells that were missing and are filled (see `fill`):
-        "filled", and "thermometer lost" once what the filling may be wrong by moves the reading by more than the
-        residuals' standard deviation.
+        "filled", and "thermometer lost" where that may move the bias by more than the residuals' standard deviation:
+        late bodies feel it for a while after the cells are known again.
         """
         reading = None if y is None else numeric_reading(y, X)
-        record, starts, _ = self.features_.resume(X)
+        record, starts, _ = self.resumed(X)
         flags = no_flags(record)
         for block in record.blocks(starts=starts, zero=self.features_.history_.zero):
             flags[block.rows] = self.block_flags(block, None if reading is None else reading[block.rows])
@@ -225,7 +227,7 @@ class FittedModel:
 
     def contribution_blocks(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
         """Contribution of each effect, shape (n, n_effects), block by block. X may be a `Record` read before."""
-        record, starts, states = self.features_.resume(X)
+        record, starts, states = self.resumed(X)
         check_range(self.reading_, record)
         return self.weighed(self.features_.walk_resumed(record, starts, states))
 
@@ -253,14 +255,6 @@ class FittedModel:
         assert parts is not None  # a record has at least one block
         return parts, believed
 
-    def effect_coefficients(self) -> Iterator[tuple[Effect, np.ndarray]]:
-        """Each effect, and the coefficients of its columns."""
-        at = 0
-        for effect in self.features_.effect_list():
-            width = len(effect.names())
-            yield effect, self.coef_[at : at + width]
-            at += width
-
     def weighed(self, steps: Iterator[Walked]) -> Iterator[tuple[Block, np.ndarray]]:
         """Each block of a walk, and the contributions of all effects in its rows, shape (n, n_effects)."""
         effects, coef = self.features_.effect_list(), self.coef_
@@ -275,6 +269,8 @@ class FittedModel:
         low, high = self.reading_.temperature_range
         flags = np.full(len(block), "", dtype=object)
         outside = (low > T) | (high < T)
+        for one in self.features_.filling_.stand_ins:
+            outside |= (block[one.column] < one.range[0]) | (block[one.column] > one.range[1])
         if outside.any():
             flags[outside] = "outside fitted range"
         if block.segment_key is None:
@@ -284,45 +280,51 @@ class FittedModel:
                 flags[np.isnan(reading)] = "no reading"
             for rows, reason in self._refused(block, reading):
                 flags[rows] = reason
-        self.mark_filled(flags, self.filling_errors(block.record.filled, block.rows))
+        record = block.record
+        if record.filling_error is not None:
+            filled = np.logical_or.reduce([np.isfinite(errors[block.rows]) for errors in record.filled.values()])
+            self.mark_filled(flags, record.filling_error[block.rows], filled)
         return flags
 
-    def filling_errors(self, errors: Mapping[Any, np.ndarray], rows: Any) -> np.ndarray | None:
-        """Standard deviation of the bias by filled cells, NaN in rows that have none; None where no row has.
+    def filling_error(self) -> FillingError:
+        """Propagates the errors of filled cells to the bias."""
+        features = self.features_
+        columns = [one.column for one in features.filling_.stand_ins]
+        temperature = features.history_.record.temperature_name
+        return FillingError(features.effect_list(), self.coef_, temperature, columns, self.residual_std_)
 
-        Parameters
-        ----------
-        errors : mapping of column to array of shape (n_rows,)
-            As `Record.filled` has them.
-        rows : slice or array of int
-            Rows that are asked for.
+    def resumed(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
+        """A new record tied to the fitted one, with what filled cells may move its bias by."""
+        record, starts, states = self.features_.resume(X, y)
+        return self.with_filling_error(record), starts, states
+
+    def with_filling_error(self, record: Record) -> Record:
+        """The record with what filled cells may move its bias by, where it has some and that is not yet known."""
+        if not record.filled or record.filling_error is not None:
+            return record
+        return replace(record, filling_error=self.filling_error().of_record(record))
+
+    def without_spoilt(self, record: Record) -> Record:
+        """The record without the readings where filled cells may move the bias by a share of the residuals' deviation.
+
+        In their own rows, and for a while after these.
         """
-        parts = [self._sensitivity(name) * each[rows] for name, each in errors.items()]
-        if not parts or np.isnan(parts).all():
-            return None
-        total = np.sqrt(np.nansum(np.square(parts), axis=0))
-        return np.where(np.isnan(parts).all(axis=0), np.nan, total)
+        if not record.filled or record.reading is None:
+            return record
+        spoilt = self.filling_error().of_record(record) > SPOILT * self.residual_std_
+        for errors in record.filled.values():
+            spoilt |= np.isfinite(errors)
+        reading: Any = LeftOut(record.reading, np.flatnonzero(spoilt))
+        return replace(record, reading=reading)
 
-    def mark_filled(self, flags: np.ndarray, errors: np.ndarray | None) -> None:
-        """Flag the rows that have `filling_errors`, where nothing graver is said of them."""
-        if errors is not None:
-            mild = np.isin(flags, ("", "outside fitted range")) & np.isfinite(errors)
-            flags[mild] = "filled"
-            flags[mild & (errors > self.residual_std_)] = "thermometer lost"
+    def mark_filled(self, flags: np.ndarray, error: np.ndarray, filled: np.ndarray) -> None:
+        """Flag rows with filled cells, and those where these may move the bias by more than the residuals' deviation.
 
-    def _sensitivity(self, column: Any) -> float:
-        """Change of the bias with a column, at once or for good, whichever is more."""
-        temperature = self.features_.history_.record.temperature_name
-        lasting = moved = 0.0
-        for effect, part in self.effect_coefficients():
-            if column == temperature and effect.kind == "static_polynomial" and len(part):
-                lasting += float(part[0])
-            elif column == temperature and effect.kind == "thermal_lag":
-                moved += float(part.sum())
-            elif isinstance(effect, Covariate) and effect.column == column and effect.power == 1:
-                lasting += float(part[0])
-                moved += float(part[1:].sum())
-        return max(abs(lasting), abs(lasting - moved))
+        Where nothing graver is said of them.
+        """
+        mild = np.isin(flags, ("", "outside fitted range"))
+        flags[mild & filled] = "filled"
+        flags[mild & (error > self.residual_std_)] = "thermometer lost"
 
     def believed(self, block: Block, reading: np.ndarray) -> np.ndarray:
         """Readings of a block's rows without those that the screen refuses, shape (n,)."""

@@ -14,7 +14,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils._param_validation import Interval, StrOptions
 
 from ..effects.wrap import EffectsParameters, as_effects
-from ..equations import solve_ridge
+from ..equations import TriangularFactor, solve_ridge
 from ..records import Block, Record, RecordWarning, seconds_of
 from ..records.numbers import numeric_reading
 from .aligned import like, no_flags
@@ -23,7 +23,7 @@ from .choosing import choose, count_to_choose
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import equal_edges, require_rows, sweep_effects
 from .flat import flat_columns
-from .prior import known_before
+from .prior import LawPrior, known_before
 from .reading import Reading, check_corrected, check_plausible
 from .ridge import MergedRidge
 from .run_levels import RunLevels, run_levels
@@ -207,14 +207,9 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
                 require_rows(reading.n_readings, len(features.get_feature_names_out()))
             check_plausible(record, reading, prior is not None)
             self.alpha_ = self._penalty()
-            self._swept = sweep_effects(record, features.effect_list(), equal_edges(record))
-            if prior is not None:
-                self._swept.prior, self._swept.binned = prior.rows(features.effect_list()), None
-            total = self._swept.total()
-            self._solution = solve_ridge(total, self.alpha_)
-        features.remember(record, self._swept.end_states)
-        ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
-        self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
+            total = self._solve(record, features, prior)
+            if record.filled:  # what these spoil is known now
+                total = self._solve(self.without_spoilt(record), features, prior)
         for learned in ("standard_errors_", "joint_errors_", "provenance_", "law_"):
             self.__dict__.pop(learned, None)
         self.reading_ = reading
@@ -321,6 +316,18 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         if self.alpha != "auto":
             return float(self.alpha)
         return 0.0 if self.search_ is None else self.search_.alpha
+
+    def _solve(self, record: Record, features: DiffusiveFeatures, prior: LawPrior | None) -> TriangularFactor:
+        """Learn the coefficients from a record; returns its factor."""
+        self._swept = sweep_effects(record, features.effect_list(), equal_edges(record))
+        if prior is not None:
+            self._swept.prior, self._swept.binned = prior.rows(features.effect_list()), None
+        total: TriangularFactor = self._swept.total()
+        self._solution = solve_ridge(total, self.alpha_)
+        features.remember(record, self._swept.end_states)
+        ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
+        self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
+        return total
 
     def learn_levels(self, X: Any, y: Any) -> None:
         """Find out where the runs of a record change their level: the first step of `fit`."""

@@ -10,6 +10,7 @@ import numpy as np
 from ..estimators.filling import Filling, StandIn
 from ..records.grammar import LARGEST
 from .codec import ModelFileError, fields, items, name, number, pack, positive, unexpected, unpack, vector
+from .screen_nodes import pack_limits, unpack_limits
 
 _FIELDS = tuple(StandIn.__dataclass_fields__)
 
@@ -26,6 +27,8 @@ def pack_filling(filling: Filling) -> list[dict[str, Any]]:
             "time_constants": one.time_constants.tolist(),
             "spread": one.spread,
             "memory": one.memory,
+            "limits": pack_limits(one.limits),
+            "range": [None if np.isinf(end) else end for end in one.range],
             "longest": None if np.isinf(one.longest) else one.longest,
             "end": [None if np.isnan(value) else float(value) for value in end],
         }
@@ -57,7 +60,10 @@ def _stand_in(node: Any, where: str, columns: Collection[Any]) -> tuple[StandIn,
     }
     if (numbers["time_constants"] <= 0).any():
         raise unexpected(f"{where}.time_constants", "times", "times above zero")
+    low, high = numbers_or_nan(node["range"], f"{where}.range", 2)
     stand_in = StandIn(
+        limits=unpack_limits(node["limits"], f"{where}.limits"),
+        range=(-np.inf if np.isnan(low) else low, np.inf if np.isnan(high) else high),
         column=column,
         others=others,
         means=numbers["means"],
@@ -67,12 +73,12 @@ def _stand_in(node: Any, where: str, columns: Collection[Any]) -> tuple[StandIn,
         memory=positive(node["memory"], f"{where}.memory"),
         longest=np.inf if node["longest"] is None else positive(node["longest"], f"{where}.longest"),
     )
-    return stand_in, np.array(remembered(node["end"], f"{where}.end", stand_in))
+    return stand_in, np.array(numbers_or_nan(node["end"], f"{where}.end", stand_in.width if node["end"] != [] else 0))
 
 
-def remembered(node: Any, where: str, stand_in: StandIn) -> list[float]:
-    """What a stand-in remembers: none, or as many numbers as it needs, NaN for null."""
-    values = items(node, where, stand_in.width if node != [] else 0)
+def numbers_or_nan(node: Any, where: str, length: int) -> list[float]:
+    """So many numbers, NaN for null."""
+    values = items(node, where, length)
     return [
         np.nan if value is None else number(value, f"{where}[{k}]", -LARGEST, LARGEST) for k, value in enumerate(values)
     ]

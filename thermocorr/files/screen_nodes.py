@@ -14,21 +14,23 @@ MOST_CODES = 2 * MOST_KEPT
 
 def pack_screen(screen: Screen) -> dict[str, Any]:
     """Codes and spikes of both quantities; a spike is its time stamp and its value."""
-    nodes = {}
-    for what in QUANTITIES:
-        limits: Limits = getattr(screen, what)
-        spikes = [[stamp, value] for stamp, value in limits.spikes.items()]
-        nodes[what] = {"middle": limits.middle, "codes": list(limits.codes), "spikes": spikes}
-    return nodes
+    return {what: pack_limits(getattr(screen, what)) for what in QUANTITIES}
+
+
+def pack_limits(limits: Limits) -> dict[str, Any]:
+    """What is refused of one quantity."""
+    spikes = [[stamp, value] for stamp, value in limits.spikes.items()]
+    return {"middle": limits.middle, "codes": list(limits.codes), "spikes": spikes}
 
 
 def unpack_screen(node: Any, where: str) -> Screen:
     """The screen, every number checked."""
     node = fields(node, where, QUANTITIES)
-    return Screen(**{what: _limits(node[what], f"{where}.{what}") for what in QUANTITIES})
+    return Screen(**{what: unpack_limits(node[what], f"{where}.{what}") for what in QUANTITIES})
 
 
-def _limits(node: Any, where: str) -> Limits:
+def unpack_limits(node: Any, where: str) -> Limits:
+    """What is refused of one quantity, checked."""
     node = fields(node, where, ("middle", "codes", "spikes"))
     codes = [number(code, f"{where}.codes[{i}]") for i, code in enumerate(items(node["codes"], f"{where}.codes"))]
     if len(codes) > MOST_CODES or any(abs(code) > LARGEST for code in codes):

@@ -12,7 +12,7 @@ from sklearn.base import clone
 
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
-from ..estimators.features import check_columns
+from ..estimators.checked import check_columns
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Log, ParquetLog, Record, RecordWarning, read_record
 from ..records.errors import listing
@@ -31,7 +31,11 @@ def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Eff
     """The user's record with its readings and the columns that model and further effects use."""
     check_columns(model.features_, as_fitted(model, X), reset=False)
     own = [name for effect in (*model.features_.effect_list(), *further) for name in effect.inputs()]
-    return read_record(X, model.features_.layout(), y=numeric_reading(y, X), needed=own, quiet=True)
+    features = model.features_
+    fill = features.fill_in if features.filling_.stand_ins else None
+    return model.without_spoilt(
+        read_record(X, features.layout(), y=numeric_reading(y, X), needed=own, quiet=True, fill=fill)
+    )
 
 
 def suspect_record(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import pairwise
 from operator import mul
 from typing import Any, NamedTuple
@@ -16,6 +16,7 @@ from ..estimators import DynamicBiasRegressor
 from ..records import Record, Segment, SegmentStart
 from ..records.read import GAP_STEPS
 from .clock import Clock
+from .filled import NOTHING, LiveFilling, outside
 from .live_errors import LiveErrors
 from .state import StreamState
 
@@ -58,7 +59,7 @@ class Stream:
         self.effects = features.effect_list() if errors is None else errors.effects
         self.errors = errors
         self.temperature = temperature = history.record.temperature_name
-        self.filling = features.filling_
+        self.filling = LiveFilling(model, continues) if features.filling_.stand_ins else None
         self.inputs = [column for column in needed_columns(self.effects) if column != temperature]
         self._steppers = [
             stepper_of(effect, history.record.times, history.zero, temperature) for effect in self.effects
@@ -73,7 +74,7 @@ class Stream:
         ]
         self._edges = edges
         self._low, self._high = model.reading_.temperature_range
-        self._washout = model.washout_
+        self._washout, self._deviation = model.washout_, model.residual_std_
         self._max_gap = math.inf if history.max_gap is None else history.max_gap
         self.gap = GAP_STEPS * history.usual_step if history.max_gap is None else history.max_gap
         self.reset()
@@ -96,14 +97,17 @@ class Stream:
             key=key,
             segment_zero=zero,
             states=states,
-            filling=tuple(tuple(each.tolist()) for each in self._remembered or ()),
+            filling=() if self.filling is None else self.filling.remembered(),
+            filled_to=None if self.filling is None else self.filling.last,
+            filled_run=None if self.filling is None else self.filling.run,
         )
 
     def put(self, state: StreamState) -> None:
         """Go on where `state` was taken."""
         self.last, self._run, self._seen = state.last, state.run, list(state.seen)
         self._open, self._until = state.open, -math.inf
-        self._remembered = [np.array(each) for each in state.filling] or None
+        if self.filling is not None:
+            self.filling.put(state.filled_to, state.filled_run, state.filling)
         if state.open:
             self._take_up(state.key, state.segment_zero, state.states)
 
@@ -120,45 +124,12 @@ class Stream:
             return key is None or self.history.step_before(key, self.last) > self.gap
         return bool(stamp > before.last)
 
-    def filled(self, stamps: np.ndarray, run: Any, values: dict[Any, np.ndarray]) -> np.ndarray | None:
-        """Fill missing cells of the next samples of one run, in place; what that may be wrong by.
-
-        Returns
-        -------
-        array of shape (n,) or None
-            Standard deviation of the bias by filled cells, NaN in rows that have none; None where no row has.
-        """
-        same_run = self.last is not None and run == self._run
-        before = np.maximum.accumulate(np.concatenate(([self.last if same_run else stamps[0]], stamps)))[:-1]
-        late = stamps <= before
-        late[0] &= same_run
-        rows = np.flatnonzero(~late)  # the others will be refused
-        if not len(rows):
-            return None
-        steps = self.clock.between(stamps[rows], before[rows])
-        given = {name: np.array(values[name][rows], float) for name in self.filling.columns}
-        if self.history.screen is not None and self.temperature in given:
-            given[self.temperature][self.history.screen.temperature.coded(given[self.temperature])] = np.nan
-        states: Sequence[np.ndarray] | None = self._remembered if same_run and steps[0] <= self._max_gap else None
-        if self.last is None and self.continues:
-            states, steps[0] = self.filling.before(self.history, stamps[rows[0]].item(), run)
-        filled, errors, self._remembered = self.filling.fill(given, steps, states)
-        whole = {}
-        for name, each in errors.items():
-            gone = np.isfinite(each)
-            if gone.any():
-                values[name] = np.array(values[name], float)
-                values[name][rows[gone]] = filled[name][gone]
-                whole[name] = np.full(len(stamps), np.nan)
-                whole[name][rows] = each
-        return self.model.filling_errors(whole, slice(None))
-
     # ------------------------------------------------------------------------------------------------- one by one
 
-    def advance(self, stamp: Any, run: Any, values: dict[Any, float], known: bool, error: float = math.nan) -> Advanced:
+    def advance(self, stamp: Any, run: Any, values: dict[Any, float], known: bool, felt: Any = NOTHING) -> Advanced:
         """Go on by one sample that lacks no input.
 
-        `known` says whether it has a reading, `error` by how much filled cells may move the bias: NaN without any.
+        `known` says whether it has a reading, `felt` what `LiveFilling.rows` says of it.
         """
         sample, clock = self._sample, self.clock
         step = self.step_to(stamp, run)
@@ -189,8 +160,11 @@ class Stream:
             mask |= WASHOUT
         if not self._low <= T <= self._high:
             mask |= OUTSIDE
-        if error == error:
-            mask |= LOST if error > self.model.residual_std_ else FILLED
+        error, filled = felt
+        if error or filled:
+            mask |= LOST if error > self._deviation else FILLED if filled else 0
+        if self.filling is not None and outside(self.filling.ranges, values):
+            mask |= OUTSIDE
         if bias - bias != 0.0:  # far outside: powers of it are no numbers
             bias, mask = math.nan, mask | OUTSIDE
         if step > self.gap:
@@ -201,7 +175,7 @@ class Stream:
         columns[0, self._active] = row
         seconds, temperature, value = (np.array([number]) for number in (sample.seconds, T, bias))
         found = self.errors.variances(columns, seconds, temperature, value, sample.key)
-        found[0] += error**2 if error == error else 0.0
+        found[0] += error**2
         return Advanced(bias, FLAGS[mask], not mask & ~GAP, found)
 
     def _settle(self, elapsed: float) -> None:
@@ -245,11 +219,11 @@ class Stream:
     # -------------------------------------------------------------------------------------------------- in blocks
 
     def advance_block(
-        self, stamps: np.ndarray, run: Any, values: Any, reading: np.ndarray, error: np.ndarray | None = None
+        self, stamps: np.ndarray, run: Any, values: Any, reading: np.ndarray, felt: np.ndarray
     ) -> AdvancedBlock:
         """Go on by many samples of one run at once, none of which lacks an input; rows as they came.
 
-        `error` is what `filled` said of them.
+        `felt` is what `LiveFilling.rows` says of them.
         """
         out = AdvancedBlock.empty(len(stamps))
         same_run = self.last is not None and run == self._run
@@ -282,8 +256,8 @@ class Stream:
                 into = rows[block.rows]
                 bias = parts[:, self._removed].sum(axis=1)
                 flags = self.model.block_flags(block, measured[block.rows])
-                by_filling = None if error is None else error[into]
-                self.model.mark_filled(flags, by_filling)
+                if self.filling is not None:
+                    self.model.mark_filled(flags, felt[into, 0], felt[into, 1] > 0)
                 absurd = ~np.isfinite(bias)
                 bias[absurd], flags[absurd & (flags == "")] = np.nan, "outside fitted range"
                 flags[(flags == "") & (steps[block.rows] > self.gap)] = "gap"
@@ -293,7 +267,7 @@ class Stream:
                     found = self.errors.variances(
                         walked[0].columns, block.seconds, block.temperature, bias, block.segment_key
                     )
-                    found[0] += 0.0 if by_filling is None else np.nan_to_num(by_filling) ** 2
+                    found[0] += felt[into, 0] ** 2
                     found[:, np.isin(flags, ("washout", "no reading"))] = np.nan
                     out.variances[:, into] = found
         self._open, self._until = True, -math.inf

@@ -18,6 +18,7 @@ from ..records.numbers import as_pandas, is_frame
 from ..records.read import times_of
 from ..records.screen import Screen
 from .advance import Advanced, Stream
+from .filled import NOTHING
 from .given import (
     NO_TEMPERATURE,
     Columns,
@@ -215,16 +216,21 @@ class OnlineCorrector(Resumable):
             if not self._placed and not self._found(values):
                 return self._accompanied(math.nan, Advanced(math.nan, (NO_TEMPERATURE,), False), stream.clock.next_row)
             stamp = stream.clock.stamp(None)
-        error = math.nan
-        if stream.filling.stand_ins and stream.step_to(stamp, run) > 0.0:
-            arrays = {name: np.array([value]) for name, value in values.items()}
-            found = stream.filled(np.array([stamp]), run, arrays)
-            if found is not None:
-                error, values = float(found[0]), {name: float(value[0]) for name, value in arrays.items()}
-        return self._advance(stamp, run, values, U, error)
+        if stream.filling is None:
+            return self._advance(stamp, run, values, U, NOTHING)
+        if self._doubt is not None and stream.returns_behind(self._doubt, stamp, run):
+            self._put(self._doubt)
+            self._doubt = None
+        before = self._state() if stream.step_to(stamp, run) > stream.gap else None
+        arrays = {name: np.array([value]) for name, value in values.items()}
+        felt = stream.filling.rows(np.array([stamp]), run, arrays, stream.clock)[0].tolist()
+        done = self._advance(stamp, run, {name: float(value[0]) for name, value in arrays.items()}, U, felt)
+        if self._doubt is not None and before is not None:
+            self._doubt = before  # as it was before the filling went on
+        return done
 
-    def _advance(self, stamp: Any, run: Any, values: dict[Any, float], U: float, error: float) -> Corrected:
-        """`update_stamp` where missing cells have been filled as far as they can be, wrong by `error`."""
+    def _advance(self, stamp: Any, run: Any, values: dict[Any, float], U: float, felt: Any) -> Corrected:
+        """`update_stamp` where missing cells have been filled as far as they can be, see `LiveFilling`."""
         stream = self._stream
         refused = self._screen.temperature.reason(values[stream.temperature], stamp)
         if not all(map(math.isfinite, values.values())):
@@ -235,7 +241,7 @@ class OnlineCorrector(Resumable):
             self._consider(stamp, run)
         doubted = self._screen.reading.reason(U, stamp)
         known = U - U == 0.0 and not doubted
-        done = stream.advance(stamp, run, values, known, error)
+        done = stream.advance(stamp, run, values, known, felt)
         if doubted:
             done = done._replace(flags=tuple(doubted if flag == "no reading" else flag for flag in done.flags))
         corrected = U - done.bias if known else math.nan
@@ -320,26 +326,24 @@ class OnlineCorrector(Resumable):
                 self._stream.clock.next_rows(len(reading))
                 return out
             stamps = self._stream.clock.next_rows(len(reading))
-        error = np.full(len(reading), np.nan)
-        if self._stream.filling.stand_ins:
-            values = dict(values)
+        felt = np.zeros((len(reading), 2))
+        if self._stream.filling is not None:
+            values = {name: np.array(column, float) for name, column in values.items()}
             for low, high, run in stretches(runs, len(stamps)):
                 some = {name: column[low:high] for name, column in values.items()}
-                found = self._stream.filled(stamps[low:high], run, some)
-                if found is not None:
-                    error[low:high] = found
-                    for name, column in some.items():
-                        values[name] = np.concatenate((values[name][:low], column, values[name][high:]))
-        return self._update_filled(stamps, values, reading, runs, short, error)
+                felt[low:high] = self._stream.filling.rows(stamps[low:high], run, some, self._stream.clock)
+                for name, column in some.items():
+                    values[name][low:high] = column
+        return self._update_filled(stamps, values, reading, runs, short, felt)
 
     def _update_filled(
-        self, stamps: np.ndarray, values: dict[Any, np.ndarray], reading: Any, runs: Any, short: int, error: np.ndarray
+        self, stamps: np.ndarray, values: dict[Any, np.ndarray], reading: Any, runs: Any, short: int, felt: np.ndarray
     ) -> Columns:
-        """`update_stamps` where missing cells have been filled as far as they can be, wrong by `error`."""
+        """`update_stamps` where missing cells have been filled as far as they can be, see `LiveFilling`."""
         out = Columns(len(reading))
         why = refused_rows(self._screen.temperature, self._stream.temperature, stamps, values)
         if why is not None:
-            return self._passed_over(why, stamps, values, reading, runs, short, error)
+            return self._passed_over(why, stamps, values, reading, runs, short, felt)
         for low, high, run in stretches(runs, len(stamps)):
             at = low
             while at < high:
@@ -349,16 +353,16 @@ class OnlineCorrector(Resumable):
                 stop = at + (1 if jumps else self._stream.next_jump(ahead, run))
                 rows = slice(at, stop)
                 if stop - at < short:
-                    self._singly(rows, stamps, run, values, reading, error, out)
+                    self._singly(rows, stamps, run, values, reading, felt, out)
                 else:
                     if jumps:
                         self._consider(first, run)
-                    self._together(rows, stamps, run, values, reading, error, out)
+                    self._together(rows, stamps, run, values, reading, felt, out)
                 at = stop
         return out
 
     def _passed_over(
-        self, why: Any, stamps: Any, values: Any, reading: Any, runs: Any, short: int, error: Any
+        self, why: Any, stamps: Any, values: Any, reading: Any, runs: Any, short: int, felt: Any
     ) -> Columns:
         """`_update_filled` without the rows that the screen refuses, `why` not being "": as if they had not come."""
         kept = why == ""
@@ -366,14 +370,12 @@ class OnlineCorrector(Resumable):
         if kept.any():
             some = {name: column[kept] for name, column in values.items()}
             of_runs = None if runs is None else runs[kept]
-            inner = self._update_filled(stamps[kept], some, reading[kept], of_runs, short, error[kept])
+            inner = self._update_filled(stamps[kept], some, reading[kept], of_runs, short, felt[kept])
         return inner.spread(why, before)
 
-    def _together(
-        self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, error: Any, out: Columns
-    ) -> None:
+    def _together(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, felt: Any, out: Columns) -> None:
         some = {name: column[rows] for name, column in values.items()}
-        block = self._stream.advance_block(stamps[rows], run, some, reading[rows], error[rows])
+        block = self._stream.advance_block(stamps[rows], run, some, reading[rows], felt[rows])
         corrected = reading[rows] - block.bias
         for doubted, _ in self._screen.reading.reasons(reading[rows], lambda k: stamps[rows.start + k].item()):
             corrected[doubted] = np.nan
@@ -386,10 +388,10 @@ class OnlineCorrector(Resumable):
             trusted = (block.flags == "") | (block.flags == "gap")
             out.reference[rows] = self.track.many(stamps[rows] * self._stream.clock.unit, corrected, trusted)
 
-    def _singly(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, error: Any, out: Columns) -> None:
+    def _singly(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, felt: Any, out: Columns) -> None:
         for k in range(rows.start, rows.stop):
             one = {name: float(column[k]) for name, column in values.items()}
-            done = self._advance(stamps[k].item(), run, one, float(reading[k]), float(error[k]))
+            done = self._advance(stamps[k].item(), run, one, float(reading[k]), felt[k].tolist())
             out.corrected[k], out.bias[k], out.flags[k] = done.corrected, done.bias, done.flag
             out.smoothed[k], out.reference[k] = done.smoothed, done.reference
             out.u[k], out.u_smoothed[k] = done.u, done.u_smoothed

@@ -24,8 +24,9 @@ from ..files.codec import (
     unpack,
 )
 from ..files.effect_nodes import EffectCodec, check_state
-from ..files.filling_nodes import remembered
+from ..files.filling_nodes import numbers_or_nan
 from ..records.grammar import LARGEST
+from .filled import LiveFilling, Numbers
 from .live_errors import LiveErrors
 
 _MOST_CORRECTED = 1e300
@@ -52,7 +53,11 @@ class StreamState:
     states: tuple[Any, ...] = ()
     """State of each effect, where a segment goes on."""
     filling: tuple[tuple[float, ...], ...] = ()
-    """What each stand-in for missing cells remembers; none before the first sample."""
+    """What `LiveFilling.remembered` says; none before the first sample."""
+    filled_to: Any = None
+    """Stamp of the last sample that it has seen."""
+    filled_run: Any = None
+    """Label of the last sample's run."""
     averaged: tuple[float, ...] = ()
     """Values in the window of the moving average."""
     tracked: tuple[float, float | None] | None = None
@@ -108,7 +113,8 @@ def to_json(
 
 
 _FIELDS = ("format", "model", "continues", "average", "track", "next_row", "placed", "state", "doubt")
-_STATE_FIELDS = tuple(StreamState.__dataclass_fields__)
+_NO_FILLING: dict[str, Any] = {"filling": [], "filled_to": None, "filled_run": None}
+_STATE_FIELDS = tuple(name for name in StreamState.__dataclass_fields__ if name not in _NO_FILLING)
 
 
 def from_json(model: DynamicBiasRegressor, node: Any) -> tuple[Settings, Place, StreamState, StreamState | None]:
@@ -147,6 +153,8 @@ def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
             for effect, inner in zip(effects, state.states, strict=False)
         ],
         "filling": [[None if math.isnan(value) else value for value in each] for each in state.filling],
+        "filled_to": state.filled_to,
+        "filled_run": pack(state.filled_run, "the label of the run"),
         "averaged": list(state.averaged),
         "tracked": None if state.tracked is None else list(state.tracked),
     }
@@ -155,7 +163,7 @@ def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
 def _unpacked(
     node: Any, where: str, model: DynamicBiasRegressor, effects: Sequence[Effect], settings: Settings
 ) -> StreamState:
-    node = {"filling": [], **fields(node, where, tuple(f for f in _STATE_FIELDS if f != "filling"), ("filling",))}
+    node = {**_NO_FILLING, **fields(node, where, _STATE_FIELDS, tuple(_NO_FILLING))}
     history, codec = model.features_.history_, EffectCodec()
 
     def stamp(key: str) -> Any:
@@ -188,20 +196,20 @@ def _unpacked(
         segment_zero=stamp("segment_zero") if is_open else 0,
         states=tuple(states),
         filling=_filling(node["filling"], f"{where}.filling", model),
+        filled_to=None if node["filled_to"] is None else stamp("filled_to"),
+        filled_run=label(unpack(node["filled_run"], f"{where}.filled_run"), f"{where}.filled_run"),
         averaged=tuple(_corrected(value, f"{where}.averaged[{i}]") for i, value in enumerate(averaged)),
         tracked=_tracked(node["tracked"], f"{where}.tracked", settings),
     )
 
 
-def _filling(node: Any, where: str, model: DynamicBiasRegressor) -> tuple[tuple[float, ...], ...]:
+def _filling(node: Any, where: str, model: DynamicBiasRegressor) -> Numbers:
     if node == []:
         return ()
-    stand_ins = model.features_.filling_.stand_ins
-    given = items(node, where, len(stand_ins))
-    return tuple(
-        tuple(remembered(each, f"{where}[{i}]", one))
-        for i, (each, one) in enumerate(zip(given, stand_ins, strict=True))
-    )
+    widths = LiveFilling(model, False).widths()
+    given = items(node, where, len(widths))
+    pairs = enumerate(zip(given, widths, strict=True))
+    return tuple(tuple(numbers_or_nan(each, f"{where}[{i}]", width)) for i, (each, width) in pairs)
 
 
 def _tracked(node: Any, where: str, settings: Settings) -> tuple[float, float | None] | None:

@@ -183,6 +183,8 @@ class Record:
     """What the screen left out of this record."""
     filled: Mapping[object, Floats] = field(default_factory=dict, repr=False)
     """Standard deviation of the cells of a column that were missing and are filled, NaN for others, shape (n_rows,)."""
+    filling_error: Floats | None = field(default=None, repr=False)
+    """What that may move the bias of a model by in each row, 0 where it is not felt, shape (n_rows,); None for none."""
 
     @property
     def n_rows(self) -> int:

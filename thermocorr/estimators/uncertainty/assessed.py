@@ -64,9 +64,8 @@ def uncertainty_of(
         }  # fmt: skip
         for part, variance in each.items():
             variances[part][rows] = variance + lost
-        by_filling = model.filling_errors(record.filled, rows)
-        if by_filling is not None:
-            filled[rows] = np.nan_to_num(by_filling) ** 2
+        if record.filling_error is not None:
+            filled[rows] = record.filling_error[rows] ** 2
         shared[rows] = errors.shared + lost
         fine = "provisional" if why_provisional else "signed"
         status[rows] = np.where(flags == "", fine, flags)

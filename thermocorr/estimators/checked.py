@@ -1,0 +1,48 @@
+"""scikit-learn's checks of X, for frames, arrays and logs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.utils.validation import validate_data
+
+from ..records import Log, RecordError
+from ..records.numbers import as_pandas
+
+
+def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
+    """scikit-learn's checks of X for frames (names and number) and arrays (shape, dtype, infinities)."""
+    X = as_pandas(X)
+    if isinstance(X, pd.Series):
+        raise RecordError(
+            "X is a Series. Reshape your data: pass a DataFrame, for example with X.to_frame(), whose columns are the "
+            "temperature and whatever else was recorded."
+        )
+    if isinstance(X, Log):
+        return _check_log_columns(estimator, X, reset)
+    if isinstance(X, pd.DataFrame):
+        if X.shape[1] == 0:
+            raise RecordError(
+                f"Found array with 0 feature(s) (shape={X.shape}) while a minimum of 1 is required: the data have no "
+                "columns. The temperature is needed."
+            )
+        if len(X) == 0:
+            raise RecordError("The data have 0 rows. Check the file, or the selection that made them.")
+        if not X.columns.is_unique:
+            twice = X.columns[X.columns.duplicated()][0]
+            raise RecordError(f"Several columns are called {twice!r}. Give columns unique names.")
+        validate_data(estimator, X, skip_check_array=True, reset=reset)
+        return X
+    return validate_data(
+        estimator, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan", accept_sparse=False
+    )
+
+
+def _check_log_columns(estimator: Any, X: Log, reset: bool) -> Log:
+    """scikit-learn's checks of a log: `validate_data` on an empty frame with the columns of the log."""
+    if len(X) == 0:
+        raise RecordError("The log has 0 rows. Check its files.")
+    validate_data(estimator, pd.DataFrame(columns=X.columns), skip_check_array=True, reset=reset)
+    return X

@@ -1,0 +1,107 @@
+"""Missing cells of a stream, filled as they come, and what that may move the bias by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ..estimators import DynamicBiasRegressor
+from .clock import Clock
+
+Numbers = tuple[tuple[float, ...], ...]
+NOTHING = (0.0, 0.0)
+"""What is said of a sample that has no filled cell, and feels none."""
+
+
+class LiveFilling:
+    """Where the filling of a stream stands.
+
+    It counts every sample whose time goes on, those that lack all thermometers too: a stream passes over these.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+    continues : bool
+        Whether the stream may continue the fitted record.
+    """
+
+    def __init__(self, model: DynamicBiasRegressor, continues: bool):
+        features = model.features_
+        self.filling, self.history, self.continues = features.filling_, features.history_, continues
+        self.law = model.filling_error()
+        self.max_gap = np.inf if self.history.max_gap is None else self.history.max_gap
+        self.ranges = [(one.column, *one.range) for one in self.filling.stand_ins]
+        self.put(None, None, ())
+
+    def put(self, last: Any, run: Any, remembered: Numbers) -> None:
+        """Go on where `remembered` was taken, after a sample of this time and run."""
+        self.last, self.run = last, run
+        n = len(self.filling.stand_ins)
+        self._states = [np.array(each) for each in remembered[:n]] or None
+        sizes = [len(law.weights) + 1 for law in self.law.laws]
+        felt = zip(remembered[n:], sizes, strict=False)
+        self._felt = [np.array(each).reshape(size, size) for each, size in felt] or None
+
+    def remembered(self) -> Numbers:
+        """What each stand-in remembers, and then the covariance of each column's error with what the lags feel."""
+        states = [each.tolist() for each in self._states or ()]
+        felt = [each.ravel().tolist() for each in self._felt or ()]
+        return tuple(tuple(each) for each in (*states, *felt))
+
+    def widths(self) -> list[int]:
+        """How many numbers stand in each part of `remembered`."""
+        return [*(one.width for one in self.filling.stand_ins), *((len(law.weights) + 1) ** 2 for law in self.law.laws)]
+
+    def rows(self, stamps: np.ndarray, run: Any, values: dict[Any, np.ndarray], clock: Clock) -> np.ndarray:
+        """Fill missing cells of the next samples of one run, in place.
+
+        Returns
+        -------
+        array of shape (n, 2)
+            Standard deviation of the bias by filled cells, 0 where none is felt; and 1 where one of the row's own is.
+        """
+        result = np.zeros((len(stamps), 2))
+        same_run = self.last is not None and run == self.run
+        before = np.maximum.accumulate(np.concatenate(([self.last if same_run else stamps[0]], stamps)))[:-1]
+        late = stamps <= before
+        late[0] &= same_run
+        rows = np.flatnonzero(~late)  # the others will be refused
+        if not len(rows):
+            return result
+        steps = np.asarray(clock.between(stamps[rows], before[rows]), float)
+        fresh = steps > self.max_gap
+        fresh[0] |= not same_run
+        if fresh[0]:
+            self._states = self._felt = None
+            if self.last is None and self.continues:
+                end, steps[0] = self.filling.before(self.history, stamps[rows[0]].item(), run)
+                self._states = None if end is None else list(end)
+        edges = [0, *(np.flatnonzero(fresh[1:]) + 1).tolist(), len(rows)]
+        for low, high in pairwise(edges):
+            if low:
+                self._states = self._felt = None
+            result[rows[low:high]] = self._piece(rows[low:high], stamps, steps[low:high], values)
+        self.last, self.run = stamps[rows[-1]].item(), run
+        return result
+
+    def _piece(
+        self, rows: np.ndarray, stamps: np.ndarray, steps: np.ndarray, values: dict[Any, np.ndarray]
+    ) -> np.ndarray:
+        given = {name: values[name][rows] for name in self.filling.columns}
+        believed = self.filling.believed(given, lambda k: stamps[rows[k]].item())
+        filled, errors, self._states = self.filling.fill(believed, steps, self._states)
+        error, self._felt = self.law.of_rows(filled, errors, steps, self._felt)
+        for name in self.filling.columns:
+            if name in errors:
+                values[name] = np.array(values[name], float)
+                values[name][rows] = filled[name]
+        gone = np.logical_or.reduce([np.isfinite(each) for each in errors.values()])
+        return np.column_stack((error, gone))
+
+
+def outside(ranges: Sequence[tuple[Any, float, float]], values: dict[Any, float]) -> bool:
+    """Whether a further column lies outside its fitted range."""
+    return any(not low <= values[column] <= high for column, low, high in ranges)
