@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from concurrent.futures import Executor
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ BATCHES = 64
 class Fleet(dict[Any, DynamicBiasRegressor]):
     """Fitted models by the names of their devices."""
 
-    @cached_property
+    @property
     def prior(self) -> LawPrior:
         """What the fleet tells of one more device of its make; ValueError where it tells nothing."""
         return LawPrior.of(list(self.values()))

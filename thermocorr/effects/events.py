@@ -75,24 +75,35 @@ class Events(SeveralSteps):
         """The moments given, and those that the column has."""
         found = list(self.times)
         if self.column is not None:
-            before = 0.0
-            for block in record.blocks():
-                marks = block[self.column]
-                if not np.isin(marks, (0.0, 1.0)).all():
-                    row = int(np.argmax(~np.isin(marks, (0.0, 1.0))))
-                    raise RecordError(
-                        f"The column of events {quoted(self.column)} must hold 0 and 1. Got {marks[row]:.6g} at "
-                        f"{block.seconds[row]:.6g} s since the record began."
-                    )
-                begins = np.flatnonzero((marks == 1.0) & (np.concatenate(([before], marks[:-1])) == 0.0))
-                found += [seconds for seconds in block.seconds[begins].tolist() if seconds > 0]
-                before = float(marks[-1])
+            found += self._marked(record)
         if len(found) > MOST:
             raise RecordError(
                 f"There are {len(found)} events, and {MOST} are the most. A column that goes to and fro is no list of "
                 "events: take it as Covariate."
             )
         return found
+
+    def _marked(self, record: Record) -> list[float]:
+        """Moments at which the column becomes 1, in rows that are passed over too [s]."""
+        if record.order is not None:
+            raise RecordError(
+                f"The column of events {quoted(self.column)} stands in runs that overlap in time, and an event would "
+                "step them all. Fit a model for each run."
+            )
+        rows = slice(record.segments[0].start, record.segments[-1].stop)
+        marks = np.asarray(record.columns[self.column][rows], float)
+        blank, seconds = np.isnan(marks), record.times.seconds(rows, record.first_stamp())
+        wrong = ~(blank | np.isin(marks, (0.0, 1.0)))
+        if wrong.any() or blank.sum() > len(marks) / 2:
+            row = int(np.argmax(wrong if wrong.any() else blank))
+            shown = "a blank" if blank[row] else f"{marks[row]:.6g}"
+            raise RecordError(
+                f"The column of events {quoted(self.column)} must hold 0 and 1 in every row. Got {shown} at "
+                f"{seconds[row]:.6g} s since the record began."
+            )
+        known = np.where(blank, 0.0, marks)
+        begins = np.flatnonzero((known == 1.0) & (np.concatenate(([0.0], known[:-1])) == 0.0))
+        return [float(moment) for moment in seconds[begins] if moment > 0]
 
     def label(self) -> str:
         """``events: 3``."""

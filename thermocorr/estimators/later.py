@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
+from ..effects import Events
 from ..records import RecordError, read_record
 from ..records.quantities import number_text, scale_of
 from ..records.text import printable
@@ -173,12 +174,25 @@ def later_blocks(
         yield known, rows[low:high]
 
 
+def _after_events(fitted: DynamicBiasRegressor, X: Any, known: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """Rows of a block behind an event of which no reading is known: the measurand is another one, shape (n,)."""
+    moments = [moment for e in fitted.features_.effect_list() if isinstance(e, Events) for moment in e.seconds_]
+    if not moments:
+        return np.zeros(len(block), bool)
+    record = read_record(X, fitted.features_.layout(), quiet=True)
+    seconds = record.times.seconds(np.arange(len(known)), record.first_stamp())
+    last = seconds[np.isfinite(known)].max()
+    return np.asarray(seconds[block] >= min((m for m in moments if m > last), default=np.inf))
+
+
 def _missed(
     model: DynamicBiasRegressor, X: Any, known: np.ndarray, reading: np.ndarray, block: np.ndarray
 ) -> np.ndarray:
     """What a model of the known readings misses in a block; NaN where these are too few."""
     try:
-        missed = np.asarray(reading[block] - clone(model).fit(X, known).predict(X)[block])
-        return np.where(unlearned(model, X, known)[block], np.nan, missed)
+        fitted: DynamicBiasRegressor = clone(model).fit(X, known)
+        missed = np.asarray(reading[block] - fitted.predict(X)[block])
+        missed[unlearned(model, X, known)[block] | _after_events(fitted, X, known, block)] = np.nan
+        return missed
     except RecordError:
         return np.full(len(block), np.nan)

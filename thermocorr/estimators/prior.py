@@ -8,8 +8,9 @@ are estimated by expectation and maximisation, each device weighing as much as i
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from math import comb
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,14 @@ import numpy as np
 from ..effects import InitialTransient, SeveralSteps, StaticPolynomial
 from ..effects.protocol import Effect, time_text
 from ..equations import RidgeSolution, TriangularFactor
+from ..records import RecordError
 from .features import DiffusiveFeatures
 from .fitting import Swept, white_errors
 
+ELSEWHERE = 100.0
+"""A temperature so far from the fleet's T0 is in another unit [K]."""
+UNLIKE = 10.0
+"""Residuals that are so many times the fleet's are none of a like device, or in another unit."""
 FEWEST = 3
 """Devices of a fleet that say something of one more."""
 PASSES = 200
@@ -111,12 +117,32 @@ class LawPrior:
         if prior is None or isinstance(prior, LawPrior):
             return prior
         if isinstance(prior, Mapping) and "covariance" in prior:
-            arrays = {name: np.asarray(prior[name], float) for name in ("mean", "covariance", "spread")}
-            return cls(**{**prior, **arrays, "columns": tuple(prior["columns"])})
+            return cls._read(prior)
         if isinstance(prior, Mapping) and isinstance(getattr(prior, "prior", None), LawPrior):
             known: LawPrior = prior.prior  # type: ignore[attr-defined]  # a fleet, which has worked it out
             return known
-        return cls.of(list(prior.values()) if isinstance(prior, Mapping) else list(prior))
+        models = list(prior.values()) if isinstance(prior, Mapping) else prior
+        if not isinstance(models, list | tuple) or not all(hasattr(model, "law") for model in models):
+            raise ValueError(
+                f"The 'prior' parameter must be a Fleet (what fit_fleet returns) or a LawPrior. Got {prior!r:.60} instead."
+            )
+        if not all(hasattr(model, "pipeline_") for model in models):
+            raise ValueError(
+                "The models of the 'prior' are not fitted: clone() takes the fit from a list or a dict of models. Pass "
+                "the Fleet that fit_fleet returns, or LawPrior.of(models)."
+            )
+        return cls.of(models)
+
+    @classmethod
+    def _read(cls, prior: Mapping[str, Any]) -> LawPrior:
+        if set(prior) != {each.name for each in fields(cls)}:
+            raise ValueError(f"The 'prior' parameter has the entries {sorted(map(str, prior))}: that is no LawPrior.")
+        columns = tuple(map(str, prior["columns"]))
+        arrays = {name: np.asarray(prior[name], float) for name in ("mean", "covariance", "spread")}
+        right = all(array.shape == (len(columns),) * array.ndim for array in arrays.values())
+        if not right or not all(np.isfinite(array).all() for array in (*arrays.values(), prior["noise"])):
+            raise ValueError("The 'prior' parameter holds numbers that are no distribution of its columns.")
+        return cls(**{**prior, **arrays, "columns": columns})
 
     def as_dict(self) -> dict[str, Any]:
         """Plain lists and numbers."""
@@ -180,7 +206,7 @@ def known_before(model: Any, features: DiffusiveFeatures) -> LawPrior | None:
     prior = LawPrior.given(model.prior)
     if prior is None:
         return None
-    if isinstance(model.time_constants, str | int):
+    if isinstance(model.time_constants, str | Integral):
         features.set_params(time_constants=prior.time_constants)
     if model.reference_temperature == "mean":
         features.set_params(reference_temperature=prior.reference_temperature)
@@ -191,6 +217,21 @@ def known_before(model: Any, features: DiffusiveFeatures) -> LawPrior | None:
         )
     features.set_params(longest_decay_share=ANY_DECAY)
     return prior
+
+
+def check_like(prior: LawPrior, mean_temperature: float, residual: float) -> str:
+    """A sentence on a device that is unlike the fleet; RecordError for a temperature in another unit."""
+    if abs(mean_temperature - prior.reference_temperature) > ELSEWHERE:
+        raise RecordError(
+            f"The temperature is about {mean_temperature:.4g} here and was about {prior.reference_temperature:.4g} in "
+            "the fleet: that looks like another unit. Convert it first."
+        )
+    if residual <= UNLIKE * prior.noise:
+        return ""
+    return (
+        f"The residuals are {residual / prior.noise:.2g} times those of the fleet: the device is not like the others, "
+        "or its readings are in another unit."
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

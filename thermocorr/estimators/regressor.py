@@ -23,7 +23,7 @@ from .choosing import choose, count_to_choose
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import equal_edges, require_rows, sweep_effects
 from .flat import flat_columns
-from .prior import LawPrior, known_before
+from .prior import LawPrior, check_like, known_before
 from .reading import Reading, check_corrected, check_plausible
 from .ridge import MergedRidge
 from .run_levels import RunLevels, run_levels
@@ -185,7 +185,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         sample_weight : array of shape (n_rows,), optional
             How much each reading counts: numbers of averages, or one over the squares of known uncertainties. Only
             their ratios do. Zero leaves a reading out, not its temperature: the lags go on. (This is why scikit-learn
-            is not told of it by the signature: it takes a weight of zero for a row that is not there.)
+            is not told of it by the signature: it takes a weight of zero for a row that is not there.) Uncertainties are
+            refused then, and a diagnosis takes all readings for equally good.
 
         Raises
         ------
@@ -215,7 +216,10 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.reading_ = reading
         effects = features.effect_list()
         doubts = [*filter(None, [self.run_levels_.note])]
-        if prior is None:
+        if prior is not None:
+            mean = record.moments(record.temperature_name).mean
+            doubts += filter(None, [check_like(prior, mean, self.residual_std_)])
+        else:
             doubts += [*self._unresolved(record), *flat_columns(record, effects)]
             doubts += cancelling(effects, total, self._solution, reading)
         for text in doubts:
@@ -321,7 +325,9 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         """Learn the coefficients from a record; returns its factor."""
         self._swept = sweep_effects(record, features.effect_list(), equal_edges(record))
         if prior is not None:
-            self._swept.prior, self._swept.binned = prior.rows(features.effect_list()), None
+            self._swept.prior = prior.rows(features.effect_list())
+        if prior is not None or record.weight is not None:  # the noise is not that of the bins
+            self._swept.binned = None
         total: TriangularFactor = self._swept.total()
         self._solution = solve_ridge(total, self.alpha_)
         features.remember(record, self._swept.end_states)

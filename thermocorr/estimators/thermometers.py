@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from ..effects import Covariate, LaggedCovariate
 from ..effects.protocol import Effect
@@ -26,9 +27,15 @@ class Thermometers(NamedTuple):
     @classmethod
     def of(cls, temperature: Any) -> Thermometers:
         """What was given; ValueError for an empty list, and for a column that stands in it twice."""
+        if isinstance(temperature, np.ndarray | pd.Index):
+            temperature = temperature.tolist()
         if not isinstance(temperature, list):
             return cls(temperature, ())
-        if not temperature or len(set(temperature)) < len(temperature):
+        if (
+            not temperature
+            or not all(isinstance(name, Hashable) for name in temperature)
+            or len(set(temperature)) < len(temperature)
+        ):
             raise ValueError(
                 "The 'temperature' parameter must be a column, or a list of different ones, the one nearest to the "
                 f"device's surroundings first. Got {temperature!r} instead."

@@ -59,7 +59,10 @@ def _masked(X: Any, y: Any, layout: Layout, mask: Any) -> Any:
 
 def _rows(X: Any, layout: Layout, mask: Any, n: int) -> np.ndarray:
     """Rows that are masked, shape (n,), booleans."""
-    given = mask if isinstance(mask, list) else np.asarray(mask)
+    marks = isinstance(mask, list) and all(isinstance(mark, bool | np.bool_) for mark in mask)
+    given = mask if isinstance(mask, list) and not marks else np.asarray(mask)
+    if isinstance(given, np.ndarray) and given.dtype == object:
+        given = given.astype(float)
     if isinstance(given, np.ndarray) and given.dtype.kind in "bif" and given.ndim == 1:
         if len(given) != n or not np.isin(given, (0, 1)).all():
             raise RecordError(
@@ -98,4 +101,5 @@ def _checked(weight: Any, n: int) -> np.ndarray:
         )
     if not values.any():
         raise RecordError("All weights of the readings are zero: there is nothing to learn from.")
+    values = values / values.max()
     return np.asarray(values / values[values > 0].mean())

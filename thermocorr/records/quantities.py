@@ -69,7 +69,7 @@ class Prefixed(NamedTuple):
 
 def number_text(value: float, digits: int = 3) -> str:
     """A number of so many significant digits, none before the point left out: 0.0651, 15.5, 84012; "-" for NaN."""
-    value = float(value)
+    value = float(value) + 0.0  # no -0
     if math.isnan(value):
         return UNKNOWN
     text = f"{value:.{digits}g}"
@@ -176,7 +176,7 @@ def span_texts(seconds: Iterable[float], digits: int = 3) -> list[str]:
 
 def span_unit(longest: float) -> str:
     """The unit for an axis of time that is so long [s]."""
-    return next(unit for unit, limit in _AXES.items() if longest <= limit)
+    return next((unit for unit, limit in _AXES.items() if longest <= limit), "s")
 
 
 def _span_scale(seconds: float, digits: int) -> Scale:

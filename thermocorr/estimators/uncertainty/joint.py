@@ -21,8 +21,8 @@ from .restricted import BandSums, Restricted, Within
 
 UNKNOWN = (
     "This model does not know the noise of the record it was fitted to: it was read from an old file, or fitted on "
-    "several processes, or with a fleet as its prior. Fit it again with DynamicBiasRegressor.fit, to a record of its "
-    "own, to have uncertainties."
+    "several processes, with a fleet as its prior, or to readings that count differently. Fit it again with "
+    "DynamicBiasRegressor.fit, to a record of its own, to have uncertainties."
 )
 FORGETS = 1.2
 """Variance of a bin's mean over that of white noise, from which on the noise within bins is taken to remember."""

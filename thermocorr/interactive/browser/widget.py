@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
@@ -83,10 +84,15 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
     temperature = str(frame.columns[0] if ambient is None else ambient)
     time, run = (None if column is None else str(column) for column in (model.time, model.run))
     base, given, taus = clone(model), as_effects(model.effects), model.time_constants
+    if model.prior is not None:
+        raise ValueError("The workbench fits a record by itself: a model with a prior has no place on it.")
     if further:  # the bench has one, and the others as effects
         features = clone(model).fit(X, y).features_
         given, taus = features.further_effects(), features.thermometers().split(features.time_constants)[0]
-        base.set_params(temperature=ambient, time_constants=list(taus))
+        for _, effect in given:
+            if hasattr(effect, "time_constants") and isinstance(effect.time_constants, np.ndarray):
+                effect.set_params(time_constants=effect.time_constants.tolist())
+        base.set_params(temperature=ambient, fill=None, time_constants=list(taus))
     settings = Settings(
         time_constants=tuple(taus) if isinstance(taus, list | tuple) else taus,
         degree=model.degree,
