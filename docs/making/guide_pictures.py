@@ -40,6 +40,9 @@ PICTURES: dict[str, dict[str, Callable[[dict[str, Any]], Any]]] = {
         "gallery_where": lambda made: _displays().WhereDisplay.from_diagnosis(made["diagnosis"]),
         "gallery_suspects": lambda made: _displays().SuspectsDisplay.from_diagnosis(made["diagnosis"]),
     },
+    "thermometers": {
+        "thermometers": lambda made: _displays().ContributionsDisplay.from_estimator(made["both"], made["X"]),
+    },
     "uncertainty": {
         "budget": lambda made: _displays().BudgetDisplay.from_budget(made["signed"].budget(7000)),
     },
