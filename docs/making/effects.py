@@ -26,8 +26,8 @@ _INDEX = """\
 # Effects, one by one
 
 Everything that can move a reading is an *effect*: a class that turns the record into columns. A diagnosis tries all of
-these but events, which you know of yourself; `make_record(effects={"hysteresis": 2.0})` plants any of them in a simulated record, so that you can see
-beforehand how it looks and whether your record would show it.
+these but events, which you know of yourself; `make_record(effects={"hysteresis": 2.0})` plants nearly any of them in a
+simulated record, so that you can see beforehand how it looks and whether your record would show it.
 
 | kind | physics |
 |---|---|
