@@ -168,7 +168,7 @@ def test_events_live_and_by_name(loaded):
 def test_a_column_that_is_no_list_of_events(loaded):
     X, y, _ = loaded
     model = DynamicBiasRegressor("temperature", TAUS, effects=[Events(column="stepped")])
-    with pytest.raises(RecordError, match=r"'stepped' must hold 0 and 1\. Got 0\.5 at 6000 s"):
+    with pytest.raises(RecordError, match=r"'stepped' must hold 0 and 1 in every row\. Got 0\.5 at 6000 s"):
         model.fit(X.assign(stepped=np.where(np.arange(4000) == 100, 0.5, X["stepped"])), y)
     with pytest.raises(RecordError, match="There are 2000 events, and 1000 are the most"):
         model.fit(X.assign(stepped=np.arange(4000) % 2), y)

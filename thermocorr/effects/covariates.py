@@ -101,7 +101,8 @@ class LaggedCovariate(Covariate):
         "dissipates, a second thermal environment.",
         bench_check="Step that quantity alone, at constant temperature: the reading creeps to its new value with the "
         "stated time constant.",
-        formula="column lag[tau] = lagged column - column, where tau d(lagged)/dt = column - lagged",
+        formula="column = the recorded one less its mean; column lag[tau] = lagged column - column, where "
+        "tau d(lagged)/dt = column - lagged",
         parameters={"time_constants": "s"},
         tuned=("time_constants",),
         example={"column": "humidity", "time_constants": [21_600.0]},

@@ -124,7 +124,7 @@ class LawPrior:
         models = list(prior.values()) if isinstance(prior, Mapping) else prior
         if not isinstance(models, list | tuple) or not all(hasattr(model, "law") for model in models):
             raise ValueError(
-                f"The 'prior' parameter must be a Fleet (what fit_fleet returns) or a LawPrior. Got {prior!r:.60} instead."
+                f"The 'prior' parameter must be a Fleet (from fit_fleet) or a LawPrior. Got {prior!r:.60} instead."
             )
         if not all(hasattr(model, "pipeline_") for model in models):
             raise ValueError(

@@ -185,8 +185,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         sample_weight : array of shape (n_rows,), optional
             How much each reading counts: numbers of averages, or one over the squares of known uncertainties. Only
             their ratios do. Zero leaves a reading out, not its temperature: the lags go on. (This is why scikit-learn
-            is not told of it by the signature: it takes a weight of zero for a row that is not there.) Uncertainties are
-            refused then, and a diagnosis takes all readings for equally good.
+            is not told of it by the signature: it takes a weight of zero for a row that is not there.)
+            Uncertainties are refused then, and a diagnosis takes all readings for equally good.
 
         Raises
         ------

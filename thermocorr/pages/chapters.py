@@ -22,7 +22,11 @@ FLAGS = {
     "washout": "after a start of unknown state: the lags have not forgotten it",
     "outside fitted range": "temperature outside the fitted range: the model extrapolates",
     "no reading": "no reading",
-    "no temperature": "no temperature",
+    "no temperature": "no temperature, or a column that the model needs is missing",
+    "filled": "a missing cell is filled: the reading is corrected by an estimate",
+    "thermometer lost": "a thermometer was lost for long, and what its estimate may be wrong by exceeds the noise",
+    "sentinel": "a code for no value",
+    "spike": "an isolated spike",
 }
 
 
