@@ -89,6 +89,7 @@ class Stream:
         """All that is remembered of the samples so far."""
         states = tuple(stepper.state() for stepper in self._steppers) if self._open else ()
         key, zero = (self._sample.key, self._sample.segment_zero) if self._open else (None, 0)
+        filled_to, filled_run, filling = (None, None, ()) if self.filling is None else self.filling.state(self.clock)
         return StreamState(
             last=self.last,
             run=self._run,
@@ -97,9 +98,9 @@ class Stream:
             key=key,
             segment_zero=zero,
             states=states,
-            filling=() if self.filling is None else self.filling.remembered(),
-            filled_to=None if self.filling is None else self.filling.last,
-            filled_run=None if self.filling is None else self.filling.run,
+            filled_to=filled_to,
+            filled_run=filled_run,
+            filling=filling,
         )
 
     def put(self, state: StreamState) -> None:

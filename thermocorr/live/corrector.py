@@ -222,9 +222,9 @@ class OnlineCorrector(Resumable):
             self._put(self._doubt)
             self._doubt = None
         before = self._state() if stream.step_to(stamp, run) > stream.gap else None
-        arrays = {name: np.array([value]) for name, value in values.items()}
-        felt = stream.filling.rows(np.array([stamp]), run, arrays, stream.clock)[0].tolist()
-        done = self._advance(stamp, run, {name: float(value[0]) for name, value in arrays.items()}, U, felt)
+        values = dict(values)
+        felt = stream.filling.one(stamp, run, values, stream.clock)
+        done = self._advance(stamp, run, values, U, felt)
         if self._doubt is not None and before is not None:
             self._doubt = before  # as it was before the filling went on
         return done

@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 
 from ..estimators import DynamicBiasRegressor
+from ..estimators.filling import StandIn
 from .clock import Clock
 
 Numbers = tuple[tuple[float, ...], ...]
+TOGETHER = 256
+"""Samples that lack nothing are looked at together: one by one takes twenty times as long."""
 NOTHING = (0.0, 0.0)
 """What is said of a sample that has no filled cell, and feels none."""
 
@@ -38,22 +41,59 @@ class LiveFilling:
 
     def put(self, last: Any, run: Any, remembered: Numbers) -> None:
         """Go on where `remembered` was taken, after a sample of this time and run."""
+        self._pending: list[tuple[Any, dict[Any, float]]] = []
         self.last, self.run = last, run
         n = len(self.filling.stand_ins)
         self._states = [np.array(each) for each in remembered[:n]] or None
         sizes = [len(law.weights) + 1 for law in self.law.laws]
         felt = zip(remembered[n:], sizes, strict=False)
-        self._felt = [np.array(each).reshape(size, size) for each, size in felt] or None
+        self._felt: list[np.ndarray] | None = [np.array(each).reshape(size, size) for each, size in felt] or None
 
-    def remembered(self) -> Numbers:
+    def state(self, clock: Clock) -> tuple[Any, Any, Numbers]:
+        """Time and run of the last sample, and what is remembered: the arguments of `put`."""
+        self._catch_up(clock)
+        return self.last, self.run, self._remembered()
+
+    def _remembered(self) -> Numbers:
         """What each stand-in remembers, and then the covariance of each column's error with what the lags feel."""
         states = [each.tolist() for each in self._states or ()]
         felt = [each.ravel().tolist() for each in self._felt or ()]
         return tuple(tuple(each) for each in (*states, *felt))
 
-    def widths(self) -> list[int]:
-        """How many numbers stand in each part of `remembered`."""
+    def widths(self, n_parts: int) -> list[int]:
+        """How many numbers stand in each part of what is remembered; without errors where there are fewer parts."""
+        if n_parts == len(self.filling.stand_ins):
+            return [one.width for one in self.filling.stand_ins]
         return [*(one.width for one in self.filling.stand_ins), *((len(law.weights) + 1) ** 2 for law in self.law.laws)]
+
+    def one(self, stamp: Any, run: Any, values: dict[Any, float], clock: Clock) -> Any:
+        """Look at one sample as `rows` does; one that lacks nothing and feels nothing is kept for later."""
+        begins = not self._pending and (self.last is None or run != self.run)
+        plain = not begins and run == self.run and self._felt is None and stamp > self._newest()
+        if plain and all(self._is_plain(one, values[one.column], stamp) for one in self.filling.stand_ins):
+            self._pending.append((stamp, values))
+            if len(self._pending) == TOGETHER:
+                self._catch_up(clock)
+            return NOTHING
+        arrays = {name: np.array([value]) for name, value in values.items()}
+        felt = self.rows(np.array([stamp]), run, arrays, clock)[0].tolist()
+        values.update({name: float(value[0]) for name, value in arrays.items()})
+        return felt
+
+    def _newest(self) -> Any:
+        return self._pending[-1][0] if self._pending else self.last
+
+    @staticmethod
+    def _is_plain(one: StandIn, value: float, stamp: Any) -> bool:
+        return value - value == 0.0 and not one.limits.reason(value, stamp)
+
+    def _catch_up(self, clock: Clock) -> None:
+        """Look at the samples that lack nothing."""
+        if self._pending:
+            stamps, rows = zip(*self._pending, strict=True)
+            self._pending = []
+            values = {name: np.array([row[name] for row in rows], float) for name in self.filling.columns}
+            self.rows(np.array(stamps), self.run, values, clock)
 
     def rows(self, stamps: np.ndarray, run: Any, values: dict[Any, np.ndarray], clock: Clock) -> np.ndarray:
         """Fill missing cells of the next samples of one run, in place.
@@ -63,6 +103,7 @@ class LiveFilling:
         array of shape (n, 2)
             Standard deviation of the bias by filled cells, 0 where none is felt; and 1 where one of the row's own is.
         """
+        self._catch_up(clock)
         result = np.zeros((len(stamps), 2))
         same_run = self.last is not None and run == self.run
         before = np.maximum.accumulate(np.concatenate(([self.last if same_run else stamps[0]], stamps)))[:-1]
@@ -98,6 +139,8 @@ class LiveFilling:
             if name in errors:
                 values[name] = np.array(values[name], float)
                 values[name][rows] = filled[name]
+        if not any(each.any() for each in self._felt):
+            self._felt = None
         gone = np.logical_or.reduce([np.isfinite(each) for each in errors.values()])
         return np.column_stack((error, gone))
 

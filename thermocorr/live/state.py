@@ -53,7 +53,7 @@ class StreamState:
     states: tuple[Any, ...] = ()
     """State of each effect, where a segment goes on."""
     filling: tuple[tuple[float, ...], ...] = ()
-    """What `LiveFilling.remembered` says; none before the first sample."""
+    """What `LiveFilling.state` says; none before the first sample."""
     filled_to: Any = None
     """Stamp of the last sample that it has seen."""
     filled_run: Any = None
@@ -206,8 +206,10 @@ def _unpacked(
 def _filling(node: Any, where: str, model: DynamicBiasRegressor) -> Numbers:
     if node == []:
         return ()
-    widths = LiveFilling(model, False).widths()
-    given = items(node, where, len(widths))
+    given = items(node, where)
+    widths = LiveFilling(model, False).widths(len(given))
+    if len(given) != len(widths):
+        raise unexpected(where, f"{len(given)} parts", f"{len(widths)} parts")
     pairs = enumerate(zip(given, widths, strict=True))
     return tuple(tuple(numbers_or_nan(each, f"{where}[{i}]", width)) for i, (each, width) in pairs)
 
