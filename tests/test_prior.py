@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 from sklearn.base import clone
 
-from thermocorr import DynamicBiasRegressor, load_model, save_model
+from thermocorr import DynamicBiasRegressor, RecordError, RecordWarning, load_model, save_model
 from thermocorr.cluster.fleet import fit_fleet
 from thermocorr.estimators.prior import LawPrior
 
@@ -198,3 +198,34 @@ def test_uncertainties_beside_a_fleet_are_refused(prior):
     model = DynamicBiasRegressor("temperature", prior=prior).fit(log[["temperature"]][:HOUR], log["reading"][:HOUR])
     with pytest.raises(ValueError, match="with a fleet as its prior"):
         model.correct(log[["temperature"]], log["reading"], return_std=True)
+
+
+def test_what_the_fleet_has_seen_is_not_outside(prior, fleet):
+    log, _, _ = unit(400)
+    model = DynamicBiasRegressor("temperature", prior=prior).fit(log[["temperature"]][:HOUR], log["reading"][:HOUR])
+    T = log["temperature"]
+    low, high = (f(each.temperature_range_[k] for each in fleet.values()) for k, f in ((0, min), (1, max)))
+    assert set(model.flags(log[["temperature"]])[T.between(low, high)]) == {""}
+
+
+@pytest.mark.parametrize("given", [3, "fleet", [1, 2, 3], {"covariance": 1}, {"a": None}])
+def test_what_is_no_prior(given):
+    log, _, _ = unit(0)
+    with pytest.raises(ValueError, match="'prior' parameter"):
+        DynamicBiasRegressor("temperature", prior=given).fit(log[["temperature"]], log["reading"])
+
+
+def test_a_dict_of_models_does_not_survive_a_clone_and_a_fleet_does(fleet):
+    log, _, _ = unit(0)
+    clone(DynamicBiasRegressor("temperature", prior=fleet)).fit(log[["temperature"]][:HOUR], log["reading"][:HOUR])
+    with pytest.raises(ValueError, match="The models of the 'prior' are not fitted"):
+        clone(DynamicBiasRegressor("temperature", prior=dict(fleet))).fit(log[["temperature"]], log["reading"])
+
+
+def test_another_unit_than_the_fleets_is_said(prior):
+    log, _, _ = unit(0)
+    X, y = log[["temperature"]], log["reading"]
+    with pytest.raises(RecordError, match="that looks like another unit"):
+        DynamicBiasRegressor("temperature", prior=prior).fit(X[:HOUR] + 273.15, y[:HOUR])
+    with pytest.warns(RecordWarning, match="times those of the fleet"):
+        DynamicBiasRegressor("temperature", prior=prior).fit(X[:HOUR], 1000 * y[:HOUR])

@@ -95,7 +95,14 @@ class FittedModel:
         if not hasattr(self, "_swept"):
             raise ValueError("A model read from a file does not know how well its record determined it. Fit it again.")
         effects, errors = self.features_.effect_list(), self.standard_errors()
-        return law_of(effects, self._swept, self._solution, errors, float(self.features_.reference_temperature_))
+        return law_of(
+            effects,
+            self._swept,
+            self._solution,
+            errors,
+            reference_temperature=float(self.features_.reference_temperature_),
+            temperature_range=self.temperature_range_,
+        )
 
     def equation(self) -> str:
         """The fitted formula as text."""

@@ -67,6 +67,8 @@ class LawPrior:
     """T0 to which the coefficients belong."""
     time_constants: Any
     """As the parameter has them."""
+    temperature_range: tuple[float, float]
+    """Lowest and highest temperature that a device was fitted at."""
     n_devices: int
 
     @classmethod
@@ -108,6 +110,10 @@ class LawPrior:
             noise=float(np.median([law.noise for law in laws])),
             reference_temperature=T0,
             time_constants=models[0].fixed_time_constants(),
+            temperature_range=(
+                min(law.temperature_range[0] for law in laws),
+                max(law.temperature_range[1] for law in laws),
+            ),
             n_devices=len(models),
         )
 
@@ -142,12 +148,17 @@ class LawPrior:
         right = all(array.shape == (len(columns),) * array.ndim for array in arrays.values())
         if not right or not all(np.isfinite(array).all() for array in (*arrays.values(), prior["noise"])):
             raise ValueError("The 'prior' parameter holds numbers that are no distribution of its columns.")
-        return cls(**{**prior, **arrays, "columns": columns})
+        low, high = map(float, prior["temperature_range"])
+        return cls(**{**prior, **arrays, "columns": columns, "temperature_range": (low, high)})
 
     def as_dict(self) -> dict[str, Any]:
         """Plain lists and numbers."""
         return {
-            name: value.tolist() if isinstance(value, np.ndarray) else list(value) if name == "columns" else value
+            name: value.tolist()
+            if isinstance(value, np.ndarray)
+            else list(value)
+            if isinstance(value, tuple)
+            else value
             for name, value in asdict(self).items()
         }
 
@@ -248,6 +259,7 @@ class Law:
     noise: float
     """Standard deviation of the residuals, as large as if they were white."""
     reference_temperature: float
+    temperature_range: tuple[float, float]
     powers: tuple[int, ...]
     """Power of T - T0 of each column, 0 for other columns."""
     bent: bool
@@ -273,7 +285,13 @@ class Law:
 
 
 def law_of(
-    effects: Sequence[Effect], swept: Swept, solution: RidgeSolution, errors: np.ndarray, reference_temperature: float
+    effects: Sequence[Effect],
+    swept: Swept,
+    solution: RidgeSolution,
+    errors: np.ndarray,
+    *,
+    reference_temperature: float,
+    temperature_range: tuple[float, float],
 ) -> Law:
     """The law of a fitted model, from its effects, factors, solution and standard errors of all coefficients."""
     names = [name for effect in effects for name in effect.names()]
@@ -299,6 +317,7 @@ def law_of(
         n_rows=n_rows,
         noise=float(noise) or LEAST,
         reference_temperature=reference_temperature,
+        temperature_range=temperature_range,
         powers=tuple(powers[i] for i in law),
         bent=any(effect.is_product for effect in effects),
     )

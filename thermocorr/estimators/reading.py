@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -51,6 +51,11 @@ class Reading:
             std=readings.std,
             temperature_range=(temperatures.low, temperatures.high),
         )
+
+    def widened(self, temperatures: tuple[float, float]) -> Reading:
+        """Names and ranges with a range of temperatures that takes in another one."""
+        (low, high), (lowest, highest) = self.temperature_range, temperatures
+        return replace(self, temperature_range=(min(low, lowest), max(high, highest)))
 
 
 def check_plausible(record: Record, reading: Reading, known_before: bool = False) -> None:

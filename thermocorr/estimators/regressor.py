@@ -207,6 +207,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             if prior is None:
                 require_rows(reading.n_readings, len(features.get_feature_names_out()))
             check_plausible(record, reading, prior is not None)
+            if prior is not None:
+                reading = reading.widened(prior.temperature_range)
             self.alpha_ = self._penalty()
             total = self._solve(record, features, prior)
             if record.filled:  # what these spoil is known now
