@@ -205,9 +205,9 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         X = self._check_columns(X, reset=True)
         further = self.further_effects()
         needed = needed_columns([effect for _, effect in further])
-        check_rules(self.fill, [self.thermometers().ambient, *self.thermometers().further], needed)
         filling = bool(self.thermometers().further or self.fill)
         record = read_record(X, self.layout(), y=y, needed=needed, quiet=quiet or filling)
+        check_rules(self.fill, [record.temperature_name, *self.thermometers().further], needed)
         n_read, self.screen_, self.filling_ = len(record.notes), None, Filling()
         self.__dict__.pop("history_", None)
         if self.screen:

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..estimators.filling import Filling, StandIn
+from ..estimators.filling import Filling
+from ..estimators.stand_in import StandIn
 from ..records.grammar import LARGEST
 from .codec import ModelFileError, fields, items, name, number, pack, positive, unexpected, unpack, vector
 from .screen_nodes import pack_limits, unpack_limits

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..estimators import DynamicBiasRegressor
-from ..estimators.filling import StandIn
+from ..estimators.stand_in import StandIn
 from .clock import Clock
 
 Numbers = tuple[tuple[float, ...], ...]
