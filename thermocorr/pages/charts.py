@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from ..pictures.axes import FINE_TIMES, TIMES
 from ..records.quantities import SPANS
+from ..records.units import without_unit
 from .html import rendered, unit_text, units_of_axis
 
 TIME_SPANS = {"units": list(SPANS.items()), "fine": FINE_TIMES, "coarse": TIMES}
@@ -77,7 +78,7 @@ class Chart:
         return {
             "name": self.name,
             "x": {
-                "label": self.x_label,
+                "label": without_unit(self.x_label, self.x_unit),
                 "unit": unit_text(self.x_unit),
                 "spans": TIME_SPANS if self.x_log and self.x_unit == "s" else None,
                 "joints": [list(joint) for joint in self.joints],
@@ -87,7 +88,7 @@ class Chart:
             },
             "panels": [
                 {
-                    "label": panel.label,
+                    "label": without_unit(panel.label, panel.unit),
                     "unit": unit_text(panel.unit),
                     "units": units_of_axis(panel.unit),
                     "log": panel.log,

@@ -18,6 +18,7 @@ from markupsafe import Markup
 from ..pictures.words import MINUS, aspect_text, effect_text, interval_text, place_text
 from ..records.quantities import Scale, prefix_and_unit, prefixed, scale_of, span_text
 from ..records.text import printable
+from ..records.units import without_unit
 
 _UNITS = {"degC": "°C", "degF": "°F", "ohm": "Ω", "u": "µ"}
 """Units and prefixes that print has signs for."""
@@ -114,8 +115,8 @@ def unit_text(unit: str) -> str:
 
 
 def with_unit(name: str, unit: str) -> str:
-    """A name with its unit in brackets: rms [mV]."""
-    return f"{name} [{unit_text(unit)}]" if unit else name
+    """A name with its unit in brackets: rms [mV]; a unit at the end of the name is not said twice."""
+    return f"{without_unit(name, unit)} [{unit_text(unit)}]" if unit else name
 
 
 def units_of_axis(unit: str) -> list[list[Any]]:

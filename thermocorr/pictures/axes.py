@@ -9,7 +9,7 @@ import pandas as pd
 
 from ..records.quantities import scale_of, span_text
 from ..records.text import printable
-from ..records.units import unit_of
+from ..records.units import without_unit
 from .cells import with_breaks
 from .timeline import TimeLine
 
@@ -74,8 +74,7 @@ def labelled(name: str, unit: str, power: int = 0, shown: str = "") -> str:
 
     With a power of ten, ``voltage [10^-3 mV]``; with a unit to be `shown` in its place, ``voltage [uV]``.
     """
-    if unit and "_" in name and unit_of(name, None) == unit:
-        name = name.rsplit("_", 1)[0]
+    name = without_unit(name, unit)
     unit = shown or (f"$10^{{{power}}}$ {unit}".strip() if power else unit)
     return printable(f"{name} [{unit}]" if unit else name)
 

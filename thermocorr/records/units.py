@@ -49,6 +49,20 @@ def unit_of(name: object, data: Any) -> str:
     return name_and_unit(text)[1]
 
 
+def without_unit(name: str, unit: str) -> str:
+    """A column's name without the unit at its end, where it ends in this one: it will be said beside the name.
+
+    Examples
+    --------
+    >>> without_unit("U [mV]", "mV"), without_unit("oven_degC", "degC"), without_unit("U [mV]", "V")
+    ('U', 'oven', 'U [mV]')
+    """
+    if not unit or unit_of(name, None) != unit:
+        return name
+    bare = name_and_unit(name)[0]
+    return name.rsplit("_", 1)[0] if bare == name else bare
+
+
 def is_temperature(name: object, data: Any) -> bool:
     """Whether a column is called like a temperature, or has the unit of one.
 
