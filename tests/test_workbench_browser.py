@@ -62,6 +62,7 @@ class Person:
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
+    """A longer log than that of the other tests: its curves come in pieces."""
     path = tmp_path_factory.mktemp("logs") / "log.csv"
     make_record(4000, effects={"covariate": 2.0}, seed=3).to_csv(path)
     return path

@@ -231,6 +231,24 @@ def _weights_of_regular_steps(
     return _end_weights(np.full(n, step), np.array(time_constants), hold)
 
 
+def followed_error(covariance: Floats, step: float, time_constants: Floats) -> Floats:
+    """Covariance of an input's error and of what the lags feel of it, a step later: dl/dt = (d - l)/tau, eq. (17).
+
+    Parameters
+    ----------
+    covariance : array of shape (1 + J, 1 + J)
+        Of the error d of the input, which stays as it is, and of the errors l of the lagged ones.
+    step : float
+        [s].
+    time_constants : array of shape (J,)
+        [s].
+    """
+    decay = np.exp(-step / time_constants)
+    move = np.diag(np.concatenate(([1.0], decay)))
+    move[1:, 0] = 1.0 - decay
+    return np.asarray(move @ covariance @ move.T)
+
+
 def paper_form(lag_difference: Floats, temperature: Floats, time_constants: Floats) -> Floats:
     """Columns of eqs. (19) (25) as printed: psi [K s] less T [K], for comparison only.
 

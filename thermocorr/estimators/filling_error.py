@@ -11,6 +11,7 @@ import numpy as np
 from ..effects import Covariate, StaticPolynomial, ThermalLag
 from ..effects.expressions import reads_temperature
 from ..effects.protocol import Effect
+from ..equations.lags import followed_error
 from ..records import Record
 
 FELT = 0.05
@@ -120,15 +121,12 @@ def _propagated(
 ) -> np.ndarray:
     """Add the variance of the bias to `total`; returns the covariance after the last row.
 
-    The error of a column wanders while it is filled, and each lag follows it: dl/dt = (d - l)/tau.
+    The error of a column wanders while it is filled, and each lag follows it.
     """
     filled, missing = np.isfinite(errors), np.isnan(values)
     k = 0 if covariance.any() else int(np.argmax(filled)) if filled.any() else len(steps)
     while k < len(steps):
-        left = np.exp(-max(steps[k], 0.0) / law.time_constants)
-        move = np.diag(np.concatenate(([1.0], left)))
-        move[1:, 0] = 1.0 - left
-        covariance = move @ covariance @ move.T
+        covariance = followed_error(covariance, max(steps[k], 0.0), law.time_constants)
         if filled[k]:
             covariance[0, 0] = max(covariance[0, 0], errors[k] ** 2)
         elif not missing[k]:

@@ -124,9 +124,6 @@ class LawPrior:
             return prior
         if isinstance(prior, Mapping) and "covariance" in prior:
             return cls._read(prior)
-        if isinstance(prior, Mapping) and isinstance(getattr(prior, "prior", None), LawPrior):
-            known: LawPrior = prior.prior  # type: ignore[attr-defined]  # a fleet, which has worked it out
-            return known
         models = list(prior.values()) if isinstance(prior, Mapping) else prior
         if not isinstance(models, list | tuple) or not all(hasattr(model, "law") for model in models):
             raise ValueError(
@@ -144,8 +141,9 @@ class LawPrior:
         if set(prior) != {each.name for each in fields(cls)}:
             raise ValueError(f"The 'prior' parameter has the entries {sorted(map(str, prior))}: that is no LawPrior.")
         columns = tuple(map(str, prior["columns"]))
-        arrays = {name: np.asarray(prior[name], float) for name in ("mean", "covariance", "spread")}
-        right = all(array.shape == (len(columns),) * array.ndim for array in arrays.values())
+        dimensions = {"mean": 1, "covariance": 2, "spread": 2}
+        arrays = {name: np.asarray(prior[name], float) for name in dimensions}
+        right = all(arrays[name].shape == (len(columns),) * n for name, n in dimensions.items())
         if not right or not all(np.isfinite(array).all() for array in (*arrays.values(), prior["noise"])):
             raise ValueError("The 'prior' parameter holds numbers that are no distribution of its columns.")
         low, high = map(float, prior["temperature_range"])
@@ -153,14 +151,8 @@ class LawPrior:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain lists and numbers."""
-        return {
-            name: value.tolist()
-            if isinstance(value, np.ndarray)
-            else list(value)
-            if isinstance(value, tuple)
-            else value
-            for name, value in asdict(self).items()
-        }
+        lists = (np.ndarray, tuple)
+        return {name: np.array(v).tolist() if isinstance(v, lists) else v for name, v in asdict(self).items()}
 
     def rows(self, effects: Sequence[Effect]) -> TriangularFactor:
         """Rows of ``[1 | Q | U]`` that say as much as the prior, for a model with these learned effects.

@@ -31,11 +31,8 @@ class Thermometers(NamedTuple):
             temperature = temperature.tolist()
         if not isinstance(temperature, list):
             return cls(temperature, ())
-        if (
-            not temperature
-            or not all(isinstance(name, Hashable) for name in temperature)
-            or len(set(temperature)) < len(temperature)
-        ):
+        hashable = all(isinstance(name, Hashable) for name in temperature)
+        if not temperature or not hashable or len(set(temperature)) < len(temperature):
             raise ValueError(
                 "The 'temperature' parameter must be a column, or a list of different ones, the one nearest to the "
                 f"device's surroundings first. Got {temperature!r} instead."
