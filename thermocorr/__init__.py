@@ -13,12 +13,14 @@ if TYPE_CHECKING:
         LaterErrors,
         MergedRidge,
         Sensor,
+        Thermometer,
         TimeConstantSearch,
         Uncertainty,
         VariantComparison,
         compare_variants,
         held_out_residuals,
         later_errors,
+        thermometer_errors,
     )
     from .files.codec import ModelFileError
     from .files.model_file import load_model, save_model
@@ -44,8 +46,8 @@ if TYPE_CHECKING:
 _ROOMS = {
     "estimators": (
         "Budget", "DiffusiveFeatures", "DynamicBiasRegressor", "LaterErrors", "MergedRidge", "Sensor",
-        "TimeConstantSearch", "Uncertainty", "VariantComparison", "compare_variants", "held_out_residuals",
-        "later_errors",
+        "Thermometer", "TimeConstantSearch", "Uncertainty", "VariantComparison", "compare_variants",
+        "held_out_residuals", "later_errors", "thermometer_errors",
     ),
     "files.codec": ("ModelFileError",),
     "files.model_file": ("load_model", "save_model"),
@@ -86,6 +88,7 @@ __all__ = [
     "SpectrumDisplay",
     "StepResponseDisplay",
     "SuspectsDisplay",
+    "Thermometer",
     "TimeConstantSearch",
     "Uncertainty",
     "VariantComparison",
@@ -99,6 +102,7 @@ __all__ = [
     "load_model",
     "refine",
     "save_model",
+    "thermometer_errors",
     "workbench",
 ]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from typing import Any
 
@@ -17,6 +17,7 @@ from ..estimators.threads import one_blas_thread
 from ..estimators.time_constants.search import SearchSettings, factors_of, final_alpha, learned, reference_spectrum
 from ..estimators.time_constants.spectrum import POOL_SIZE, Projected, log_grid, project
 from ..records import RecordError
+from ..records.progress import Progress, told
 from .parts import Part, opened
 
 BATCHES = 64
@@ -44,6 +45,7 @@ def fit_fleet(
     shared_time_constants: bool = False,
     shrinkage: bool = False,
     history_rows: int | None = None,
+    progress: Progress = None,
 ) -> Fleet:
     """Fit one model for each device, in parallel.
 
@@ -67,6 +69,8 @@ def fit_fleet(
         determine their law badly are drawn to the others. They need the same time constants.
     history_rows : int, optional
         Keep so many rows of each device's record at most, see `DynamicBiasRegressor.slim`.
+    progress : callable or True, optional
+        Called with a line of text for each device that is done; True draws a bar (extra "progress").
 
     Returns
     -------
@@ -93,11 +97,13 @@ def fit_fleet(
     own = [model] * len(parts)
     if shared_time_constants and model.count_to_choose() != 0:
         own = _with_shared_times(workers, parts, names, reading, model)
-    fleet = _each(workers, _fit, parts, names, [(reading, one, history_rows) for one in own])
-    if shrinkage:
-        prior = LawPrior.of(fleet)
-        own = [clone(one).set_params(prior=prior) for one in own]
-        fleet = _each(workers, _fit, parts, names, [(reading, one, history_rows) for one in own])
+    with told(progress, len(names) * (1 + shrinkage)) as tell:
+        heard = tell if progress else None
+        fleet = _each(workers, _fit, parts, names, [(reading, one, history_rows) for one in own], heard)
+        if shrinkage:
+            prior = LawPrior.of(fleet)
+            own = [clone(one).set_params(prior=prior) for one in own]
+            fleet = _each(workers, _fit, parts, names, [(reading, one, history_rows) for one in own], heard)
     return Fleet(zip(names, fleet, strict=True))
 
 
@@ -118,15 +124,30 @@ def _with_shared_times(
     return own
 
 
-def _each(workers: Any, function: Any, parts: list[Part], names: list[Any], arguments: list[Any]) -> list[Any]:
-    """``function(part, name, *arguments)`` for each device, by the workers."""
+def _each(
+    workers: Any,
+    function: Any,
+    parts: list[Part],
+    names: list[Any],
+    arguments: list[Any],
+    tell: Callable[[str], None] | None = None,
+) -> list[Any]:
+    """``function(part, name, *arguments)`` for each device, by the workers; `tell` hears what is waited for."""
     jobs = [(part, name, *own) for part, name, own in zip(parts, names, arguments, strict=True)]
+    answers: Iterator[Any]
     if hasattr(workers, "gather"):
-        answers: list[Any] = workers.gather([workers.submit(function, *job, pure=False) for job in jobs])
-        return answers
-    if isinstance(workers, Executor):
-        return list(workers.map(function, *zip(*jobs, strict=True), chunksize=max(1, len(jobs) // BATCHES)))
-    return list(Parallel(n_jobs=workers)(delayed(function)(*job) for job in jobs))
+        futures = [workers.submit(function, *job, pure=False) for job in jobs]
+        answers = iter(workers.gather(futures)) if tell is None else (future.result() for future in futures)
+    elif isinstance(workers, Executor):
+        answers = workers.map(function, *zip(*jobs, strict=True), chunksize=max(1, len(jobs) // BATCHES))
+    else:
+        answers = Parallel(n_jobs=workers, return_as="generator")(delayed(function)(*job) for job in jobs)
+    found = []
+    for name in names:
+        if tell is not None:
+            tell(f"device {name}")
+        found.append(next(answers))
+    return found
 
 
 def _fit(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -24,6 +25,7 @@ from ..pictures.words import aspect_text, each_row, interval_text
 from ..records import RecordError, RecordWarning
 from ..records.errors import quoted
 from ..records.files import TIME_NAMES, require_column
+from ..records.progress import Progress, has_bars, told
 from ..records.quantities import number_text, quantity_texts, scale_of, span_text
 from ..records.text import printable
 from ..records.times import dates_once
@@ -74,13 +76,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> None:
     """Do it: `say` prints results, `progress` shows what is being done."""
+    shown: Progress = None if options.quiet else True if has_bars() and sys.stderr.isatty() else progress
     with Outputs(options.log, options.force) as outputs:
-        _run(options, say, progress, outputs)
+        _run(options, say, shown, outputs)
 
 
-def _run(
-    options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None], outputs: Outputs
-) -> None:
+def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Progress, outputs: Outputs) -> None:
     folder = None if options.out is None else Path(options.out)
     report = None if options.report is None else Path(options.report or (folder or Path()) / "report.html")
     for path in [
@@ -102,13 +103,11 @@ def _run(
             products=options.products,
             window=options.window,
             n_blocks=options.blocks,
-            progress=None if options.quiet else progress,
+            progress=progress,
         )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordWarning)  # of parts of the record
-        later = later_errors(
-            comparison.models, X, y, n_blocks=options.blocks, progress=None if options.quiet else progress
-        )
+        later = later_errors(comparison.models, X, y, n_blocks=options.blocks, progress=progress)
         kept, best = list(comparison.models.items())[-1]
         other = better_thermometer(best, X, y)
     say(f"{later.advice(kept)}\n")
@@ -190,21 +189,21 @@ def _judge(
     y: pd.Series,
     options: argparse.Namespace,
     say: Callable[[str], None],
-    progress: Callable[[str], None],
+    progress: Progress,
 ) -> Judged:
     """Say where the model fails and what is missing; with --refine, add it."""
-    show = (lambda text: None) if options.quiet else progress
-    show("looking for what is missing")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RecordWarning)
             if not options.refine:
-                found = diagnose(model, X, y)
+                with told(progress) as show:
+                    show("looking for what is missing")
+                    found = diagnose(model, X, y)
                 say(f"{found}\n\n{places(found)}")
                 if found.best is not None:
                     say("\nAdd --refine to add what is missing and watch the error fall.")
                 return Judged(model, found)
-            refinement = refine(model, X, y, progress=show)
+            refinement = refine(model, X, y, progress=progress)
     except RecordError as error:
         say(f"Not judged: {error}")
         return Judged(model, reason=f"Not judged: {error}")

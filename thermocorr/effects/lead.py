@@ -1,4 +1,4 @@
-"""A reading that runs ahead of its thermometer: the only kind that looks at what comes later."""
+"""A reading that runs ahead of its thermometer: a kind that looks at what comes later."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from ..equations import lag_differences
 from ..records import Block, Record, seconds_of
 from ..records.quantities import span_text
+from .foresight import elapsed, rows_until, temperatures
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, time_text
 from .thermal import seconds_array
@@ -41,6 +42,10 @@ class Lead(Effect):
 
     kind = "lead"
     foresees = True
+    instead = (
+        "Hold each reading back until its temperature has come (shift the column, then fit without the effect), or "
+        "take Rate() in its place."
+    )
     learned = {"lead_": "positive", "time_constants_": "times"}
     info = EffectInfo(
         physics="The reading runs ahead of the thermometer: the thermometer is slow, sits deeper or farther from the "
@@ -85,21 +90,13 @@ class Lead(Effect):
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """Temperature of later less that of now, and its lags [K]; looks beyond the block, to its segment's end."""
-        record, elapsed = block.record, block.elapsed
-        until, stop = elapsed[-1] + self.lead_, block.stop
-        last = record.segments[block.segment].stop
-        while stop < last and self._elapsed(block, record.rows(stop - 1, stop))[0] < until:
-            stop = min(stop + max(64, (stop - block.start) // 4), last)
-        rows = record.kept(block.start, stop)
-        later = np.asarray(record.columns[record.temperature_name][rows], float)
-        ahead = np.interp(elapsed + self.lead_, self._elapsed(block, rows), later) - block.temperature
+        rows = rows_until(block, self.lead_)
+        later = np.interp(block.elapsed + self.lead_, elapsed(block, rows), temperatures(block, rows))
+        ahead = later - block.temperature
         if not len(self.time_constants_):
             return ahead, None
         lagged, state = lag_differences(ahead, block.steps, self.time_constants_, state)  # eq. (19)
         return np.column_stack((ahead, lagged)), state
-
-    def _elapsed(self, block: Block, rows: Any) -> np.ndarray:
-        return np.asarray(block.record.times.seconds(rows, block.segment_zero))
 
     def label(self) -> str:
         """``lead: 40 s``."""

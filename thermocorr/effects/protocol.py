@@ -76,6 +76,8 @@ class Effect(BaseEstimator):
     elsewhere says little of there."""
     foresees: ClassVar[bool] = False
     """True for what looks at later samples: a record has them, a stream and a device do not, nor a part of a record."""
+    instead: ClassVar[str] = ""
+    """What to do where there are no later samples, for kinds that look at them."""
     tried: ClassVar[bool] = True
     """False for what a diagnosis does not try as such: what somebody knows, or what it puts together from others."""
     removed_by_correct: bool = True
@@ -219,9 +221,8 @@ def refuse_foresight(effects: Sequence[Effect], who: str) -> None:
     for effect in effects:
         if effect.foresees:
             raise ValueError(
-                f"The effect {effect.label()!r} looks at samples that come later, which {who} does not have. Hold each "
-                "reading back until its temperature has come (shift the column, then fit without the effect), or take "
-                "Rate() in its place."
+                f"The effect {effect.label()!r} looks at samples that come later, which {who} does not have. "
+                f"{effect.instead}".rstrip()
             )
 
 

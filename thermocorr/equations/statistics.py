@@ -1,11 +1,16 @@
-"""What is printed about a series: moving average, eqs. (9) (26), and reduction in dB."""
+"""What is said about a series: moving average, eqs. (9) (26), reduction in dB, and how much of it is white."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+_SHIFTS = (1, 2, 4)
+"""Rows between values whose differences are compared, for their white part."""
 
 
 def moving_average(values: Floats, window: int) -> Floats:
@@ -42,3 +47,39 @@ def reduction_db(after: float, before: float) -> float:
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         return float(20.0 * np.log10(np.float64(after) / np.float64(before)))
+
+
+def white_part(series: Sequence[Floats]) -> float:
+    """Variance of white noise in evenly spaced series: the nugget of the structure function of their third differences.
+
+    Differences of order m take out what moves smoothly, and leave of white noise its variance times the binomial
+    coefficient (2 m over m) (variate differences: Anderson, Nature 120, 1927). What they leave of a wander grows with
+    the rows k between the values, ``V(k) = s^2 + c k^p``: so k = 1, 2, 4 tell the part that does not (the nugget;
+    Cressie, Statistics for Spatial Data, 1993, sec. 2.3). p lies between 1 (random walk) and 6 (smooth). 0 where
+    nothing is left.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(0)
+    >>> wave, noise = 5.0 * np.sin(np.arange(100_000) / 3), 0.1 * rng.standard_normal(100_000)
+    >>> round(white_part([wave + noise]), 3), white_part([wave])
+    (0.01, 0.0)
+    """
+    order = 3
+    found = []
+    for k in _SHIFTS:
+        total, count = 0.0, 0
+        for x in series:
+            change = x
+            for _ in range(order):
+                change = change[k:] - change[:-k]
+            total, count = total + float(change @ change), count + len(change)
+        if not count:
+            return 0.0
+        found.append(total / (count * math.comb(2 * order, order)))
+    once, twice, four_times = found
+    if twice <= once:
+        return once  # nothing wanders
+    growth = min(max((four_times - twice) / (twice - once), 2.0), 4.0**order)  # 2^p
+    return max(once - (twice - once) / (growth - 1), 0.0)

@@ -5,6 +5,8 @@ from .holdout import held_out_residuals
 from .later import LaterErrors, later_errors
 from .regressor import DynamicBiasRegressor
 from .ridge import MergedRidge
+from .thermometer_errors import thermometer_errors
+from .thermometers import Thermometer
 from .time_constant_search import TimeConstantSearch
 from .uncertainty import Budget, Sensor, Uncertainty
 from .variants import VariantComparison, compare_variants
@@ -16,10 +18,12 @@ __all__ = [
     "LaterErrors",
     "MergedRidge",
     "Sensor",
+    "Thermometer",
     "TimeConstantSearch",
     "Uncertainty",
     "VariantComparison",
     "compare_variants",
     "held_out_residuals",
     "later_errors",
+    "thermometer_errors",
 ]

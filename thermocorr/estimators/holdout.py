@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from sklearn.base import clone
 
+from ..records.progress import Progress, told
 from .run_levels import unlearned
 from .screening import believed_readings
 
@@ -22,9 +22,7 @@ def time_blocks(n_rows: int, n_blocks: int) -> list[slice]:
     return [slice(int(low), int(high)) for low, high in pairwise(edges)]
 
 
-def held_out_residuals(
-    model: Any, X: Any, y: Any, *, n_blocks: int = 5, progress: Callable[[str], None] | None = None
-) -> np.ndarray:
+def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5, progress: Progress = None) -> np.ndarray:
     """Residuals of each block of time under a model that was fitted, time constants and all, without its readings.
 
     The lags run through the whole record (temperature is known everywhere), so no block starts with unknown states.
@@ -37,8 +35,8 @@ def held_out_residuals(
     X, y : as for `DynamicBiasRegressor.fit`
     n_blocks : int
         Number of blocks.
-    progress : callable, optional
-        Called with a line of text before each fit.
+    progress : callable or True, optional
+        Called with a line of text before each fit; True draws a bar (extra "progress").
 
     Returns
     -------
@@ -59,16 +57,16 @@ def held_out_residuals(
     reading = believed_readings(model, X, y)
     result = np.full(len(reading), np.nan)
     blocks = time_blocks(len(reading), n_blocks)
-    for number, block in enumerate(blocks):
-        if progress is not None:
-            progress(f"held-out block {number + 1} of {len(blocks)}")
-        known = reading.copy()
-        known[block] = np.nan
-        if np.isfinite(known).any():
-            fitted = clone(model).fit(X, known)
-            missed = reading[block] - fitted.predict(X)[block]
-            result[block] = np.where(unlearned(fitted, X, known)[block], np.nan, missed)
-            result[block][_unknown_start(fitted, block, len(reading))] = np.nan
+    with told(progress, len(blocks)) as tell:
+        for number, block in enumerate(blocks):
+            tell(f"held-out block {number + 1} of {len(blocks)}")
+            known = reading.copy()
+            known[block] = np.nan
+            if np.isfinite(known).any():
+                fitted = clone(model).fit(X, known)
+                missed = reading[block] - fitted.predict(X)[block]
+                result[block] = np.where(unlearned(fitted, X, known)[block], np.nan, missed)
+                result[block][_unknown_start(fitted, block, len(reading))] = np.nan
     return result
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -13,6 +13,7 @@ from sklearn.base import clone
 
 from ..effects import Events
 from ..records import RecordError, read_record
+from ..records.progress import Progress, told
 from ..records.quantities import number_text, scale_of
 from ..records.text import printable
 from .holdout import rms
@@ -105,7 +106,7 @@ def later_errors(
     y: Any,
     *,
     n_blocks: int = 5,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress = None,
 ) -> LaterErrors:
     """Foretell the later half of a record, block by block, from all readings before each block.
 
@@ -117,8 +118,8 @@ def later_errors(
     X, y : as for `DynamicBiasRegressor.fit`
     n_blocks : int, default 5
         Blocks of equal numbers of rows, in the order of time.
-    progress : callable, optional
-        Called with a line of text before each fit.
+    progress : callable or True, optional
+        Called with a line of text before each fit; True draws a bar (extra "progress").
 
     Returns
     -------
@@ -138,12 +139,12 @@ def later_errors(
     """
     reading = believed_readings(next(iter(variants.values())), X, y)
     missed: dict[str, list[np.ndarray]] = {name: [] for name in (BEFORE, *variants)}
-    for number, (known, block) in enumerate(later_blocks(next(iter(variants.values())), X, reading, n_blocks), 1):
-        missed[BEFORE].append(reading[block] - (np.nanmean(known) if np.isfinite(known).any() else np.nan))
-        for name, variant in variants.items():
-            if progress is not None:
-                progress(f"later block {number} of {n_blocks}: {name}")
-            missed[name].append(_missed(variant, X, known, reading, block))
+    with told(progress, n_blocks * len(variants)) as tell:
+        for number, (known, block) in enumerate(later_blocks(next(iter(variants.values())), X, reading, n_blocks), 1):
+            missed[BEFORE].append(reading[block] - (np.nanmean(known) if np.isfinite(known).any() else np.nan))
+            for name, variant in variants.items():
+                tell(f"later block {number} of {n_blocks}: {name}")
+                missed[name].append(_missed(variant, X, known, reading, block))
     blocks = pd.DataFrame({name: [rms(part) for part in parts] for name, parts in missed.items()}).T
     common = np.flatnonzero(blocks.notna().all())
     together = [rms(np.concatenate([np.zeros(0), *(parts[k] for k in common)])) for parts in missed.values()]

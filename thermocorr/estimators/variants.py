@@ -14,6 +14,7 @@ from sklearn.base import clone
 
 from ..equations import moving_average, reduction_db
 from ..records import Record, read_record
+from ..records.progress import Progress, told
 from ..records.quantities import Scale, number_text, scale_of
 from ..records.text import printable
 from .holdout import held_out_residuals, rms, time_blocks
@@ -115,7 +116,7 @@ def compare_variants(
     products: bool | int = False,
     window: int = 25,
     n_blocks: int = 5,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress = None,
     **options: Any,
 ) -> VariantComparison:
     """Compare static and dynamic, linear and nonlinear corrections of one record: the paper's table.
@@ -136,8 +137,8 @@ def compare_variants(
     n_blocks : int, default 5
         Blocks of time for the held-out figures. Each is predicted by a model whose coefficients and time constants
         were found without it.
-    progress : callable, optional
-        Called with a line of text before each fit.
+    progress : callable or True, optional
+        Called with a line of text before each fit; True draws a bar (extra "progress").
 
     Returns
     -------
@@ -170,12 +171,12 @@ def compare_variants(
     inside: dict[str, np.ndarray] = {}
     outside: dict[str, np.ndarray] = {}
     fitted: dict[str, DynamicBiasRegressor] = {}
-    tell = progress or (lambda text: None)
-    for name, variant in variants.items():
-        tell(f"{name}: fitting")
-        fitted[name] = variant.fit(X, y)
-        inside[name] = np.asarray(variant.residuals(X, y))
-        outside[name] = held_out_residuals(variant, X, y, n_blocks=n_blocks, progress=partial(_tell, tell, name))
+    with told(progress, len(variants) * (1 + len(blocks))) as tell:
+        for name, variant in variants.items():
+            tell(f"{name}: fitting")
+            fitted[name] = variant.fit(X, y)
+            inside[name] = np.asarray(variant.residuals(X, y))
+            outside[name] = held_out_residuals(variant, X, y, n_blocks=n_blocks, progress=partial(_tell, tell, name))
     record = read_record(X, fitted["static linear"].features_.layout(), y=y, quiet=True)
     smooth = _Smoothing(record, blocks, window)
     raw = reading - np.nanmean(reading)

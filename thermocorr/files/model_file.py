@@ -29,7 +29,7 @@ from .effect_nodes import EffectCodec
 from .model_nodes import pack_model, unpack_model
 
 FORMAT = "thermocorr model"
-VERSION = 7
+VERSION = 8
 LONGEST_MESSAGE = 400
 """Characters of what is said about a file's content, which may be anything."""
 HISTORY_ROWS = 4096
@@ -259,6 +259,11 @@ def _without_filling(node: dict[str, Any]) -> dict[str, Any]:
     return {**node, "version": 7, "model": model}
 
 
+def _without_thermometers(node: dict[str, Any]) -> dict[str, Any]:
+    """Version 7: nothing was declared of thermometers."""
+    return {**node, "version": 8}
+
+
 MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     0: _from_draft,
     1: _from_digest_inside,
@@ -267,6 +272,7 @@ MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     4: _with_one_level,
     5: _with_pairs_alone,
     6: _without_filling,
+    7: _without_thermometers,
 }
 """Version -> what makes of its content that of the next version."""
 

@@ -15,6 +15,7 @@ from ..estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
 from ..estimators.prior import LawPrior
 from ..estimators.reading import Reading
 from ..estimators.run_levels import RunLevels
+from ..estimators.thermometers import Thermometer, Thermometers
 from ..records import History, Record, Segment, seconds_of
 from ..records.errors import quoted
 from ..records.grammar import LARGEST
@@ -235,7 +236,11 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
     return {
         "parameters": {
             key: pack(value, f"the parameter {key!r}", codec.pack_effect)
-            for key, value in {**model.get_params(deep=False), "prior": _plain_prior(model.prior)}.items()
+            for key, value in {
+                **model.get_params(deep=False),
+                "prior": _plain_prior(model.prior),
+                "temperature": Thermometer.plain(model.temperature),
+            }.items()
         },
         "columns": list(features.get_feature_names_out()),
         "intercept": float(ridge.intercept_),
@@ -266,10 +271,16 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
     node = fields(node, where, _MODEL)
     given = fields(node["parameters"], f"{where}.parameters", tuple(DynamicBiasRegressor._get_param_names()))
     parameters = {key: unpack(value, f"{where}.parameters.{key}", codec.unpack_nested) for key, value in given.items()}
-    for key in ("temperature", "time", "run"):
-        for given_name in parameters[key] if isinstance(parameters[key], list) else [parameters[key]]:
-            if given_name is not None:
-                name(given_name, f"{where}.parameters.{key}")
+    try:
+        parameters["temperature"] = Thermometer.given(parameters["temperature"])
+        ambient, further, _ = Thermometers.of(parameters["temperature"])
+    except (ValueError, TypeError) as error:
+        raise ModelFileError(f"{where}.parameters.temperature: {error}") from None
+    named = {"temperature": (ambient, *further), "time": (parameters["time"],), "run": (parameters["run"],)}
+    for key, columns in named.items():
+        for column in columns:
+            if column is not None:
+                name(column, f"{where}.parameters.{key}")
     model = DynamicBiasRegressor(**parameters)
     given_effects = model.effects if isinstance(model.effects, list | tuple) else ()
     for i, item in enumerate(given_effects):
@@ -287,13 +298,13 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
         features._validate_params()
     except (ValueError, TypeError, AttributeError) as error:
         raise ModelFileError(f"{where}.parameters: {error}") from None
-    named = []
+    learned = []
     for i, item in enumerate(items(node["effects"], f"{where}.effects")):
         place = f"{where}.effects[{i}]"
         effect = codec.unpack(item, place, learned=True)
-        named.append((text(item.get("name"), f"{place}.name"), effect))
-    features.effects_ = named
-    model.run_levels_ = RunLevels.among(named, as_effects(model.effects))
+        learned.append((text(item.get("name"), f"{place}.name"), effect))
+    features.effects_ = learned
+    model.run_levels_ = RunLevels.among(learned, as_effects(model.effects))
     if model.run_levels_.times:
         features.set_params(effects=model.run_levels_.beside(as_effects(model.effects)))
     _restore_features(features, node, where)

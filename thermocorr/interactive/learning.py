@@ -16,6 +16,7 @@ from ..effects import Rate, SeveralSteps, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts, walk
 from ..estimators import DynamicBiasRegressor
+from ..estimators.thermometers import Thermometers
 from ..files.effect_nodes import EffectCodec
 from ..judgement import Diagnosis
 from ..judgement.adding import Errors
@@ -173,7 +174,7 @@ def curves_of(model: DynamicBiasRegressor, data: Data, store: Store) -> tuple[di
         }
         values |= {f"{EFFECT}{label}": part.contributions[:, k] for k, label in enumerate(labels)}
         for name in data.X.columns:
-            if kind_of(data.X[name]) in ("number", "switch") and name != model.temperature:
+            if kind_of(data.X[name]) in ("number", "switch") and name != Thermometers.of(model.temperature).ambient:
                 values[f"{COLUMN}{name}"] = recorded(data.X, name, part.rows)
         for name, array in values.items():
             found.setdefault(name, []).append(array)

@@ -20,6 +20,7 @@ from ..effects.grids import longest_segment
 from .anywhere import best_period, filtered
 from .choice import WAVE, Cause, Tried, chosen, first_of_each, still_sought
 from .dated import DATED, MANY, dated, tries
+from .imitations import Traces
 from .levels import (
     ALIKE,
     BETWEEN,
@@ -81,6 +82,7 @@ class Search:
         if "delay" in anywhere:
             self.sizes["delay", None] = self.sizes.get(("delay", None), 0) + 2 * self.shifts.most  # and between rows
         self.anywhere, self.small = anywhere, small
+        self.traces = Traces(pool)
         self.tests = {key: max(tests, float(size)) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
 
@@ -94,11 +96,12 @@ class Search:
         found: list[Cause] = []
         while True:
             steps = sum(cause.tried.key in MANY for cause in found)
-            tried = still_sought(self.look(), found, steps)
+            tried = still_sought(self.believed(self.look(), found), found, steps)
             best, rivals = chosen(tried, self.by_chance)
             if best is None or len(found) - steps == MOST:
                 return self._needed(found), tried
             best = self._likelier(best, rivals, [t for t in tried if t.key == best.key])
+            best = self.traces.behind(best, rivals, found, self.left)
             if best.proven:  # else the likelihood has nothing to say on its parameters
                 best = (self._tuned([best], FINER) or [best])[0]
             same = [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
@@ -108,6 +111,15 @@ class Search:
             if best.key in MANY:
                 least = max((t.score for t in others if t.key not in MANY), default=0.0)
                 found += self._further_steps(MOST_STEPS - steps - 1, least)
+
+    def believed(self, tried: Sequence[Tried], found: Sequence[Cause]) -> Sequence[Tried]:
+        """What was tried, less what may be traces of the thermometers' errors where these are as large."""
+        return self.traces.taken_out(tried, found, self.left)
+
+    @property
+    def left(self) -> float:
+        """Standard deviation of the structure that is left, in the unit of the reading."""
+        return self.judged.unit * float(np.sqrt(max(self.judged.unexplained() - self.judged.innovation, 0.0)))
 
     def _likelier(self, best: Tried, rivals: Sequence[Tried], own: Sequence[Tried]) -> Tried:
         """What explains nearly the same, is proven, likelier than all of the kind, and as good as half the help."""

@@ -124,7 +124,7 @@ def _conclude(
         verdict = "ambiguous" if found[0].confusable_with else "missing"
     else:  # readings that are none and were learned from spoil any model
         spoiled = bool(search.pool.record.refused) and not model.screen
-        verdict = "unexplained" if rest.structured or rest.uneven or spoiled else "nothing missing"
+        verdict = "unexplained" if rest.unknown or spoiled else "nothing missing"
     ranked = [*found, *(_other(tried, search) for tried in listed[: RANKED - len(found)])]
     beside = dict.fromkeys(ranked[0].effect.inputs() if ranked else ())
     shown = seen.columns if is_frame(seen) else range(np.shape(seen)[1])

@@ -36,7 +36,7 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
     kinds = [kind for kind in THERMAL if kind not in exclude]
     candidates: list[Effect] = [effect for kind in kinds for effect in CATALOGUE[kind].candidates(pool.record)]
     beside = Search(pool.beside(thin, pool.of(candidates)), anywhere=(), small=small)
-    tried = [t for t in beside.look() if t.proven]
+    tried = [t for t in beside.believed(beside.look(), ()) if t.proven]
     if not tried:
         return []
     near = first_of_each([t for t in tried if t.score >= tried[0].score - TIE])

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from ..equations.noise import RATIO
-from .levels import PROVABLE, RANKED, STRUCTURE, TO_A_DECADE, WANDERS
+from .imitations import together
+from .levels import OF_THERMOMETER, PROVABLE, RANKED, STRUCTURE, TO_A_DECADE, WANDERS
 from .likelihood import Comparison
 from .pool import Pool
 
@@ -32,6 +33,9 @@ class Left:
     """Labels of effects that a few stretches of the record follow, and the rest does not."""
     spikes: tuple[float, ...]
     """Times since the record began at which readings jump far out of the noise [s], at most ten: left out."""
+    thermometers: pd.DataFrame = field(compare=False)
+    """What the errors of the thermometers make in the reading, see `thermocorr.thermometer_errors`; empty where the
+    record was judged by averages."""
     smallest_drift: float
     """Drift over the record that it could have shown, in the unit of y; infinite where it could have shown none."""
     smallest_step: float
@@ -39,6 +43,16 @@ class Left:
     spectrum: pd.DataFrame = field(compare=False)
     """Amplitude spectral densities by frequency [Hz], in the unit of y over sqrt(Hz): ``residual`` beside all causes,
     ``noise`` as the judgement takes it, and its ``white`` part."""
+
+    @property
+    def of_thermometers(self) -> bool:
+        """Whether what wanders is no more than the errors of the thermometers make in the reading."""
+        return self.structured and self.wandering <= OF_THERMOMETER * together(self.thermometers)
+
+    @property
+    def unknown(self) -> bool:
+        """Whether there is structure whose cause is not known."""
+        return (self.structured and not self.of_thermometers) or bool(self.uneven)
 
 
 def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = ()) -> Left:
@@ -62,6 +76,7 @@ def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = ()) -> 
         colour=total / innovation,
         uneven=tuple(uneven),
         spikes=_spikes(pool),
+        thermometers=pool.thermometers,
         smallest_drift=judged.smallest(drift, PROVABLE),
         smallest_step=judged.smallest(middle, PROVABLE),
         spectrum=_spectrum(pool, judged),

@@ -163,8 +163,26 @@ MOST_WAVES = 6
 soil at 25 cm (seed 11), five are found with any number of waves, six with six."""
 MOST_STEPS = 40
 """Steps that are looked for: soil on which rain falls has twenty in three years, a random telegraph one a switch."""
-THERMAL = ("thermal_lag", "delay", "rate", "lead")
-"""Kinds that a better thermal part could do without, the usual one first."""
+THERMAL = ("thermal_lag", "delay", "rate", "thermometer_noise", "lead")
+"""Kinds that a better thermal part, or thermometer, could do without, the usual one first."""
+NOISY = "thermometer_noise"
+"""The kind that a finer thermometer could do without. Where it is known to be missing, or the errors of the
+thermometers make as much as is left, what may be traces of them is a cause only where it helps by `GAIN`."""
+AHEAD = "lead"
+"""The other kind that knows what comes later, and so does what a smoother does."""
+PLAY = 10.0, 3.0
+"""Width of a hysteresis over the noise, and over the steps, of a thermometer, up to which it is theirs: a play of six
+standard deviations smooths noise on a plateau and follows a ramp. In a climate chamber, noise of 0.1 K made widths of
+0.6 to 1.0 K, steps of 0.1 and 0.25 K widths of 0.3 and 0.5 to 0.7 K."""
+FOLLOWS = 0.5
+"""Correlation of the changes of a recorded column with those of the temperature, over one of `CHANGES`, from which on
+it may know the temperature better than a noisy thermometer does."""
+CHANGES = (4, 16, 64, 256)
+"""Averaged rows over which they change: more than the noise of a thermometer, no longer than a day or two."""
+OF_THERMOMETER = 2.0
+"""Structure that is left over what the errors of the thermometers make in the reading, up to which these are its cause.
+On simulated devices whose thermometers have noise of 0.05 or 0.1 K it is 1.0 to 1.3, and steps of 0.0625 or 0.1 K
+1.0 to 1.5 (`benchmarks/thermometer_noise.py --diagnose`)."""
 SIZEABLE = 0.1
 """Rms of what a missing lag, delay, rate or lead explains, over the noise of one sample, that must clearly be exceeded
 beside the model's own lags: they need not be better."""

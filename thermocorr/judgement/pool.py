@@ -9,13 +9,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..effects import StaticPolynomial
 from ..effects.protocol import Effect
 from ..equations.spikes import spikes
 from ..estimators.evenness import evenness
 from ..estimators.regressor import DynamicBiasRegressor
+from ..estimators.thermometer_errors import thermometer_errors
 from ..records import Record, RecordError
+from ..records.thinned import Thinned
 from .base import slowest_of_base, thermal_base
 from .blocks import Averages, averaged, spans
 from .levels import COARSE, FEWEST, FINE, MOST_EMPTY, ROUNDING
@@ -46,6 +49,11 @@ class Pool:
 
     def __init__(self, model: DynamicBiasRegressor, record: Record, candidates: Sequence[Effect]):
         self.record = record
+        self.kinds = {effect.kind for _, effect in model.features_.further_effects()}
+        """Kinds of the model's further effects."""
+        self.thermometers = pd.DataFrame() if isinstance(record, Thinned) else thermometer_errors(model, record)
+        """What the errors of the thermometers make in the reading, see `thermocorr.thermometer_errors`; averages hide
+        them."""
         slowest = slowest_of_base(record)
         base, slow = thermal_base(model, record, slowest)
         candidates = [e for e in candidates if not (e.kind == "thermal_lag" and max(e.time_constants) <= slowest)]

@@ -15,6 +15,7 @@ from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..pages import RefinementPage
+from ..records.progress import Progress, told
 from ..records.quantities import number_text, scale_of
 from ..records.text import printable
 from .adding import Errors, with_missing
@@ -66,7 +67,7 @@ def refine(
     exclude: Collection[str] = (),
     suspects: Sequence[Any] = (),
     max_steps: int = 5,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress = None,
 ) -> Refinement:
     """Add the best missing effect, fit, diagnose again, until nothing supportable is missing.
 
@@ -84,9 +85,9 @@ def refine(
     columns, exclude, suspects : see `diagnose`
     max_steps : int
         Most effects to add.
-    progress : callable, optional
-        Called with a line of text before each step; may raise KeyboardInterrupt, which ends the refinement with what
-        it has.
+    progress : callable or True, optional
+        Called with a line of text before each step; True draws a bar (extra "progress"). A function may raise
+        KeyboardInterrupt, which ends the refinement with what it has.
 
     Returns
     -------
@@ -104,8 +105,15 @@ def refine(
     >>> bool(refinement.steps["held_out_rms"].iloc[-1] < refinement.steps["held_out_rms"].iloc[0])
     True
     """
-    say = progress or (lambda text: None)
     wanted: dict[str, Any] = {"columns": columns, "exclude": exclude, "suspects": suspects}
+    with told(progress) as say:
+        return _whole(model, X, y, wanted, max_steps, say)
+
+
+def _whole(
+    model: DynamicBiasRegressor, X: Any, y: Any, wanted: dict[str, Any], max_steps: int, say: Callable[[str], None]
+) -> Refinement:
+    """Fit and judge, refine on fewer rows where there are many, and fit to all of them."""
     current = clone(model)
     if model.temperature is None and hasattr(model, "pipeline_"):  # X may hold more columns than the fitted frame
         current.set_params(temperature=model.features_.history_.record.temperature_name)
@@ -113,7 +121,7 @@ def refine(
     current.fit(X, y)
     say("looking for what is missing")
     first = diagnose(current, X, y, **wanted)
-    short = shorter(current, X, y, columns, suspects)
+    short = shorter(current, X, y, wanted["columns"], wanted["suspects"])
     if short is None:
         return _refined(current, X, y, first, wanted, max_steps, say)
     found = _refined(short.model.fit(short.X, short.y), short.X, short.y, first, wanted, max_steps, say)

@@ -59,7 +59,8 @@ class StepResponseDisplay:
             static law, lags and their products, delay, hinge, hysteresis, a smoothed rate. The effects of other
             columns, of time alone and of the plain rate of change are left out.
         step : float, default 1.0
-            Height, in the unit of the temperature (K for degC).
+            Height, in the unit of the temperature (K for degC). It is a step of the air where the model was told that
+            its thermometer is late itself (`Thermometer`), else one of what the thermometer shows.
         """
         fitted = regressor_of(model)
         effects = fitted.features_.effect_list()
@@ -128,7 +129,9 @@ def _columns(fitted: Any, effects: list[Effect], times: np.ndarray, step: float)
     T0 = fitted.reference_temperature_
     seconds = np.concatenate(([0.0, instant], instant + times))
     name = fitted.features_.history_.record.temperature_name
-    frame = pd.DataFrame({"seconds": seconds, name: np.where(np.arange(len(seconds)) == 0, T0, T0 + step)})
+    late = fitted.features_.thermometers().of_column(name).late
+    shown = -np.expm1(-seconds / late) if late else np.arange(len(seconds)) > 0
+    frame = pd.DataFrame({"seconds": seconds, name: T0 + step * shown})
     record = read_record(frame, Layout(name, "seconds"), quiet=True)
     result = np.zeros((len(times), sum(len(effect.names()) for effect in effects)))
     at = 0

@@ -142,11 +142,12 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
             f"What is left wanders by {quantity_text(left.wandering, unit)} and remembers for about "
             f"{span_text(left.correlation_time)}."
         )
-        if verdict in ("unexplained", "ambiguous"):
+        if verdict in ("unexplained", "ambiguous") and not left.of_thermometers:
             to_log = next(text for limit, text in _TO_LOG if left.correlation_time <= limit)
             said.append(f"To learn its cause, log what changes as slowly: {to_log}.")
     elif not left.uneven:
         said.append("What is left looks like white noise.")
+    said += thermometer_sentences(left)
     if left.uneven and verdict == "unexplained":
         said.append(
             f"A few stretches of the record follow {', '.join(left.uneven[:3])}; the rest does not. A short "
@@ -163,6 +164,33 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
     seen = [f"{what} of {text}" for what, text in zip(known, quantity_texts([*known.values()], unit, 2), strict=True)]
     if seen:
         said.append(f"This record could have shown {' or '.join(seen)}; smaller ones are beyond it.")
+    return said
+
+
+LEAST_ATTENUATION = 0.002
+"""Relative error of a static gain that is worth a word."""
+
+
+def thermometer_sentences(left: Any) -> list[str]:
+    """What the errors of the thermometers make of the reading, where that is all that wanders, and of the gain."""
+    said = []
+    for row in each_row(left.thermometers):
+        sizes = {"noise": (row.noise, row.noise_from), "steps": (row.resolution, row.resolution_from)}
+        of_what = " and ".join(
+            f"{what} of {quantity_text(v, row.unit)} ({how})" for what, (v, how) in sizes.items() if v
+        )
+        whose = f"the {of_what} of the thermometer {str(printable(row.thermometer))!r}"
+        if left.of_thermometers and row.wandering:
+            said.append(
+                f"About as much, {quantity_text(row.wandering, row.reading_unit)}, comes from {whose}. A finer "
+                "thermometer, or the mean of several of its readings, would lower it."
+            )
+        if abs(row.gain_error) >= LEAST_ATTENUATION:
+            said.append(
+                f"For {whose} the static gain is learned about {abs(row.gain_error):.1%} too "
+                f"{'small' if row.gain_error < 0 else 'large'}. Readings are "
+                "corrected as well as this thermometer allows; the gain itself is not to be quoted."
+            )
     return said
 
 

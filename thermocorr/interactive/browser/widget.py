@@ -80,7 +80,7 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
     name = name if name not in frame.columns else f"{name} (reading)"
     frame = frame.assign(**{name: pd.Series(getattr(y, "to_numpy", lambda: y)(), index=index)})
     frame.attrs = {**attrs, "units": {**attrs.get("units", {}), **getattr(y, "attrs", {}).get("units", {})}}
-    ambient, further = Thermometers.of(model.temperature)
+    ambient, further, _ = Thermometers.of(model.temperature)
     temperature = str(frame.columns[0] if ambient is None else ambient)
     time, run = (None if column is None else str(column) for column in (model.time, model.run))
     base, given, taus = clone(model), as_effects(model.effects), model.time_constants
@@ -92,7 +92,7 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
         for _, effect in given:
             if hasattr(effect, "time_constants") and isinstance(effect.time_constants, np.ndarray):
                 effect.set_params(time_constants=effect.time_constants.tolist())
-        base.set_params(temperature=ambient, fill=None, time_constants=list(taus))
+        base.set_params(fill=None, time_constants=list(taus))
     settings = Settings(
         time_constants=tuple(taus) if isinstance(taus, list | tuple) else taus,
         degree=model.degree,
@@ -101,6 +101,7 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
         sampling_period=model.sampling_period,
         max_gap=model.max_gap,
     )
+    base.set_params(temperature=ambient)
     source = Source(table=Table(frame=frame), name=IN_MEMORY)
     folder = tempfile.TemporaryDirectory(prefix="thermocorr-")
     bench = Bench(source, Store(folder.name), settings=settings, own=suspects, base=base)

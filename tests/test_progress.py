@@ -1,0 +1,93 @@
+"""Progress of long work: who is told what, and bars in terminals alone."""
+
+from __future__ import annotations
+
+import io
+import sys
+
+import pytest
+
+from thermocorr import DynamicBiasRegressor, compare_variants, held_out_residuals, later_errors, refine
+from thermocorr.cluster.fleet import fit_fleet
+from thermocorr.datasets import make_record
+from thermocorr.records.progress import told
+
+
+class Terminal(io.StringIO):
+    """A standard error that says it is a terminal."""
+
+    def isatty(self):
+        return True
+
+
+@pytest.fixture(scope="module")
+def log():
+    record = make_record(1200, seed=5)
+    return record[["temperature"]], record["reading"]
+
+
+MODEL = DynamicBiasRegressor("temperature", ["5 min", "90 min"])
+
+
+def test_each_piece_of_work_is_told_once(log):
+    said: list[str] = []
+    held_out_residuals(MODEL, *log, n_blocks=4, progress=said.append)
+    assert said == [f"held-out block {k} of 4" for k in (1, 2, 3, 4)]
+    said.clear()
+    models = compare_variants(*log, model=MODEL, n_blocks=3, progress=said.append).models
+    assert len(said) == 4 * (1 + 3)
+    said.clear()
+    later_errors(models, *log, n_blocks=2, progress=said.append)
+    assert len(said) == 2 * len(models)
+    said.clear()
+    record = make_record(1200, seed=5).reset_index()
+    fit_fleet(1, {"a": record, "b": record}, "reading", DynamicBiasRegressor("temperature", ["5 min"], time="time"),
+              shrinkage=False, progress=said.append)  # fmt: skip
+    assert said == ["device a", "device b"]
+
+
+def test_a_bar_is_drawn_in_a_terminal_and_counts_to_its_end(log, monkeypatch):
+    pytest.importorskip("tqdm")
+    shown = Terminal()
+    monkeypatch.setattr(sys, "stderr", shown)
+    with told(True, 3) as tell:
+        for k in range(3):
+            tell(f"piece {k}")
+    drawn = shown.getvalue()
+    assert "piece 0" in drawn and "0/3" in drawn
+    assert drawn.endswith("\r")  # gone
+    compare_variants(*log, model=MODEL, n_blocks=2, progress=True)
+    assert "/12 [" in shown.getvalue()
+
+
+def test_a_bar_is_silent_where_nobody_looks(log, capfd):
+    pytest.importorskip("tqdm")
+    refine(MODEL, *log, progress=True, max_steps=1)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_interrupt_leaves_no_bar(log, monkeypatch):
+    pytest.importorskip("tqdm")
+    shown = Terminal()
+    monkeypatch.setattr(sys, "stderr", shown)
+
+    def stopped(model, X, known):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("thermocorr.estimators.holdout.unlearned", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        held_out_residuals(MODEL, *log, progress=True)
+    assert shown.getvalue().endswith("\r")
+
+
+def test_without_the_package_the_way_out_is_said(log, monkeypatch):
+    monkeypatch.setitem(sys.modules, "tqdm", None)
+    monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    with pytest.raises(ImportError, match=r"pip install 'thermocorr\[progress\]'"):
+        held_out_residuals(MODEL, *log, progress=True)
+    held_out_residuals(MODEL, *log, n_blocks=2, progress=False)
+
+
+def test_what_is_no_progress_is_refused(log):
+    with pytest.raises(ValueError, match="'progress' parameter must be True"):
+        held_out_residuals(MODEL, *log, progress="bar")

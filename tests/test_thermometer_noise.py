@@ -1,0 +1,236 @@
+"""Noisy, coarse and late thermometers: what they do to a reading, and who is named for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from effect_records import columns_of, learned, whole
+from sklearn.base import clone
+
+from thermocorr import (
+    DynamicBiasRegressor,
+    OnlineCorrector,
+    StepResponseDisplay,
+    Thermometer,
+    diagnose,
+    load_model,
+    refine,
+    save_model,
+    thermometer_errors,
+)
+from thermocorr.datasets import make_record
+from thermocorr.effects import ThermometerNoise
+from thermocorr.equations.statistics import white_part
+from thermocorr.records import RecordError
+
+PERIODS = {"lab": 60.0, "outdoor": 600.0, "chamber": 30.0}
+
+
+def seen_by(setting, seed, noise=0.0, step=0.0, n=6000):
+    """A simulated device, and the temperature as a noisy or coarse thermometer has it."""
+    record = make_record(n, seed=seed, sampling_period=PERIODS[setting], setting=setting)
+    T = record["temperature"].to_numpy()
+    T = np.round(T / step) * step if step else T + noise * np.random.default_rng([9, seed]).standard_normal(n)
+    return record.drop(columns="reading").assign(temperature=T), record["reading"], record[["temperature"]]
+
+
+def test_the_column_is_the_response_of_a_two_sided_exponential():
+    """cos(w t) averaged with weights exp(-|t|/s)/(2 s) is cos(w t)/(1 + (w s)^2)."""
+    seconds = pd.to_timedelta(np.arange(20_000) * 2.0, unit="s")
+    wave = np.cos(2 * np.pi * np.arange(20_000) / 900)
+    X = pd.DataFrame({"temperature": 20 + wave}, index=seconds)
+    column = columns_of(ThermometerNoise("5 min"), X)[:, 0]
+    expected = wave * (1 / (1 + (2 * np.pi / 900 / 2.0 * 300.0) ** 2) - 1)
+    inside = slice(6000, -6000)
+    np.testing.assert_allclose(column[inside], expected[inside], atol=2e-5)
+
+
+def test_the_column_is_the_same_backwards_in_time():
+    rng = np.random.default_rng(3)
+    T = 20 + np.cumsum(rng.standard_normal(300)) / 10
+    seconds = np.cumsum(rng.uniform(10, 100, 300))
+    there = columns_of(ThermometerNoise(200.0), pd.DataFrame({"temperature": T}, index=pd.to_timedelta(seconds, "s")))
+    back = pd.DataFrame({"temperature": T[::-1]}, index=pd.to_timedelta(seconds[-1] - seconds[::-1], "s"))
+    np.testing.assert_allclose(columns_of(ThermometerNoise(200.0), back)[::-1], there, atol=1e-9)
+
+
+def test_the_column_does_not_depend_on_blocks():
+    X = seen_by("lab", 1, 0.1, n=700)[0]
+    effect, record = learned(ThermometerNoise("20 min"), X)
+    at_once = whole(effect, record)
+    state, parts = None, []
+    for block in record.blocks(97):
+        columns, state = effect.columns(block, state)
+        parts.append(columns)
+    np.testing.assert_allclose(np.concatenate(parts), at_once[:, 0], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("setting", PERIODS)
+@pytest.mark.parametrize("noise", [0.05, 0.2])
+def test_noise_is_estimated_and_put_through_the_model(setting, noise):
+    X, y, exact = seen_by(setting, 31, noise)
+    model = DynamicBiasRegressor("temperature").fit(X, y)
+    found = thermometer_errors(model, X).iloc[0]
+    assert found["noise"] == pytest.approx(noise, rel=0.15)
+    assert (found["noise_from"], found["resolution"]) == ("estimated", 0.0)
+    made = (model.predict(X) - model.predict(X.assign(temperature=exact["temperature"]))).std()
+    assert found["in_reading"] == pytest.approx(made, rel=0.15)
+
+
+@pytest.mark.parametrize("setting", PERIODS)
+def test_steps_are_seen_and_put_through_the_model(setting):
+    X, y, exact = seen_by(setting, 32, step=0.25)
+    model = DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y)
+    found = thermometer_errors(model, X).iloc[0]
+    assert found["resolution"] == pytest.approx(0.25 if setting == "lab" else found["resolution"])
+    made = (model.predict(X) - model.predict(X.assign(temperature=exact["temperature"]))).std()
+    assert made / 2 < found["in_reading"] < 2 * made
+
+
+def test_an_exact_thermometer_makes_nothing():
+    for setting in PERIODS:
+        X, y, _ = seen_by(setting, 33)
+        found = thermometer_errors(DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y), X).iloc[0]
+        assert found["resolution"] == 0 and found["noise"] < 0.01
+
+
+def test_what_is_declared_counts_and_goes_with_the_model(tmp_path):
+    X, y, _ = seen_by("lab", 34)
+    said = Thermometer("temperature", noise=0.03, resolution=0.1)
+    model = DynamicBiasRegressor([said, "humidity"], {"temperature": ["5 min", "90 min"]})
+    found = thermometer_errors(clone(model).fit(X, y), X)
+    assert found["thermometer"].tolist() == ["temperature", "humidity"]
+    assert found.loc[0, ["noise", "resolution"]].tolist() == [0.03, 0.1]
+    assert found["noise_from"].tolist() == ["declared", "estimated"]
+    fitted = model.fit(X, y)
+    save_model(fitted, tmp_path / "m.json")
+    again = load_model(tmp_path / "m.json")
+    assert again.temperature == [said, "humidity"]
+    pd.testing.assert_frame_equal(thermometer_errors(again, X), found)
+    np.testing.assert_allclose(again.predict(X), fitted.predict(X), rtol=1e-12)
+    plain = DynamicBiasRegressor(["temperature", "humidity"], {"temperature": ["5 min", "90 min"]}).fit(X, y)
+    np.testing.assert_array_equal(plain.coef_, fitted.coef_)
+
+
+def test_a_thermometer_without_a_column_is_the_usual_one():
+    X, y, _ = seen_by("lab", 35, n=2000)
+    model = DynamicBiasRegressor(Thermometer(noise=0.5), ["5 min"]).fit(X, y)
+    assert thermometer_errors(model, X)[["thermometer", "noise"]].iloc[0].tolist() == ["temperature", 0.5]
+    live = OnlineCorrector(model).update_many(X, y)
+    np.testing.assert_allclose(live["corrected"], model.correct(X, y), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"noise": -0.1}, "'noise' .* unit of its column, zero or above. Got -0.1"),
+        ({"resolution": "fine"}, "'resolution' .* Got 'fine'"),
+        ({"noise": float("nan")}, "Got nan"),
+        ({"time_constant": "soon"}, "time_constant"),
+    ],
+)
+def test_what_is_no_size_is_refused(wrong, words):
+    with pytest.raises((ValueError, RecordError), match=words):
+        Thermometer("case", **wrong)
+
+
+@pytest.mark.parametrize("late", [0.0, -1.2])
+def test_attenuation_is_what_a_fit_without_the_noise_shows(late):
+    """Mean of twelve records; one time constant that is known, or none, so that nothing is chosen."""
+    shown, said = [], []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        T = pd.Series(23 + np.sin(np.arange(4000) / 100) + 0.3 * rng.standard_normal(4000).cumsum() / 60)
+        body = T.ewm(alpha=1 - np.exp(-1 / 40), adjust=False).mean()
+        y = 5 + 2.0 * T + late * body + 0.01 * rng.standard_normal(4000)
+        noisy = pd.DataFrame({"temperature": T + 0.2 * rng.standard_normal(4000)})
+        taus = [40.0] if late else []
+        model = DynamicBiasRegressor("temperature", taus, degree=1, sampling_period=1.0).fit(noisy, y)
+        exact = clone(model).fit(T.to_frame("temperature"), y)
+        shown.append(model.coef_[0] / exact.coef_[0] - 1)
+        said.append(thermometer_errors(model, noisy)["gain_error"].iloc[0])
+    assert (np.mean(shown) < -0.06) if not late else (0.005 < np.mean(shown) < 0.012)
+    assert np.mean(said) == pytest.approx(np.mean(shown), abs=max(0.02 * abs(np.mean(shown)), 0.003))
+
+
+CASES = [
+    ("lab", 0.1, 0.0), ("lab", 0.0, 0.25), ("outdoor", 0.1, 0.0), ("outdoor", 0.0, 0.25), ("chamber", 0.1, 0.0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("setting", "noise", "step"), CASES)
+def test_a_poor_thermometer_is_named_and_nobody_else(setting, noise, step):
+    X, y, _ = seen_by(setting, 51, noise, step)
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert found.best.kind == "thermometer_noise"
+    assert "several readings" in str(found.best.instead)
+
+
+@pytest.mark.parametrize("seed", [52, 53, 54])
+@pytest.mark.parametrize("step", [0.0625, 0.1])
+def test_what_a_thermometer_explains_is_not_unexplained(seed, step):
+    X, y, _ = seen_by("lab", seed, step=step)
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert found.verdict == "nothing missing" or found.best.kind == "thermometer_noise"
+    assert found.verdict != "unexplained"
+
+
+def test_a_declared_noise_explains_what_cannot_be_seen():
+    """20 mK at a row a minute beside a thermostat of ten minutes."""
+    X, y, _ = seen_by("lab", 201, 0.02)
+    said = [
+        diagnose(DynamicBiasRegressor(temperature).fit(X, y), X, y)
+        for temperature in ("temperature", Thermometer("temperature", noise=0.02))
+    ]
+    assert said[1].verdict == "nothing missing"
+    words = " ".join(str(said[1]).split())
+    assert "comes from the noise of 0.02 K (declared) of the thermometer 'temperature'" in words
+
+
+def test_refine_adds_it_and_the_error_falls():
+    X, y, _ = seen_by("lab", 221, 0.1)
+    steps = refine(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert [effect.kind for _, effect in steps.model_.features_.further_effects()] == ["thermometer_noise"]
+    assert steps.diagnoses[-1].verdict == "nothing missing"
+    with pytest.raises(ValueError, match="mean of several readings"):
+        OnlineCorrector(steps.model_)
+
+
+@pytest.mark.parametrize("kind", ["lead", "hysteresis", "covariate", "lagged_covariate", "rate", "delay"])
+def test_other_effects_are_not_taken_for_noise(kind):
+    for seed in (61, 62):
+        record = make_record(6000, effects={kind: 2.0}, seed=seed)
+        X, y = record.drop(columns="reading"), record["reading"]
+        found = diagnose(DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y), X, y)
+        assert "thermometer_noise" not in {cause.effect.kind for cause in found.causes}
+
+
+def test_an_effect_stands_beside_a_noisy_thermometer():
+    """A hidden covariate is named first, the thermometer after it, and nothing else."""
+    for seed in (71, 72):
+        record = make_record(6000, effects=[("covariate", 2.0, {"column": "supply"})], seed=seed)
+        T = record["temperature"] + 0.1 * np.random.default_rng(seed).standard_normal(6000)
+        X, y = record.drop(columns="reading").assign(temperature=T), record["reading"]
+        found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+        assert [cause.effect.kind for cause in found.causes] == ["covariate", "thermometer_noise"]
+
+
+def test_a_step_of_the_air_reaches_a_late_thermometer_late():
+    X, y, _ = seen_by("lab", 36, n=3000)
+    plain = DynamicBiasRegressor("temperature", ["30 min"], degree=1).fit(X, y)
+    late = DynamicBiasRegressor(Thermometer("temperature", time_constant="10 min"), ["30 min"], degree=1).fit(X, y)
+    np.testing.assert_array_equal(plain.coef_, late.coef_)
+    at_once, air = (StepResponseDisplay.from_estimator(model).frame() for model in (plain, late))
+    t, (gain, lag) = air["time"].to_numpy(), plain.coef_[:2]
+    # T shows 1 - exp(-t/600), and a lag of 1800 s of that is 1 - (1800 exp(-t/1800) - 600 exp(-t/600))/1200
+    shown, body = -np.expm1(-t / 600), 1 - (1800 * np.exp(-t / 1800) - 600 * np.exp(-t / 600)) / 1200
+    np.testing.assert_allclose(air["response"], gain * shown + lag * (body - shown), atol=2e-3 * abs(gain))
+    assert (air["response"].iloc[:20] / at_once["response"].iloc[:20]).abs().max() < 0.5
+
+
+def test_white_part_of_many_segments_and_of_too_short_ones():
+    rng = np.random.default_rng(0)
+    assert white_part([rng.standard_normal(50) for _ in range(400)]) == pytest.approx(1.0, rel=0.05)
+    assert white_part([np.zeros(5), np.ones(3)]) == 0.0
+    assert white_part([]) == 0.0

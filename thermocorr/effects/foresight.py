@@ -1,0 +1,28 @@
+"""Rows that come after a block: what the kinds that look ahead share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..records import Block
+
+
+def rows_until(block: Block, ahead: float) -> Any:
+    """Rows of a block and of what follows it in its segment, until at least `ahead` seconds beyond its last row."""
+    record, until, stop = block.record, block.elapsed[-1] + ahead, block.stop
+    last = record.segments[block.segment].stop
+    while stop < last and elapsed(block, record.rows(stop - 1, stop))[0] < until:
+        stop = min(stop + max(64, (stop - block.start) // 4), last)
+    return record.kept(block.start, stop)
+
+
+def elapsed(block: Block, rows: Any) -> np.ndarray:
+    """Seconds of rows since the segment of a block began."""
+    return np.asarray(block.record.times.seconds(rows, block.segment_zero))
+
+
+def temperatures(block: Block, rows: Any) -> np.ndarray:
+    """Temperatures of rows of a block's record."""
+    return np.asarray(block.record.columns[block.record.temperature_name][rows], float)

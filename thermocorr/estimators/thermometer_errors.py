@@ -1,0 +1,177 @@
+"""What noise and steps of a thermometer do to a reading, and to the static gain that a model learned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..effects import StaticPolynomial
+from ..effects.protocol import Effect
+from ..equations.statistics import white_part
+from ..records import Record
+from ..records.units import difference_unit
+
+STANDING = 0.5
+"""Share of rows that read what the row before read, from which on the steps of a thermometer are seen as such: where it
+moves by several steps a row, they are noise like any other."""
+MANY_DIGITS = 1e-6
+"""Relative distance within which values lie on a grid of steps: those of decimal fractions in single precision."""
+
+
+def thermometer_errors(model: Any, X: Any) -> pd.DataFrame:
+    """What the errors of each thermometer do: noise, steps, and what a fit makes of them.
+
+    A thermometer's white noise is what is left of its changes from row to row when the time between rows goes to zero,
+    see `thermocorr.equations.statistics.white_part`: true where rows are close enough to resolve the temperature; a
+    draught that comes and goes within a row counts as noise. Its step is the smallest distance of its readings. What it
+    reads beyond the temperature is then put through the model.
+
+    Errors of a recorded quantity make coefficients wrong, that of a single column too small (attenuation): by
+    ``(Q'Q - E'E)^-1 E'E beta``, E the errors of the columns Q (Fuller, Measurement Error Models, 1987, sec. 2.2).
+    Corrected readings are not the worse for it, as long as the same thermometer serves: these coefficients are the best
+    ones for such a thermometer. A gain that is to be quoted, or used with a better thermometer, is.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+        Fitted. What it was told by `Thermometer` counts; what it was not is estimated.
+    X : DataFrame or array of shape (n_rows, n_columns)
+        The record; rows that are not evenly spaced are taken as if they were.
+
+    Returns
+    -------
+    DataFrame
+        One row for each thermometer: ``thermometer``, its ``unit``, ``noise`` and ``resolution`` in that (0.0: none is
+        seen), ``noise_from`` and ``resolution_from`` ("declared" or "estimated"), ``reading_unit``, ``in_reading``, the
+        standard deviation that its errors give the modelled reading, ``wandering``, the part of that which is not
+        white, and ``gain_error``, the relative error of its static gain (-0.01: one per cent too small).
+
+    Raises
+    ------
+    RecordError
+        For a record that cannot be used; the message says what was found, where, and what to do.
+    """
+    thermometers = model.features_.thermometers()
+    features = model.features_
+    record, starts, states = features.resume(X)
+    rows = []
+    for name in (record.temperature_name, *thermometers.further):
+        declared = thermometers.of_column(name)
+        noise, resolution = _noise_of(record, name), _resolution_of(record, name)
+        found = declared.noise if declared.noise is not None else noise
+        step = declared.resolution if declared.resolution is not None else resolution
+        in_reading, wandering, gain_error = _felt(model, record, starts, states, name, found, step)
+        rows.append(
+            {
+                "thermometer": name,
+                "unit": difference_unit(model.reading_.temperature_unit),
+                "noise": found,
+                "noise_from": "estimated" if declared.noise is None else "declared",
+                "resolution": step,
+                "resolution_from": "estimated" if declared.resolution is None else "declared",
+                "reading_unit": model.reading_.unit,
+                "in_reading": in_reading,
+                "wandering": wandering,
+                "gain_error": gain_error,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _values(record: Record, name: Any) -> list[np.ndarray]:
+    """A column's values, segment by segment."""
+    return [np.asarray(record.columns[name][record.kept(s.start, s.stop)], float) for s in record.segments]
+
+
+def _noise_of(record: Record, name: Any) -> float:
+    return float(np.sqrt(white_part(_values(record, name))))
+
+
+def _resolution_of(record: Record, name: Any) -> float:
+    """Step of a thermometer; 0 where no two rows in a row read the same, or its values lie on no grid."""
+    parts = _values(record, name)
+    still = sum(int(np.count_nonzero(np.diff(part) == 0)) for part in parts)
+    if still < STANDING * sum(max(len(part) - 1, 0) for part in parts):
+        return 0.0
+    levels = np.unique(np.concatenate(parts))
+    if len(levels) < 2:
+        return 0.0
+    step = float(np.diff(levels).min())
+    off = (levels - levels[0]) / step
+    on_grid = np.abs(off - np.rint(off)) <= MANY_DIGITS * np.abs(levels).max() / step
+    return step if on_grid.all() else 0.0
+
+
+def _felt(
+    model: Any, record: Record, starts: Any, states: Any, name: Any, noise: float, step: float
+) -> tuple[float, float, float]:
+    """Standard deviation in the reading, the part that wanders, and relative error of the static gain."""
+    error = _error(record, name, noise, step)
+    if not error.any():
+        return 0.0, 0.0, 0.0
+    features, coef = model.features_, model.coef_
+    column = np.asarray(record.columns[name][:], float)
+    moved = replace(record, columns={**record.columns, name: column - error}, known_moments={})
+    n = len(coef)
+    gram, errors, key = np.zeros((n + 1, n + 1)), np.zeros((n, n)), -1
+    changes: list[list[np.ndarray]] = []
+    pairs = zip(
+        features.walk_resumed(record, starts, states), features.walk_resumed(moved, starts, states), strict=True
+    )
+    for seen, without in pairs:
+        Q = np.column_stack((np.ones(len(seen.block)), seen.columns))
+        E = seen.columns - without.columns
+        gram += Q.T @ Q
+        errors += E.T @ E
+        if seen.block.segment != key:
+            key = seen.block.segment
+            changes.append([])
+        changes[-1].append(E @ coef)
+    reading = [np.concatenate(part) for part in changes]
+    variance = float(np.concatenate(reading).var())
+    scale = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+    attenuated, exact = np.concatenate(([0.0], -errors @ coef)) / scale, gram.copy()
+    exact[1:, 1:] -= errors
+    lost = np.linalg.lstsq(exact / scale / scale[:, None], attenuated, rcond=1e-12)[0] / scale
+    place = _place_of_gain(features.effect_list(), name, record.temperature_name)
+    wrong = float(lost[place + 1])
+    true = float(coef[place]) - wrong
+    return (
+        float(np.sqrt(variance)),
+        float(np.sqrt(max(variance - white_part(reading), 0.0))),
+        wrong / true if true else 0.0,
+    )
+
+
+def _place_of_gain(effects: Sequence[Effect], name: Any, temperature: Any) -> int:
+    """Number of the column whose coefficient is a thermometer's static gain."""
+    edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
+    own = [isinstance(e, StaticPolynomial) if name == temperature else name in e.inputs() for e in effects]
+    return int(edges[own.index(True)])
+
+
+def _error(record: Record, name: Any, noise: float, step: float) -> np.ndarray:
+    """What a thermometer read beyond the temperature, by rows as they came: like it in size, not row by row.
+
+    Steps: the temperature is taken as a straight line between the moments at which its reading changed, when it was
+    midway, and is its reading in the middle of a stay from which it goes back. Noise: drawn, always the same.
+    """
+    error = np.zeros(record.n_rows)
+    if noise:
+        error += noise * np.random.default_rng(0).standard_normal(record.n_rows)
+    for segment in record.segments if step else ():
+        rows = record.kept(segment.start, segment.stop)
+        T = np.asarray(record.columns[name][rows], float)
+        k = np.flatnonzero(np.diff(T))
+        if len(k) > 1:
+            midway = (T[k] + T[k + 1]) / 2
+            turns = np.flatnonzero(midway[1:] == midway[:-1])
+            places = np.concatenate((k + 0.5, (k[turns] + k[turns + 1] + 1) / 2))
+            known, order = np.concatenate((midway, T[k[turns] + 1])), np.argsort(places, kind="stable")
+            line = np.interp(np.arange(len(T)), places[order], known[order])
+            error[rows] += np.clip(T - line, -step / 2, step / 2)
+    return error

@@ -1,0 +1,85 @@
+"""Traces of the thermometers' errors: what looks like another cause where a thermometer is noisy or coarse."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .choice import Cause, Tried
+from .levels import AHEAD, CHANGES, FOLLOWS, GAIN, NOISY, OF_THERMOMETER, PLAY, THERMAL
+from .pool import Pool
+
+
+def together(thermometers: pd.DataFrame) -> float:
+    """Standard deviation of what the errors of all thermometers make wander in the reading, in its unit."""
+    return float(np.sqrt((thermometers["wandering"] ** 2).sum())) if len(thermometers) else 0.0
+
+
+class Traces:
+    """What of a pool's explanations may be traces of the thermometers' errors."""
+
+    def __init__(self, pool: Pool):
+        self.pool = pool
+
+    def taken_out(self, tried: Sequence[Tried], found: Sequence[Cause], left: float) -> Sequence[Tried]:
+        """What was tried, less what may be a trace and does not help.
+
+        That is so where a thermometer's noise is a cause already, or an effect of the model, or the errors make as much
+        as is `left`: the standard deviation of what wanders, in the unit of the reading. Elsewhere it is the noise that
+        is taken out, where a reading that runs ahead explains what it would.
+        """
+        if not self._suffice(found, left):
+            ahead = any(t.key[0] == AHEAD and t.proven for t in tried)
+            return [t for t in tried if not (ahead and t.key[0] == NOISY)]
+        known = self._known(found)
+        least = [self._least(t) for t in tried]
+        return [
+            t
+            for t, needed in zip(tried, least, strict=True)
+            if t.worth.both >= needed or (t.key[0] == NOISY and not known)
+        ]
+
+    def behind(self, best: Tried, rivals: Sequence[Tried], found: Sequence[Cause], left: float) -> Tried:
+        """The noise of the thermometer, where it is as good a cause as what may be a trace of it; else the cause."""
+        if best.key[0] not in THERMAL or not self._suffice(found, left):
+            return best
+        return next((t for t in rivals if t.key[0] == NOISY), best)
+
+    def _known(self, found: Sequence[Cause]) -> bool:
+        return NOISY in self.pool.kinds or any(cause.tried.key[0] == NOISY for cause in found)
+
+    def _suffice(self, found: Sequence[Cause], left: float) -> bool:
+        """Whether the thermometers' errors are known to act, or make as much as is left."""
+        return self._known(found) or left <= OF_THERMOMETER * together(self.pool.thermometers)
+
+    def _least(self, t: Tried) -> float:
+        """Help from which it is no trace [dB]: of a finer thermometer, much; of a recorded column, any."""
+        kind, column = t.key
+        if kind == "hysteresis" and len(self.pool.thermometers):
+            first = self.pool.thermometers.iloc[0]
+            own = t.explanation.effect.width <= max(PLAY[0] * first["noise"], PLAY[1] * first["resolution"])
+            return np.inf if own else -np.inf
+        if kind in THERMAL or column in self._followers:
+            return GAIN
+        return -np.inf if column is None else 0.0
+
+    @cached_property
+    def _followers(self) -> set[Any]:
+        """Recorded columns that change as the temperature does: they may know it better."""
+        plain = {e.key[1]: e.columns for e in self.pool.explanations if e.key[0] == "covariate"}
+        T = self.pool.weighed(self.pool.temperature)
+        return {name for name, columns in plain.items() if _follows(columns[:, 0], T)}
+
+
+def _follows(values: np.ndarray, temperature: np.ndarray) -> bool:
+    """Whether two series change together, over a few rows or over many."""
+    for rows in CHANGES:
+        one, other = values[rows:] - values[:-rows], temperature[rows:] - temperature[:-rows]
+        size = float(np.sqrt((one @ one) * (other @ other)))
+        if abs(float(one @ other)) > FOLLOWS * size:
+            return True
+    return False

@@ -1,0 +1,72 @@
+"""Progress of long work: a bar with the time that is left, or lines of text for whoever asked for them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+
+Progress = Callable[[str], None] | bool | None
+"""What a parameter `progress` takes: a function that is called with a line of text before each piece of work; True for
+a bar (extra "progress"); None or False for nothing."""
+
+
+def has_bars() -> bool:
+    """Whether bars can be drawn."""
+    return find_spec("tqdm") is not None
+
+
+@contextmanager
+def told(progress: Progress, total: int | None = None) -> Iterator[Callable[[str], None]]:
+    """A function that takes a line of text before each piece of work, and passes on what is done.
+
+    Parameters
+    ----------
+    progress : callable, bool or None
+    total : int, optional
+        Pieces of work; without it a bar shows the time that has passed alone.
+
+    Raises
+    ------
+    ValueError
+        For something else.
+    ImportError
+        For a bar without the package that draws it.
+    """
+    if callable(progress):
+        yield progress
+    elif progress is None or progress is False:
+        yield lambda text: None
+    elif progress is not True:
+        raise ValueError(
+            f"The 'progress' parameter must be True (a bar), a function of one text, or None. Got {progress!r} instead."
+        )
+    else:
+        with _bar(total) as bar:
+            yield bar
+
+
+@contextmanager
+def _bar(total: int | None) -> Iterator[Callable[[str], None]]:
+    """A bar in a terminal or a notebook, nothing where standard error is neither; gone when the work has ended."""
+    try:
+        from tqdm.auto import tqdm
+    except ImportError:
+        raise ImportError(
+            "A bar is drawn by tqdm, which is not installed: pip install 'thermocorr[progress]'. Or pass a function, "
+            "such as progress=print."
+        ) from None
+    notebook = "ipykernel" in sys.modules
+    begun = 0
+    with tqdm(total=total, leave=False, disable=None if not notebook else False, file=sys.stderr) as bar:
+
+        def begin(text: str) -> None:
+            nonlocal begun
+            bar.update(1 if begun else 0)  # the piece before is done now
+            begun += 1
+            bar.set_description(text)
+
+        yield begin
+        if begun:
+            bar.update(1)
