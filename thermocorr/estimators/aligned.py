@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 
 from ..records import Record
+from ..records.flags import Flags
 
 
-def no_flags(record: Record) -> np.ndarray:
-    """Flags of rows that belong to no block: why they have no temperature, shape (n_rows,)."""
-    flags = np.full(record.n_rows, "no temperature", dtype=object)
+def no_flags(record: Record) -> Flags:
+    """Flags of rows that belong to no block: why they have no temperature."""
+    flags = Flags(record.n_rows, "no temperature")
     for refused in record.refused:
         flags[refused.rows] = refused.reason
     return flags

@@ -15,6 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects.stream import Walked
 from ..effects.thermal import column_text
 from ..records import Block, Record
+from ..records.flags import Flags
 from ..records.numbers import numeric_reading
 from ..records.record import SegmentStart
 from ..records.screen import LeftOut
@@ -227,7 +228,7 @@ class FittedModel:
         flags = no_flags(record)
         for block in record.blocks(starts=starts, zero=self.features_.history_.zero):
             flags[block.rows] = self.block_flags(block, None if reading is None else reading[block.rows])
-        return like(X, flags, "flag")
+        return like(X, flags.column() if isinstance(X, pd.DataFrame) else flags.texts(), "flag")
 
     def _all_coefficients(self) -> np.ndarray:
         return np.concatenate(([self.intercept_], self.coef_))
@@ -255,7 +256,7 @@ class FittedModel:
         believed = np.array([] if reading is None else reading[:], float)
         for block, values in self.contribution_blocks(X):
             if parts is None:
-                parts = np.full((block.record.n_rows, values.shape[1]), np.nan)
+                parts = np.full((block.record.n_rows, values.shape[1]), np.nan, order="F")
             parts[block.rows] = values
             if reading is not None:
                 believed[block.rows] = self.believed(block, believed[block.rows])
@@ -267,14 +268,16 @@ class FittedModel:
         effects, coef = self.features_.effect_list(), self.coef_
         edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
         for step in steps:
-            parts = [_weighted(step.columns[:, low:high], coef[low:high]) for low, high in pairwise(edges)]
-            yield step.block, np.column_stack(parts)
+            parts = np.empty((len(step.block), len(effects)), order="F")  # sums over effects go column by column
+            for i, (low, high) in enumerate(pairwise(edges)):
+                parts[:, i] = _weighted(step.columns[:, low:high], coef[low:high])
+            yield step.block, parts
 
-    def block_flags(self, block: Block, reading: np.ndarray | None) -> np.ndarray:
+    def block_flags(self, block: Block, reading: np.ndarray | None) -> Flags:
         """Flags of a block's rows, see `flags`."""
         T = block.temperature
         low, high = self.reading_.temperature_range
-        flags = np.full(len(block), "", dtype=object)
+        flags = Flags(len(block))
         outside = (low > T) | (high < T)
         for one in self.features_.filling_.stand_ins:
             outside |= (block[one.column] < one.range[0]) | (block[one.column] > one.range[1])
@@ -324,12 +327,12 @@ class FittedModel:
         reading: Any = LeftOut(record.reading, np.flatnonzero(spoilt))
         return replace(record, reading=reading)
 
-    def mark_filled(self, flags: np.ndarray, error: np.ndarray, filled: np.ndarray) -> None:
+    def mark_filled(self, flags: Flags, error: np.ndarray, filled: np.ndarray) -> None:
         """Flag rows with filled cells, and those where these may move the bias by more than the residuals' deviation.
 
         Where nothing graver is said of them.
         """
-        mild = np.isin(flags, ("", "outside fitted range"))
+        mild = flags.are("", "outside fitted range")
         flags[mild & filled] = "filled"
         flags[mild & (error > self.residual_std_)] = "thermometer lost"
 

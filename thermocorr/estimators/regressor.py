@@ -16,6 +16,7 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import TriangularFactor, solve_ridge
 from ..records import Block, Record, RecordWarning, seconds_of
+from ..records.flags import Flags
 from ..records.numbers import numeric_reading
 from .aligned import like, no_flags
 from .cancellation import cancelling
@@ -282,12 +283,15 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         """
         reading = numeric_reading(y, X)
         n_rows = len(reading)
-        columns: dict[str, np.ndarray] = {name: np.full(n_rows, np.nan) for name in ("corrected", "model", "residual")}
-        for block, values in self.evaluated_blocks(X, y):
-            if "flag" not in columns:
-                columns["flag"] = no_flags(block.record)
+        columns: dict[str, Any] = {name: np.full(n_rows, np.nan) for name in ("corrected", "model", "residual")}
+        flags: Flags | None = None
+        for block, values, flagged in self.evaluated_blocks(X, y):
+            flags = no_flags(block.record) if flags is None else flags
+            flags[block.rows] = flagged
             for name, part in values.items():
                 columns[name][block.rows] = part
+        assert flags is not None  # a record has at least one block
+        columns["flag"] = flags.column()
         check_corrected(self.reading_, columns["corrected"], reading, self._level_asked_for())
         if return_std:
             columns["u"] = np.where(np.isfinite(columns["corrected"]), self._uncertain(X, "corrected"), np.nan)
@@ -299,13 +303,13 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         Rows without a temperature, or with a refused one, are left out. The index is X's, or row numbers where it has
         none.
         """
-        for block, values in self.evaluated_blocks(X, y):
+        for block, values, flagged in self.evaluated_blocks(X, y):
             rows = block.rows
             if isinstance(X, pd.DataFrame):
                 index = X.index[rows]
             else:
                 index = pd.RangeIndex(rows.start, rows.stop) if isinstance(rows, slice) else pd.Index(rows)
-            yield pd.DataFrame(values, index=index)
+            yield pd.DataFrame({**values, "flag": flagged.column()}, index=index)
 
     def _unresolved(self, record: Record) -> list[str]:
         """Sentences on given time constants that the record cannot determine."""
@@ -367,8 +371,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
         return np.asarray(parts[:, removed].sum(axis=1))
 
-    def evaluated_blocks(self, X: Any, y: Any) -> Iterator[tuple[Block, dict[str, np.ndarray]]]:
-        """The columns of `evaluate` as arrays, each with the block (times, segment, temperature) that it belongs to."""
+    def evaluated_blocks(self, X: Any, y: Any) -> Iterator[tuple[Block, dict[str, np.ndarray], Flags]]:
+        """The columns of `evaluate` as arrays, with the block (times, segment, temperature) that they belong to."""
         reading = numeric_reading(y, X)
         removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
         for block, parts in self.contribution_blocks(X):
@@ -381,8 +385,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
                     "corrected": measured - parts[:, removed].sum(axis=1),
                     "model": model,
                     "residual": measured - model,
-                    "flag": self.block_flags(block, given),
                 },
+                self.block_flags(block, given),
             )
 
     def __sklearn_tags__(self) -> Any:

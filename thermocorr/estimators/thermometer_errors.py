@@ -27,7 +27,8 @@ def thermometer_errors(model: Any, X: Any) -> pd.DataFrame:
 
     A thermometer's white noise is what is left of its changes from row to row when the time between rows goes to zero,
     see `thermocorr.equations.statistics.white_part`: true where rows are close enough to resolve the temperature; a
-    draught that comes and goes within a row counts as noise. Its step is the smallest distance of its readings. What it
+    draught that comes and goes within a row counts as noise, unless the reading follows it: what an estimated noise
+    makes in the reading must be found in the residuals. Its step is the smallest distance of its readings. What it
     reads beyond the temperature is then put through the model.
 
     Errors of a recorded quantity make coefficients wrong, that of a single column too small (attenuation): by
@@ -65,6 +66,9 @@ def thermometer_errors(model: Any, X: Any) -> pd.DataFrame:
         found = declared.noise if declared.noise is not None else noise
         step = declared.resolution if declared.resolution is not None else resolution
         in_reading, wandering, gain_error = _felt(model, record, starts, states, name, found, step)
+        if declared.noise is None and found and in_reading > model.residual_std_:  # the reading follows: it is no noise
+            found = 0.0
+            in_reading, wandering, gain_error = _felt(model, record, starts, states, name, found, step)
         rows.append(
             {
                 "thermometer": name,

@@ -28,11 +28,12 @@ class Traces:
     def taken_out(self, tried: Sequence[Tried], found: Sequence[Cause], left: float) -> Sequence[Tried]:
         """What was tried, less what may be a trace and does not help.
 
-        That is so where a thermometer's noise is a cause already, or an effect of the model, or the errors make as much
-        as is `left`: the standard deviation of what wanders, in the unit of the reading. Elsewhere it is the noise that
-        is taken out, where a reading that runs ahead explains what it would.
+        That is so where a thermometer's noise is a cause already, or an effect of the model; or where it has evidence
+        and the errors make as much as is `left`: the standard deviation of what wanders, in the unit of the reading.
+        Elsewhere it is the noise that is taken out, where a reading that runs ahead explains what it would.
         """
-        if not self._suffice(found, left):
+        seen = self._known(found) or any(t.key[0] == NOISY and t.score > 0 for t in tried)
+        if not (seen and self._suffice(found, left)):
             ahead = any(t.key[0] == AHEAD and t.proven for t in tried)
             return [t for t in tried if not (ahead and t.key[0] == NOISY)]
         known = self._known(found)

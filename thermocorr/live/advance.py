@@ -14,6 +14,7 @@ from ..effects.samples import Sample, stepper_of
 from ..effects.stream import Walked, needed_columns, states_before, walk
 from ..estimators import DynamicBiasRegressor
 from ..records import Record, Segment, SegmentStart
+from ..records.flags import Flags
 from ..records.read import GAP_STEPS
 from .clock import Clock
 from .filled import NOTHING, LiveFilling, outside
@@ -260,8 +261,8 @@ class Stream:
                 if self.filling is not None:
                     self.model.mark_filled(flags, felt[into, 0], felt[into, 1] > 0)
                 absurd = ~np.isfinite(bias)
-                bias[absurd], flags[absurd & (flags == "")] = np.nan, "outside fitted range"
-                flags[(flags == "") & (steps[block.rows] > self.gap)] = "gap"
+                bias[absurd], flags[absurd & flags.are("")] = np.nan, "outside fitted range"
+                flags[flags.are("") & (steps[block.rows] > self.gap)] = "gap"
                 flags[steps[block.rows] > SUSPECT_GAPS * self.gap] = "suspect time"
                 out.bias[into], out.flags[into] = bias, flags
                 if self.errors is not None:
@@ -269,7 +270,7 @@ class Stream:
                         walked[0].columns, block.seconds, block.temperature, bias, block.segment_key
                     )
                     found[0] += felt[into, 0] ** 2
-                    found[:, np.isin(flags, ("washout", "no reading"))] = np.nan
+                    found[:, flags.are("washout", "no reading")] = np.nan
                     out.variances[:, into] = found
         self._open, self._until = True, -math.inf
         self._take_up(walked[0].block.segment_key, walked[0].block.segment_zero, walked[0].states)
@@ -309,11 +310,11 @@ class AdvancedBlock(NamedTuple):
     """What a stream makes of many samples."""
 
     bias: np.ndarray
-    flags: np.ndarray
+    flags: Flags
     variances: np.ndarray
     """What `LiveErrors.variances` says, shape (2, n)."""
 
     @classmethod
     def empty(cls, n: int) -> AdvancedBlock:
         """No biases and no flags yet."""
-        return cls(np.full(n, np.nan), np.full(n, "", dtype=object), np.full((2, n), np.nan))
+        return cls(np.full(n, np.nan), Flags(n), np.full((2, n), np.nan))

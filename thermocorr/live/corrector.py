@@ -385,7 +385,7 @@ class OnlineCorrector(Resumable):
         if self.average is not None:
             out.smoothed[rows] = self.average.many(corrected)
         if self.track is not None:
-            trusted = (block.flags == "") | (block.flags == "gap")
+            trusted = block.flags.are("", "gap")
             out.reference[rows] = self.track.many(stamps[rows] * self._stream.clock.unit, corrected, trusted)
 
     def _singly(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, felt: Any, out: Columns) -> None:

@@ -12,6 +12,7 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.errors import quoted
+from ..records.flags import Flags
 from ..records.labels import check_dates, out_of_reach
 from ..records.numbers import as_pandas, is_frame, numeric_column
 from ..records.screen import Limits
@@ -55,11 +56,12 @@ class Columns:
     def __init__(self, n: int):
         self.corrected, self.bias, self.smoothed, self.reference = (np.full(n, np.nan) for _ in range(4))
         self.u, self.u_smoothed = (np.full(n, np.nan) for _ in range(2))
-        self.flags = np.full(n, "", dtype=object)
+        self.flags = Flags(n)
 
     def frame(self, X: Any, names: Sequence[str]) -> pd.DataFrame:
         """The columns of these names, beside the rows of X."""
         result = {name: getattr(self, COLUMNS.get(name, name)) for name in names}
+        result["flag"] = self.flags.column()
         return pd.DataFrame(result, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     def spread(self, why: np.ndarray, reference: float) -> Columns:

@@ -65,11 +65,10 @@ class Traces:
         flags: dict[str, int] = {}
         n_rows, known, squares = 0, 0, 0.0
         reading = numeric_reading(y, X)
-        for block, values in model.evaluated_blocks(X, y):
+        for block, values, flagged in model.evaluated_blocks(X, y):
             zero = block.record.times.between(block.record.first_stamp(), block.zero)
-            flagged, counts = np.unique(values["flag"].astype(str), return_counts=True)
-            for name, count in zip(flagged, counts, strict=True):
-                flags[str(name)] = flags.get(str(name), 0) + int(count)
+            for name, count in flagged.counts().items():
+                flags[name] = flags.get(name, 0) + count
             columns = {
                 "temperature": block.temperature,
                 "reading": model.believed(block, np.asarray(reading[block.rows], float)),

@@ -53,7 +53,7 @@ def uncertainty_of(
             raise RecordError("There are no readings. Pass y, the readings of the rows of X.")
         given = np.asarray(record.reading[rows], float)
         flags = model.block_flags(block, given)
-        measured = np.where(flags == "washout", np.nan, model.believed(block, given))
+        measured = np.where(flags.are("washout"), np.nan, model.believed(block, given))
         corrected[rows], bias[rows] = measured - value, value
         lost = np.where(np.isfinite(measured), 0.0, np.nan)
         wander, bias_variance = noise.wander_variance * errors.noise, errors.level + errors.coefficients
@@ -68,12 +68,13 @@ def uncertainty_of(
             filled[rows] = record.filling_error[rows] ** 2
         shared[rows] = errors.shared + lost
         fine = "provisional" if why_provisional else "signed"
-        status[rows] = np.where(flags == "", fine, flags)
+        flags[flags.are("")] = fine
+        status[rows] = flags
     fixed, own = sensor_variance(model, record, sensor)
     variances["sensor"] = fixed + own + filled + 0.0 * variances["noise"]
     return Uncertainty(
         model=model, joint=joint, record=record, index=index, corrected=corrected, bias=bias, variances=variances,
-        shared=shared, sensor_own=own, status=status, sensor=sensor, reference=reference, coverage=coverage,
+        shared=shared, sensor_own=own, status=status.texts(), sensor=sensor, reference=reference, coverage=coverage,
         why_provisional=why_provisional, allow_missing=allow_missing,
     )  # fmt: skip
 

@@ -173,7 +173,7 @@ class SignedModel(FittedModel):
         walk = ErrorWalk(self, joint, removed=of != "reading")
         for block, _, errors in walk.blocks(record):
             variance = errors.bias if of == "bias" else errors.of_readings(joint.noise)
-            variance[self.block_flags(block, None) == "washout"] = np.nan
+            variance[self.block_flags(block, None).are("washout")] = np.nan
             if block.record.filling_error is not None:
                 variance += block.record.filling_error[block.rows] ** 2
             result[block.rows] = np.sqrt(variance)
