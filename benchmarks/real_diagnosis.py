@@ -13,6 +13,7 @@ import argparse
 import math
 import warnings
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -52,6 +53,13 @@ def cases(folder: str, share: float = SHARE) -> Iterator[tuple[str, pd.DataFrame
     yield "gr1433", X, y, "room_temp_degC", int(share * len(X))
 
 
+def heads(folder: str, share: float = SHARE) -> Iterator[tuple[str, pd.DataFrame, pd.Series, str, int]]:
+    """Groundwater heads, which follow recharge late as a reading follows temperature; the cause and three decoys."""
+    for name in ("river", "well"):
+        log = pd.read_csv(Path(folder) / "groundwater_heads" / f"{name}.csv", parse_dates=["time"]).set_index("time")
+        yield f"groundwater {name}", log.drop(columns="head_m"), log["head_m"], "recharge_mm", int(share * len(log))
+
+
 def main() -> None:
     """Print a line for each record, and its steps."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -59,11 +67,12 @@ def main() -> None:
     parser.add_argument("--share", type=float, default=SHARE, help="share of the rows to learn from (default 0.7)")
     options = parser.parse_args()
     warnings.simplefilter("ignore", RecordWarning)
-    for name, X, y, temperature, n in cases(options.folder, options.share):
+    for name, X, y, temperature, n in (*cases(options.folder, options.share), *heads(options.folder, options.share)):
         later = slice(n, n + math.ceil(THEN * len(X)))
-        refinement = refine(DynamicBiasRegressor(temperature), X[:n], y[:n])
+        model = DynamicBiasRegressor(temperature, degree=1 if temperature == "recharge_mm" else 2)
+        refinement = refine(model, X[:n], y[:n])
         first = refinement.diagnoses[0]
-        base = DynamicBiasRegressor(temperature).fit(X[:n], y[:n])
+        base = model.fit(X[:n], y[:n])
         before, after = (
             float(np.sqrt(np.nanmean(np.asarray(model.residuals(X[later], y[later]), float) ** 2)))
             for model in (base, refinement.model_)
