@@ -193,7 +193,7 @@ def test_measured_records_are_far_from_cancelling(name, measured):
 def reach(model):
     """Contributions over the fitted rows, less their means, in standard deviations of the readings."""
     total, solution = model._swept.total(), model._solution
-    assert total.n_rows == model.reading_.n_readings
+    assert 0.99 * model.reading_.n_readings < total.n_rows <= model.reading_.n_readings  # less those behind gaps
     return float(np.abs(solution.coef) @ solution.scale) / model.reading_.std
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from numbers import Integral
 from typing import Any
 
+import numpy as np
+
 from ..effects.products import CoarseProducts
 from ..effects.wrap import as_effects
+from ..records import Log, Record, RecordWarning
 from .thermometers import Thermometers
 from .time_constants.resolution import spectrum_table
 from .time_constants.search import SearchSettings, TimeConstantChoice, search
@@ -46,3 +50,23 @@ def choose(model: Any, X: Any, y: Any) -> TimeConstantChoice | None:
         table = spectrum_table(found.factored, found.reference)
         spectrum = {str(name): column.to_numpy() for name, column in table.items()}
     return replace(found, factored=None, spectrum=spectrum)  # the factors hold the record: it would stay in memory
+
+
+def choose_again(model: Any, X: Any, record: Record, believed: Record) -> TimeConstantChoice | None:
+    """Choose once more, from the readings that neither filled cells nor gaps spoil: the first choice had to use all.
+
+    The first choice where none are spoilt, where readings have weights, and for a log that is read in pieces.
+    """
+    first: TimeConstantChoice | None = model.search_
+    if first is None or believed is record or isinstance(X, Log) or record.weight is not None:
+        return first
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RecordWarning)  # they were said the first time
+        return choose(model, X, np.asarray(believed.reading, float))
+
+
+def penalty(model: Any) -> float:
+    """The ridge penalty of a fit: that given, or the search's."""
+    if model.alpha != "auto":
+        return float(model.alpha)
+    return 0.0 if model.search_ is None else float(model.search_.alpha)

@@ -23,6 +23,7 @@ from .aligned import like, no_flags
 from .features import DiffusiveFeatures
 from .filling_error import SPOILT, FillingError
 from .fitting import standard_errors
+from .gap_error import error_behind_gaps, lags_of
 from .inner import Inner, inner_blocks
 from .prior import Law, law_of
 from .reading import Reading, check_range
@@ -315,16 +316,23 @@ class FittedModel:
         return replace(record, filling_error=self.filling_error().of_record(record))
 
     def without_spoilt(self, record: Record) -> Record:
-        """The record without the readings where filled cells may move the bias by a share of the residuals' deviation.
+        """The record without the readings where filled cells or gaps may move the bias by much.
 
-        In their own rows, and for a while after these.
+        By a share of the residuals' deviation: in their own rows, and for a while after these.
         """
-        if not record.filled or record.reading is None:
+        if record.reading is None:
             return record
-        spoilt = self.filling_error().of_record(record) > SPOILT * self.residual_std_
-        for errors in record.filled.values():
-            spoilt |= np.isfinite(errors)
-        reading: Any = LeftOut(record.reading, np.flatnonzero(spoilt))
+        limit = SPOILT * self.residual_std_
+        rows, error = error_behind_gaps(record, *lags_of(self.features_.effect_list(), self.coef_), limit)
+        rows = rows[np.argsort(-error, kind="stable")[: record.n_used // 2]]  # a poor first law would leave out all
+        if record.filled:
+            spoilt = self.filling_error().of_record(record) > limit
+            for errors in record.filled.values():
+                spoilt |= np.isfinite(errors)
+            rows = np.concatenate((rows, np.flatnonzero(spoilt)))
+        if not len(rows):
+            return record
+        reading: Any = LeftOut(record.reading, np.unique(rows))
         return replace(record, reading=reading)
 
     def mark_filled(self, flags: Flags, error: np.ndarray, filled: np.ndarray) -> None:

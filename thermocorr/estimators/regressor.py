@@ -20,10 +20,11 @@ from ..records.flags import Flags
 from ..records.numbers import numeric_reading
 from .aligned import like, no_flags
 from .cancellation import cancelling
-from .choosing import choose, count_to_choose
+from .choosing import choose, choose_again, count_to_choose, penalty
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import equal_edges, require_rows, sweep_effects
 from .flat import flat_columns
+from .gap_error import readings_left_out
 from .prior import LawPrior, check_like, known_before
 from .reading import Reading, check_corrected, check_plausible
 from .ridge import MergedRidge
@@ -201,38 +202,39 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         with one_blas_thread():
             self.learn_levels(X, y)
             self.search_ = choose(self, X, y)
-            features = self.unfitted_features(self.time_constants if self.search_ is None else self.search_.parameter)
-            prior = known_before(self, features)
-            record = features.learn(X, y, quiet=self.search_ is not None)
-            reading = Reading.of(X, y, record)
-            if prior is None:
-                require_rows(reading.n_readings, len(features.get_feature_names_out()))
-            check_plausible(record, reading, prior is not None)
-            if prior is not None:
-                reading = reading.widened(prior.temperature_range)
-            self.alpha_ = self._penalty()
-            total = self._solve(record, features, prior)
-            if record.filled:  # what these spoil is known now
-                total = self._solve(self.without_spoilt(record), features, prior)
+            for attempt in (1, 2):
+                features = self.unfitted_features(self.time_constants if not self.search_ else self.search_.parameter)
+                prior = known_before(self, features)
+                record = features.learn(X, y, quiet=self.search_ is not None)
+                reading = Reading.of(X, y, record)
+                if prior is None:
+                    require_rows(reading.n_readings, len(features.get_feature_names_out()))
+                check_plausible(record, reading, prior is not None)
+                self.reading_ = reading if prior is None else reading.widened(prior.temperature_range)
+                self.alpha_ = penalty(self)
+                total = self._solve(record, features, prior)
+                believed = self.without_spoilt(record)  # what filled cells and gaps spoil is known now
+                if believed is not record:
+                    total = self._solve(believed, features, prior)
+                again = self.search_ if attempt == 2 else choose_again(self, X, record, believed)
+                if again is self.search_:
+                    break
+                self.search_ = again
         for learned in ("standard_errors_", "joint_errors_", "provenance_", "law_"):
             self.__dict__.pop(learned, None)
-        self.reading_ = reading
-        effects = features.effect_list()
-        doubts = [*filter(None, [self.run_levels_.note])]
+        effects, doubts = features.effect_list(), [*filter(None, [self.run_levels_.note])]
         if prior is not None:
             mean = record.moments(record.temperature_name).mean
             doubts += filter(None, [check_like(prior, mean, self.residual_std_)])
         else:
             doubts += [*self._unresolved(record), *flat_columns(record, effects)]
-            doubts += cancelling(effects, total, self._solution, reading)
+            doubts += cancelling(effects, total, self._solution, self.reading_)
+        doubts += readings_left_out(record, believed)
         for text in doubts:
             warnings.warn(text, RecordWarning, stacklevel=2)
         self.notes_ = (*record.notes, *doubts)
-        self.washout_ = (
-            WASHOUT_TIME_CONSTANTS * features.memory()
-            if self.washout == "auto"
-            else seconds_of(self.washout, "washout")
-        )
+        lasting = WASHOUT_TIME_CONSTANTS * features.memory()
+        self.washout_ = lasting if self.washout == "auto" else seconds_of(self.washout, "washout")
         self.n_features_in_ = features.n_features_in_
         if hasattr(features, "feature_names_in_"):
             self.feature_names_in_ = features.feature_names_in_
@@ -284,13 +286,12 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         reading = numeric_reading(y, X)
         n_rows = len(reading)
         columns: dict[str, Any] = {name: np.full(n_rows, np.nan) for name in ("corrected", "model", "residual")}
-        flags: Flags | None = None
+        flags = Flags(0)
         for block, values, flagged in self.evaluated_blocks(X, y):
-            flags = no_flags(block.record) if flags is None else flags
+            flags = flags if len(flags) else no_flags(block.record)
             flags[block.rows] = flagged
             for name, part in values.items():
                 columns[name][block.rows] = part
-        assert flags is not None  # a record has at least one block
         columns["flag"] = flags.column()
         check_corrected(self.reading_, columns["corrected"], reading, self._level_asked_for())
         if return_std:
@@ -321,11 +322,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         """U0 where T0 was put outside the fitted temperatures: corrected readings leave the fitted ones on purpose."""
         low, high = self.temperature_range_
         return () if low <= self.reference_temperature_ <= high else (self.intercept_,)
-
-    def _penalty(self) -> float:
-        if self.alpha != "auto":
-            return float(self.alpha)
-        return 0.0 if self.search_ is None else self.search_.alpha
 
     def _solve(self, record: Record, features: DiffusiveFeatures, prior: LawPrior | None) -> TriangularFactor:
         """Learn the coefficients from a record; returns its factor."""

@@ -1,0 +1,156 @@
+"""What the temperature did in gaps: how wrong the bias is behind them, what is learned from, and who is blamed."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose
+from thermocorr.datasets import make_record
+from thermocorr.effects import ThermalLag
+from thermocorr.equations import lag_differences
+from thermocorr.estimators.gap_error import bridge_error, error_behind_gaps, lags_of, structure_of
+from thermocorr.records import Layout, read_record
+
+PERIODS = {"lab": 60.0, "outdoor": 600.0, "chamber": 30.0}
+TAUS = np.array([120.0, 900.0, 7200.0])
+
+
+def wandering(rng, n, remembers):
+    """An Ornstein-Uhlenbeck process of unit variance, a row a step."""
+    kept = np.exp(-1 / remembers)
+    noise = np.sqrt(1 - kept**2) * rng.standard_normal(n)
+    noise[0] = rng.standard_normal()
+    for k in range(1, n):
+        noise[k] += kept * noise[k - 1]
+    return noise
+
+
+def test_the_error_of_a_bridge_is_that_of_drawn_ones():
+    """Brownian motion: bridges drawn at random, and the lags' integrals over them."""
+    rng, h, steps = np.random.default_rng(0), 3600.0, 400
+    t = np.linspace(0, h, steps + 1)
+    walk = np.cumsum(np.sqrt(h / steps) * rng.standard_normal((4000, steps)), axis=1)
+    bridge = np.column_stack((np.zeros(4000), walk)) - t / h * walk[:, -1:]
+    kernel = np.exp(-(h - t) / TAUS[:, None]) / TAUS[:, None]
+    drawn = np.cov((bridge @ kernel.T) * h / steps, rowvar=False)
+    found = bridge_error(lambda lag: np.asarray(lag, float), h, TAUS)
+    np.testing.assert_allclose(found, drawn, rtol=0.12)
+
+
+@pytest.mark.parametrize("remembers", [30.0, 300.0])
+def test_the_error_behind_a_gap_is_that_of_many_records(remembers):
+    rng, n = np.random.default_rng(1), 3000
+    weights, gap = np.array([3.0, -1.0, 2.0]), slice(1500, 1560)
+    seconds = 60.0 * np.arange(n)
+    kept = np.ones(n, bool)
+    kept[gap] = False
+    missed, said = [], []
+    for _ in range(60):
+        T = 23 + wandering(rng, n, remembers)
+        whole = lag_differences(T, np.diff(seconds, prepend=-60.0), TAUS)[0][kept]
+        X = pd.DataFrame({"temperature": T, "seconds": seconds})[kept]
+        bridged = lag_differences(T[kept], np.diff(seconds[kept], prepend=-60.0), TAUS)[0]
+        missed.append((whole - bridged) @ weights)
+        record = read_record(X, Layout("temperature", "seconds"), quiet=True)
+        rows, error = error_behind_gaps(record, TAUS, weights)
+        said.append(np.zeros(len(X)))
+        said[-1][rows] = error
+    rms, said = np.sqrt(np.mean(np.square(missed), axis=0)), np.sqrt(np.mean(np.square(said), axis=0))
+    assert (said[:1500] == 0).all() and (rms[:1500] < 1e-12).all()
+    for behind in (0, 5, 30, 120):
+        assert said[1500 + behind] == pytest.approx(rms[1500 + behind], rel=0.3)  # of sixty records
+    np.testing.assert_allclose(said[1500:1700].mean(), rms[1500:1700].mean(), rtol=0.2)
+
+
+def test_without_gaps_there_is_no_error():
+    X = make_record(1000, irregular=0.5, seed=1)[["temperature"]]
+    record = read_record(X, Layout("temperature"), quiet=True)
+    assert len(error_behind_gaps(record, TAUS, np.ones(3))[0]) == 0
+    assert len(error_behind_gaps(record, np.zeros(0), np.zeros(0))[0]) == 0
+    lags = ThermalLag([60.0], form="paper")
+    lags.learn(record)
+    assert lags_of([lags], np.ones(1))[0].size == 0
+    apart = read_record(X.drop(X.index[300:400]), Layout("temperature", max_gap="10 min"), quiet=True)
+    assert len(error_behind_gaps(apart, TAUS, np.ones(3))[0]) == 0  # a start has decays of its own
+
+
+def test_how_the_temperature_wanders_is_read_off_it():
+    T = np.cumsum(np.random.default_rng(2).standard_normal(50_000))
+    X = pd.DataFrame({"temperature": T, "seconds": 10.0 * np.arange(50_000)})
+    structure = structure_of(read_record(X, Layout("temperature", "seconds"), quiet=True), 1000.0)
+    np.testing.assert_allclose(structure(np.array([0.0, 5.0, 100.0, 1000.0])), [0.0, 0.5, 10.0, 100.0], rtol=0.1)
+
+
+@pytest.mark.parametrize("seed", [711, 712])
+@pytest.mark.parametrize("setting", PERIODS)
+def test_nobody_is_blamed_for_what_happened_in_gaps(setting, seed):
+    record, truth = make_record(
+        5000, gaps=10, seed=seed, setting=setting, sampling_period=PERIODS[setting], return_truth=True
+    )
+    X, y = record.drop(columns="reading"), record["reading"]
+    model = DynamicBiasRegressor("temperature").fit(X, y)
+    assert diagnose(model, X, y).verdict == "nothing missing"
+    assert model.residual_std_ == pytest.approx(0.2, rel=0.06)
+    behind = model.without_spoilt(read_record(X, model.features_.layout(), y=y.to_numpy(), quiet=True)).reading
+    sound = np.isfinite(np.asarray(behind[:]))
+    assert 0.5 < sound.mean() < 0.99
+    wrong = model.predict(X) - truth["noise_free"]
+    assert np.sqrt(np.mean(wrong[sound] ** 2)) < 0.08 < np.sqrt(np.mean(wrong[~sound] ** 2))
+
+
+def test_missing_temperatures_are_a_gap_too():
+    record = make_record(5000, seed=713)
+    X, y = record[["temperature"]], record["reading"]
+    holes = X.copy()
+    for start in (700, 1500, 2600, 3300, 4100):
+        holes.iloc[start : start + 80] = np.nan
+    kept = holes["temperature"].notna().to_numpy()
+    with_nan, without = (
+        DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(*data) for data in ((holes, y), (X[kept], y[kept]))
+    )
+    np.testing.assert_allclose(with_nan.coef_, without.coef_, rtol=1e-9)
+    searched = DynamicBiasRegressor("temperature").fit(holes, y)
+    assert diagnose(searched, holes, y).verdict == "nothing missing"
+
+
+def test_it_is_said_how_many_readings_are_left_out():
+    record = make_record(3000, gaps=3, seed=714)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        model = DynamicBiasRegressor("temperature").fit(record[["temperature"]], record["reading"])
+    said = [str(one.message) for one in caught if "behind gaps" in str(one.message)]
+    assert len(said) == 1 and "are not learned from" in said[0] and "max_gap" in said[0]
+    assert said[0] in model.notes_
+
+
+@pytest.mark.parametrize("kind", ["hysteresis", "step", "hinge", "lead"])
+def test_what_is_hidden_is_found_all_the_same(kind):
+    record = make_record(5000, gaps=10, seed=802, effects={kind: 1.0}, device="layered")
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert found.best.kind == kind
+
+
+def test_a_log_on_disk_is_fitted_alike(tmp_path):
+    pytest.importorskip("pyarrow")
+    record = make_record(4000, gaps=6, seed=715).reset_index()
+    record.to_parquet(tmp_path / "log.parquet")
+    log = ParquetLog(tmp_path / "log.parquet")
+    model = DynamicBiasRegressor("temperature", ["5 min", "90 min"], time="time")
+    here, there = model.fit(record[["time", "temperature"]], record["reading"]).coef_, model.fit(log, log["reading"])
+    np.testing.assert_allclose(there.coef_, here, rtol=1e-9)
+
+
+def test_a_gap_in_one_run_is_not_felt_in_the_next():
+    record = make_record(1500, runs=3, gaps=2, seed=716)
+    layout = Layout("temperature", run="run")
+    rows, error = error_behind_gaps(read_record(record[["run", "temperature"]], layout, quiet=True), TAUS, np.ones(3))
+    runs, steps = record["run"].to_numpy(), record.index.to_series().diff().dt.total_seconds().to_numpy()
+    first = {
+        run: int(np.flatnonzero((runs == run) & (steps > 150) & (np.roll(runs, 1) == run))[0]) for run in set(runs)
+    }
+    assert (error > 0).all() and all(rows[runs[rows] == run].min() == start for run, start in first.items())

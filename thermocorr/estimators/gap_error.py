@@ -1,0 +1,176 @@
+"""What is not known of the temperature in gaps, as the bias feels it behind them.
+
+Across a gap the temperature is taken as a straight line. What it did beside that line is still in the lags when the
+record goes on, and is forgotten with their time constants. How large it is, the record says where it has no gap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from ..effects import ThermalLag
+from ..effects.protocol import Effect
+from ..records import Block, Record
+from ..records.errors import times_word
+
+GAP = 2.5
+"""Steps, in usual ones, from which on the temperature between is taken for unknown."""
+CELLS, FINEST = 32, 2e-3
+"""Cells that a gap is cut into, and the last of them as a share of the gap, or less where a lag is fast. With eight
+times as many, ten times finer, the error is the same to 5 %."""
+MOST_ROWS = 200_000
+"""Rows of a segment that tell how the temperature wanders, at most."""
+EVEN = 1e-9
+"""Share of a segment's length by which as many usual steps may differ from it: rounding."""
+ALIKE = 0.3
+"""Share by which as many uneven steps may last longer, or less, than as many usual ones, to be compared with them."""
+
+Structure = Callable[[np.ndarray], np.ndarray]
+
+
+def lags_of(effects: Sequence[Effect], coef: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Time constants [s] and coefficients of the lags of the temperature, among the columns of learned effects."""
+    edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
+    for effect, low, high in zip(effects, edges, edges[1:], strict=False):
+        if isinstance(effect, ThermalLag) and effect.form == "unit_gain":
+            return effect.time_constants_, coef[low:high]
+    return np.zeros(0), np.zeros(0)
+
+
+def error_behind_gaps(
+    record: Record, time_constants: np.ndarray, weights: np.ndarray, limit: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Standard deviation of the bias by what the temperature did in gaps.
+
+    Parameters
+    ----------
+    record : Record
+    time_constants : array of shape (J,)
+        Of the lags of the temperature [s].
+    weights : array of shape (J,)
+        Their coefficients.
+    limit : float
+        What need not be told, in the unit of the reading.
+
+    Returns
+    -------
+    rows : array of shape (n,)
+        Those of the user's rows in which it is above the limit, in time order.
+    error : array of shape (n,)
+        In the unit of the reading.
+    """
+    longest = _longest_gap(record) if len(time_constants) and weights.any() else 0.0
+    if not longest:
+        return np.zeros(0, np.intp), np.zeros(0)
+    structure, known = structure_of(record, longest), dict[float, np.ndarray]()
+    all_rows, found = np.arange(record.n_rows), [(np.zeros(0, np.intp), np.zeros(0))]
+    covariance, last = np.zeros((len(weights), len(weights))), 0.0
+    for block in record.blocks():
+        elapsed = block.elapsed
+        if block.begins:
+            covariance[:], last = 0.0, float(elapsed[0])
+        gaps = _gaps(block, record.usual_step())
+        for first, stop in pairwise([*({0} - {*gaps}), *gaps, len(block)]):
+            if first in gaps:
+                h = float(f"{block.steps[first]:.2g}")
+                if h not in known:
+                    known[h] = bridge_error(structure, h, time_constants)
+                decay = np.exp((last - elapsed[first]) / time_constants)
+                covariance, last = decay[:, None] * covariance * decay + known[h], elapsed[first]
+            if covariance.any():
+                left = np.exp((last - elapsed[first:stop, None]) / time_constants) * weights
+                error = np.sqrt(np.maximum(np.einsum("ij,ij->i", left @ covariance, left), 0.0))
+                told = error > limit
+                found.append((all_rows[block.rows][first:stop][told], error[told]))
+    return np.concatenate([rows for rows, _ in found]), np.concatenate([error for _, error in found])
+
+
+def _gaps(block: Block, usual: float) -> list[int]:
+    """Numbers of a block's rows that stand behind a gap; the first of a segment does not."""
+    gaps: list[int] = np.flatnonzero(block.steps > GAP * usual).tolist()
+    return gaps[1:] if block.begins and gaps[:1] == [0] else gaps
+
+
+def _longest_gap(record: Record) -> float:
+    """The longest gap [s]; 0 where there is none."""
+    usual, longest = record.usual_step(), 0.0
+    even = (record.duration(segment) <= (segment.n_rows - 1) * usual * (1 + EVEN) for segment in record.segments)
+    if not len(record.skipped) and all(even):
+        return 0.0
+    for block in record.blocks():
+        gaps = _gaps(block, usual)
+        longest = max(longest, float(block.steps[gaps].max(initial=0.0)))
+    return longest
+
+
+def readings_left_out(record: Record, believed: Record) -> list[str]:
+    """A sentence on readings that gaps have spoilt; none where there are none, or filled cells may have done it."""
+    if believed is record or record.filled:
+        return []
+    before, after = (
+        np.isfinite(np.asarray(one.reading[:], float)) for one in (record, believed) if one.reading is not None
+    )
+    count = int((before & ~after).sum())
+    return [
+        f"The temperature is not known in gaps of the record, and the device goes on to feel what it did there: "
+        f"{times_word(count, 'reading')} behind gaps {'is' if count == 1 else 'are'} not learned from. They are "
+        "corrected as if it had been a straight line; max_gap=... starts afresh behind longer gaps."
+    ]
+
+
+def structure_of(record: Record, longest: float) -> Structure:
+    """Mean square of the temperature's changes over a time, up to the `longest` [s]: its structure function.
+
+    A straight line to zero below the usual step; beyond what the record has, the last value.
+    """
+    usual = record.usual_step()
+    counts = np.unique(np.geomspace(1, max(longest / usual, 2.0), 25).astype(int))
+    sums, sizes = np.zeros(len(counts)), np.zeros(len(counts))
+    for segment in record.segments:
+        rows = record.kept(segment.start, min(segment.stop, segment.start + MOST_ROWS))
+        T = np.asarray(record.columns[record.temperature_name][rows], float)
+        steps = np.array(record.times.steps(rows))
+        steps[:1] = 0.0
+        elapsed = np.cumsum(steps)
+        for i, k in enumerate(counts.tolist()):
+            like = np.abs(elapsed[k:] - elapsed[:-k] - k * usual) <= ALIKE * k * usual
+            squares = np.square(T[k:] - T[:-k])[like]
+            sums[i], sizes[i] = sums[i] + squares.sum(), sizes[i] + len(squares)
+    seen = sizes > 0
+    lags = np.concatenate(([0.0], counts[seen] * usual))
+    values = np.concatenate(([0.0], sums[seen] / sizes[seen]))
+    return lambda lag: np.interp(lag, lags, values)
+
+
+def bridge_error(structure: Structure, length: float, time_constants: np.ndarray) -> np.ndarray:
+    """Covariance of the errors of lags at the end of a gap, shape (J, J).
+
+    A quantity of stationary increments, known at both ends of the gap, leaves the straight line between them by b(t),
+    ``cov(b(s), b(t)) = g(s, t) - t/h g(s, h) - s/h g(h, t) + s t/h^2 g(h, h)`` with
+    ``g(s, t) = (D(s) + D(t) - D(|s - t|)) / 2`` (Yaglom, Correlation Theory of Stationary and Related Random Functions,
+    1987, sec. 23); a lag feels ``integral b(t) exp(-(h - t)/tau) / tau dt``, eq. (17).
+
+    Parameters
+    ----------
+    structure : callable
+        D, see `structure_of`.
+    length : float
+        h [s].
+    time_constants : array of shape (J,)
+        [s].
+    """
+    finest = min(FINEST * length, float(time_constants.min()) / 4)
+    edges = length - np.concatenate((np.geomspace(length, finest, CELLS), [0.0]))  # fast lags feel the end alone
+    t = (edges[1:] + edges[:-1]) / 2
+
+    def g(s: np.ndarray, t: np.ndarray) -> np.ndarray:
+        return np.asarray((structure(s) + structure(t) - structure(np.abs(s - t))) / 2)
+
+    end, share = np.array(length), t / length
+    cross = share[:, None] * g(end, t)
+    beside = g(t[:, None], t) - cross - cross.T + np.outer(share, share) * g(end, end)
+    felt = np.diff(np.exp((edges - length) / time_constants[:, None]), axis=1)
+    return np.asarray(felt @ beside @ felt.T)
