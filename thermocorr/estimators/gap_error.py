@@ -18,6 +18,9 @@ from ..records.errors import times_word
 
 GAP = 2.5
 """Steps, in usual ones, from which on the temperature between is taken for unknown."""
+OFTEN = 0.95
+"""Share of the steps, in the first some thousand, that are none: a log that is written on changes has long steps all
+the time, in which the temperature is known to have stood still."""
 CELLS, FINEST = 32, 2e-3
 """Cells that a gap is cut into, and the last of them as a share of the gap, or less where a lag is fast. With eight
 times as many, ten times finer, the error is the same to 5 %."""
@@ -62,7 +65,7 @@ def error_behind_gaps(
     error : array of shape (n,)
         In the unit of the reading.
     """
-    longest = _longest_gap(record) if len(time_constants) and weights.any() else 0.0
+    least, longest = _spans(record) if len(time_constants) and weights.any() else (0.0, 0.0)
     if not longest:
         return np.zeros(0, np.intp), np.zeros(0)
     structure, known = structure_of(record, longest), dict[float, np.ndarray]()
@@ -72,7 +75,7 @@ def error_behind_gaps(
         elapsed = block.elapsed
         if block.begins:
             covariance[:], last = 0.0, float(elapsed[0])
-        gaps = _gaps(block, record.usual_step())
+        gaps = _gaps(block, least)
         for first, stop in pairwise([*({0} - {*gaps}), *gaps, len(block)]):
             if first in gaps:
                 h = float(f"{block.steps[first]:.2g}")
@@ -88,22 +91,23 @@ def error_behind_gaps(
     return np.concatenate([rows for rows, _ in found]), np.concatenate([error for _, error in found])
 
 
-def _gaps(block: Block, usual: float) -> list[int]:
+def _gaps(block: Block, least: float) -> list[int]:
     """Numbers of a block's rows that stand behind a gap; the first of a segment does not."""
-    gaps: list[int] = np.flatnonzero(block.steps > GAP * usual).tolist()
+    gaps: list[int] = np.flatnonzero(block.steps > least).tolist()
     return gaps[1:] if block.begins and gaps[:1] == [0] else gaps
 
 
-def _longest_gap(record: Record) -> float:
-    """The longest gap [s]; 0 where there is none."""
-    usual, longest = record.usual_step(), 0.0
+def _spans(record: Record) -> tuple[float, float]:
+    """The shortest step that is a gap, and the longest one [s]; 0 for that where there is none."""
+    usual = record.usual_step()
     even = (record.duration(segment) <= (segment.n_rows - 1) * usual * (1 + EVEN) for segment in record.segments)
     if not len(record.skipped) and all(even):
-        return 0.0
+        return GAP * usual, 0.0
+    some = [next(record.blocks()).steps[1:]]
+    least, longest = max([GAP * usual, *(float(np.quantile(steps, OFTEN)) for steps in some if len(steps))]), 0.0
     for block in record.blocks():
-        gaps = _gaps(block, usual)
-        longest = max(longest, float(block.steps[gaps].max(initial=0.0)))
-    return longest
+        longest = max(longest, float(block.steps[_gaps(block, least)].max(initial=0.0)))
+    return least, longest
 
 
 def readings_left_out(record: Record, believed: Record) -> list[str]:
