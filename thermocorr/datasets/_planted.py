@@ -113,12 +113,6 @@ def _lead(run: Run, scene: Scene, p: Parameters, *_: Any) -> Array:
     return np.asarray(np.interp(run.time + p["lead"], run.time, air) - air)
 
 
-def _thermometer_noise(run: Run, scene: Scene, p: Parameters, *_: Any) -> Array:
-    air = run.columns["temperature"]
-    before, after = (follow(sign * run.time[::sign], air[::sign], p["span"])[::sign] for sign in (1, -1))
-    return (before + after) / 2 - air
-
-
 def _covariate(run: Run, scene: Scene, p: Parameters, *_: Any) -> Array:
     power = p["power"]
     return np.asarray(run.columns[p["column"]] ** power - (scene.columns[p["column"]] ** power).mean())
@@ -267,9 +261,6 @@ PLANTS: dict[str, Plant] = {
     "rate": Plant(lambda scene, rng: {"time_constant": None}, _rate),
     "delay": Plant(lambda scene, rng: {"delay": scene.log_uniform(rng, 2 * scene.step, 60 * scene.step)}, _delay),
     "lead": Plant(lambda scene, rng: {"lead": scene.log_uniform(rng, 2 * scene.step, 60 * scene.step)}, _lead),
-    "thermometer_noise": Plant(
-        lambda scene, rng: {"span": scene.log_uniform(rng, 2 * scene.step, 60 * scene.step)}, _thermometer_noise
-    ),
     "covariate": Plant(lambda scene, rng: {"column": str(rng.choice(COLUMNS)), "power": 1}, _covariate),
     "lagged_covariate": Plant(_draw_late_column, _lagged_covariate),
     "interaction": Plant(lambda scene, rng: {"column": str(rng.choice(COLUMNS))}, _interaction),

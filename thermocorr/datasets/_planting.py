@@ -16,7 +16,7 @@ from ._planted import PLANTS, Parameters, Run, Scene
 from ._propagate import Array
 
 _WHO = "make_record"
-_SPANS = ("time_constant", "delay", "lead", "span", "onset", "period", "dwell")
+_SPANS = ("time_constant", "delay", "lead", "onset", "period", "dwell")
 _COLUMNS = ("column", "fast", "slow")
 _MOMENTS = ("time", "start", "end")
 _INTERVALS = {"width": "(0.0, inf)", "knee": "(-inf, inf)"}
