@@ -85,5 +85,5 @@ def white_part(series: Sequence[Floats]) -> float:
     if twice <= once:
         return once  # nothing wanders
     growth = min(max((four_times - twice) / (twice - once), 2.0), 4.0**order)  # 2^p
-    found = once - (twice - once) / (growth - 1)
-    return found if found > _LEAST_WHITE * once else 0.0
+    white = once - (twice - once) / (growth - 1)
+    return white if white > _LEAST_WHITE * once else 0.0

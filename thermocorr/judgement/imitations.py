@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .choice import Cause, Tried
-from .levels import AHEAD, CHANGES, FOLLOWS, GAIN, NOISY, OF_THERMOMETER, PLAY, THERMAL
+from .levels import CHANGES, FOLLOWS, GAIN, NOISY, OF_THERMOMETER, PLAY, THERMAL
 from .pool import Pool
 
 
@@ -30,12 +30,12 @@ class Traces:
 
         That is so where a thermometer's noise is a cause already, or an effect of the model; or where it has evidence
         and the errors make as much as is `left`: the standard deviation of what wanders, in the unit of the reading.
-        Elsewhere it is the noise that is taken out, where a reading that runs ahead explains what it would.
+        Where they cannot make that, the noise is no cause, and taken out itself.
         """
-        seen = self._known(found) or any(t.key[0] == NOISY and t.score > 0 for t in tried)
-        if not (seen and self._suffice(found, left)):
-            ahead = any(t.key[0] == AHEAD and t.proven for t in tried)
-            return [t for t in tried if not (ahead and t.key[0] == NOISY)]
+        if not self._suffice(found, left):
+            return [t for t in tried if t.key[0] != NOISY]
+        if not (self._known(found) or any(t.key[0] == NOISY and t.score > 0 for t in tried)):
+            return tried
         known = self._known(found)
         least = [self._least(t) for t in tried]
         return [
@@ -55,7 +55,8 @@ class Traces:
 
     def _suffice(self, found: Sequence[Cause], left: float) -> bool:
         """Whether the thermometers' errors are known to act, or make as much as is left."""
-        return self._known(found) or left <= OF_THERMOMETER * together(self.pool.thermometers)
+        made = together(self.pool.thermometers)
+        return self._known(found) or (made > 0 and left <= OF_THERMOMETER * made)
 
     def _least(self, t: Tried) -> float:
         """Help from which it is no trace [dB]: of a finer thermometer, much; of a recorded column, any."""

@@ -168,8 +168,6 @@ THERMAL = ("thermal_lag", "delay", "rate", "thermometer_noise", "lead")
 NOISY = "thermometer_noise"
 """The kind that a finer thermometer could do without. Where it is known to be missing, or the errors of the
 thermometers make as much as is left, what may be traces of them is a cause only where it helps by `GAIN`."""
-AHEAD = "lead"
-"""The other kind that knows what comes later, and so does what a smoother does."""
 PLAY = 10.0, 3.0
 """Width of a hysteresis over the noise, and over the steps, of a thermometer, up to which it is theirs: a play of six
 standard deviations smooths noise on a plateau and follows a ramp. In a climate chamber, noise of 0.1 K made widths of

@@ -147,7 +147,7 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
             said.append(f"To learn its cause, log what changes as slowly: {to_log}.")
     elif not left.uneven:
         said.append("What is left looks like white noise.")
-    said += thermometer_sentences(left)
+    said += thermometer_sentences(left, unit)
     if left.uneven and verdict == "unexplained":
         said.append(
             f"A few stretches of the record follow {', '.join(left.uneven[:3])}; the rest does not. A short "
@@ -171,7 +171,7 @@ LEAST_ATTENUATION = 0.002
 """Relative error of a static gain that is worth a word."""
 
 
-def thermometer_sentences(left: Any) -> list[str]:
+def thermometer_sentences(left: Any, unit: str) -> list[str]:
     """What the errors of the thermometers make of the reading, where that is all that wanders, and of the gain."""
     said = []
     for row in each_row(left.thermometers):
@@ -182,7 +182,7 @@ def thermometer_sentences(left: Any) -> list[str]:
         whose = f"the {of_what} of the thermometer {str(printable(row.thermometer))!r}"
         if left.of_thermometers and row.wandering:
             said.append(
-                f"About as much, {quantity_text(row.wandering, row.reading_unit)}, comes from {whose}. A finer "
+                f"About as much, {quantity_text(row.wandering, unit)}, comes from {whose}. A finer "
                 "thermometer, or the mean of several of its readings, would lower it."
             )
         if abs(row.gain_error) >= LEAST_ATTENUATION:
