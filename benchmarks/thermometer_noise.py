@@ -75,8 +75,8 @@ def verdicts(seeds: range) -> None:
                 X = record.drop(columns="reading").assign(temperature=seen_by(name, record, seed))
                 found = diagnose(DynamicBiasRegressor("temperature").fit(X, record["reading"]), X, record["reading"])
                 said[" + ".join(cause.effect.kind for cause in found.causes) or found.verdict] += 1
-                made = found.left.thermometers["wandering"].iloc[0]
-                ratios += [found.left.wandering / made] if found.left.structured and made else []
+                made = found.left.thermometers["wandering"].iloc[0] if found.left.structured else 0.0
+                ratios += [found.left.wandering / made] if made else []
             ratio = f"{np.mean(ratios):.2f}" if ratios else "-"
             print(f"{setting:8s} {name:15s} left/made {ratio:>5s}  {dict(said.most_common())}", flush=True)
 

@@ -32,11 +32,11 @@ class Traces:
         and the errors make as much as is `left`: the standard deviation of what wanders, in the unit of the reading.
         Where they cannot make that, the noise is no cause, and taken out itself.
         """
+        known = self._known(found)
+        if not known and not any(t.key[0] == NOISY and (t.score > 0 or t.worth.both >= GAIN) for t in tried):
+            return tried
         if not self._suffice(found, left):
             return [t for t in tried if t.key[0] != NOISY]
-        if not (self._known(found) or any(t.key[0] == NOISY and t.score > 0 for t in tried)):
-            return tried
-        known = self._known(found)
         least = [self._least(t) for t in tried]
         return [
             t

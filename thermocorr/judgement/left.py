@@ -34,8 +34,8 @@ class Left:
     spikes: tuple[float, ...]
     """Times since the record began at which readings jump far out of the noise [s], at most ten: left out."""
     thermometers: pd.DataFrame = field(compare=False)
-    """What the errors of the thermometers make in the reading, see `thermocorr.thermometer_errors`; empty where the
-    record was judged by averages."""
+    """What the errors of the thermometers make in the reading, see `thermocorr.thermometer_errors`; empty where
+    nothing wanders, and where the record was judged by averages."""
     smallest_drift: float
     """Drift over the record that it could have shown, in the unit of y; infinite where it could have shown none."""
     smallest_step: float
@@ -76,7 +76,7 @@ def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = ()) -> 
         colour=total / innovation,
         uneven=tuple(uneven),
         spikes=_spikes(pool),
-        thermometers=pool.thermometers,
+        thermometers=pool.thermometers if structured else pd.DataFrame(),
         smallest_drift=judged.smallest(drift, PROVABLE),
         smallest_step=judged.smallest(middle, PROVABLE),
         spectrum=_spectrum(pool, judged),

@@ -48,12 +48,9 @@ class Pool:
     """A record, the base that explanations are judged beside, and the explanations."""
 
     def __init__(self, model: DynamicBiasRegressor, record: Record, candidates: Sequence[Effect]):
-        self.record = record
+        self.model, self.record = model, record
         self.kinds = {effect.kind for _, effect in model.features_.further_effects()}
         """Kinds of the model's further effects."""
-        self.thermometers = pd.DataFrame() if isinstance(record, Thinned) else thermometer_errors(model, record)
-        """What the errors of the thermometers make in the reading, see `thermocorr.thermometer_errors`; averages hide
-        them."""
         slowest = slowest_of_base(record)
         base, slow = thermal_base(model, record, slowest)
         candidates = [e for e in candidates if not (e.kind == "thermal_lag" and max(e.time_constants) <= slowest)]
@@ -137,6 +134,15 @@ class Pool:
             effect.learn(self.record)
         columns = averaged(self.record, effects, FINE).columns
         return [Explanation(e, self.weighed(c)) for e, c in zip(effects, columns, strict=True)]
+
+    @cached_property
+    def thermometers(self) -> pd.DataFrame:
+        """What the errors of the thermometers make in the reading, see `thermocorr.thermometer_errors`.
+
+        Empty for averages, which hide them.
+        """
+        hidden = isinstance(self.record, Thinned)
+        return pd.DataFrame() if hidden else thermometer_errors(self.model, self.record)
 
     @cached_property
     def temperature(self) -> np.ndarray:
