@@ -15,6 +15,7 @@ from ..effects import ThermalLag
 from ..effects.protocol import Effect
 from ..records import Block, Record
 from ..records.errors import times_word
+from ..records.screen import LeftOut
 
 GAP = 2.5
 """Steps, in usual ones, from which on the temperature between is taken for unknown."""
@@ -69,7 +70,7 @@ def error_behind_gaps(
     if not longest:
         return np.zeros(0, np.intp), np.zeros(0)
     structure, known = structure_of(record, longest), dict[float, np.ndarray]()
-    all_rows, found = np.arange(record.n_rows), [(np.zeros(0, np.intp), np.zeros(0))]
+    found = [(np.zeros(0, np.intp), np.zeros(0))]
     covariance, last = np.zeros((len(weights), len(weights))), 0.0
     for block in record.blocks():
         elapsed = block.elapsed
@@ -86,8 +87,8 @@ def error_behind_gaps(
             if covariance.any():
                 left = np.exp((last - elapsed[first:stop, None]) / time_constants) * weights
                 error = np.sqrt(np.maximum(np.einsum("ij,ij->i", left @ covariance, left), 0.0))
-                told = error > limit
-                found.append((all_rows[block.rows][first:stop][told], error[told]))
+                told = np.flatnonzero(error > limit)
+                found.append((record.rows_at(block.places[first + told]), error[told]))
     return np.concatenate([rows for rows, _ in found]), np.concatenate([error for _, error in found])
 
 
@@ -114,10 +115,8 @@ def readings_left_out(record: Record, believed: Record) -> list[str]:
     """A sentence on readings that gaps have spoilt; none where there are none, or filled cells may have done it."""
     if believed is record or record.filled:
         return []
-    before, after = (
-        np.isfinite(np.asarray(one.reading[:], float)) for one in (record, believed) if one.reading is not None
-    )
-    count = int((before & ~after).sum())
+    assert record.reading is not None and isinstance(believed.reading, LeftOut)
+    count = int(np.isfinite(np.asarray(record.reading[believed.reading.rows], float)).sum())
     return [
         f"The temperature is not known in gaps of the record, and the device goes on to feel what it did there: "
         f"{times_word(count, 'reading')} behind gaps {'is' if count == 1 else 'are'} not learned from. They are "
