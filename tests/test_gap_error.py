@@ -10,9 +10,9 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.effects import ThermalLag
 from thermocorr.equations import lag_differences
-from thermocorr.estimators.gap_error import bridge_error, error_behind_gaps, lags_of, structure_of
+from thermocorr.equations.lags import bridge_error
+from thermocorr.estimators.gap_error import error_behind_gaps, structure_of
 from thermocorr.records import Layout, read_record
 
 PERIODS = {"lab": 60.0, "outdoor": 600.0, "chamber": 30.0}
@@ -71,9 +71,6 @@ def test_without_gaps_there_is_no_error():
     record = read_record(X, Layout("temperature"), quiet=True)
     assert len(error_behind_gaps(record, TAUS, np.ones(3))[0]) == 0
     assert len(error_behind_gaps(record, np.zeros(0), np.zeros(0))[0]) == 0
-    lags = ThermalLag([60.0], form="paper")
-    lags.learn(record)
-    assert lags_of([lags], np.ones(1))[0].size == 0
     apart = read_record(X.drop(X.index[300:400]), Layout("temperature", max_gap="10 min"), quiet=True)
     assert len(error_behind_gaps(apart, TAUS, np.ones(3))[0]) == 0  # a start has decays of its own
 

@@ -10,7 +10,7 @@ import pytest
 from thermocorr import DynamicBiasRegressor, compare_variants, held_out_residuals, later_errors, refine
 from thermocorr.cluster.fleet import fit_fleet
 from thermocorr.datasets import make_record
-from thermocorr.records.progress import told
+from thermocorr.estimators.progress import told
 
 
 class Terminal(io.StringIO):

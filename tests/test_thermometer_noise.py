@@ -83,7 +83,8 @@ def test_steps_are_seen_and_put_through_the_model(setting):
     X, y, exact = seen_by(setting, 32, step=0.25)
     model = DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y)
     found = thermometer_errors(model, X).iloc[0]
-    assert found["resolution"] == pytest.approx(0.25 if setting == "lab" else found["resolution"])
+    assert found["resolution"] == pytest.approx({"lab": 0.25, "outdoor": 0.0, "chamber": 0.25}[setting])
+    assert bool(found["noise"]) == (setting == "outdoor")  # where it moves by several steps a row, they are noise
     made = (model.predict(X) - model.predict(X.assign(temperature=exact["temperature"]))).std()
     assert made / 2 < found["in_reading"] < 2 * made
 
@@ -227,6 +228,20 @@ def test_a_step_of_the_air_reaches_a_late_thermometer_late():
     shown, body = -np.expm1(-t / 600), 1 - (1800 * np.exp(-t / 1800) - 600 * np.exp(-t / 600)) / 1200
     np.testing.assert_allclose(air["response"], gain * shown + lag * (body - shown), atol=2e-3 * abs(gain))
     assert (air["response"].iloc[:20] / at_once["response"].iloc[:20]).abs().max() < 0.5
+
+
+@pytest.mark.parametrize("minutes", [1, 5, 20])
+def test_a_late_thermometer_costs_nothing(minutes):
+    """Of the error on later data, rows a minute apart; what docs/guide/thermometers.md says."""
+    for seed in (300, 301):
+        record = make_record(8000, seed=seed)
+        y, exact = record["reading"], record[["temperature"]]
+        late = exact.ewm(alpha=1 - np.exp(-1 / minutes), adjust=False).mean()
+        missed = []
+        for X in (exact, late):
+            model = DynamicBiasRegressor("temperature").fit(X[:5000], y[:5000])
+            missed.append(float(np.sqrt((model.residuals(X[5000:], y[5000:]) ** 2).mean())))
+        assert missed[1] == pytest.approx(missed[0], rel=0.01)
 
 
 def test_white_part_of_many_segments_and_of_too_short_ones():

@@ -12,12 +12,12 @@ from sklearn.base import clone
 
 from ..estimators.features import DiffusiveFeatures
 from ..estimators.prior import LawPrior
+from ..estimators.progress import Progress, told
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
 from ..estimators.time_constants.search import SearchSettings, factors_of, final_alpha, learned, reference_spectrum
 from ..estimators.time_constants.spectrum import POOL_SIZE, Projected, log_grid, project
 from ..records import RecordError
-from ..records.progress import Progress, told
 from .parts import Part, opened
 
 BATCHES = 64
@@ -70,7 +70,7 @@ def fit_fleet(
     history_rows : int, optional
         Keep so many rows of each device's record at most, see `DynamicBiasRegressor.slim`.
     progress : callable or True, optional
-        Called with a line of text for each device that is done; True draws a bar (extra "progress").
+        Called with a line of text for each device that is waited for; True draws a bar (extra "progress").
 
     Returns
     -------

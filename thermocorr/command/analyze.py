@@ -14,6 +14,7 @@ import pandas as pd
 from ..datasets import load_voltage_reference
 from ..estimators import DynamicBiasRegressor, compare_variants, later_errors
 from ..estimators.other_thermometer import better_thermometer
+from ..estimators.progress import Progress, has_bars, told
 from ..files import Outputs
 from ..files.result_files import write_corrected, write_model
 from ..foreign import RUN, read_logs, with_times
@@ -25,7 +26,6 @@ from ..pictures.words import aspect_text, each_row, interval_text
 from ..records import RecordError, RecordWarning
 from ..records.errors import quoted
 from ..records.files import TIME_NAMES, require_column
-from ..records.progress import Progress, has_bars, told
 from ..records.quantities import number_text, quantity_texts, scale_of, span_text
 from ..records.text import printable
 from ..records.times import dates_once

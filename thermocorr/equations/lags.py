@@ -11,6 +11,7 @@ the same line for regular and irregular steps.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Literal, NamedTuple
 
@@ -21,6 +22,10 @@ from scipy.linalg.blas import dtbsv
 from .compiled import compiled_recursion
 
 Floats = NDArray[np.float64]
+Structure = Callable[[Floats], Floats]
+CELLS, FINEST = 32, 2e-3
+"""Cells that a gap is cut into, and the last of them as a share of the gap, or less where a lag is fast. With eight
+times as many, ten times finer, the error is the same to 2 %."""
 Hold = Literal["first_order", "zero_order"]
 
 
@@ -247,6 +252,37 @@ def followed_error(covariance: Floats, step: float, time_constants: Floats) -> F
     move = np.diag(np.concatenate(([1.0], decay)))
     move[1:, 0] = 1.0 - decay
     return np.asarray(move @ covariance @ move.T)
+
+
+def bridge_error(structure: Structure, length: float, time_constants: Floats) -> Floats:
+    """Covariance of the errors of lags at the end of a gap, shape (J, J).
+
+    A quantity of stationary increments, known at both ends of the gap, leaves the straight line between them by b(t),
+    ``cov(b(s), b(t)) = g(s, t) - t/h g(s, h) - s/h g(h, t) + s t/h^2 g(h, h)`` with
+    ``g(s, t) = (D(s) + D(t) - D(|s - t|)) / 2`` (Yaglom, Correlation Theory of Stationary and Related Random Functions,
+    1987, sec. 23); a lag feels ``integral b(t) exp(-(h - t)/tau) / tau dt``, eq. (17).
+
+    Parameters
+    ----------
+    structure : callable
+        D: mean square of the quantity's changes over times [s], its structure function.
+    length : float
+        h [s].
+    time_constants : array of shape (J,)
+        [s].
+    """
+    finest = min(FINEST * length, float(time_constants.min()) / 4)
+    edges = length - np.concatenate((np.geomspace(length, finest, CELLS), [0.0]))  # fast lags feel the end alone
+    t = (edges[1:] + edges[:-1]) / 2
+
+    def g(s: Floats, t: Floats) -> Floats:
+        return np.asarray((structure(s) + structure(t) - structure(np.abs(s - t))) / 2)
+
+    end, share = np.array(length), t / length
+    cross = share[:, None] * g(end, t)
+    beside = g(t[:, None], t) - cross - cross.T + np.outer(share, share) * g(end, end)
+    felt = np.diff(np.exp((edges - length) / time_constants[:, None]), axis=1)
+    return np.asarray(felt @ beside @ felt.T)
 
 
 def paper_form(lag_difference: Floats, temperature: Floats, time_constants: Floats) -> Floats:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 _LEAST_WHITE = 0.1
 """Share of the differences from row to row that the white part must have: less is an error of the extrapolation. Exact
-temperatures of simulated climates have up to 0.04, or as much as 0.2 mK."""
+temperatures of simulated climates have up to 0.04, or as much as 0.3 mK."""
 _SHIFTS = (1, 2, 4)
 """Rows between values whose differences are compared, for their white part."""
 

@@ -23,7 +23,7 @@ from .aligned import like, no_flags
 from .features import DiffusiveFeatures
 from .filling_error import SPOILT, FillingError
 from .fitting import standard_errors
-from .gap_error import error_behind_gaps, lags_of
+from .gap_error import error_behind_gaps
 from .inner import Inner, inner_blocks
 from .prior import Law, law_of
 from .reading import Reading, check_range
@@ -323,7 +323,9 @@ class FittedModel:
         if record.reading is None:
             return record
         limit = SPOILT * self.residual_std_
-        rows, error = error_behind_gaps(record, *lags_of(self.features_.effect_list(), self.coef_), limit)
+        T = record.temperature_name
+        law = FillingError(self.features_.effect_list(), self.coef_, T, [T], self.residual_std_).laws[0]
+        rows, error = error_behind_gaps(record, law.time_constants, law.weights, limit)
         rows = rows[np.argsort(-error, kind="stable")[: record.n_used // 2]]  # a poor first law would leave out all
         if record.filled:
             spoilt = self.filling_error().of_record(record) > limit

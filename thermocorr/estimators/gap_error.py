@@ -6,13 +6,11 @@ record goes on, and is forgotten with their time constants. How large it is, the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from ..effects import ThermalLag
-from ..effects.protocol import Effect
+from ..equations.lags import Structure, bridge_error
 from ..records import Block, Record
 from ..records.errors import times_word
 from ..records.screen import LeftOut
@@ -22,26 +20,12 @@ GAP = 2.5
 OFTEN = 0.95
 """Share of the steps, in the first some thousand, that are none: a log that is written on changes has long steps all
 the time, in which the temperature is known to have stood still."""
-CELLS, FINEST = 32, 2e-3
-"""Cells that a gap is cut into, and the last of them as a share of the gap, or less where a lag is fast. With eight
-times as many, ten times finer, the error is the same to 5 %."""
 MOST_ROWS = 200_000
 """Rows of a segment that tell how the temperature wanders, at most."""
 EVEN = 1e-9
 """Share of a segment's length by which as many usual steps may differ from it: rounding."""
 ALIKE = 0.3
 """Share by which as many uneven steps may last longer, or less, than as many usual ones, to be compared with them."""
-
-Structure = Callable[[np.ndarray], np.ndarray]
-
-
-def lags_of(effects: Sequence[Effect], coef: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Time constants [s] and coefficients of the lags of the temperature, among the columns of learned effects."""
-    edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
-    for effect, low, high in zip(effects, edges, edges[1:], strict=False):
-        if isinstance(effect, ThermalLag) and effect.form == "unit_gain":
-            return effect.time_constants_, coef[low:high]
-    return np.zeros(0), np.zeros(0)
 
 
 def error_behind_gaps(
@@ -77,7 +61,7 @@ def error_behind_gaps(
         if block.begins:
             covariance[:], last = 0.0, float(elapsed[0])
         gaps = _gaps(block, least)
-        for first, stop in pairwise([*({0} - {*gaps}), *gaps, len(block)]):
+        for first, stop in pairwise([*sorted({0, *gaps}), len(block)]):
             if first in gaps:
                 h = float(f"{block.steps[first]:.2g}")
                 if h not in known:
@@ -104,8 +88,8 @@ def _spans(record: Record) -> tuple[float, float]:
     even = (record.duration(segment) <= (segment.n_rows - 1) * usual * (1 + EVEN) for segment in record.segments)
     if not len(record.skipped) and all(even):
         return GAP * usual, 0.0
-    some = [next(record.blocks()).steps[1:]]
-    least, longest = max([GAP * usual, *(float(np.quantile(steps, OFTEN)) for steps in some if len(steps))]), 0.0
+    some = next(record.blocks()).steps[1:]
+    least, longest = max(GAP * usual, float(np.quantile(some, OFTEN)) if len(some) else 0.0), 0.0
     for block in record.blocks():
         longest = max(longest, float(block.steps[_gaps(block, least)].max(initial=0.0)))
     return least, longest
@@ -146,34 +130,3 @@ def structure_of(record: Record, longest: float) -> Structure:
     lags = np.concatenate(([0.0], counts[seen] * usual))
     values = np.concatenate(([0.0], sums[seen] / sizes[seen]))
     return lambda lag: np.interp(lag, lags, values)
-
-
-def bridge_error(structure: Structure, length: float, time_constants: np.ndarray) -> np.ndarray:
-    """Covariance of the errors of lags at the end of a gap, shape (J, J).
-
-    A quantity of stationary increments, known at both ends of the gap, leaves the straight line between them by b(t),
-    ``cov(b(s), b(t)) = g(s, t) - t/h g(s, h) - s/h g(h, t) + s t/h^2 g(h, h)`` with
-    ``g(s, t) = (D(s) + D(t) - D(|s - t|)) / 2`` (Yaglom, Correlation Theory of Stationary and Related Random Functions,
-    1987, sec. 23); a lag feels ``integral b(t) exp(-(h - t)/tau) / tau dt``, eq. (17).
-
-    Parameters
-    ----------
-    structure : callable
-        D, see `structure_of`.
-    length : float
-        h [s].
-    time_constants : array of shape (J,)
-        [s].
-    """
-    finest = min(FINEST * length, float(time_constants.min()) / 4)
-    edges = length - np.concatenate((np.geomspace(length, finest, CELLS), [0.0]))  # fast lags feel the end alone
-    t = (edges[1:] + edges[:-1]) / 2
-
-    def g(s: np.ndarray, t: np.ndarray) -> np.ndarray:
-        return np.asarray((structure(s) + structure(t) - structure(np.abs(s - t))) / 2)
-
-    end, share = np.array(length), t / length
-    cross = share[:, None] * g(end, t)
-    beside = g(t[:, None], t) - cross - cross.T + np.outer(share, share) * g(end, end)
-    felt = np.diff(np.exp((edges - length) / time_constants[:, None]), axis=1)
-    return np.asarray(felt @ beside @ felt.T)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ..records.progress import Progress, told
+from .progress import Progress, told
 from .run_levels import unlearned
 from .screening import believed_readings
 

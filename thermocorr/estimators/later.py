@@ -13,10 +13,10 @@ from sklearn.base import clone
 
 from ..effects import Events
 from ..records import RecordError, read_record
-from ..records.progress import Progress, told
 from ..records.quantities import number_text, scale_of
 from ..records.text import printable
 from .holdout import rms
+from .progress import Progress, told
 from .regressor import DynamicBiasRegressor
 from .run_levels import unlearned
 from .screening import believed_readings

@@ -36,7 +36,8 @@ class Thermometer:
         Step of its readings, in its unit.
     time_constant : float or time span, default 0.0
         How late it is itself [s]. What the reading does is learned from what the thermometer shows, late or not, and is
-        corrected no worse (measured up to 20 minutes); but "after a step of the temperature" is said of the air then.
+        corrected hardly worse (measured up to 20 minutes at a row a minute); but "after a step of the temperature" is
+        said of the air then.
 
     Raises
     ------

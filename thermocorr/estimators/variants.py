@@ -14,10 +14,10 @@ from sklearn.base import clone
 
 from ..equations import moving_average, reduction_db
 from ..records import Record, read_record
-from ..records.progress import Progress, told
 from ..records.quantities import Scale, number_text, scale_of
 from ..records.text import printable
 from .holdout import held_out_residuals, rms, time_blocks
+from .progress import Progress, told
 from .regressor import DynamicBiasRegressor
 from .screening import believed_readings
 

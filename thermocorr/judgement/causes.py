@@ -20,7 +20,7 @@ from ..effects.grids import longest_segment
 from .anywhere import best_period, filtered
 from .choice import WAVE, Cause, Tried, chosen, first_of_each, still_sought
 from .dated import DATED, MANY, dated, tries
-from .imitations import Traces
+from .imitations import Imitations
 from .levels import (
     ALIKE,
     BETWEEN,
@@ -82,7 +82,7 @@ class Search:
         if "delay" in anywhere:
             self.sizes["delay", None] = self.sizes.get(("delay", None), 0) + 2 * self.shifts.most  # and between rows
         self.anywhere, self.small = anywhere, small
-        self.traces = Traces(pool)
+        self.imitations = Imitations(pool)
         self.tests = {key: max(tests, float(size)) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
 
@@ -101,7 +101,7 @@ class Search:
             if best is None or len(found) - steps == MOST:
                 return self._needed(found), tried
             best = self._likelier(best, rivals, [t for t in tried if t.key == best.key])
-            best = self.traces.behind(best, rivals, found, self.left)
+            best = self.imitations.behind(best, rivals, found, self.left)
             if best.proven:  # else the likelihood has nothing to say on its parameters
                 best = (self._tuned([best], FINER) or [best])[0]
             same = [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
@@ -114,7 +114,7 @@ class Search:
 
     def believed(self, tried: Sequence[Tried], found: Sequence[Cause]) -> Sequence[Tried]:
         """What was tried, less what may be traces of the thermometers' errors where these are as large."""
-        return self.traces.taken_out(tried, found, self.left)
+        return self.imitations.taken_out(tried, found, self.left)
 
     @property
     def left(self) -> float:

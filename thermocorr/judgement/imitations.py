@@ -19,7 +19,7 @@ def together(thermometers: pd.DataFrame) -> float:
     return float(np.sqrt((thermometers["wandering"] ** 2).sum())) if len(thermometers) else 0.0
 
 
-class Traces:
+class Imitations:
     """What of a pool's explanations may be traces of the thermometers' errors."""
 
     def __init__(self, pool: Pool):

@@ -179,8 +179,8 @@ CHANGES = (4, 16, 64, 256)
 """Averaged rows over which they change: more than the noise of a thermometer, no longer than a day or two."""
 OF_THERMOMETER = 2.0
 """Structure that is left over what the errors of the thermometers make in the reading, up to which these are its cause.
-On simulated devices whose thermometers have noise of 0.05 or 0.1 K it is 1.0 to 1.3, and steps of 0.0625 or 0.1 K
-1.0 to 1.5 (`benchmarks/thermometer_noise.py --diagnose`)."""
+On simulated devices whose thermometers have noise of 0.05 or 0.1 K it is 1.0 to 1.2 on the average, with 0.02 K up to
+1.6, with steps of 0.0625 to 0.25 K 0.6 to 1.3 (`benchmarks/thermometer_noise.py --diagnose`)."""
 SIZEABLE = 0.1
 """Rms of what a missing lag, delay, rate or lead explains, over the noise of one sample, that must clearly be exceeded
 beside the model's own lags: they need not be better."""

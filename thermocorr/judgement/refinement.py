@@ -13,9 +13,9 @@ from sklearn.base import clone
 from ..effects import Covariate, LaggedCovariate
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
+from ..estimators.progress import Progress, told
 from ..estimators.regressor import DynamicBiasRegressor
 from ..pages import RefinementPage
-from ..records.progress import Progress, told
 from ..records.quantities import number_text, scale_of
 from ..records.text import printable
 from .adding import Errors, with_missing
