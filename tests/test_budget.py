@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermocorr.estimators.uncertainty.budget import Budget, Line, concise
+from thermocorr.estimators.uncertainty.budget import Budget, BudgetLine, concise
 
 GAUGE = {  # GUM (JCGM 100:2008), example H.1: calibration of an end gauge; nm, contributions of table H.1
     "standard": (25.0, 1.0, 18.0),
@@ -19,7 +19,7 @@ GAUGE = {  # GUM (JCGM 100:2008), example H.1: calibration of an end gauge; nm, 
 
 def budget(coverage):
     lines = tuple(
-        Line(quantity=name, estimate=0.0, uncertainty=u, unit="nm", sensitivity=c, dof=dof)
+        BudgetLine(quantity=name, estimate=0.0, uncertainty=u, unit="nm", sensitivity=c, dof=dof)
         for name, (u, c, dof) in GAUGE.items()
     )
     return Budget(name="l", value=50_000_838.0, unit="nm", lines=lines, coverage=coverage, status="signed")
@@ -68,7 +68,7 @@ def test_shares_add_up_and_tables_are_escaped():
     assert found.frame()["share"].sum() == pytest.approx(1)
     strange = Budget(
         name="<x>", value=1.0, unit="%_&", status="provisional", coverage=0.95,
-        lines=(Line(quantity="<script>", estimate=np.nan, uncertainty=1.0, unit="%"),),
+        lines=(BudgetLine(quantity="<script>", estimate=np.nan, uncertainty=1.0, unit="%"),),
     )  # fmt: skip
     assert "<script>" not in strange.to_html() and "&lt;script&gt;" in strange.to_html()
     assert r"\%\_\&" in strange.to_latex()

@@ -32,7 +32,7 @@ from thermocorr import (
 from thermocorr.datasets import make_record
 from thermocorr.effects import Delay, Drift
 from thermocorr.equations import allan_deviation, moving_average
-from thermocorr.estimators.uncertainty.budget import Line
+from thermocorr.estimators.uncertainty.budget import BudgetLine
 
 pytestmark = pytest.mark.usefixtures("drawing")
 
@@ -337,9 +337,9 @@ def test_what_is_no_fitted_model_is_refused(fitted):
 
 def test_a_budget_is_drawn_with_its_shares():
     lines = (
-        Line(quantity="noise", estimate=1.0, uncertainty=3.0, unit="mV"),
-        Line(quantity="thermometer", estimate=0.0, uncertainty=0.4, unit="K", sensitivity=10.0, type="B"),
-        Line(quantity="nothing", estimate=0.0, uncertainty=0.0, unit="mV", type="B, not declared"),
+        BudgetLine(quantity="noise", estimate=1.0, uncertainty=3.0, unit="mV"),
+        BudgetLine(quantity="thermometer", estimate=0.0, uncertainty=0.4, unit="K", sensitivity=10.0, type="B"),
+        BudgetLine(quantity="nothing", estimate=0.0, uncertainty=0.0, unit="mV", type="B, not declared"),
     )
     budget = Budget(name="corrected", value=10.0, unit="mV", lines=lines, coverage=0.95, status="signed")
     display = BudgetDisplay.from_budget(budget).plot()

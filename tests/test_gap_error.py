@@ -12,11 +12,17 @@ from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.equations import lag_differences
 from thermocorr.equations.lags import bridge_error
-from thermocorr.estimators.gap_error import error_behind_gaps, structure_of
+from thermocorr.estimators.gap_error import error_behind_gaps
+from thermocorr.estimators.input_law import InputLaw
 from thermocorr.records import Layout, read_record
+from thermocorr.records.gaps import Gaps
 
 PERIODS = {"lab": 60.0, "outdoor": 600.0, "chamber": 30.0}
 TAUS = np.array([120.0, 900.0, 7200.0])
+
+
+def felt_late(weights):
+    return InputLaw("temperature", (), TAUS, weights, 0.0, True)
 
 
 def wandering(rng, n, remembers):
@@ -56,7 +62,7 @@ def test_the_error_behind_a_gap_is_that_of_many_records(remembers):
         bridged = lag_differences(T[kept], np.diff(seconds[kept], prepend=-60.0), TAUS)[0]
         missed.append((whole - bridged) @ weights)
         record = read_record(X, Layout("temperature", "seconds"), quiet=True)
-        rows, error = error_behind_gaps(record, TAUS, weights)
+        rows, error = error_behind_gaps(record, [felt_late(weights)])
         said.append(np.zeros(len(X)))
         said[-1][rows] = error
     rms, said = np.sqrt(np.mean(np.square(missed), axis=0)), np.sqrt(np.mean(np.square(said), axis=0))
@@ -69,16 +75,17 @@ def test_the_error_behind_a_gap_is_that_of_many_records(remembers):
 def test_without_gaps_there_is_no_error():
     X = make_record(1000, irregular=0.5, seed=1)[["temperature"]]
     record = read_record(X, Layout("temperature"), quiet=True)
-    assert len(error_behind_gaps(record, TAUS, np.ones(3))[0]) == 0
-    assert len(error_behind_gaps(record, np.zeros(0), np.zeros(0))[0]) == 0
+    assert len(error_behind_gaps(record, [felt_late(np.ones(3))])[0]) == 0
+    assert len(error_behind_gaps(record, [])[0]) == 0
     apart = read_record(X.drop(X.index[300:400]), Layout("temperature", max_gap="10 min"), quiet=True)
-    assert len(error_behind_gaps(apart, TAUS, np.ones(3))[0]) == 0  # a start has decays of its own
+    assert len(error_behind_gaps(apart, [felt_late(np.ones(3))])[0]) == 0  # a start has decays of its own
 
 
 def test_how_the_temperature_wanders_is_read_off_it():
     T = np.cumsum(np.random.default_rng(2).standard_normal(50_000))
     X = pd.DataFrame({"temperature": T, "seconds": 10.0 * np.arange(50_000)})
-    structure = structure_of(read_record(X, Layout("temperature", "seconds"), quiet=True), 1000.0)
+    record = read_record(X, Layout("temperature", "seconds"), quiet=True)
+    structure = Gaps.of(record, ["temperature"], 10.0, 1000.0).structure("temperature")
     np.testing.assert_allclose(structure(np.array([0.0, 5.0, 100.0, 1000.0])), [0.0, 0.5, 10.0, 100.0], rtol=0.1)
 
 
@@ -145,7 +152,8 @@ def test_a_log_on_disk_is_fitted_alike(tmp_path):
 def test_a_gap_in_one_run_is_not_felt_in_the_next():
     record = make_record(1500, runs=3, gaps=2, seed=716)
     layout = Layout("temperature", run="run")
-    rows, error = error_behind_gaps(read_record(record[["run", "temperature"]], layout, quiet=True), TAUS, np.ones(3))
+    record_read = read_record(record[["run", "temperature"]], layout, quiet=True)
+    rows, error = error_behind_gaps(record_read, [felt_late(np.ones(3))])
     runs, steps = record["run"].to_numpy(), record.index.to_series().diff().dt.total_seconds().to_numpy()
     first = {
         run: int(np.flatnonzero((runs == run) & (steps > 150) & (np.roll(runs, 1) == run))[0]) for run in set(runs)

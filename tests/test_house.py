@@ -269,3 +269,33 @@ def test_nothing_strange_stands_at_the_top_of_the_checkout():
         pytest.skip("not a git checkout")
     tops = {name.split("/")[0] for name in listed.stdout.splitlines()}
     assert {name for name in tops if not name.startswith(".")} == TOP_LEVEL
+
+
+def test_one_name_one_class():
+    """No two classes have the same name, wherever they stand."""
+    seen = {}
+    for path in FILES:
+        for node in ast.walk(parsed(path)):
+            if isinstance(node, ast.ClassDef):
+                assert node.name not in seen, f"{node.name}: {path}:{node.lineno} and {seen[node.name]}"
+                seen[node.name] = f"{path}:{node.lineno}"
+
+
+def positional(tree, most=5):
+    """(line, code) of every construction with more positional arguments than a reader can keep apart."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and len(node.args) > most:
+            name = ast.unparse(node.func).split(".")[-1]
+            if name[:1].isupper():
+                yield node.lineno, name
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_of)
+def test_what_is_built_of_many_parts_names_them(path):
+    found = [f"{path}:{line}: {name}(...)" for line, name in positional(parsed(path))]
+    assert not found, "pass by name: " + ", ".join(found)
+
+
+def test_the_reader_of_constructions_sees_them():
+    code = "a.Line(1, 2, 3, 4, 5, 6); Line(1, 2, 3, 4, 5); f(1, 2, 3, 4, 5, 6)"
+    assert list(positional(ast.parse(code))) == [(1, "Line")]

@@ -12,7 +12,7 @@ import pytest
 
 import thermocorr.pages
 from thermocorr.pages.html import number, plain, rendered, script_data, unit_text, units_of_axis, with_unit
-from thermocorr.pages.traces import Cells
+from thermocorr.pages.traces import Extremes
 from thermocorr.pictures.words import aspect_text, ends_text, interval_text, place_text
 from thermocorr.records.quantities import scale_of
 
@@ -22,7 +22,7 @@ TEMPLATES = Path(thermocorr.pages.__file__).parent / "templates"
 
 
 def test_short_records_are_shown_whole():
-    cells = Cells(100)
+    cells = Extremes(100)
     values = np.random.default_rng(0).normal(size=(90, 2))
     cells.add(0, np.arange(40.0), values[:40])
     cells.add(1, np.arange(50.0, 100.0), values[40:])
@@ -40,7 +40,7 @@ def test_no_extreme_is_lost_and_extremes_keep_their_order(block):
     values = np.cumsum(rng.normal(size=(n, 2)), axis=0)
     values[rng.integers(n, size=300), 0] = np.nan
     values[12_345, 1] = 1e6  # a spike of one sample
-    cells = Cells(most)
+    cells = Extremes(most)
     for start in range(0, n, block):
         cells.add(0, np.arange(start, min(start + block, n), dtype=float), values[start : start + block])
     seconds, points = cells.points()
@@ -58,7 +58,7 @@ def test_no_extreme_is_lost_and_extremes_keep_their_order(block):
 
 def test_averages_are_means_of_stretches_inside_segments():
     rng = np.random.default_rng(2)
-    values, cells = rng.normal(size=(5000, 1)), Cells(600)
+    values, cells = rng.normal(size=(5000, 1)), Extremes(600)
     cells.add(0, np.arange(3001.0), values[:3001])
     cells.add(1, np.arange(3001.0, 5000.0), values[3001:])
     seconds, _ = cells.points()
@@ -70,7 +70,7 @@ def test_averages_are_means_of_stretches_inside_segments():
 
 
 def test_memory_is_bounded_even_where_every_row_is_a_segment():
-    cells = Cells(50)
+    cells = Extremes(50)
     for i in range(2000):
         cells.add(i, np.array([float(i)]), np.array([[float(i % 7)]]))
     seconds, points = cells.points()

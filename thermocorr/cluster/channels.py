@@ -74,7 +74,7 @@ def fit_channels(
             raise RecordError(f"X has {len(X)} rows, Y the shape {Y.shape}. Each row needs a reading of each channel.")
         Y = pd.DataFrame(Y, index=X.index)
     model = DynamicBiasRegressor() if model is None else model
-    table = Table(X, {name: Y[name] for name in Y.columns}, bool(model.screen))
+    table = ChannelTable(X, {name: Y[name] for name in Y.columns}, bool(model.screen))
     channels = {name: Channel(table, name) for name in Y.columns}
     return fit_fleet(1, channels, READING, model, shared_time_constants=shared_time_constants)
 
@@ -84,7 +84,7 @@ class Channel(Log):
 
     word = "Channel"
 
-    def __init__(self, table: Table, name: Any):
+    def __init__(self, table: ChannelTable, name: Any):
         self.table, self.name = table, name
 
     @property
@@ -126,7 +126,7 @@ class ChannelRecord(Record):
         return self.channel.table.swept(self, effects, edges)
 
 
-class Table:
+class ChannelTable:
     """Columns and readings of all channels, and what was computed for several of them at once.
 
     Parameters

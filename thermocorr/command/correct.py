@@ -16,7 +16,7 @@ from ..records import RecordError
 from ..records.csvlines import CUT
 from ..records.text import printable
 from .lines import Lines
-from .log_rows import LogRows, Sample, csv_text
+from .log_rows import LogRow, LogRows, csv_text
 from .results import Results, Saved, open_results, read_state
 from .spans import number_or_span
 from .stopping import Stopped, StopSignal
@@ -142,7 +142,7 @@ def _follow(rows: LogRows, stream: Any, lines: Lines, results: Results) -> None:
 
 def _whole(rows: LogRows, stream: Any, results: Results) -> None:
     """Block by block, with the digits that `analyze` writes."""
-    samples: list[Sample] = []
+    samples: list[LogRow] = []
     saved = time.monotonic()
 
     def correct() -> None:

@@ -29,7 +29,7 @@ _SHOWN = 20
 """Bad lines that are named one by one; further ones are counted."""
 
 
-class Sample(NamedTuple):
+class LogRow(NamedTuple):
     """One row, read."""
 
     fields: list[str]
@@ -96,7 +96,7 @@ class LogRows:
         self._extra = self.live.names
         return [*header, *new_names(self._extra, header)]
 
-    def read(self, line: bytes) -> Sample | None:
+    def read(self, line: bytes) -> LogRow | None:
         """A row; None for an empty line, a header that comes again, and a line that is left out and complained of."""
         self.number += 1
         assert self.header is not None
@@ -119,7 +119,7 @@ class LogRows:
         if self.left_out == _SHOWN:
             self.complain("further lines that are left out are counted only")
 
-    def one(self, sample: Sample) -> list[str]:
+    def one(self, sample: LogRow) -> list[str]:
         """Correct a row; returns the cells of its results."""
         result = self.live.update_stamp(sample.stamp, sample.run, sample.values, sample.reading)
         cells = {**result._asdict(), "flag": result.flag}
@@ -130,7 +130,7 @@ class LogRows:
         """Let the corrector see a row whose results have been written."""
         self.one(self._sample(fields))
 
-    def many(self, samples: list[Sample]) -> list[list[str]]:
+    def many(self, samples: list[LogRow]) -> list[list[str]]:
         """Correct rows, to the last digit as `DynamicBiasRegressor.correct`; returns the cells of their results."""
         names = samples[0].values
         values = {name: np.array([sample.values[name] for sample in samples]) for name in names}
@@ -176,7 +176,7 @@ class LogRows:
             return self.header.index(parted[0]), parted[1]
         return self._place(name, ""), None
 
-    def _sample(self, fields: list[str]) -> Sample:
+    def _sample(self, fields: list[str]) -> LogRow:
         T = number(fields[self._temperature], "the temperature")
         U = number(fields[self._reading], "the reading")
         values: dict[Any, float] = {self._temperature_name: T}
@@ -188,9 +188,9 @@ class LogRows:
                 values[column] = math.nan if is_missing(cell) else float(cell == word)
         run = None if self._run is None else label(fields[self._run], self._labels)
         if self._time is None:
-            return Sample(fields, None, run, values, U)
+            return LogRow(fields, None, run, values, U)
         time: Any = fields[self._time].strip()
-        return Sample(fields, self.live.stamp(number(time, "the time") if self._seconds else time), run, values, U)
+        return LogRow(fields, self.live.stamp(number(time, "the time") if self._seconds else time), run, values, U)
 
 
 def csv_text(rows: Iterable[list[str]]) -> bytes:

@@ -18,7 +18,7 @@ from ..live.corrector import OnlineCorrector
 from ..records.csvlines import fields_of
 from ..records.errors import times_word
 from .lines import Lines
-from .log_rows import LogRows, Sample
+from .log_rows import LogRow, LogRows
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class Results:
             self._to_skip = saved.rows
         return False
 
-    def seen(self, sample: Sample) -> bool:
+    def seen(self, sample: LogRow) -> bool:
         """Whether the state from which this run goes on knows a row: another file may begin with such ones."""
         if not self._first_new:
             return False
@@ -212,7 +212,7 @@ class Appended(Results):
     _before = 0
     """Rows that the corrector had seen before this run."""
 
-    def seen(self, sample: Sample) -> bool:
+    def seen(self, sample: LogRow) -> bool:
         """Whether a row at the beginning stands in the file: a log may come again, from its start or any row on.
 
         A row that differs is a new one, whatever its time says: the log's time may be damaged. Only where the file does

@@ -42,7 +42,7 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
         if str(error.name).split(".")[0] not in ("starlette", "uvicorn"):
             raise
         raise ImportError(NEEDS) from None
-    from ..interactive.arrangement import Settings
+    from ..interactive.arrangement import ModelSettings
     from ..interactive.browser.worker import Opening
     from ..interactive.session_file import is_session
 
@@ -63,7 +63,7 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
             for role in ("temperature", "reading", "time", "run")
             if (value := getattr(options, role)) is not None
         },
-        settings=Settings(
+        settings=ModelSettings(
             time_constants=tuple(taus) if isinstance(taus, list) else taus,
             degree=options.degree,
             screen=not options.no_screen,

@@ -1,5 +1,7 @@
 """Floor 2: effects, the physical causes that move a reading."""
 
+from typing import Any
+
 from .catalogue import CATALOGUE
 from .covariates import Covariate, Interaction, LaggedCovariate
 from .disturbance import Disturbance
@@ -12,10 +14,12 @@ from .periodic import Periodic
 from .products import LagProducts
 from .protocol import Effect, EffectInfo
 from .rates import Delay, Rate
+from .saturation import SaturatingCovariate
 from .sensitivity_step import SensitivityStep
 from .several_steps import SeveralSteps
 from .signals import Signals
 from .thermal import StaticPolynomial, ThermalLag
+from .thermometer_noise import ThermometerNoise
 from .time import Drift, LogAgeing, SensitivityDrift, Step
 from .transient import InitialTransient
 from .wrap import TransformerEffect
@@ -40,6 +44,7 @@ __all__ = [
     "LogAgeing",
     "Periodic",
     "Rate",
+    "SaturatingCovariate",
     "SensitivityDrift",
     "SensitivityStep",
     "SeveralSteps",
@@ -47,9 +52,15 @@ __all__ = [
     "StaticPolynomial",
     "Step",
     "ThermalLag",
+    "ThermometerNoise",
     "TransformerEffect",
 ]
 
-for _effect in CATALOGUE.values():  # a kind is public once its file is here
-    globals()[_effect.__name__] = _effect
-    __all__ += [] if _effect.__name__ in __all__ else [_effect.__name__]
+_OTHERS = {effect.__name__: effect for effect in CATALOGUE.values() if effect.__name__ not in __all__}
+__all__ += sorted(_OTHERS)  # a kind is public once its file is here
+
+
+def __getattr__(name: str) -> Any:
+    if name in _OTHERS:
+        return _OTHERS[name]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -335,7 +335,17 @@ def _by_blocks(effect: Effect, times: Times, zero: float, temperature_name: obje
         columns: dict[Any, Any] = {name: np.array([value]) for name, value in sample.values.items()}
         record = Record(one, temperature_name, columns, (Segment(0, 1),))
         steps = np.array([sample.step])
-        block = Block(record, 0, 0, 1, sample.begins, steps, zero, sample.segment_zero, sample.key)
+        block = Block(
+            record=record,
+            segment=0,
+            start=0,
+            stop=1,
+            begins=sample.begins,
+            steps=steps,
+            zero=zero,
+            segment_zero=sample.segment_zero,
+            segment_key=sample.key,
+        )
         part, now = effect.columns(block, now)
         return np.asarray(part, float).ravel().tolist()
 

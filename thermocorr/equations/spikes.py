@@ -216,7 +216,12 @@ def scan(values: Floats, low: int, high: int, usual: Usual) -> Scanned:
         steps.max(initial=0.0) <= most and steps.min(initial=0.0) >= -most and abs(values[0]) < OVERLOAD
     ):  # never where a value is missing
         return Scanned(
-            nothing, nothing, np.zeros(0), jumps, float(values.min(initial=np.inf)), float(values.max(initial=-np.inf))
+            codes=nothing,
+            spikes=nothing,
+            heights=np.zeros(0),
+            staying=jumps,
+            low=float(values.min(initial=np.inf)),
+            high=float(values.max(initial=-np.inf)),
         )
     rows = np.flatnonzero(np.isfinite(values))
     over = usual.overloads(values[rows])

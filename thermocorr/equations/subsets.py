@@ -148,13 +148,13 @@ class _Level:
         low, high = np.searchsorted(self.owner, (start, stop))
         rows, candidates = slice(start, stop), slice(low, high)
         return _Level(
-            self.sets[rows],
-            self.reading[rows],
-            self.tested[rows],
-            self.owner[candidates] - start,
-            self.group[candidates],
-            self.a[candidates],
-            self.z[candidates],
+            sets=self.sets[rows],
+            reading=self.reading[rows],
+            tested=self.tested[rows],
+            owner=self.owner[candidates] - start,
+            group=self.group[candidates],
+            a=self.a[candidates],
+            z=self.z[candidates],
         )
 
 
@@ -176,13 +176,13 @@ def all_set_errors(fold: Fold, groups: Integers, max_count: int) -> Iterator[tup
     """
     n = len(groups)
     root = _Level(
-        np.zeros((1, 0), np.intp),
-        fold.learned[-2:-1],
-        fold.tested[-2:-1],
-        np.zeros(n, np.intp),
-        np.arange(n),
-        fold.learned[groups],
-        fold.tested[groups],
+        sets=np.zeros((1, 0), np.intp),
+        reading=fold.learned[-2:-1],
+        tested=fold.tested[-2:-1],
+        owner=np.zeros(n, np.intp),
+        group=np.arange(n),
+        a=fold.learned[groups],
+        z=fold.tested[groups],
     )
     waiting = [root]
     while waiting:
@@ -209,7 +209,15 @@ def _grown(level: _Level, last: bool) -> _Level:
     sets = np.column_stack((level.sets[level.owner], level.group))
     if last:
         nothing = np.zeros(0, np.intp)
-        return _Level(sets, reading, tested, nothing, nothing, a[:0], z[:0])
+        return _Level(
+            sets=sets,
+            reading=reading,
+            tested=tested,
+            owner=nothing,
+            group=nothing,
+            a=a[:0],
+            z=z[:0],
+        )
     ends = np.searchsorted(level.owner, level.owner, side="right")
     entered = np.arange(len(level.owner))
     later = ends - entered - 1  # candidates that stand behind the entered one
@@ -219,7 +227,15 @@ def _grown(level: _Level, last: bool) -> _Level:
     for g in range(width):
         for h in range(width):
             _take_out(a[owner, g], next_a[:, h], z[owner, g], next_z[:, h], inverse[owner, g])
-    return _Level(sets, reading, tested, owner, level.group[candidate], next_a, next_z)
+    return _Level(
+        sets=sets,
+        reading=reading,
+        tested=tested,
+        owner=owner,
+        group=level.group[candidate],
+        a=next_a,
+        z=next_z,
+    )
 
 
 def _take_out(a: Floats, later_a: Floats, z: Floats, later_z: Floats, inverse: Floats) -> None:

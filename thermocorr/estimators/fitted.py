@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -17,13 +16,10 @@ from ..effects.thermal import column_text
 from ..records import Block, Record
 from ..records.flags import Flags
 from ..records.numbers import numeric_reading
-from ..records.record import SegmentStart
-from ..records.screen import LeftOut
 from .aligned import like, no_flags
+from .doubted_inputs import DoubtedInputs
 from .features import DiffusiveFeatures
-from .filling_error import SPOILT, FillingError
 from .fitting import standard_errors
-from .gap_error import error_behind_gaps
 from .inner import Inner, inner_blocks
 from .prior import Law, law_of
 from .reading import Reading, check_range
@@ -31,7 +27,7 @@ from .tables import coefficient_table, distinct, equation_text
 from .threads import one_blas_thread
 
 
-class FittedModel:
+class FittedModel(DoubtedInputs):
     """The part of `DynamicBiasRegressor` that needs no data to be fitted."""
 
     pipeline_: Pipeline
@@ -222,10 +218,11 @@ class FittedModel:
         "no temperature", "no reading", "sentinel" or "spike" (of the temperature or the reading, see `screen`),
         "washout", "outside fitted range". And, of rows with cells that were missing and are filled (see `fill`):
         "filled", and "thermometer lost" where that may move the bias by more than the residuals' standard deviation:
-        late bodies feel it for a while after the cells are known again.
+        late bodies feel it for a while after the cells are known again. "behind gap" where what the temperature may
+        have done in gaps between rows moves it by as much.
         """
         reading = None if y is None else numeric_reading(y, X)
-        record, starts, _ = self.resumed(X)
+        record, starts, _ = self.judged(X)
         flags = no_flags(record)
         for block in record.blocks(starts=starts, zero=self.features_.history_.zero):
             flags[block.rows] = self.block_flags(block, None if reading is None else reading[block.rows])
@@ -236,7 +233,13 @@ class FittedModel:
 
     def contribution_blocks(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
         """Contribution of each effect, shape (n, n_effects), block by block. X may be a `Record` read before."""
-        record, starts, states = self.resumed(X)
+        yield from self._weighed_blocks(*self.resumed(X))
+
+    def judged_blocks(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
+        """`contribution_blocks` of a record that knows what its gaps may move the bias by, for `block_flags`."""
+        yield from self._weighed_blocks(*self.judged(X))
+
+    def _weighed_blocks(self, record: Record, starts: Any, states: Any) -> Iterator[tuple[Block, np.ndarray]]:
         check_range(self.reading_, record)
         return self.weighed(self.features_.walk_resumed(record, starts, states))
 
@@ -291,60 +294,8 @@ class FittedModel:
                 flags[np.isnan(reading)] = "no reading"
             for rows, reason in self._refused(block, reading):
                 flags[rows] = reason
-        record = block.record
-        if record.filling_error is not None:
-            filled = np.logical_or.reduce([np.isfinite(errors[block.rows]) for errors in record.filled.values()])
-            self.mark_filled(flags, record.filling_error[block.rows], filled)
+        self.mark_doubted(flags, block)
         return flags
-
-    def filling_error(self) -> FillingError:
-        """Propagates the errors of filled cells to the bias."""
-        features = self.features_
-        columns = [one.column for one in features.filling_.stand_ins]
-        temperature = features.history_.record.temperature_name
-        return FillingError(features.effect_list(), self.coef_, temperature, columns, self.residual_std_)
-
-    def resumed(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
-        """A new record tied to the fitted one, with what filled cells may move its bias by."""
-        record, starts, states = self.features_.resume(X, y)
-        return self.with_filling_error(record), starts, states
-
-    def with_filling_error(self, record: Record) -> Record:
-        """The record with what filled cells may move its bias by, where it has some and that is not yet known."""
-        if not record.filled or record.filling_error is not None:
-            return record
-        return replace(record, filling_error=self.filling_error().of_record(record))
-
-    def without_spoilt(self, record: Record) -> Record:
-        """The record without the readings where filled cells or gaps may move the bias by much.
-
-        By a share of the residuals' deviation: in their own rows, and for a while after these.
-        """
-        if record.reading is None:
-            return record
-        limit = SPOILT * self.residual_std_
-        T = record.temperature_name
-        law = FillingError(self.features_.effect_list(), self.coef_, T, [T], self.residual_std_).laws[0]
-        rows, error = error_behind_gaps(record, law.time_constants, law.weights, limit)
-        rows = rows[np.argsort(-error, kind="stable")[: record.n_used // 2]]  # a poor first law would leave out all
-        if record.filled:
-            spoilt = self.filling_error().of_record(record) > limit
-            for errors in record.filled.values():
-                spoilt |= np.isfinite(errors)
-            rows = np.concatenate((rows, np.flatnonzero(spoilt)))
-        if not len(rows):
-            return record
-        reading: Any = LeftOut(record.reading, np.unique(rows))
-        return replace(record, reading=reading)
-
-    def mark_filled(self, flags: Flags, error: np.ndarray, filled: np.ndarray) -> None:
-        """Flag rows with filled cells, and those where these may move the bias by more than the residuals' deviation.
-
-        Where nothing graver is said of them.
-        """
-        mild = flags.are("", "outside fitted range")
-        flags[mild & filled] = "filled"
-        flags[mild & (error > self.residual_std_)] = "thermometer lost"
 
     def believed(self, block: Block, reading: np.ndarray) -> np.ndarray:
         """Readings of a block's rows without those that the screen refuses, shape (n,)."""

@@ -1,45 +1,114 @@
 """What is not known of the temperature in gaps, as the bias feels it behind them.
 
 Across a gap the temperature is taken as a straight line. What it did beside that line is still in the lags when the
-record goes on, and is forgotten with their time constants. How large it is, the record says where it has no gap.
+record goes on, and is forgotten with their time constants. How large it is, the record says where it has no gap. Other
+columns that the device feels late are treated alike.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from ..equations.lags import Structure, bridge_error
-from ..records import Block, Record
+from ..equations.lags import bridge_error
+from ..records import Block, Record, SegmentStart
 from ..records.errors import times_word
+from ..records.gaps import Gaps, least_gap, longest_gap
 from ..records.screen import LeftOut
+from .input_law import InputLaw
 
-GAP = 2.5
-"""Steps, in usual ones, from which on the temperature between is taken for unknown."""
-OFTEN = 0.95
-"""Share of the steps, in the first some thousand, that are none: a log that is written on changes has long steps all
-the time, in which the temperature is known to have stood still."""
-MOST_ROWS = 200_000
-"""Rows of a segment that tell how the temperature wanders, at most."""
-EVEN = 1e-9
-"""Share of a segment's length by which as many usual steps may differ from it: rounding."""
-ALIKE = 0.3
-"""Share by which as many uneven steps may last longer, or less, than as many usual ones, to be compared with them."""
+Felt = tuple[np.ndarray | None, ...]
+"""Covariance of what the lags of each column feel of gaps; None where it is forgotten."""
 
 
-def error_behind_gaps(
-    record: Record, time_constants: np.ndarray, weights: np.ndarray, limit: float = 0.0
-) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviation of the bias by what the temperature did in gaps.
+class GapError:
+    """Propagates what happened in gaps through a model's lags.
+
+    Parameters
+    ----------
+    laws : sequence of InputLaw
+        Of the columns that the device feels late.
+    gaps : Gaps
+        How these wander.
+    """
+
+    def __init__(self, laws: Sequence[InputLaw], gaps: Gaps):
+        self.laws = [law for law in laws if law.weights.any()]
+        self.least = gaps.least if self.laws else np.inf
+        """Steps above it are gaps [s]."""
+        self._structures = [gaps.structure(law.column) for law in self.laws]
+        self._bridges: dict[tuple[int, float], np.ndarray] = {}
+
+    def of_rows(self, steps: np.ndarray, felt: Felt = ()) -> tuple[np.ndarray, Felt]:
+        """Variance of the bias in consecutive rows by the gaps between them, and before.
+
+        Parameters
+        ----------
+        steps : array of shape (n,)
+            Time since the row before [s].
+        felt : Felt
+            After the row before; () for nothing.
+
+        Returns
+        -------
+        variance : array of shape (n,)
+        felt : Felt
+            After the last row.
+        """
+        variance, gaps = np.zeros(len(steps)), set(np.flatnonzero(steps > self.least).tolist())
+        if not gaps and not felt:
+            return variance, ()
+        elapsed, pieces = np.cumsum(steps), list(pairwise([*sorted({0, *gaps}), len(steps)]))
+        after = []
+        for number, law in enumerate(self.laws):
+            covariance, last = felt[number] if felt else None, 0.0
+            for first, stop in pieces:
+                if first in gaps:
+                    behind = self._bridge(number, float(steps[first]))
+                    covariance, last = behind + _faded(law, covariance, elapsed[first] - last), elapsed[first]
+                if covariance is not None:
+                    found, told = _variance(law, covariance, elapsed[first:stop] - last)
+                    variance[first:stop] += found
+                    covariance = covariance if told else None
+            after.append(None if covariance is None else _faded(law, covariance, elapsed[-1] - last))
+        return variance, tuple(after) if any(each is not None for each in after) else ()
+
+    def of_block(self, block: Block, felt: dict[int, Felt]) -> np.ndarray:
+        """`of_rows` of a block; `felt`, by the number of the segment, goes on."""
+        steps = block.steps
+        if block.begins:
+            steps = np.concatenate(([0.0], steps[1:]))
+        variance, felt[block.segment] = self.of_rows(steps, felt.get(block.segment, ()))
+        return variance
+
+    def of_record(self, record: Record, starts: Mapping[int, SegmentStart]) -> np.ndarray | None:
+        """`of_rows` of all rows of a record, shape (n_rows,); None where nothing is felt."""
+        if not self.laws or not (longest_gap(record, self.least) or _tied_late(starts, self.least)):
+            return None
+        result, felt = np.zeros(record.n_rows), dict[int, Felt]()
+        for block in record.blocks(starts=starts):
+            result[block.rows] = self.of_block(block, felt)
+        return result
+
+    def _bridge(self, number: int, step: float) -> np.ndarray:
+        h = float(f"{step:.2g}")  # the same for gaps that are nearly as long
+        if (number, h) not in self._bridges:
+            taus = self.laws[number].time_constants
+            self._bridges[number, h] = bridge_error(self._structures[number], h, taus)
+        return self._bridges[number, h]
+
+
+def error_behind_gaps(record: Record, laws: Sequence[InputLaw], limit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Standard deviation of the bias by what happened in the gaps of a record that a model is fitted to.
 
     Parameters
     ----------
     record : Record
-    time_constants : array of shape (J,)
-        Of the lags of the temperature [s].
-    weights : array of shape (J,)
-        Their coefficients.
+    laws : sequence of InputLaw
+        Of the columns that the device feels late.
     limit : float
         What need not be told, in the unit of the reading.
 
@@ -50,49 +119,17 @@ def error_behind_gaps(
     error : array of shape (n,)
         In the unit of the reading.
     """
-    least, longest = _spans(record) if len(time_constants) and weights.any() else (0.0, 0.0)
-    if not longest:
-        return np.zeros(0, np.intp), np.zeros(0)
-    structure, known = structure_of(record, longest), dict[float, np.ndarray]()
+    least = least_gap(record, record.usual_step())
+    longest = longest_gap(record, least)
     found = [(np.zeros(0, np.intp), np.zeros(0))]
-    covariance, last = np.zeros((len(weights), len(weights))), 0.0
-    for block in record.blocks():
-        elapsed = block.elapsed
-        if block.begins:
-            covariance[:], last = 0.0, float(elapsed[0])
-        gaps = _gaps(block, least)
-        for first, stop in pairwise([*sorted({0, *gaps}), len(block)]):
-            if first in gaps:
-                h = float(f"{block.steps[first]:.2g}")
-                if h not in known:
-                    known[h] = bridge_error(structure, h, time_constants)
-                decay = np.exp((last - elapsed[first]) / time_constants)
-                covariance, last = decay[:, None] * covariance * decay + known[h], elapsed[first]
-            if covariance.any():
-                left = np.exp((last - elapsed[first:stop, None]) / time_constants) * weights
-                error = np.sqrt(np.maximum(np.einsum("ij,ij->i", left @ covariance, left), 0.0))
-                told = np.flatnonzero(error > limit)
-                found.append((record.rows_at(block.places[first + told]), error[told]))
+    if longest and (laws := [law for law in laws if law.weights.any()]):
+        felt, columns = dict[int, Felt](), [law.column for law in laws]
+        follow = GapError(laws, Gaps.of(record, columns, least, longest))
+        for block in record.blocks():
+            error = np.sqrt(follow.of_block(block, felt))
+            told = np.flatnonzero(error > limit)
+            found.append((record.rows_at(block.places[told]), error[told]))
     return np.concatenate([rows for rows, _ in found]), np.concatenate([error for _, error in found])
-
-
-def _gaps(block: Block, least: float) -> list[int]:
-    """Numbers of a block's rows that stand behind a gap; the first of a segment does not."""
-    gaps: list[int] = np.flatnonzero(block.steps > least).tolist()
-    return gaps[1:] if block.begins and gaps[:1] == [0] else gaps
-
-
-def _spans(record: Record) -> tuple[float, float]:
-    """The shortest step that is a gap, and the longest one [s]; 0 for that where there is none."""
-    usual = record.usual_step()
-    even = (record.duration(segment) <= (segment.n_rows - 1) * usual * (1 + EVEN) for segment in record.segments)
-    if not len(record.skipped) and all(even):
-        return GAP * usual, 0.0
-    some = next(record.blocks()).steps[1:]
-    least, longest = max(GAP * usual, float(np.quantile(some, OFTEN)) if len(some) else 0.0), 0.0
-    for block in record.blocks():
-        longest = max(longest, float(block.steps[_gaps(block, least)].max(initial=0.0)))
-    return least, longest
 
 
 def readings_left_out(record: Record, believed: Record) -> list[str]:
@@ -108,25 +145,24 @@ def readings_left_out(record: Record, believed: Record) -> list[str]:
     ]
 
 
-def structure_of(record: Record, longest: float) -> Structure:
-    """Mean square of the temperature's changes over a time, up to the `longest` [s]: its structure function.
+def _faded(law: InputLaw, covariance: np.ndarray | None, elapsed: float) -> Any:
+    """A covariance after a while; 0 for none."""
+    if covariance is None:
+        return 0.0
+    decay = np.exp(-elapsed / law.time_constants)
+    return decay[:, None] * covariance * decay
 
-    A straight line to zero below the usual step; beyond what the record has, the last value.
-    """
-    usual = record.usual_step()
-    counts = np.unique(np.geomspace(1, max(longest / usual, 2.0), 25).astype(int))
-    sums, sizes = np.zeros(len(counts)), np.zeros(len(counts))
-    for segment in record.segments:
-        rows = record.kept(segment.start, min(segment.stop, segment.start + MOST_ROWS))
-        T = np.asarray(record.columns[record.temperature_name][rows], float)
-        steps = np.array(record.times.steps(rows))
-        steps[:1] = 0.0
-        elapsed = np.cumsum(steps)
-        for i, k in enumerate(counts.tolist()):
-            like = np.abs(elapsed[k:] - elapsed[:-k] - k * usual) <= ALIKE * k * usual
-            squares = np.square(T[k:] - T[:-k])[like]
-            sums[i], sizes[i] = sums[i] + squares.sum(), sizes[i] + len(squares)
-    seen = sizes > 0
-    lags = np.concatenate(([0.0], counts[seen] * usual))
-    values = np.concatenate(([0.0], sums[seen] / sizes[seen]))
-    return lambda lag: np.interp(lag, lags, values)
+
+def _variance(law: InputLaw, covariance: np.ndarray, elapsed: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Variance of the bias at times after the covariance was such, and whether it is felt to the last of them."""
+    weights = np.exp(-elapsed[:, None] / law.time_constants) * law.weights
+    most = np.abs(weights) @ np.sqrt(np.diag(covariance))  # if all lags erred together
+    felt = int(np.count_nonzero(most > law.least))
+    variance = np.zeros(len(elapsed))
+    variance[:felt] = np.maximum(np.einsum("ij,ij->i", weights[:felt] @ covariance, weights[:felt]), 0.0)
+    return variance, felt == len(elapsed)
+
+
+def _tied_late(starts: Mapping[int, SegmentStart], least: float) -> bool:
+    """Whether a segment follows on the fitted record after a gap."""
+    return any(start.step is not None and start.step > least for start in starts.values())

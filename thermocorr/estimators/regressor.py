@@ -371,7 +371,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         """The columns of `evaluate` as arrays, with the block (times, segment, temperature) that they belong to."""
         reading = numeric_reading(y, X)
         removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
-        for block, parts in self.contribution_blocks(X):
+        for block, parts in self.judged_blocks(X):
             given = np.asarray(reading[block.rows], float)
             measured = self.believed(block, given)
             model = parts.sum(axis=1) + self.intercept_

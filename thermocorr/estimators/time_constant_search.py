@@ -20,7 +20,7 @@ from .threads import one_blas_thread
 from .time_constants.crossvalidation import SCORINGS
 from .time_constants.projection import refined, sensitivity
 from .time_constants.resolution import interval_table, spectrum_table
-from .time_constants.search import SearchSettings, TimeConstantChoice, Tried, search
+from .time_constants.search import CandidateRow, SearchSettings, TimeConstantChoice, search
 from .time_constants.spectrum import MAX_COUNT
 from .weighing import learned_readings
 
@@ -235,7 +235,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             final = None
         elif refine:
             final, losses = refined(factored, choice.time_constants, choice.alpha, self.scoring)
-            tried.append(Tried((), choice.alpha, losses))
+            tried.append(CandidateRow((), choice.alpha, losses))
             times.append(tuple(final.time_constants.tolist()))
             best = len(tried) - 1
         else:
@@ -259,11 +259,11 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         return tags
 
 
-def _same(one: Tried, other: Tried) -> bool:
+def _same(one: CandidateRow, other: CandidateRow) -> bool:
     return one.members == other.members and one.alpha == other.alpha
 
 
-def _results(tried: list[Tried], times: list[tuple[float, ...]]) -> dict[str, Any]:
+def _results(tried: list[CandidateRow], times: list[tuple[float, ...]]) -> dict[str, Any]:
     """The table in the form of scikit-learn's ``cv_results_``."""
     scores = -np.array([line.losses for line in tried])
     mean = scores.mean(axis=1)

@@ -29,7 +29,7 @@ from .effect_nodes import EffectCodec
 from .model_nodes import pack_model, unpack_model
 
 FORMAT = "thermocorr model"
-VERSION = 8
+VERSION = 9
 LONGEST_MESSAGE = 400
 """Characters of what is said about a file's content, which may be anything."""
 HISTORY_ROWS = 4096
@@ -264,6 +264,14 @@ def _without_thermometers(node: dict[str, Any]) -> dict[str, Any]:
     return {**node, "version": 8}
 
 
+def _without_gaps(node: dict[str, Any]) -> dict[str, Any]:
+    """Version 8: what happens in gaps was not stated."""
+    model = node.get("model")
+    if not (isinstance(model, dict) and isinstance(model.get("history"), dict)):
+        raise ModelFileError("$.model has no history")
+    return {**node, "version": 9, "model": {**model, "history": {"gaps": None, **model["history"]}}}
+
+
 MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     0: _from_draft,
     1: _from_digest_inside,
@@ -273,6 +281,7 @@ MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     5: _with_pairs_alone,
     6: _without_filling,
     7: _without_thermometers,
+    8: _without_gaps,
 }
 """Version -> what makes of its content that of the next version."""
 

@@ -42,6 +42,7 @@ from .codec import (
 from .effect_nodes import EffectCodec, check_state
 from .error_nodes import pack_errors, unpack_errors
 from .filling_nodes import pack_filling, unpack_filling
+from .gap_nodes import pack_gaps, unpack_gaps
 from .screen_nodes import pack_screen, unpack_screen
 
 KINDS = ("datetime", "datetime with time zone", "timedelta", "seconds", "rows")
@@ -77,6 +78,7 @@ def pack_history(history: History, effects: list[Any], codec: EffectCodec) -> di
         "segments": segments,
         "skipped": record.skipped.tolist(),
         "screen": None if history.screen is None else pack_screen(history.screen),
+        "gaps": pack_gaps(history.gaps),
         "first_tick": int(ticks[0]) if whole else float(ticks[0]),
         "ticks": np.diff(ticks).tolist() if whole else ticks[1:].tolist(),
         "columns": [
@@ -88,7 +90,7 @@ def pack_history(history: History, effects: list[Any], codec: EffectCodec) -> di
 
 _HISTORY = (
     "kind", "zero", "rows", "stride", "usual_step", "max_gap", "ticks_per_second", "period", "temperature", "segments",
-    "skipped", "screen", "first_tick", "ticks", "columns",
+    "skipped", "screen", "gaps", "first_tick", "ticks", "columns",
 )  # fmt: skip
 
 
@@ -144,6 +146,7 @@ def unpack_history(node: Any, where: str, effects: list[Any], codec: EffectCodec
         usual_step=positive(node["usual_step"], f"{where}.usual_step"),
         max_gap=None if node["max_gap"] is None else positive(node["max_gap"], f"{where}.max_gap"),
         screen=None if node["screen"] is None else unpack_screen(node["screen"], f"{where}.screen"),
+        known_gaps=unpack_gaps(node["gaps"], f"{where}.gaps", columns),
     )
 
 

@@ -7,7 +7,7 @@ import re
 
 from .finished import Firmware
 from .language import comment
-from .program import Constant, Line, StageSection
+from .program import CLine, Constant, StageSection
 from .target import MICROSECONDS
 
 LONGEST_STEP_US = 10**14
@@ -98,7 +98,7 @@ def _update(firmware: Firmware) -> list[str]:
     return [firmware.update_signature(), "{", *(f"    {line}" if line else "" for line in body), "}"]
 
 
-def _stage(stage: dict[StageSection, list[Line]]) -> list[str]:
+def _stage(stage: dict[StageSection, list[CLine]]) -> list[str]:
     """Local variables, then what remembers: the first sample has nothing to advance from."""
     texts = [line.text for line in stage.get("locals", [])]
     begin, advance = ([f"    {line.text}" for line in stage.get(section, [])] for section in ("begin", "advance"))

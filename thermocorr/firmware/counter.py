@@ -14,7 +14,7 @@ _ALMOST = {True: 1e-9, False: 1e-3}
 """Share of a sample (of a microsecond) by which a moment may miss it through rounding, for a fixed period or not."""
 
 
-class Clock:
+class TimeCounter:
     """Declares the counter that effects of time need, once, and gives them the time in the form they ask for."""
 
     def __init__(self, program: Program):

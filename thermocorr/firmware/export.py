@@ -16,7 +16,7 @@ from ..files import Outputs
 from ..records import RecordWarning, seconds_of
 from .body import source
 from .costs import FirmwareExport
-from .counter import Clock, settling
+from .counter import TimeCounter, settling
 from .finished import Firmware
 from .header import header
 from .language import DEFAULT_PREFIX, Dtype, prefix
@@ -126,15 +126,15 @@ def export_c(
     }
     paths = _write(folder, target.name, texts, Outputs(inputs, force))
     return FirmwareExport(
-        target.name,
-        dtype,
-        target.period,
-        paths,
-        tuple(program.columns),
-        firmware.state_bytes,
-        firmware.constant_bytes,
-        firmware.operations,
-        tuple(effect.label() for effect in effects if not effect.removed_by_correct),
+        name=target.name,
+        dtype=dtype,
+        sampling_period=target.period,
+        paths=paths,
+        columns=tuple(program.columns),
+        state_bytes=firmware.state_bytes,
+        constant_bytes=firmware.constant_bytes,
+        operations=firmware.operations,
+        kept=tuple(effect.label() for effect in effects if not effect.removed_by_correct),
     )
 
 
@@ -152,7 +152,7 @@ def _warn_of_lost_digits(found: Cancellation) -> None:
 
 def _compose(
     model: Any, target: Target, effects: list[Any], removed: list[int], weights: list[np.ndarray], states: list[Any]
-) -> tuple[Program, Clock]:
+) -> tuple[Program, TimeCounter]:
     """Let every effect write its part."""
     program = Program(target)
     if target.continues:

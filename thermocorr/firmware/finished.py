@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 
-from .counter import Clock
+from .counter import TimeCounter
 from .language import Operations
-from .program import BYTES, Line, Member, Program
+from .program import BYTES, CLine, Member, Program
 from .target import MICROSECONDS
 
 FLAGS = (
@@ -23,7 +23,7 @@ FLAGS = (
 class Firmware:
     """A program that all effects have written to, ready to become text."""
 
-    def __init__(self, program: Program, clock: Clock, limits: tuple[float, float]):
+    def __init__(self, program: Program, clock: TimeCounter, limits: tuple[float, float]):
         self.program, self.clock, self.target = program, clock, program.target
         self.limits = limits
         """Lowest and highest fitted temperature."""
@@ -32,7 +32,7 @@ class Firmware:
         program.add("close", "result.corrected = reading - bias;", cost=Operations(adds=1))
         if any(re.search(r"\bstep\b", line.text) for line in program.all_lines()):
             text = f"const {T} step = ({T})step_us / {self.target.number(MICROSECONDS)};"
-            program.stages[0].setdefault("locals", []).insert(0, Line(text, Operations(divisions=1)))
+            program.stages[0].setdefault("locals", []).insert(0, CLine(text, Operations(divisions=1)))
 
     def members(self) -> list[Member]:
         """Members of the state, those of eight bytes first, so that nothing is lost between them."""

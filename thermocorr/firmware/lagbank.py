@@ -26,7 +26,7 @@ COMPENSATED_FROM = 16.0
 
 
 @dataclass(frozen=True)
-class Source:
+class LagInput:
     """What a lag follows."""
 
     key: str
@@ -39,7 +39,7 @@ class Source:
 class Group:
     """Lags of one input."""
 
-    source: Source
+    source: LagInput
     hold: str
     start: str
     """"rest", or the C expression with which each lag difference starts."""
@@ -63,7 +63,7 @@ class LagBank:
 
     def request(
         self,
-        source: Source,
+        source: LagInput,
         time_constants: Sequence[float],
         hold: str = "first_order",
         start: str = "rest",

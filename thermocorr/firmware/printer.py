@@ -8,7 +8,7 @@ from typing import Any
 from ..effects import CATALOGUE, Effect
 from ..effects.expressions import TraceError, traced
 from ..effects.protocol import refuse_foresight
-from .counter import Clock
+from .counter import TimeCounter
 from .lagbank import LagBank
 from .language import Operations
 from .part import Part
@@ -48,7 +48,7 @@ class Printer:
     """
 
     def __init__(self, program: Program, unit: str):
-        self.program, self.target, self.clock, self.unit = program, program.target, Clock(program), unit
+        self.program, self.target, self.clock, self.unit = program, program.target, TimeCounter(program), unit
         self.lags = LagBank(program)
         self.atoms: list[Atom] = []
         self.bias = Polynomial({})

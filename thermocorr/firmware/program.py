@@ -52,7 +52,7 @@ class Member(NamedTuple):
         return BYTES[self.ctype] * (self.length or 1)
 
 
-class Line(NamedTuple):
+class CLine(NamedTuple):
     """A line of C; `operations` is what it costs in one update."""
 
     text: str
@@ -85,8 +85,8 @@ class Program:
     target: Target
     constants: list[Constant] = field(default_factory=list)
     members: list[Member] = field(default_factory=list)
-    lines: dict[Section, list[Line]] = field(default_factory=dict)
-    stages: list[dict[StageSection, list[Line]]] = field(default_factory=list)
+    lines: dict[Section, list[CLine]] = field(default_factory=dict)
+    stages: list[dict[StageSection, list[CLine]]] = field(default_factory=list)
     """What is computed one after the other: words that follow other words come in a later stage than these."""
     helpers: dict[str, tuple[str, Operations]] = field(default_factory=dict)
     """Static functions: name -> (text, operations of its dearest way)."""
@@ -131,10 +131,10 @@ class Program:
         text = f"const {ctype or self.target.dtype} {name} = {expression};"
         lines = self._stage(stage, "locals")
         if not any(line.text == text for line in lines):
-            lines.append(Line(text, cost))
+            lines.append(CLine(text, cost))
         return name
 
-    def _stage(self, stage: int, section: StageSection) -> list[Line]:
+    def _stage(self, stage: int, section: StageSection) -> list[CLine]:
         while len(self.stages) <= stage:
             self.stages.append({})
         return self.stages[stage].setdefault(section, [])
@@ -153,7 +153,7 @@ class Program:
         """Lines of a section."""
         return [line.text for line in self.lines.get(section, [])]
 
-    def all_lines(self) -> list[Line]:
+    def all_lines(self) -> list[CLine]:
         """Every line of `update`."""
         staged = (lines for stage in self.stages for lines in stage.values())
         return [line for lines in (*staged, *self.lines.values()) for line in lines]
@@ -192,7 +192,14 @@ class Program:
 
     def temperature(self) -> Input:
         """The temperature less `Target.reference_temperature` [K]."""
-        return Input("temperature", "deviation", "change", self.target.reference_temperature, "T", "K")
+        return Input(
+            value="temperature",
+            centred="deviation",
+            change="change",
+            reference=self.target.reference_temperature,
+            said="T",
+            unit="K",
+        )
 
     def column(self, name: Any, near: float) -> Input:
         """A recorded column; `near` is a usual value of it, taken from whoever asks first."""
@@ -202,7 +209,14 @@ class Program:
             self.columns[name] = identifier(name, self._columns_taken, "column")
             self.references[name] = self.target.held(near)
         k, said = list(self.columns).index(name), column_text(name)
-        return Input(f"column[{k}]", f"centred_{k}", f"change_{k}", self.references[name], said, f"({said})")
+        return Input(
+            value=f"column[{k}]",
+            centred=f"centred_{k}",
+            change=f"change_{k}",
+            reference=self.references[name],
+            said=said,
+            unit=f"({said})",
+        )
 
     def centred(self, given: Input) -> str:
         """Local variable: an input less its reference."""
@@ -215,13 +229,15 @@ class Program:
         return self.local(given.change, f"{given.value} - s->{given.value}", Operations.of(sums=1))
 
 
-def _lines(statements: Sequence[str], times: int, cost: Operations) -> list[Line]:
+def _lines(statements: Sequence[str], times: int, cost: Operations) -> list[CLine]:
     indent = "" if times == 1 else "    "
     if times == 1:
         statements = [re.sub(r"\[j(?: \+ )?(\d*)\]", _place, statement) for statement in statements]
-    lines = [Line(indent + statement, NOTHING) for statement in statements]
-    lines[0] = Line(lines[0].text, cost * times)
-    return lines if times == 1 else [Line(f"for (int j = 0; j < {times}; ++j) {{", NOTHING), *lines, Line("}", NOTHING)]
+    lines = [CLine(indent + statement, NOTHING) for statement in statements]
+    lines[0] = CLine(lines[0].text, cost * times)
+    return (
+        lines if times == 1 else [CLine(f"for (int j = 0; j < {times}; ++j) {{", NOTHING), *lines, CLine("}", NOTHING)]
+    )
 
 
 def _place(index: re.Match[str]) -> str:

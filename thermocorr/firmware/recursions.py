@@ -15,7 +15,7 @@ import numpy as np
 
 from ..effects.expressions import Decays, Delayed, Lag, Play, Word
 from ..equations import LagState, decays
-from .lagbank import Source
+from .lagbank import LagInput
 from .language import Operations
 from .polynomial import Polynomial
 
@@ -94,7 +94,7 @@ class Words:
             shift = word.start - p.constant
             begins = self.program.shared("starts_from", shift, "where bodies start, less what is usual")
             start = f"{begins} - {self.printer.said(self.printer.as_one(p, name, stage).moving).text}"
-        source, taus = Source(given.said, given.change, given.unit or "1"), word.time_constants
+        source, taus = LagInput(given.said, given.change, given.unit or "1"), word.time_constants
         group = self.printer.lags.request(source, taus, word.hold, start, state, given.counted_from, stage)
         said = [f"lag of {given.said}, {tau:.6g} s" for tau in taus]
 
@@ -181,7 +181,7 @@ class Words:
         taus = np.array(dict(word.of_segments).get(last, ()))
         left = decays(np.array([target.segment_elapsed]), taus)[0]
         felt = left > (_FORGOTTEN if target.single else 0.0)
-        source = Source("decay of the start", "", "1")
+        source = LagInput("decay of the start", "", "1")
         group = self.printer.lags.request(source, taus[felt], end=LagState(left[felt], 0.0))
 
         def later(_: int) -> list[Polynomial]:

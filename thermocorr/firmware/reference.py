@@ -13,7 +13,7 @@ from .target import Target
 
 
 @dataclass
-class Stretch:
+class ReferenceRows:
     """Samples as the effects see a block; ``block[column]``, `steps`, `seconds`, `elapsed` as in `records.Block`."""
 
     values: Mapping[Any, np.ndarray]
@@ -67,7 +67,15 @@ def reference_bias(
     began = target.absolute_zero() if target.history is not None else np.nan
     record = SimpleNamespace(times=SimpleNamespace(between=lambda later, earlier: began))
     values = {target.temperature_name: temperature, **columns}
-    block = Stretch(values, temperature, steps, seconds, elapsed, key, record)
+    block = ReferenceRows(
+        values=values,
+        temperature=temperature,
+        steps=steps,
+        seconds=seconds,
+        elapsed=elapsed,
+        segment_key=key,
+        record=record,
+    )
     bias, size = np.zeros(len(temperature)), np.zeros(len(temperature))
     for effect, weights, state in parts:
         part, _ = effect.columns(block, state)

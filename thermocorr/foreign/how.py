@@ -41,7 +41,7 @@ class HowToRead:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
+class ForeignTable:
     """A log, read."""
 
     frame: pd.DataFrame
@@ -49,7 +49,7 @@ class Table:
     said: tuple[str, ...] = ()
     """How it was understood, where that was not a matter of course."""
 
-    def with_said(self, frame: pd.DataFrame, *words: str) -> Table:
+    def with_said(self, frame: pd.DataFrame, *words: str) -> ForeignTable:
         """The log with another frame, and more to be said."""
         frame.attrs = {**self.frame.attrs, **frame.attrs}
         return replace(self, frame=frame, said=(*self.said, *filter(None, words)))

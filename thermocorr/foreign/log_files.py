@@ -15,12 +15,12 @@ from ..records import RecordError
 from ..records.errors import listing
 from ..records.files import existing_file, format_of, read_table
 from .containers import FEATHER, PACKED, SHEETS, feather, spreadsheet, unpacked
-from .how import HowToRead, Table
+from .how import ForeignTable, HowToRead
 from .long_form import nearly_numbers
 from .text_tables import HEAD, first_lines, is_plain, text_table
 
 
-def read_log(path: str | Path, how: HowToRead | None = None) -> Table:
+def read_log(path: str | Path, how: HowToRead | None = None) -> ForeignTable:
     """Read a log: text with any separator, spreadsheets, Parquet, Feather, packed by gz or zip or not.
 
     Parameters
@@ -36,9 +36,9 @@ def read_log(path: str | Path, how: HowToRead | None = None) -> Table:
     path, how = existing_file(path), how or HowToRead()
     ending = path.suffix.lower()
     if format_of(path) is not None:
-        return Table(frame=read_table(path))
+        return ForeignTable(frame=read_table(path))
     if ending in FEATHER:
-        return _filled(Table(frame=feather(path)), path)
+        return _filled(ForeignTable(frame=feather(path)), path)
     try:
         if ending in SHEETS:
             return _filled(_from_cells(spreadsheet(path, how.sheet), path, how), path)
@@ -51,7 +51,7 @@ def read_log(path: str | Path, how: HowToRead | None = None) -> Table:
         raise RecordError(f"{path} cannot be read: {error.strerror or error}.") from None
 
 
-def plain_head(path: Path, how: HowToRead) -> Table | None:
+def plain_head(path: Path, how: HowToRead) -> ForeignTable | None:
     """The first lines of a file that is CSV as this package writes it, as far as these tell; None for any other.
 
     Raises RecordError where they are no table.
@@ -65,7 +65,7 @@ def plain_head(path: Path, how: HowToRead) -> Table | None:
     return text_table(head[: head.rfind(b"\n") + 1] or head, path, how)
 
 
-def _from_cells(cells: pd.DataFrame, path: Path, how: HowToRead) -> Table:
+def _from_cells(cells: pd.DataFrame, path: Path, how: HowToRead) -> ForeignTable:
     """A sheet, by the way of text: headers, units and preambles are found as in a file of text."""
     out = io.StringIO()
     written = csv.writer(out, lineterminator="\n")
@@ -84,7 +84,7 @@ def _cell_text(cell: Any) -> str:
     return repr(cell) if isinstance(cell, float) else str(cell)
 
 
-def _filled(table: Table, path: Path) -> Table:
+def _filled(table: ForeignTable, path: Path) -> ForeignTable:
     """A table with rows, and what is said of columns that are no numbers for a few cells."""
     if len(table.frame) == 0:
         raise RecordError(f"{path} has a header ({listing(table.frame.columns)}) but no rows.")

@@ -22,7 +22,7 @@ SOME = 10_000
 """Cells of a column, at random, that tell whether it is worth counting all of its numbers."""
 
 
-class Shape(NamedTuple):
+class LongShape(NamedTuple):
     """Columns of a log in which every line holds one value."""
 
     time: str
@@ -31,9 +31,9 @@ class Shape(NamedTuple):
 
 
 SHAPES = (
-    Shape("_time", "_field", "_value"),  # InfluxDB
-    Shape("last_changed", "entity_id", "state"),  # Home Assistant
-    Shape("last_updated", "entity_id", "state"),
+    LongShape("_time", "_field", "_value"),  # InfluxDB
+    LongShape("last_changed", "entity_id", "state"),  # Home Assistant
+    LongShape("last_updated", "entity_id", "state"),
 )
 
 

@@ -14,7 +14,7 @@ from ..records.errors import listing, quoted
 from ..records.times import dates_once
 from ..records.types import kind_of
 from ..records.units import unit_of
-from .how import HowToRead, Table
+from .how import ForeignTable, HowToRead
 from .log_files import read_log
 from .long_form import on_times
 from .timed import time_column, with_times
@@ -23,14 +23,16 @@ RUN = "file"
 """Column of the names of files, each a run."""
 
 
-def read_logs(paths: Sequence[str | Path], how: HowToRead, *, join: bool = False, time: str | None = None) -> Table:
+def read_logs(
+    paths: Sequence[str | Path], how: HowToRead, *, join: bool = False, time: str | None = None
+) -> ForeignTable:
     """One file, or several: each a run, or joined by their times. Times of one file are left as they came."""
     if len(paths) == 1:
         return read_log(paths[0], how)
     return (joined if join else as_runs)(paths, time, how)
 
 
-def as_runs(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> Table:
+def as_runs(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> ForeignTable:
     """Files with the same columns, one below the other; `RUN` tells which row is whose.
 
     Raises RecordError for files with other columns.
@@ -57,10 +59,10 @@ def as_runs(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> Ta
     _refuse_other_clocks(parts, paths, time)
     said = tuple(dict.fromkeys(word for table in tables for word in table.said))
     frame = pd.concat(parts, ignore_index=True)
-    return Table(frame=frame, said=said).with_said(_with_units(frame, tables), f"{len(paths)} files, a run each")
+    return ForeignTable(frame=frame, said=said).with_said(_with_units(frame, tables), f"{len(paths)} files, a run each")
 
 
-def joined(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> Table:
+def joined(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> ForeignTable:
     """Files of one stretch of time: the rows of the one with the reading, and of the others their columns there.
 
     A straight line between two of their values, none before the first and behind the last.
@@ -100,10 +102,10 @@ def joined(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> Tab
     said = tuple(dict.fromkeys(word for table in tables for word in table.said))
     words = f"{len(paths)} files joined on the times of {Path(paths[main]).name}"
     words += f", without {listing(left)} (no numbers)" if left else ""
-    return Table(frame=frame, said=said).with_said(_with_units(frame, tables), words)
+    return ForeignTable(frame=frame, said=said).with_said(_with_units(frame, tables), words)
 
 
-def _timed(path: str | Path, time: str | None, how: HowToRead) -> Table:
+def _timed(path: str | Path, time: str | None, how: HowToRead) -> ForeignTable:
     table = read_log(path, how)
     column = _time_name(table.frame, time)
     if column is None:
@@ -142,7 +144,7 @@ def _names(paths: Sequence[str | Path]) -> list[str]:
     return names if len(set(names)) == len(names) else [str(path) for path in paths]
 
 
-def _with_units(frame: pd.DataFrame, tables: Sequence[Table]) -> pd.DataFrame:
+def _with_units(frame: pd.DataFrame, tables: Sequence[ForeignTable]) -> pd.DataFrame:
     units = {name: unit for table in tables for name, unit in table.frame.attrs.get("units", {}).items()}
     if units:
         frame.attrs["units"] = units

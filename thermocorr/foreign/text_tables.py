@@ -10,7 +10,7 @@ from ..records.csvlines import LONGEST
 from ..records.files import csv_table
 from .dialect import Dialect
 from .encoding import Decoded, decoded
-from .how import HowToRead, Table
+from .how import ForeignTable, HowToRead
 from .long_form import widened, without_units
 from .sniffing import SAMPLE, sniff
 
@@ -40,7 +40,7 @@ MOST_COLUMNS = 10_000
 """Columns from which on a file is no log: to look at a million of them takes a minute."""
 
 
-def text_table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...] = ()) -> Table:
+def text_table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...] = ()) -> ForeignTable:
     """The table in the content of a file.
 
     Parameters
@@ -62,13 +62,15 @@ def text_table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...]
     if columns >= MOST_COLUMNS and len(header) <= LONGEST:  # a longer one is refused by the reader of plain CSV
         raise RecordError(f"{path} has more than {MOST_COLUMNS} columns in its first line. Is it a log?")
     if is_plain(first_lines(content), how) and not _is_broken_up(content):
-        return _arranged(Table(frame=csv_table(content, path), said=said), how.reading)
+        return _arranged(ForeignTable(frame=csv_table(content, path), said=said), how.reading)
     try:
         text, found = head_dialect(content, how)
     except RecordError as error:
         raise RecordError(f"{path} cannot be read as a table: {error}") from None
     if text is None or found is None:  # the reader of plain CSV says what is wrong
-        return _arranged(Table(frame=csv_table(content if text is None else text.text.encode(), path), said=said), None)
+        return _arranged(
+            ForeignTable(frame=csv_table(content if text is None else text.text.encode(), path), said=said), None
+        )
     if text.name != "UTF-8" or how.encoding is not None:
         said = (*said, f"{text.name}{'' if text.doubt is None else ', as far as one can tell'}")
     return _translated(text.text, found, path, said, how.reading)
@@ -110,7 +112,7 @@ def _lines(text: str) -> list[str]:
     return [line.removesuffix("\r") for line in cut]
 
 
-def _translated(text: str, found: Dialect, path: Path, said: tuple[str, ...], reading: str | None) -> Table:
+def _translated(text: str, found: Dialect, path: Path, said: tuple[str, ...], reading: str | None) -> ForeignTable:
     """The table of a text, by the way of plain CSV: one strict reader for every file."""
     try:
         rows = replace(found, comments=found.comments or "\n#" in text).plain(text)
@@ -119,10 +121,10 @@ def _translated(text: str, found: Dialect, path: Path, said: tuple[str, ...], re
     frame = csv_table(rows.encode(), path, list(found.names), found.first + 1)
     if found.units:
         frame.attrs["units"] = dict(found.units)
-    return _arranged(Table(frame=frame, said=(*said, *found.said())), reading)
+    return _arranged(ForeignTable(frame=frame, said=(*said, *found.said())), reading)
 
 
-def _arranged(table: Table, reading: str | None) -> Table:
+def _arranged(table: ForeignTable, reading: str | None) -> ForeignTable:
     """One column for each quantity, of numbers without their units."""
     wide, words = widened(table.frame, reading)
     table = table.with_said(wide, words) if words else table

@@ -15,7 +15,7 @@ from ..records.times import dates_once
 from ..records.types import kind_of
 from ..records.units import name_and_unit, unit_of
 from .clocks import SPANS, Understood, understood
-from .how import HowToRead, Table
+from .how import ForeignTable, HowToRead
 from .values import first_cell, is_moment
 
 DATES = ("date", "datum", "day", "tag")
@@ -23,7 +23,7 @@ CLOCKS = ("time", "clock", "zeit", "uhrzeit", "time of day", "heure", "hora")
 """Names, in small letters, of columns of dates and of times of day."""
 
 
-def with_times(table: Table, column: str | None, how: HowToRead) -> Table:
+def with_times(table: ForeignTable, column: str | None, how: HowToRead) -> ForeignTable:
     """The log with its times as dates, spans or seconds; text in the forms of ISO 8601 stays as it came.
 
     Parameters
@@ -117,7 +117,7 @@ def _plain_name(name: object) -> str:
     return name_and_unit(str(name))[0].strip().lower()
 
 
-def _sorted(table: Table, column: str) -> Table:
+def _sorted(table: ForeignTable, column: str) -> ForeignTable:
     times = dates_once(table.frame[column])
     if kind_of(times) == "text":  # the record says what is wrong with it
         return table

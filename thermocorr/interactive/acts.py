@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
 from ..files.codec import ModelFileError, fields, integer, items, number, positive, text
-from .arrangement import AddedEffect, Arrangement, Moment, Settings, Stretch
+from .arrangement import AddedEffect, Arrangement, ModelSettings, Moment, Stretch
 from .roles import Roles
 
 MARKS = {
@@ -202,7 +202,7 @@ def _stretch(node: Any, where: str) -> Stretch:
     return start, stop
 
 
-def folded(acts: tuple[Act, ...], settings: Settings) -> Arrangement:
+def folded(acts: tuple[Act, ...], settings: ModelSettings) -> Arrangement:
     """The arrangement that a row of acts makes."""
     arrangement = Arrangement(settings=settings)
     for act in acts:

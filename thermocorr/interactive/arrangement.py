@@ -16,7 +16,7 @@ Moment = float | str
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class ModelSettings:
     """Settings of the model, see `DynamicBiasRegressor`."""
 
     time_constants: Any = 6
@@ -45,7 +45,7 @@ class Arrangement:
 
     roles: Roles | None = None
     """None until it is known which column is the temperature and which the reading."""
-    settings: Settings = field(default_factory=Settings)
+    settings: ModelSettings = field(default_factory=ModelSettings)
     effects: tuple[AddedEffect, ...] = ()
     left_out: tuple[Stretch, ...] = ()
     """Stretches that are not learned from."""

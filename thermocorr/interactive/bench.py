@@ -18,11 +18,11 @@ from ..judgement.adding import with_missing
 from ..pages import PageData, figures
 from ..pages.charts import Chart
 from .acts import MARKS, MOST_SPIKES, Act, Add, Columns, Mark, Past, folded, roles_of, shape_of
-from .arrangement import AddedEffect, Arrangement, Moment, Settings, Stretch
+from .arrangement import AddedEffect, Arrangement, ModelSettings, Moment, Stretch
 from .learning import Fitted, errors_of, fitted, quietly
 from .previews import preview_of
 from .roles import Roles
-from .source import Source
+from .source import ReadLog
 from .tiles import Store
 from .wording import axis_of, chosen_lags, moment_words, sentence
 
@@ -53,23 +53,23 @@ class Bench:
     own_file : str
         The file that they are from.
     base : DynamicBiasRegressor, optional
-        The model whose settings count where a `Settings` has none.
+        The model whose settings count where `ModelSettings` has none.
     """
 
     def __init__(
         self,
-        source: Source,
+        source: ReadLog,
         store: Store,
         *,
         roles: Roles | None = None,
-        settings: Settings | None = None,
+        settings: ModelSettings | None = None,
         own: Sequence[type[Effect]] = (),
         own_file: str = "",
         base: DynamicBiasRegressor | None = None,
     ):
         self.source, self.store, self.own, self.own_file = source, store, tuple(own), own_file
         self.base = base
-        self.settings = settings or Settings()
+        self.settings = settings or ModelSettings()
         self.codec = EffectCodec([import_path(cls, cls.__name__) for cls in self.own])
         self.past = Past(((Columns(roles),) if roles else (),), 0)
         self.needed: frozenset[str] = frozenset()

@@ -28,7 +28,7 @@ from ..pictures.walk import Walk
 from ..records import Record, RecordError, RecordWarning
 from ..records.types import kind_of
 from .arrangement import Arrangement
-from .source import Source
+from .source import ReadLog
 from .tiles import Store
 
 RUNS = "run (workbench)"
@@ -67,7 +67,7 @@ class Fitted:
     """Why there are no errors or no diagnosis, by the name of what is lacking."""
 
 
-def data_of(source: Source, arrangement: Arrangement) -> Data:
+def data_of(source: ReadLog, arrangement: Arrangement) -> Data:
     """Columns and readings as an arrangement has them.
 
     Raises RecordError where the arrangement does not say which column is what, or names columns that are not there.
@@ -135,7 +135,11 @@ def unfitted(arrangement: Arrangement, codec: EffectCodec, base: DynamicBiasRegr
 
 
 def fitted(
-    source: Source, arrangement: Arrangement, codec: EffectCodec, store: Store, base: DynamicBiasRegressor | None = None
+    source: ReadLog,
+    arrangement: Arrangement,
+    codec: EffectCodec,
+    store: Store,
+    base: DynamicBiasRegressor | None = None,
 ) -> Fitted:
     """Fit an arrangement, and write its curves to the store.
 
@@ -150,7 +154,14 @@ def fitted(
         model = unfitted(arrangement, codec, base or DynamicBiasRegressor()).fit(data.X, data.learned)
         said = [str(w.message) for w in caught if issubclass(w.category, RecordWarning)]
         curves, timeline = curves_of(model, data, store)
-    return Fitted(arrangement, data, model, tuple(dict.fromkeys((*said, *model.notes_))), curves, timeline)
+    return Fitted(
+        arrangement=arrangement,
+        data=data,
+        model=model,
+        notes=tuple(dict.fromkeys((*said, *model.notes_))),
+        curves=curves,
+        timeline=timeline,
+    )
 
 
 def curves_of(model: DynamicBiasRegressor, data: Data, store: Store) -> tuple[dict[str, str], TimeLine]:

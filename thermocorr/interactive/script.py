@@ -13,7 +13,7 @@ from ..records.text import printable
 from .acts import Act, Add, Mark
 from .arrangement import Arrangement
 from .learning import RUNS, Fitted
-from .source import Source
+from .source import ReadLog
 from .trial_records import SAMPLES
 
 
@@ -24,7 +24,7 @@ class Chapter(NamedTuple):
     code: str
 
 
-def script(source: Source, found: Fitted, acts: tuple[Act, ...], own_file: str = "") -> str:
+def script(source: ReadLog, found: Fitted, acts: tuple[Act, ...], own_file: str = "") -> str:
     """The session as a Python script."""
     parts = [f"# {_title(source)}"]
     for chapter in chapters(source, found, acts, own_file):
@@ -32,7 +32,7 @@ def script(source: Source, found: Fitted, acts: tuple[Act, ...], own_file: str =
     return "\n".join([TEXT_MARK, *parts]) + "\n"
 
 
-def notebook(source: Source, found: Fitted, acts: tuple[Act, ...], own_file: str = "") -> str:
+def notebook(source: ReadLog, found: Fitted, acts: tuple[Act, ...], own_file: str = "") -> str:
     """The session as a Jupyter notebook."""
     cells = [_cell("markdown", f"# {_title(source)}")]
     for chapter in chapters(source, found, acts, own_file):
@@ -49,11 +49,11 @@ def _cell(kind: str, text: str) -> dict[str, Any]:
     return {"cell_type": kind, "metadata": {}, "source": text, "outputs": [], "execution_count": None}
 
 
-def _title(source: Source) -> str:
+def _title(source: ReadLog) -> str:
     return f"The thermal bias of {_plain(source.name)}, as it was learned on the workbench."
 
 
-def chapters(source: Source, found: Fitted, acts: tuple[Act, ...], own_file: str) -> list[Chapter]:
+def chapters(source: ReadLog, found: Fitted, acts: tuple[Act, ...], own_file: str) -> list[Chapter]:
     """What the script is made of."""
     arrangement = found.arrangement
     effects = [effect for _, effect in as_effects(found.model.effects)]
@@ -76,7 +76,7 @@ _ERRORS = """residual = held_out_residuals(model, X, learned)
 print(f"in sample {model.residual_std_:.6g}, held out {np.sqrt(np.nanmean(residual**2)):.6g}")"""
 
 
-def _imports(source: Source, effects: list[Effect], own_file: str) -> str:
+def _imports(source: ReadLog, effects: list[Effect], own_file: str) -> str:
     names: dict[str, set[str]] = {}
     own = set()
     for effect in effects:
@@ -98,7 +98,7 @@ def _imports(source: Source, effects: list[Effect], own_file: str) -> str:
     return "\n".join(lines)
 
 
-def _log(source: Source, arrangement: Arrangement) -> str:
+def _log(source: ReadLog, arrangement: Arrangement) -> str:
     roles = arrangement.roles
     assert roles is not None
     if source.files:

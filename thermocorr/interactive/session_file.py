@@ -14,9 +14,9 @@ from ..files.model_file import content_of
 from ..foreign import HowToRead
 from ..records import RecordError
 from .acts import Act, Past, act_of, products_of
-from .arrangement import Settings
+from .arrangement import ModelSettings
 from .bench import Bench
-from .source import Source, built_in, fingerprint, opened
+from .source import ReadLog, built_in, fingerprint, opened
 from .tiles import Store
 from .trial_records import SAMPLES
 
@@ -103,7 +103,7 @@ def reopened(path: str | Path, store: Store, own: Sequence[type[Effect]] = (), o
         raise RecordError(f"{path} cannot be read: {error.strerror or error}.") from None
 
 
-def _source(node: Any, folder: Path) -> Source:
+def _source(node: Any, folder: Path) -> ReadLog:
     node = fields(node, "$.log", (), ("built_in", "files", "how", "join", "sha256"))
     if "built_in" in node:
         if node["built_in"] not in SAMPLES:
@@ -134,8 +134,8 @@ def _there(name: str, folder: Path) -> str:
     return name if Path(name).exists() or not (folder / Path(name).name).exists() else str(folder / Path(name).name)
 
 
-def _settings(node: Any) -> Settings:
-    given = fields(node, "$.settings", tuple(item.name for item in dataclasses.fields(Settings)))
+def _settings(node: Any) -> ModelSettings:
+    given = fields(node, "$.settings", tuple(item.name for item in dataclasses.fields(ModelSettings)))
     taus = given["time_constants"]
     if isinstance(taus, list):
         given["time_constants"] = tuple(taus)
@@ -148,4 +148,4 @@ def _settings(node: Any) -> Settings:
     for name in ("sampling_period", "max_gap"):
         if given[name] is not None and not isinstance(given[name], int | float | str):
             raise ModelFileError(f"$.settings.{name} is no span of time")
-    return Settings(**given)
+    return ModelSettings(**given)

@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from ..foreign import HowToRead, Table, read_logs, with_times
+from ..foreign import ForeignTable, HowToRead, read_logs, with_times
 from ..records import RecordError, RecordWarning
 from ..records.files import existing_file
 from ..records.times import dates_once
@@ -21,10 +21,10 @@ CHUNK = 1 << 20
 
 
 @dataclass(frozen=True, kw_only=True)
-class Source:
+class ReadLog:
     """A log, read."""
 
-    table: Table
+    table: ForeignTable
     name: str
     """What it is called on the screen."""
     files: tuple[str, ...] = ()
@@ -61,17 +61,17 @@ class Source:
         return {"files": list(self.files), "how": said, "join": self.join, "sha256": self.digest}
 
 
-def built_in(name: str = "") -> Source:
+def built_in(name: str = "") -> ReadLog:
     """A record of `SAMPLES`, the first one by default; ValueError for a name that is none of theirs."""
     name = name or FIRST
     if name not in SAMPLES:
         raise ValueError(f"There is no built-in record {name!r}. There are: {', '.join(SAMPLES)}.")
-    return Source(table=Table(frame=SAMPLES[name].make()), name=name)
+    return ReadLog(table=ForeignTable(frame=SAMPLES[name].make()), name=name)
 
 
 def opened(
     paths: Sequence[str | Path], how: HowToRead | None = None, *, join: bool = False, names: Sequence[str] = ()
-) -> Source:
+) -> ReadLog:
     """Read a log.
 
     Parameters
@@ -96,7 +96,7 @@ def opened(
     table = table.with_said(table.frame, *notes)
     if not all(isinstance(column, str) for column in table.frame.columns):
         table = table.with_said(table.frame.rename(columns=str))
-    return Source(
+    return ReadLog(
         table=table,
         name=", ".join(Path(path).name for path in names or paths),
         files=tuple(names) or tuple(str(Path(path).resolve()) for path in paths),

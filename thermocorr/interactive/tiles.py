@@ -59,7 +59,7 @@ class Store:
                     path.unlink()
 
 
-class Cells(NamedTuple):
+class TileCells(NamedTuple):
     """Extremes of every `CELL` rows of a curve."""
 
     low: np.ndarray
@@ -68,16 +68,16 @@ class Cells(NamedTuple):
     """Whether the first value is above the last one."""
 
     @classmethod
-    def of(cls, values: np.ndarray, starts: np.ndarray) -> Cells:
+    def of(cls, values: np.ndarray, starts: np.ndarray) -> TileCells:
         """Extremes of groups of rows that begin at `starts`, the last one at the end."""
         ends = np.append(starts[1:], len(values)) - 1
         return cls(np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts), values[starts] > values[ends])
 
-    def grouped(self, starts: np.ndarray) -> Cells:
+    def grouped(self, starts: np.ndarray) -> TileCells:
         """Extremes of groups of cells."""
         ends = np.append(starts[1:], len(self.low)) - 1
         low, high = np.fmin.reduceat(self.low, starts), np.fmax.reduceat(self.high, starts)
-        return Cells(low, high, self.low[starts] > self.high[ends])
+        return TileCells(low, high, self.low[starts] > self.high[ends])
 
     def points(self) -> np.ndarray:
         """Two values for each group, in the order that joins it with its neighbours."""
@@ -106,7 +106,7 @@ class Tiles:
     def __init__(self, store: Store, most: int = 64):
         self.store = store
         self.most = most
-        self._cells: OrderedDict[str, Cells] = OrderedDict()
+        self._cells: OrderedDict[str, TileCells] = OrderedDict()
         self._lock = threading.Lock()
 
     def piece(
@@ -162,21 +162,28 @@ class Tiles:
         if len(at):  # a point without a value before each segment, so that no line joins two of them
             drawn, means = ([np.insert(curve, at, np.nan) for curve in part] for part in (drawn, means))
             places = np.insert(places, at, places[np.maximum(at - 1, 0)])
-        return Piece(places, drawn, stop - first, width, dict(zip(names, means, strict=False)), each)
+        return Piece(
+            place=places,
+            curves=drawn,
+            rows=stop - first,
+            rows_per_point=width,
+            means=dict(zip(names, means, strict=False)),
+            mean_rows=each,
+        )
 
-    def _extremes(self, name: str, starts: np.ndarray, stop: int, width: int) -> Cells:
+    def _extremes(self, name: str, starts: np.ndarray, stop: int, width: int) -> TileCells:
         """Extremes of groups of rows that begin at `starts`."""
         if width < CELL:
-            return Cells.of(np.array(self.store.get(name)[starts[0] : stop]), starts - starts[0])
-        part = Cells(*(column[starts[0] // CELL : -(-stop // CELL)] for column in self._cells_of(name)))
+            return TileCells.of(np.array(self.store.get(name)[starts[0] : stop]), starts - starts[0])
+        part = TileCells(*(column[starts[0] // CELL : -(-stop // CELL)] for column in self._cells_of(name)))
         return part.grouped((starts - starts[0]) // CELL)
 
-    def _cells_of(self, name: str) -> Cells:
+    def _cells_of(self, name: str) -> TileCells:
         with self._lock:
             found = self._cells.get(name)
         if found is None:
             values = self.store.get(name)
-            found = Cells.of(np.array(values), np.arange(0, len(values), CELL))
+            found = TileCells.of(np.array(values), np.arange(0, len(values), CELL))
         with self._lock:
             self._cells[name] = found
             self._cells.move_to_end(name)

@@ -10,7 +10,7 @@ import pandas as pd
 from ..datasets import load_voltage_reference, make_record
 
 
-class Sample(NamedTuple):
+class TrialRecord(NamedTuple):
     """A built-in record."""
 
     title: str
@@ -27,13 +27,13 @@ class Sample(NamedTuple):
         return f"{self.loader}({', '.join(given)})"
 
 
-def _simulated(title: str, seed: int, **effects: float) -> Sample:
-    return Sample(title, partial(make_record, 20_000, effects=effects, seed=seed))
+def _simulated(title: str, seed: int, **effects: float) -> TrialRecord:
+    return TrialRecord(title, partial(make_record, 20_000, effects=effects, seed=seed))
 
 
 FIRST = "the built-in voltage reference with a hidden effect"
 SAMPLES = {
-    FIRST: Sample("voltage reference, two weeks", partial(load_voltage_reference, hidden="moisture")),
+    FIRST: TrialRecord("voltage reference, two weeks", partial(load_voltage_reference, hidden="moisture")),
     "simulated device 1": _simulated("simulated device 1", 11, hysteresis=1.5),
     "simulated device 2": _simulated("simulated device 2", 12, step=1.0, lagged_covariate=1.5),
     "simulated device 3": _simulated("simulated device 3", 13, covariate=0.0),

@@ -29,7 +29,7 @@ class Fit:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Columns:
+class ExplanationColumns:
     """Columns of one explanation, transformed, base of the start taken out, with their cross products in each band."""
 
     rows: np.ndarray
@@ -66,7 +66,7 @@ class Comparison:
         self.zz = np.maximum(self.bands.sums(self.z**2), 1e-300)  # an exact reading leaves nothing at all
         self.Qz = self.bands.sums(Q * self.z[:, None])
         self.QQ = self._products(Q, Q)
-        self.explanations: list[Columns | None] = []
+        self.explanations: list[ExplanationColumns | None] = []
         self.causes: list[slice] = []
         """Columns of the base that each adopted explanation has."""
         self.base = self.first_fit()
@@ -109,7 +109,9 @@ class Comparison:
             kept = low + np.flatnonzero(alive[low:high])
             rows = together[:, kept]
             own = self.bands.sums(rows**2)[:, :, None] if len(kept) == 1 else self._products(rows, rows)
-            found = Columns(rows=rows, own=own, base=np.ascontiguousarray(base[:, :, kept]), reading=reading[:, kept])
+            found = ExplanationColumns(
+                rows=rows, own=own, base=np.ascontiguousarray(base[:, :, kept]), reading=reading[:, kept]
+            )
             self.explanations.append(found if len(kept) else None)
 
     def width(self, i: int) -> int:
@@ -131,7 +133,9 @@ class Comparison:
         parts = {id(o): cross[:, :, a:b] for o, a, b in zip(others, edges[:-1], edges[1:], strict=True)}
         self.explanations = [
             o
-            and Columns(rows=o.rows, own=o.own, base=np.concatenate((o.base, parts[id(o)]), axis=1), reading=o.reading)
+            and ExplanationColumns(
+                rows=o.rows, own=o.own, base=np.concatenate((o.base, parts[id(o)]), axis=1), reading=o.reading
+            )
             for o in self.explanations
         ]
         self.Q = np.column_stack((self.Q, found.rows))

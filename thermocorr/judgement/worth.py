@@ -61,7 +61,7 @@ class HeldOut:
             reading=self._in_pieces(base, readings),
             squares=np.stack([np.sum(readings[a:b] ** 2, axis=0) for a, b in pairwise(self.edges)]),
         )
-        self.folds = [[Fold(products, *fold) for fold in folds] for folds in (LATER, BLOCKS)]
+        self.folds = [[PieceFold(products, *fold) for fold in folds] for folds in (LATER, BLOCKS)]
         self.before = [sum(fold.error for fold in folds) for folds in self.folds]
 
     def _in_pieces(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -110,7 +110,7 @@ class Products(NamedTuple):
         return Products(*(part[list(pieces)].sum(axis=0) for part in self))
 
 
-class Fold:
+class PieceFold:
     """A ridge of the readings on the base, learned from some pieces and tested on others, by cross products alone.
 
     Columns are scaled to unit variance where they are learned, and lose their means there.

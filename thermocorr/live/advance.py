@@ -13,6 +13,7 @@ import numpy as np
 from ..effects.samples import Sample, stepper_of
 from ..effects.stream import Walked, needed_columns, states_before, walk
 from ..estimators import DynamicBiasRegressor
+from ..estimators.gap_error import Felt
 from ..records import Record, Segment, SegmentStart
 from ..records.flags import Flags
 from ..records.read import GAP_STEPS
@@ -23,9 +24,11 @@ from .state import StreamState
 
 SUSPECT_GAPS = 1000.0
 """A step of more than so many gaps is more likely a damaged time: hours for a log with a step of a second."""
-REASONS = ("suspect time", "no reading", "washout", "thermometer lost", "filled", "outside fitted range", "gap")
+REASONS = (
+    "suspect time", "no reading", "washout", "thermometer lost", "behind gap", "filled", "outside fitted range", "gap",
+)  # fmt: skip
 """Reasons for distrust that leave a number, the weightiest first."""
-SUSPECT, NO_READING, WASHOUT, LOST, FILLED, OUTSIDE, GAP = (1 << bit for bit in range(len(REASONS)))
+SUSPECT, NO_READING, WASHOUT, LOST, BEHIND, FILLED, OUTSIDE, GAP = (1 << bit for bit in range(len(REASONS)))
 FLAGS = tuple(tuple(r for bit, r in enumerate(REASONS) if mask >> bit & 1) for mask in range(1 << len(REASONS)))
 BACKWARD, STALE = ("backward time",), ("stale time",)
 
@@ -61,6 +64,7 @@ class Stream:
         self.errors = errors
         self.temperature = temperature = history.record.temperature_name
         self.filling = LiveFilling(model, continues) if features.filling_.stand_ins else None
+        self.gap_error = model.gap_error()
         self.inputs = [column for column in needed_columns(self.effects) if column != temperature]
         self._steppers = [
             stepper_of(effect, history.record.times, history.zero, temperature) for effect in self.effects
@@ -102,6 +106,7 @@ class Stream:
             filled_to=filled_to,
             filled_run=filled_run,
             filling=filling,
+            behind_gap=tuple(None if each is None else tuple(each.ravel().tolist()) for each in self._behind_gap),
         )
 
     def put(self, state: StreamState) -> None:
@@ -110,6 +115,10 @@ class Stream:
         self._open, self._until = state.open, -math.inf
         if self.filling is not None:
             self.filling.put(state.filled_to, state.filled_run, state.filling)
+        self._behind_gap: Felt = tuple(
+            None if each is None else np.reshape(each, 2 * [len(law.weights)])
+            for each, law in zip(state.behind_gap, self.gap_error.laws, strict=False)
+        )
         if state.open:
             self._take_up(state.key, state.segment_zero, state.states)
 
@@ -140,11 +149,17 @@ class Stream:
         goes_on = self._open and step <= self._max_gap and step < math.inf
         self.last, self._run = stamp, run
         T = values[self.temperature]
+        since = step
         if goes_on:
             sample.begins, sample.step = False, step
         else:
+            self._behind_gap = ()
             since = self._begin(stamp, run, values)
             step = since if step == math.inf else step
+        unknown = 0.0
+        if since > self.gap_error.least or self._behind_gap:
+            variance, self._behind_gap = self.gap_error.of_rows(np.array([since]), self._behind_gap)
+            unknown = float(variance[0])
         sample.temperature, sample.values, sample.stamp = T, values, stamp
         sample.seconds = clock.between(stamp, self.history.zero)
         sample.elapsed = elapsed = clock.between(stamp, sample.segment_zero)
@@ -165,6 +180,8 @@ class Stream:
         error, filled = felt
         if error or filled:
             mask |= LOST if error > self._deviation else FILLED if filled else 0
+        if unknown > self._deviation**2:
+            mask |= BEHIND
         if self.filling is not None and outside(self.filling.ranges, values):
             mask |= OUTSIDE
         if bias - bias != 0.0:  # far outside: powers of it are no numbers
@@ -177,7 +194,7 @@ class Stream:
         columns[0, self._active] = row
         seconds, temperature, value = (np.array([number]) for number in (sample.seconds, T, bias))
         found = self.errors.variances(columns, seconds, temperature, value, sample.key)
-        found[0] += error**2
+        found[0] += error**2 + unknown
         return Advanced(bias, FLAGS[mask], not mask & ~GAP, found)
 
     def _settle(self, elapsed: float) -> None:
@@ -252,7 +269,7 @@ class Stream:
                 walked[:] = [step]
                 yield step
 
-        measured = reading[rows]
+        measured, behind = reading[rows], {} if fresh[0] else {0: self._behind_gap}
         with np.errstate(over="ignore", invalid="ignore"):  # powers of a temperature far outside: a flag says it
             for block, parts in self.model.weighed(noted()):
                 into = rows[block.rows]
@@ -260,6 +277,8 @@ class Stream:
                 flags = self.model.block_flags(block, measured[block.rows])
                 if self.filling is not None:
                     self.model.mark_filled(flags, felt[into, 0], felt[into, 1] > 0)
+                unknown = self.gap_error.of_block(block, behind)
+                self.model.mark_behind_gaps(flags, unknown)
                 absurd = ~np.isfinite(bias)
                 bias[absurd], flags[absurd & flags.are("")] = np.nan, "outside fitted range"
                 flags[flags.are("") & (steps[block.rows] > self.gap)] = "gap"
@@ -269,10 +288,10 @@ class Stream:
                     found = self.errors.variances(
                         walked[0].columns, block.seconds, block.temperature, bias, block.segment_key
                     )
-                    found[0] += felt[into, 0] ** 2
+                    found[0] += felt[into, 0] ** 2 + unknown
                     found[:, flags.are("washout", "no reading")] = np.nan
                     out.variances[:, into] = found
-        self._open, self._until = True, -math.inf
+        self._open, self._until, self._behind_gap = True, -math.inf, behind[walked[0].block.segment]
         self._take_up(walked[0].block.segment_key, walked[0].block.segment_zero, walked[0].states)
         return out
 

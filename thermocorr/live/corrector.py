@@ -21,7 +21,7 @@ from .advance import Advanced, Stream
 from .filled import NOTHING
 from .given import (
     NO_TEMPERATURE,
-    Columns,
+    Answers,
     Corrected,
     checked_label,
     column_of,
@@ -258,7 +258,8 @@ class OnlineCorrector(Resumable):
             u = float(self.errors.u(done.variances)[0])
             if self.average is not None:
                 u_smoothed = float(self.errors.u(done.variances, len(self.average.values))[0])
-        return Corrected(corrected, done.bias, done.flags, smoothed, reference, u, u_smoothed)
+        more = {"smoothed": smoothed, "reference": reference, "u": u, "u_smoothed": u_smoothed}
+        return Corrected(corrected, done.bias, done.flags, **more)
 
     def _consider(self, stamp: Any, run: Any) -> None:
         """Before a sample: forget the last one if its time was false; doubt this one if it jumps."""
@@ -294,7 +295,7 @@ class OnlineCorrector(Resumable):
         values = {stream.temperature: column_of(X, stream.temperature, "temperature")}
         values |= {name: column_of(X, name, "column") for name in self.columns}
         if not n:
-            return Columns(0).frame(X, self.names)
+            return Answers(0).frame(X, self.names)
         times = times_of(X, self.model.features_.layout())
         labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run])
         short = n + 1 if n < _SHORT else 1
@@ -309,13 +310,13 @@ class OnlineCorrector(Resumable):
         reading: np.ndarray,
         runs: Any = None,
         short: int = 1,
-    ) -> Columns:
+    ) -> Answers:
         """`update_many` on what it made of its arguments: stamps, columns and readings as numbers, labels of runs.
 
         Stamps are None for a record without times. Stretches of less than `short` rows go one by one, which is faster,
         and equal to the last digit but one.
         """
-        out = Columns(len(reading))
+        out = Answers(len(reading))
         if stamps is None:
             frame = pd.DataFrame(values)
             if not self._placed and not self.place_block(
@@ -338,9 +339,9 @@ class OnlineCorrector(Resumable):
 
     def _update_filled(
         self, stamps: np.ndarray, values: dict[Any, np.ndarray], reading: Any, runs: Any, short: int, felt: np.ndarray
-    ) -> Columns:
+    ) -> Answers:
         """`update_stamps` where missing cells have been filled as far as they can be, see `LiveFilling`."""
-        out = Columns(len(reading))
+        out = Answers(len(reading))
         why = refused_rows(self._screen.temperature, self._stream.temperature, stamps, values)
         if why is not None:
             return self._passed_over(why, stamps, values, reading, runs, short, felt)
@@ -363,17 +364,17 @@ class OnlineCorrector(Resumable):
 
     def _passed_over(
         self, why: Any, stamps: Any, values: Any, reading: Any, runs: Any, short: int, felt: Any
-    ) -> Columns:
+    ) -> Answers:
         """`_update_filled` without the rows that the screen refuses, `why` not being "": as if they had not come."""
         kept = why == ""
-        before, inner = math.nan if self.track is None else self.track.value, Columns(0)
+        before, inner = math.nan if self.track is None else self.track.value, Answers(0)
         if kept.any():
             some = {name: column[kept] for name, column in values.items()}
             of_runs = None if runs is None else runs[kept]
             inner = self._update_filled(stamps[kept], some, reading[kept], of_runs, short, felt[kept])
         return inner.spread(why, before)
 
-    def _together(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, felt: Any, out: Columns) -> None:
+    def _together(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, felt: Any, out: Answers) -> None:
         some = {name: column[rows] for name, column in values.items()}
         block = self._stream.advance_block(stamps[rows], run, some, reading[rows], felt[rows])
         corrected = reading[rows] - block.bias
@@ -388,7 +389,7 @@ class OnlineCorrector(Resumable):
             trusted = block.flags.are("", "gap")
             out.reference[rows] = self.track.many(stamps[rows] * self._stream.clock.unit, corrected, trusted)
 
-    def _singly(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, felt: Any, out: Columns) -> None:
+    def _singly(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, felt: Any, out: Answers) -> None:
         for k in range(rows.start, rows.stop):
             one = {name: float(column[k]) for name, column in values.items()}
             done = self._advance(stamps[k].item(), run, one, float(reading[k]), felt[k].tolist())

@@ -47,11 +47,11 @@ class Corrected(NamedTuple):
 
 
 COLUMNS = {"flag": "flags"}
-"""Name of a result -> attribute of `Columns`, where they differ."""
+"""Name of a result -> attribute of `Answers`, where they differ."""
 
 
-class Columns:
-    """Columns of the result, as they are filled."""
+class Answers:
+    """What a stream says of many samples, column by column."""
 
     def __init__(self, n: int):
         self.corrected, self.bias, self.smoothed, self.reference = (np.full(n, np.nan) for _ in range(4))
@@ -64,9 +64,9 @@ class Columns:
         result["flag"] = self.flags.column()
         return pd.DataFrame(result, index=X.index if isinstance(X, pd.DataFrame) else None)
 
-    def spread(self, why: np.ndarray, reference: float) -> Columns:
+    def spread(self, why: np.ndarray, reference: float) -> Answers:
         """Columns with rows between that got nothing, for a reason; `reference` was tracked before them."""
-        out, kept = Columns(len(why)), why == ""
+        out, kept = Answers(len(why)), why == ""
         for name, column in vars(self).items():
             getattr(out, name)[kept] = column
         out.flags[~kept] = why[~kept]

@@ -9,7 +9,7 @@ from ..estimators import DynamicBiasRegressor
 from .advance import Stream
 from .live_errors import LiveErrors
 from .smoothing import MovingAverage, Tracker
-from .state import Place, Settings, StreamState, from_json, to_json
+from .state import StreamPlace, StreamSettings, StreamState, from_json, to_json
 
 
 class Resumable:
@@ -31,8 +31,8 @@ class Resumable:
         """All that is needed to go on later, in another process: a dict for `json.dumps`."""
         average = None if self.average is None else self.average.count
         track = None if self.track is None else self.track.time_constant
-        settings = Settings(self.continues, average, track, self.errors is not None)
-        place = Place(self._stream.clock.next_row, self._placed)
+        settings = StreamSettings(self.continues, average, track, self.errors is not None)
+        place = StreamPlace(self._stream.clock.next_row, self._placed)
         return to_json(self.model, self._stream.effects, settings, place, self._state(), self._doubt)
 
     @classmethod
@@ -55,7 +55,7 @@ class Resumable:
         corrector.go_on(now, doubt, place)
         return corrector
 
-    def go_on(self, now: StreamState, doubt: StreamState | None = None, place: Place | None = None) -> None:
+    def go_on(self, now: StreamState, doubt: StreamState | None = None, place: StreamPlace | None = None) -> None:
         """Go on where a stream stood.
 
         Parameters

@@ -58,6 +58,8 @@ class StreamState:
     """Stamp of the last sample that it has seen."""
     filled_run: Any = None
     """Label of the last sample's run."""
+    behind_gap: tuple[tuple[float, ...] | None, ...] = ()
+    """Covariance of what the lags of each column feel of gaps, row by row; none where that is forgotten."""
     averaged: tuple[float, ...] = ()
     """Values in the window of the moving average."""
     tracked: tuple[float, float | None] | None = None
@@ -65,7 +67,7 @@ class StreamState:
 
 
 @dataclass(frozen=True)
-class Settings:
+class StreamSettings:
     """How a stream was begun."""
 
     continues: bool
@@ -74,7 +76,7 @@ class Settings:
     uncertainty: bool = False
 
 
-class Place(NamedTuple):
+class StreamPlace(NamedTuple):
     """Where a stream stands in a record without times."""
 
     next_row: int
@@ -92,8 +94,8 @@ def model_mark(model: DynamicBiasRegressor) -> str:
 def to_json(
     model: DynamicBiasRegressor,
     effects: Sequence[Effect],
-    settings: Settings,
-    place: Place,
+    settings: StreamSettings,
+    place: StreamPlace,
     state: StreamState,
     doubt: StreamState | None,
 ) -> dict[str, Any]:
@@ -113,11 +115,14 @@ def to_json(
 
 
 _FIELDS = ("format", "model", "continues", "average", "track", "next_row", "placed", "state", "doubt")
-_NO_FILLING: dict[str, Any] = {"filling": [], "filled_to": None, "filled_run": None}
-_STATE_FIELDS = tuple(name for name in StreamState.__dataclass_fields__ if name not in _NO_FILLING)
+_OLDER: dict[str, Any] = {"filling": [], "filled_to": None, "filled_run": None, "behind_gap": []}
+"""What states of earlier versions lack."""
+_STATE_FIELDS = tuple(name for name in StreamState.__dataclass_fields__ if name not in _OLDER)
 
 
-def from_json(model: DynamicBiasRegressor, node: Any) -> tuple[Settings, Place, StreamState, StreamState | None]:
+def from_json(
+    model: DynamicBiasRegressor, node: Any
+) -> tuple[StreamSettings, StreamPlace, StreamState, StreamState | None]:
     """Settings, place of the next row, state and the state to return to; every value is checked."""
     try:
         node = fields(node, "$", _FIELDS, ("uncertainty",))
@@ -128,11 +133,11 @@ def from_json(model: DynamicBiasRegressor, node: Any) -> tuple[Settings, Place, 
         average = None if node["average"] is None else integer(node["average"], "$.average", 1)
         track = None if node["track"] is None else positive(node["track"], "$.track")
         uncertain = "uncertainty" in node and _truth(node, "$", "uncertainty")
-        settings = Settings(_truth(node, "$", "continues"), average, track, uncertain)
+        settings = StreamSettings(_truth(node, "$", "continues"), average, track, uncertain)
         effects = LiveErrors(model).effects if uncertain else model.features_.effect_list()
         doubt = None if node["doubt"] is None else _unpacked(node["doubt"], "$.doubt", model, effects, settings)
         state = _unpacked(node["state"], "$.state", model, effects, settings)
-        place = Place(counted(node["next_row"], "$.next_row"), _truth(node, "$", "placed"))
+        place = StreamPlace(counted(node["next_row"], "$.next_row"), _truth(node, "$", "placed"))
         return settings, place, state, doubt
     except ModelFileError as error:
         raise ModelFileError(
@@ -155,15 +160,16 @@ def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
         "filling": [[None if math.isnan(value) else value for value in each] for each in state.filling],
         "filled_to": state.filled_to,
         "filled_run": pack(state.filled_run, "the label of the run"),
+        "behind_gap": [None if each is None else list(each) for each in state.behind_gap],
         "averaged": list(state.averaged),
         "tracked": None if state.tracked is None else list(state.tracked),
     }
 
 
 def _unpacked(
-    node: Any, where: str, model: DynamicBiasRegressor, effects: Sequence[Effect], settings: Settings
+    node: Any, where: str, model: DynamicBiasRegressor, effects: Sequence[Effect], settings: StreamSettings
 ) -> StreamState:
-    node = {**_NO_FILLING, **fields(node, where, _STATE_FIELDS, tuple(_NO_FILLING))}
+    node = {**_OLDER, **fields(node, where, _STATE_FIELDS, tuple(_OLDER))}
     history, codec = model.features_.history_, EffectCodec()
 
     def stamp(key: str) -> Any:
@@ -198,6 +204,7 @@ def _unpacked(
         filling=_filling(node["filling"], f"{where}.filling", model),
         filled_to=None if node["filled_to"] is None else stamp("filled_to"),
         filled_run=label(unpack(node["filled_run"], f"{where}.filled_run"), f"{where}.filled_run"),
+        behind_gap=_behind_gap(node["behind_gap"], f"{where}.behind_gap", model),
         averaged=tuple(_corrected(value, f"{where}.averaged[{i}]") for i, value in enumerate(averaged)),
         tracked=_tracked(node["tracked"], f"{where}.tracked", settings),
     )
@@ -214,7 +221,21 @@ def _filling(node: Any, where: str, model: DynamicBiasRegressor) -> Numbers:
     return tuple(tuple(numbers_or_nan(each, f"{where}[{i}]", width)) for i, (each, width) in pairs)
 
 
-def _tracked(node: Any, where: str, settings: Settings) -> tuple[float, float | None] | None:
+def _behind_gap(node: Any, where: str, model: DynamicBiasRegressor) -> tuple[tuple[float, ...] | None, ...]:
+    if node == []:
+        return ()
+    laws = model.gap_error().laws
+    return tuple(
+        None if each is None else tuple(_finite(items(each, f"{where}[{i}]", len(law.weights) ** 2), f"{where}[{i}]"))
+        for i, (each, law) in enumerate(zip(items(node, where, len(laws)), laws, strict=True))
+    )
+
+
+def _finite(values: list[Any], where: str) -> list[float]:
+    return [number(value, f"{where}[{k}]", -LARGEST, LARGEST) for k, value in enumerate(values)]
+
+
+def _tracked(node: Any, where: str, settings: StreamSettings) -> tuple[float, float | None] | None:
     if settings.track is None:
         return None
     value, last = items(node, where, 2)

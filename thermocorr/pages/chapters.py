@@ -25,6 +25,7 @@ FLAGS = {
     "no temperature": "no temperature, or a column that the model needs is missing",
     "filled": "a missing cell is filled: the reading is corrected by an estimate",
     "thermometer lost": "a thermometer was lost for long, and what its estimate may be wrong by exceeds the noise",
+    "behind gap": "nobody recorded the temperature for a while, and what it may have done then exceeds the noise",
     "sentinel": "a code for no value",
     "spike": "an isolated spike",
 }

@@ -20,7 +20,7 @@ TIME_SPANS = {"units": list(SPANS.items()), "fine": FINE_TIMES, "coarse": TIMES}
 
 
 @dataclass(frozen=True)
-class Line:
+class ChartLine:
     """One line of a panel."""
 
     label: str
@@ -44,7 +44,7 @@ class Panel:
 
     label: str
     unit: str
-    lines: tuple[Line, ...]
+    lines: tuple[ChartLine, ...]
     log: bool = False
     rules: tuple[float, ...] = ()
     """Values of horizontal lines."""

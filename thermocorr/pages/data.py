@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import sys
 from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._version import __version__
 from ..effects.thermal import column_text
 from ..pictures import AllanDisplay, ContributionsDisplay, ResidualLoopDisplay, StepResponseDisplay
 from ..pictures.timeline import TimeLine
@@ -150,6 +150,5 @@ def _uncertainties(model: Any) -> tuple[tuple[str, float], ...]:
 
 def versions() -> tuple[tuple[str, str], ...]:
     """Versions of what computed the page."""
-    own = sys.modules[__name__.split(".")[0]].__version__
     others = [(name, version(name)) for name in ("numpy", "scipy", "scikit-learn", "pandas")]
-    return (("thermocorr", own), *others, ("Python", platform.python_version()), ("uPlot (charts)", UPLOT))
+    return (("thermocorr", __version__), *others, ("Python", platform.python_version()), ("uPlot (charts)", UPLOT))

@@ -14,7 +14,7 @@ from ..pictures.protocols import DiagnosisLike
 from ..pictures.timeline import TimeLine
 from ..records.quantities import SPANS, span_text, span_unit
 from ..records.units import difference_unit
-from .charts import Chart, Line, Panel
+from .charts import Chart, ChartLine, Panel
 from .data import PageData
 from .html import unit_text
 
@@ -37,9 +37,9 @@ def series(data: PageData, floor: float | None = None, shades: Sequence[tuple[fl
             data.reading,
             data.unit,
             (
-                Line("measured", columns["reading"], "reading"),
-                Line("modelled", columns["model"], "model"),
-                Line("corrected", columns["corrected"], "corrected"),
+                ChartLine("measured", columns["reading"], "reading"),
+                ChartLine("modelled", columns["model"], "model"),
+                ChartLine("corrected", columns["corrected"], "corrected"),
             ),
         ),
         Panel(
@@ -51,11 +51,13 @@ def series(data: PageData, floor: float | None = None, shades: Sequence[tuple[fl
         Panel(
             data.temperature,
             data.temperature_unit,
-            (Line(data.temperature, columns["temperature"], "temperature"),),
+            (ChartLine(data.temperature, columns["temperature"], "temperature"),),
             height=140,
         ),
     ]
-    panels += [Panel(name, unit_, (Line(name, columns[key], "other"),), height=140) for key, name, unit_ in data.beside]
+    panels += [
+        Panel(name, unit_, (ChartLine(name, columns[key], "other"),), height=140) for key, name, unit_ in data.beside
+    ]
     return Chart(
         "series",
         axis.label,
@@ -69,15 +71,15 @@ def series(data: PageData, floor: float | None = None, shades: Sequence[tuple[fl
     )
 
 
-def residual_lines(data: PageData, floor: float | None) -> tuple[Line, ...]:
+def residual_lines(data: PageData, floor: float | None) -> tuple[ChartLine, ...]:
     """The residual, and its averages where noise hides something."""
     traces = data.traces
-    own = Line("residual", traces.columns["residual"], "residual")
+    own = ChartLine("residual", traces.columns["residual"], "residual")
     if floor is not None and floor < NOISY * traces.rms:
         return (replace(own, role="average"),)
     if len(traces.average[1]) < FEW:
         return (own,)
-    return own, Line(f"mean of {traces.average_rows}", traces.average[1], "average", stretches=traces.average[0])
+    return own, ChartLine(f"mean of {traces.average_rows}", traces.average[1], "average", stretches=traces.average[0])
 
 
 def refined(first: PageData, last: PageData, floor: float) -> Chart:
@@ -158,9 +160,9 @@ def spectrum(found: DiagnosisLike) -> Chart | None:
     if len(frame) < FEW:
         return None
     lines = [
-        Line("noise as judged", frame["noise"].to_numpy(float), "model"),
-        Line("white part of it", frame["white"].to_numpy(float), "floor", dash=True),
-        Line("what no cause explains", frame["residual"].to_numpy(float), "residual", dots=True, joined=False),
+        ChartLine("noise as judged", frame["noise"].to_numpy(float), "model"),
+        ChartLine("white part of it", frame["white"].to_numpy(float), "floor", dash=True),
+        ChartLine("what no cause explains", frame["residual"].to_numpy(float), "residual", dots=True, joined=False),
     ]
     return Chart(
         "spectrum",
@@ -184,13 +186,13 @@ def stability(data: PageData) -> Chart | None:
     times = frame["averaging_time"].to_numpy(float)
     lines = []
     for name, role, label in (("before", "model", "before correction"), ("after", "corrected", "after correction")):
-        lines.append(Line(label, frame[f"deviation_{name}"].to_numpy(float), role, dots=True))
-        lines += [Line(end, frame[f"{end}_{name}"].to_numpy(float), role, edge=True) for end in ("low", "high")]
+        lines.append(ChartLine(label, frame[f"deviation_{name}"].to_numpy(float), role, dots=True))
+        lines += [ChartLine(end, frame[f"{end}_{name}"].to_numpy(float), role, edge=True) for end in ("low", "high")]
     after = frame["deviation_after"].to_numpy(float)
     seen = np.flatnonzero(~np.isnan(after))
     if len(seen):
         white = after[seen[0]] * np.sqrt(times[seen[0]] / times)
-        lines.append(Line("white noise alone", white, "floor", dash=True))
+        lines.append(ChartLine("white noise alone", white, "floor", dash=True))
     return Chart(
         "allan",
         "averaging time",
@@ -214,7 +216,7 @@ def loop(data: PageData) -> Chart | None:
     frame = frame.assign(rises=rises).sort_values("temperature", kind="stable")
     residual = frame["residual"].to_numpy(float)
     lines = tuple(
-        Line(label, np.where(frame["rises"] == up, residual, np.nan), role, dots=True, joined=False)
+        ChartLine(label, np.where(frame["rises"] == up, residual, np.nan), role, dots=True, joined=False)
         for up, role, label in ((True, "temperature", "while it rises"), (False, "corrected", "while it falls"))
     )
     return Chart(
@@ -237,9 +239,9 @@ def following(data: PageData) -> Chart | None:
         return None
     value, error = (frame[name].to_numpy(float) for name in ("response", "standard_error"))
     lines = (
-        Line("bias", value, "corrected"),
-        Line("low", value - CONFIDENCE_95 * error, "corrected", edge=True),
-        Line("high", value + CONFIDENCE_95 * error, "corrected", edge=True),
+        ChartLine("bias", value, "corrected"),
+        ChartLine("low", value - CONFIDENCE_95 * error, "corrected", edge=True),
+        ChartLine("high", value + CONFIDENCE_95 * error, "corrected", edge=True),
     )
     degree = unit_text(difference_unit(data.temperature_unit))
     return Chart(
@@ -265,11 +267,13 @@ def lag_spectrum(model: Any) -> Chart | None:
     if spectrum is not None:
         at = np.searchsorted(x, spectrum["time_constant"].to_numpy(float))
         mu, least = (_placed(x, at, spectrum[name]) for name in ("coefficient", "smallest_coefficient"))
-        lines += [Line("spectrum of the search", _joined(x, mu), "model")]
-        lines += [Line("too small to be seen", 0 * x, "floor", dash=True)]
-        lines += [Line(end, sign * _joined(x, least), "floor", edge=True) for end, sign in (("low", -1), ("high", 1))]
+        lines += [ChartLine("spectrum of the search", _joined(x, mu), "model")]
+        lines += [ChartLine("too small to be seen", 0 * x, "floor", dash=True)]
+        lines += [
+            ChartLine(end, sign * _joined(x, least), "floor", edge=True) for end, sign in (("low", -1), ("high", 1))
+        ]
     at = np.searchsorted(x, lags["time_constant"].to_numpy(float))
-    lines += [Line("lags of the model", _placed(x, at, lags["coefficient"]), "corrected", dots=True, joined=False)]
+    lines += [ChartLine("lags of the model", _placed(x, at, lags["coefficient"]), "corrected", dots=True, joined=False)]
     return Chart(
         "lags",
         "time constant",

@@ -52,7 +52,7 @@ def anything(found: DiagnosisLike, figures: Markup) -> Section:
     )
 
 
-class Place(NamedTuple):
+class WherePlace(NamedTuple):
     """A row of `Diagnosis.where` with what its bar and its button need."""
 
     row: Any
@@ -69,7 +69,7 @@ def places(found: DiagnosisLike, data: PageData, figures: Markup) -> Section:
     bands = where[where["aspect"] == "frequency"]
     longest = float(max(where["share"].drop(bands.index).max(), 1e-300)) if len(where) else 1.0
     rows = [
-        Place(
+        WherePlace(
             row,
             1.0 if row.aspect == "frequency" else longest,
             placed(data, row.low, row.high) if row.aspect == "time" else None,

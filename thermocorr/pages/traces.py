@@ -61,7 +61,7 @@ class Traces:
         most : int
             Most points of a line.
         """
-        cells = Cells(most)
+        cells = Extremes(most)
         flags: dict[str, int] = {}
         n_rows, known, squares = 0, 0, 0.0
         reading = numeric_reading(y, X)
@@ -97,7 +97,7 @@ class Traces:
         )
 
 
-class Cells:
+class Extremes:
     """Extremes of groups of consecutive rows. Groups double when there are too many, so the memory is bounded."""
 
     def __init__(self, most: int):

@@ -19,7 +19,7 @@ from ..records.numbers import numeric_reading
 from .timeline import TimeLine, zone_of
 
 
-class Part(NamedTuple):
+class SegmentRows(NamedTuple):
     """Rows of one segment, in time order."""
 
     segment: int
@@ -70,7 +70,7 @@ class Walk:
         """Which effects `correct` removes."""
         return np.array([effect.removed_by_correct for effect in self.model.features_.effect_list()])
 
-    def parts(self) -> Iterator[Part]:
+    def parts(self) -> Iterator[SegmentRows]:
         """Walk; once."""
         for block, contributions in chain([self._first], self._blocks):
             yield self._part(block, contributions)
@@ -87,12 +87,19 @@ class Walk:
         for _, _, errors in ErrorWalk(self.model, joint, removed=False).blocks(self.record):
             yield np.sqrt(errors.of_readings(joint.noise))
 
-    def _part(self, block: Block, contributions: np.ndarray) -> Part:
+    def _part(self, block: Block, contributions: np.ndarray) -> SegmentRows:
         if self._reading is None:
             measured = np.full(len(block), np.nan)
         else:
             measured = self.model.believed(block, np.asarray(self._reading[block.rows], float))
-        return Part(block.segment, block.rows, block.seconds - self._shift, block.temperature, measured, contributions)
+        return SegmentRows(
+            segment=block.segment,
+            rows=block.rows,
+            seconds=block.seconds - self._shift,
+            temperature=block.temperature,
+            measured=measured,
+            contributions=contributions,
+        )
 
 
 def regressor_of(model: Any) -> DynamicBiasRegressor:

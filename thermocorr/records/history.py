@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import RecordError
+from .gaps import Gaps, least_gap
 from .record import Record, Segment, SegmentStart
 from .screen import Screen
 from .times import Kind, Times
@@ -37,6 +39,15 @@ class History:
     max_gap: float | None
     screen: Screen | None = None
     """What is refused of later rows; None for nothing."""
+    known_gaps: Gaps | None = None
+    """`gaps`, where the kept rows cannot tell any more."""
+
+    @cached_property
+    def gaps(self) -> Gaps:
+        """What the fitted record tells of gaps in later rows."""
+        if self.known_gaps is not None:
+            return self.known_gaps
+        return Gaps.of(self.record, tuple(self.record.columns), least_gap(self.record, self.usual_step, self.stride))
 
     @classmethod
     def of(
@@ -84,7 +95,7 @@ class History:
         if self.record.n_rows <= limit:
             return self
         fewer = History.of(self.record, self.end_states, self.max_gap, limit, self.screen)
-        return replace(self, record=fewer.record, stride=self.stride * fewer.stride)
+        return replace(self, record=fewer.record, stride=self.stride * fewer.stride, known_gaps=self.gaps)
 
     def between(self, later: float, earlier: float) -> float:
         """Difference of two stamps [s]."""

@@ -185,6 +185,8 @@ class Record:
     """Standard deviation of the cells of a column that were missing and are filled, NaN for others, shape (n_rows,)."""
     filling_error: Floats | None = field(default=None, repr=False)
     """What that may move the bias of a model by in each row, 0 where it is not felt, shape (n_rows,); None for none."""
+    gap_variance: Floats | None = field(default=None, repr=False)
+    """Variance of a model's bias by what its inputs did in gaps between rows, shape (n_rows,); None for none."""
 
     @property
     def n_rows(self) -> int:
@@ -209,6 +211,11 @@ class Record:
         """Whether the row that comes k-th in time order is passed over."""
         at = int(np.searchsorted(self.skipped, k))
         return at < len(self.skipped) and int(self.skipped[at]) == k
+
+    def input_variance(self, rows: Any) -> Floats | float:
+        """Variance of a model's bias by what is not known of its inputs in some of the user's rows: cells, gaps."""
+        filled = 0.0 if self.filling_error is None else self.filling_error[rows] ** 2
+        return filled + (0.0 if self.gap_variance is None else self.gap_variance[rows])
 
     def rows_at(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
         """The user's rows at some places in time order."""

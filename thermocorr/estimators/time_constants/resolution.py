@@ -9,14 +9,14 @@ from ...equations import RidgeSolution, TriangularFactor
 from ...records import Record
 from ...records.quantities import span_texts
 from .search import Factored
-from .spectrum import Reference
+from .spectrum import GridRidge
 
 CONFIDENCE_95 = 1.96
 OPPOSED = 0.1
 """Share of two coefficients that is left in their sum, below which they cancel."""
 
 
-def spectrum_table(factored: Factored, reference: Reference) -> pd.DataFrame:
+def spectrum_table(factored: Factored, reference: GridRidge) -> pd.DataFrame:
     """Diffusive spectrum mu(tau) over the grid, and what the record could see of each time constant.
 
     Returns

@@ -25,8 +25,8 @@ from .spectrum import (
     PENALTIES,
     POOL_SIZE,
     GridLayout,
+    GridRidge,
     Projected,
-    Reference,
     log_grid,
     project,
     reference_of,
@@ -70,7 +70,7 @@ class SearchSettings:
 
 
 @dataclass(frozen=True)
-class Tried:
+class CandidateRow:
     """One line of the table of candidates."""
 
     members: Set
@@ -97,7 +97,7 @@ class Factored:
         """Which column is what."""
         return self.columns.layout
 
-    def projected(self, reference: Reference) -> Projected:
+    def projected(self, reference: GridRidge) -> Projected:
         """What `project` needs."""
         return Projected(TriangularFactor.merged(self.chunks), self.layout, reference)
 
@@ -121,10 +121,10 @@ class TimeConstantChoice:
     """Ridge penalty for the final fit."""
     grid: np.ndarray
     """The time constants that were searched [s]."""
-    tried: tuple[Tried, ...] = ()
+    tried: tuple[CandidateRow, ...] = ()
     """The candidates, best first."""
-    chosen: Tried | None = None
-    reference: Reference | None = None
+    chosen: CandidateRow | None = None
+    reference: GridRidge | None = None
     factored: Factored | None = None
     spectrum: dict[str, np.ndarray] | None = None
     """Columns of `resolution.spectrum_table`, in the choice that a fitted `DynamicBiasRegressor` keeps."""
@@ -187,8 +187,8 @@ def _by_spectrum(factored: Factored, cross: CrossValidation, settings: SearchSet
     alpha = final_alpha(factored, reference)
     if path and settings.count is None:
         path.append(_without_idle_ones(_with_fast_ones(path[-1], factored, cross, alpha), factored, alpha))
-    tried = [Tried(members, alpha, cross.score_sets([members], alpha)[0]) for members in path]
-    chosen = tried[-1] if tried else Tried((), alpha, cross.score_sets([()], alpha)[0])
+    tried = [CandidateRow(members, alpha, cross.score_sets([members], alpha)[0]) for members in path]
+    chosen = tried[-1] if tried else CandidateRow((), alpha, cross.score_sets([()], alpha)[0])
     return _choice(factored, tried or [chosen], chosen, reference)
 
 
@@ -270,18 +270,18 @@ def _by_cross_validation(
             cross.score_sets(path, alpha)
         best = _best_of_each_size(cross, path, alphas)
     chosen = best[fewest([line.losses for line in best], settings.rule)]
-    tried = [Tried(members, alpha, losses) for (alpha, members), losses in cross.losses.items()]
+    tried = [CandidateRow(members, alpha, losses) for (alpha, members), losses in cross.losses.items()]
     reference = None
     if explicit is None:
         reference = reference_spectrum(factored)
     return _choice(factored, tried, chosen, reference)
 
 
-def _best_of_each_size(cross: CrossValidation, sets: Sequence[Set], alphas: Sequence[float]) -> list[Tried]:
-    best: dict[int, Tried] = {}
+def _best_of_each_size(cross: CrossValidation, sets: Sequence[Set], alphas: Sequence[float]) -> list[CandidateRow]:
+    best: dict[int, CandidateRow] = {}
     for members in sets:
         for alpha in alphas:
-            line = Tried(members, alpha, cross.losses[alpha, members])
+            line = CandidateRow(members, alpha, cross.losses[alpha, members])
             known = best.get(len(members))
             if known is None or line.losses.mean() < known.losses.mean():
                 best[len(members)] = line
@@ -289,7 +289,7 @@ def _best_of_each_size(cross: CrossValidation, sets: Sequence[Set], alphas: Sequ
 
 
 def _choice(
-    factored: Factored, tried: Sequence[Tried], chosen: Tried, reference: Reference | None
+    factored: Factored, tried: Sequence[CandidateRow], chosen: CandidateRow, reference: GridRidge | None
 ) -> TimeConstantChoice:
     grid = factored.layout.grid
     ordered = sorted(tried, key=lambda line: float(line.losses.mean()))
@@ -329,7 +329,7 @@ def _evenly_spread(
     cross = factored.cross_validation(settings.scoring)
     members, alpha = tuple(range(len(factored.layout.grid))), PENALTIES[2] * reading.n_readings
     losses = cross.score_sets([members], alpha)[0] if cross.prepared(alpha) else np.full(1, np.nan)
-    chosen = Tried(members, alpha, losses)
+    chosen = CandidateRow(members, alpha, losses)
     return _choice(factored, [chosen], chosen, None)
 
 
@@ -344,7 +344,7 @@ def factors_of(
     return Factored(record=record, reading=reading, features=features, columns=columns, chunks=chunks, folds=folds)
 
 
-def reference_spectrum(factored: Factored) -> Reference:
+def reference_spectrum(factored: Factored) -> GridRidge:
     """The whole spectrum, from the factors of consecutive stretches merged to `N_BLOCKS` of equal length."""
     ends = equal_edges(factored.record, N_BLOCKS)
     block = np.searchsorted(ends, factored.folds.edges[:-1], side="right") - 1
@@ -355,6 +355,6 @@ def reference_spectrum(factored: Factored) -> Reference:
     return reference_of(blocks, factored.layout)
 
 
-def final_alpha(factored: Factored, reference: Reference) -> float:
+def final_alpha(factored: Factored, reference: GridRidge) -> float:
     """Ridge penalty of the final fit: the reference's, within limits."""
     return min(LARGEST_ALPHA, reference.penalty) * factored.reading.n_readings

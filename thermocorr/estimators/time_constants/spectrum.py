@@ -90,7 +90,7 @@ class GridLayout:
 
 
 @dataclass(frozen=True)
-class Reference:
+class GridRidge:
     """Ridge on the whole grid, its two knobs chosen by forecasting."""
 
     coefficients: np.ndarray
@@ -114,7 +114,7 @@ def spread(grid: np.ndarray, span: float, count: int) -> np.ndarray:
     return np.geomspace(grid[1], max(span / 3, 1.5 * grid[1]), count)
 
 
-def reference_of(blocks: Sequence[TriangularFactor], layout: GridLayout) -> Reference:
+def reference_of(blocks: Sequence[TriangularFactor], layout: GridLayout) -> GridRidge:
     """Choose penalty and ceiling by forecasting; fit the whole grid with them.
 
     Parameters
@@ -128,7 +128,7 @@ def reference_of(blocks: Sequence[TriangularFactor], layout: GridLayout) -> Refe
     c, a = np.unravel_index(int(np.argmin(errors.mean(axis=0))), errors.shape[1:])
     whole = TriangularFactor.merged(blocks)
     model = reference_models(whole, layout, CEILINGS[c], [PENALTIES[a]])[0]
-    return Reference(model, CEILINGS[c], PENALTIES[a], errors, squared_error(whole, model))
+    return GridRidge(model, CEILINGS[c], PENALTIES[a], errors, squared_error(whole, model))
 
 
 def reference_models(
@@ -190,7 +190,7 @@ class Projected(NamedTuple):
 
     factor: TriangularFactor
     layout: GridLayout
-    reference: Reference
+    reference: GridRidge
 
 
 def project(records: Sequence[Projected], count: int | None = None) -> list[tuple[int, ...]]:
@@ -251,7 +251,7 @@ class _Misfit:
     Screened by cross products, confirmed by QR.
     """
 
-    def __init__(self, factor: TriangularFactor, layout: GridLayout, reference: Reference):
+    def __init__(self, factor: TriangularFactor, layout: GridLayout, reference: GridRidge):
         triangle = factor.r[layout.n_free :, :-1]  # below the rows of the free columns, which are in every set
         self.target = triangle @ reference.coefficients / np.sqrt(reference.residual_sum_of_squares)
         norms = np.linalg.norm(triangle, axis=0)

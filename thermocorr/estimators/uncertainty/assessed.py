@@ -44,7 +44,7 @@ def uncertainty_of(
     n = record.n_rows
     corrected, bias, shared = (np.full(n, np.nan) for _ in range(3))
     variances = {part: np.full(n, np.nan) for part in PARTS}
-    filled, status = np.zeros(n), no_flags(record)
+    inputs, status = np.zeros(n), no_flags(record)
     noise = joint.noise
     doubt = 1.0 if why_provisional else 0.0
     for block, value, errors in ErrorWalk(model, joint, removed=True).blocks(record):
@@ -64,14 +64,13 @@ def uncertainty_of(
         }  # fmt: skip
         for part, variance in each.items():
             variances[part][rows] = variance + lost
-        if record.filling_error is not None:
-            filled[rows] = record.filling_error[rows] ** 2
+        inputs[rows] = record.input_variance(rows)
         shared[rows] = errors.shared + lost
         fine = "provisional" if why_provisional else "signed"
         flags[flags.are("")] = fine
         status[rows] = flags
     fixed, own = sensor_variance(model, record, sensor)
-    variances["sensor"] = fixed + own + filled + 0.0 * variances["noise"]
+    variances["sensor"] = fixed + own + inputs + 0.0 * variances["noise"]
     return Uncertainty(
         model=model, joint=joint, record=record, index=index, corrected=corrected, bias=bias, variances=variances,
         shared=shared, sensor_own=own, status=status.texts(), sensor=sensor, reference=reference, coverage=coverage,

@@ -20,7 +20,7 @@ LARGE = 1000.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class BudgetLine:
     """One input quantity of a budget."""
 
     quantity: str
@@ -53,7 +53,7 @@ class Budget:
     name: str
     value: float
     unit: str
-    lines: tuple[Line, ...]
+    lines: tuple[BudgetLine, ...]
     coverage: float
     status: str
 
@@ -123,7 +123,7 @@ class Budget:
              _latex(self.result())]
         )  # fmt: skip
 
-    def _cells(self, line: Line) -> tuple[str, ...]:
+    def _cells(self, line: BudgetLine) -> tuple[str, ...]:
         total = self.u**2 or 1.0
         return (
             line.quantity,

@@ -119,7 +119,7 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
     if swept.binned is None:
         raise ValueError(UNKNOWN)
     basis = basis_of(model, swept.binned, swept.reading_offset)
-    scaled = Scaled.of(basis)
+    scaled = ScaledBasis.of(basis)
     groups = [group / scaled.norms**2 for group in basis.groups]
     within = _within(swept.total(), basis, scaled)
     sums = BandSums(scaled.columns, scaled.reading, scaled.span, groups, within)
@@ -149,7 +149,7 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scaled:
+class ScaledBasis:
     """A basis in columns of unit length and a reading of unit noise, of the same size at all times."""
 
     columns: np.ndarray
@@ -164,7 +164,7 @@ class Scaled:
     span: np.ndarray
 
     @classmethod
-    def of(cls, basis: Basis) -> Scaled:
+    def of(cls, basis: Basis) -> ScaledBasis:
         """From columns and readings as they are."""
         norms = np.linalg.norm(basis.columns, axis=0)
         norms[norms == 0] = 1.0
@@ -180,7 +180,7 @@ class Scaled:
         )  # fmt: skip
 
 
-def _within(factor: TriangularFactor, basis: Basis, scaled: Scaled) -> Within | None:
+def _within(factor: TriangularFactor, basis: Basis, scaled: ScaledBasis) -> Within | None:
     """What rows say beside their bins, from the factor of all rows; None where nobody knows, or a bin is a row."""
     if basis.rows == 1 or basis.searched or len(basis.free) < basis.width:
         return None
@@ -202,7 +202,7 @@ def _within(factor: TriangularFactor, basis: Basis, scaled: Scaled) -> Within | 
     )
 
 
-def _noise(basis: Basis, scaled: Scaled, sums: BandSums, found: Restricted, residual: float) -> NoiseModel:
+def _noise(basis: Basis, scaled: ScaledBasis, sums: BandSums, found: Restricted, residual: float) -> NoiseModel:
     """Noise of single readings; `residual` is the mean square that the fit leaves of them."""
     theta, covariance, rows = found.theta, found.theta_covariance, basis.rows
     white = float(theta[0])
@@ -231,7 +231,7 @@ def _noise(basis: Basis, scaled: Scaled, sums: BandSums, found: Restricted, resi
     )
 
 
-def _end_correlations(basis: Basis, scaled: Scaled, noise: NoiseModel) -> np.ndarray:
+def _end_correlations(basis: Basis, scaled: ScaledBasis, noise: NoiseModel) -> np.ndarray:
     """Correlation of each bin with the record's end, for each wandering part, shape (bins, parts); 0 in other spans."""
     same = scaled.span == scaled.span[np.argmax(basis.begins)]
     with np.errstate(under="ignore"):
@@ -239,7 +239,7 @@ def _end_correlations(basis: Basis, scaled: Scaled, noise: NoiseModel) -> np.nda
     return np.asarray(before * same[:, None])
 
 
-def _beyond(basis: Basis, scaled: Scaled, sums: BandSums) -> Beyond | None:
+def _beyond(basis: Basis, scaled: ScaledBasis, sums: BandSums) -> Beyond | None:
     first = basis.effects[0]
     if not isinstance(first, StaticPolynomial) or first.degree < 1 or first.lowest_power > 1:
         return None

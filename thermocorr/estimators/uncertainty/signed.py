@@ -11,7 +11,7 @@ import pandas as pd
 from ...records import Record
 from ...records.units import difference_unit
 from .asked_rows import asked_rows
-from .budget import Budget, Line, coverage_factor, effective_dof
+from .budget import Budget, BudgetLine, coverage_factor, effective_dof
 from .declared import Reference, Sensor
 from .joint import JointErrors
 from .rows import ErrorWalk
@@ -103,8 +103,8 @@ class Uncertainty:
         kelvin = difference_unit(self.model.reading_.temperature_unit)
         lines = [
             *(
-                Line(quantity=name, estimate=estimate, uncertainty=mean[part] ** 0.5, unit=unit, dof=self._dof_of(part),
-                     sensitivity=sensitivity, cause=CAUSES[part])
+                BudgetLine(quantity=name, estimate=estimate, uncertainty=mean[part] ** 0.5, unit=unit,
+                     dof=self._dof_of(part), sensitivity=sensitivity, cause=CAUSES[part])
                 for part, name, estimate, sensitivity in (
                     ("noise", "reading, unforeseen noise", float(np.mean(self.corrected[at] + self.bias[at])), 1.0),
                     ("wander", "reading, wandering noise", np.nan, 1.0),
@@ -115,8 +115,8 @@ class Uncertainty:
                 )
             ),
             self._sensor_line(mean["sensor"], kelvin, unit),
-            Line(quantity="reference of the level", estimate=np.nan, uncertainty=self.reference.uncertainty, unit=unit,
-                 dof=self.reference.dof, type="B" if self.reference.declared else "B, not declared"),
+            BudgetLine(quantity="reference of the level", estimate=np.nan, uncertainty=self.reference.uncertainty,
+                 unit=unit, dof=self.reference.dof, type="B" if self.reference.declared else "B, not declared"),
         ]  # fmt: skip
         return Budget(
             name="corrected" if len(at) == 1 else f"mean of {len(at)} corrected",
@@ -249,13 +249,13 @@ class Uncertainty:
             "noise": white, "wander": max(wander - 2 * alike, 0.0), "level": level, "coefficients": rest,
         }  # fmt: skip
 
-    def _sensor_line(self, variance: float, kelvin: str, unit: str) -> Line:
+    def _sensor_line(self, variance: float, kelvin: str, unit: str) -> BudgetLine:
         offset = self.sensor.offset
         if offset > 0 and not (self.sensor.own_noise or self.sensor.time_constant):
-            return Line(quantity="thermometer, change since learning", estimate=0.0, uncertainty=offset, unit=kelvin,
-                        sensitivity=variance**0.5 / offset, type="B")  # fmt: skip
+            return BudgetLine(quantity="thermometer, change since learning", estimate=0.0, uncertainty=offset,
+                        unit=kelvin, sensitivity=variance**0.5 / offset, type="B")  # fmt: skip
         declared = variance > 0 or self.sensor != Sensor()
-        return Line(quantity="thermometer", estimate=np.nan, uncertainty=variance**0.5, unit=unit,
+        return BudgetLine(quantity="thermometer", estimate=np.nan, uncertainty=variance**0.5, unit=unit,
                     type="B" if declared else "B, not declared")  # fmt: skip
 
     def _status_of(self, at: np.ndarray) -> str:

@@ -132,7 +132,7 @@ class SignedModel(FittedModel):
         joint = self.joint_errors()
         if doubt := too_short(joint):
             warnings.warn(doubt, RecordWarning, stacklevel=2)
-        record, _, _ = self.resumed(X, y)
+        record, _, _ = self.judged(X, y)
         return uncertainty_of(
             self,
             joint,
@@ -168,15 +168,13 @@ class SignedModel(FittedModel):
     def _uncertain(self, X: Any, of: str) -> np.ndarray:
         """Standard uncertainty of the "bias", the "corrected" reading, or a "reading" to come, shape (n_rows,)."""
         joint = self.joint_errors()
-        record, _, _ = self.resumed(X)
+        record, _, _ = self.judged(X)
         result = np.full(record.n_rows, np.nan)
         walk = ErrorWalk(self, joint, removed=of != "reading")
         for block, _, errors in walk.blocks(record):
             variance = errors.bias if of == "bias" else errors.of_readings(joint.noise)
             variance[self.block_flags(block, None).are("washout")] = np.nan
-            if block.record.filling_error is not None:
-                variance += block.record.filling_error[block.rows] ** 2
-            result[block.rows] = np.sqrt(variance)
+            result[block.rows] = np.sqrt(variance + block.record.input_variance(block.rows))
         return result
 
 

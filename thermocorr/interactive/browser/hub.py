@@ -28,11 +28,11 @@ WAITING = 64
 """Messages for a page that does not read them, before it is let go."""
 
 
-class Refused(Exception):
+class NotDone(Exception):
     """What was asked cannot be done; the sentence is for the user."""
 
 
-class Changed(Refused):
+class Changed(NotDone):
     """The state is another one than the page has seen."""
 
 
@@ -122,7 +122,7 @@ class Hub:
                 if kind == "failed":  # of the opening
                     self._complain(rest[1])
             elif not future.done():
-                future.set_result(rest[1]) if kind == "done" else future.set_exception(Refused(rest[1]))
+                future.set_result(rest[1]) if kind == "done" else future.set_exception(NotDone(rest[1]))
 
     def _complain(self, trouble: str) -> None:
         self.trouble = trouble
@@ -135,7 +135,7 @@ class Hub:
         self._process.join(1)
         for future in self._asked.values():
             if not future.done():
-                future.set_exception(Refused(DIED))
+                future.set_exception(NotDone(DIED))
         self._asked.clear()
         now = time.monotonic()
         self._deaths = [*(death for death in self._deaths if now - death < 60), now]
@@ -160,16 +160,16 @@ class Hub:
     async def ask(self, kind: str, given: Any) -> Any:
         """Let the process do something; raises Refused with its sentence."""
         if self._pipe is None or self._process is None or not self._process.is_alive():
-            raise Refused(DIED if len(self._deaths) < QUICK_DEATHS else GIVEN_UP)
+            raise NotDone(DIED if len(self._deaths) < QUICK_DEATHS else GIVEN_UP)
         self._number += 1
         future = self._asked[self._number] = asyncio.get_running_loop().create_future()
         try:
             self._pipe.send((kind, self._number, given))
         except OSError:
-            raise Refused(DIED) from None
+            raise NotDone(DIED) from None
         except RecursionError:
             del self._asked[self._number]
-            raise Refused("This is nested too deeply.") from None
+            raise NotDone("This is nested too deeply.") from None
         return await future
 
     async def act(self, asked: dict[str, Any], revision: Any) -> Any:

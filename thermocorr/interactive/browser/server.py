@@ -32,7 +32,7 @@ from ..takeaway import KINDS
 from ..wording import sentence
 from . import page_assets
 from .guard import Guard
-from .hub import Changed, Hub, Refused
+from .hub import Changed, Hub, NotDone
 from .pieces import NoSuchCurve, cloud_of, known_json, piece_of
 from .worker import Opening
 
@@ -121,7 +121,7 @@ class Workbench:
             return JSONResponse(await self.hub.act(asked, revision))
         except Changed as changed:
             return _failed(str(changed), 409)
-        except Refused as refused:
+        except NotDone as refused:
             return _failed(str(refused), 422)
 
     async def cancel(self, request: Request) -> Response:
@@ -154,7 +154,7 @@ class Workbench:
     async def _opened(self, opening: Opening) -> Response:
         try:
             await self.hub.open(opening)
-        except Refused as refused:
+        except NotDone as refused:
             said = str(refused)
             for path, name in zip(opening.paths, opening.names, strict=True):
                 said = said.replace(path, name)
@@ -179,7 +179,7 @@ class Workbench:
         kind = request.path_params["kind"]
         try:
             path = await self.hub.ask("take", kind)
-        except Refused as refused:
+        except NotDone as refused:
             return _failed(str(refused), 422)
         clean = BackgroundTask(shutil.rmtree, Path(path).parent, ignore_errors=True)
         return FileResponse(path, media_type=KINDS[kind].media, filename=KINDS[kind].file, background=clean)

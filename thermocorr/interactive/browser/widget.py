@@ -18,15 +18,15 @@ from ...effects.protocol import Effect
 from ...effects.wrap import as_effects
 from ...estimators import DynamicBiasRegressor
 from ...estimators.thermometers import Thermometers
-from ...foreign import Table
+from ...foreign import ForeignTable
 from ...judgement import diagnose
 from ...records.numbers import as_pandas
 from ..acts import Add, Columns, Past
-from ..arrangement import AddedEffect, Settings
+from ..arrangement import AddedEffect, ModelSettings
 from ..bench import Bench
 from ..roles import Roles
 from ..snapshots import snapshot
-from ..source import Source
+from ..source import ReadLog
 from ..takeaway import KINDS, taken
 from ..tiles import Store, Tiles
 from ..wording import sentence
@@ -93,7 +93,7 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
             if hasattr(effect, "time_constants") and isinstance(effect.time_constants, np.ndarray):
                 effect.set_params(time_constants=effect.time_constants.tolist())
         base.set_params(fill=None, time_constants=list(taus))
-    settings = Settings(
+    settings = ModelSettings(
         time_constants=tuple(taus) if isinstance(taus, list | tuple) else taus,
         degree=model.degree,
         products=model.products,
@@ -102,7 +102,7 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
         max_gap=model.max_gap,
     )
     base.set_params(temperature=ambient)
-    source = Source(table=Table(frame=frame), name=IN_MEMORY)
+    source = ReadLog(table=ForeignTable(frame=frame), name=IN_MEMORY)
     folder = tempfile.TemporaryDirectory(prefix="thermocorr-")
     bench = Bench(source, Store(folder.name), settings=settings, own=suspects, base=base)
     weakref.finalize(bench, folder.cleanup)

@@ -19,7 +19,7 @@ from typing import Any
 from ...estimators.threads import one_blas_thread
 from ...foreign import HowToRead
 from ...records import RecordError
-from ..arrangement import Settings
+from ..arrangement import ModelSettings
 from ..bench import Bench
 from ..own_effects import effects_in
 from ..roles import guessed
@@ -47,7 +47,7 @@ class Opening:
     join: bool = False
     named: dict[str, str] = field(default_factory=dict)
     """Columns whose role the user has said."""
-    settings: Settings = field(default_factory=Settings)
+    settings: ModelSettings = field(default_factory=ModelSettings)
     own_file: str = ""
     session: str = ""
     """File of a session to go on with."""

@@ -1,0 +1,100 @@
+"""Gaps in a record: from which step on nobody knows what was between two rows, and how far columns wander meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..equations.lags import Structure
+from .record import Block, Record
+from .times import Floats
+
+GAP = 2.5
+"""Steps, in usual ones, from which on what was between is taken for unknown."""
+OFTEN = 0.95
+"""Share of the steps, in the first some thousand, that are none: a log that is written on changes has long steps all
+the time, in which the temperature is known to have stood still."""
+MOST_ROWS = 200_000
+"""Rows of a segment that tell how columns wander, at most."""
+EVEN = 1e-9
+"""Share of a segment's length by which as many usual steps may differ from it: rounding."""
+ALIKE = 0.3
+"""Share by which as many uneven steps may last longer, or less, than as many usual ones, to be compared with them."""
+SPANS = 25
+"""Times over which changes are looked at, evenly spaced on a logarithmic scale."""
+SHARE = 1 / 3
+"""Share of the longest segment over which changes are looked at, where no longest gap is known."""
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """What a record tells of gaps, in it or in later rows."""
+
+    least: float
+    """Steps above it are gaps [s]."""
+    lags: Floats = field(default_factory=lambda: np.zeros(1))
+    """Times [s], 0 first, shape (k,)."""
+    squares: Mapping[Any, Floats] = field(default_factory=dict)
+    """Mean square of each column's changes over these times, shape (k,): its structure function."""
+
+    @classmethod
+    def of(cls, record: Record, columns: Collection[Any], least: float, longest: float | None = None) -> Gaps:
+        """Learn from a record how its columns wander over times up to the `longest` [s]."""
+        usual = record.usual_step()
+        if longest is None:
+            longest = SHARE * record.duration(record.longest())
+        counts = np.unique(np.geomspace(1, max(longest / usual, 2.0), SPANS).astype(int))
+        sums, sizes = np.zeros((len(columns), len(counts))), np.zeros(len(counts))
+        for segment in record.segments:
+            rows = record.kept(segment.start, min(segment.stop, segment.start + MOST_ROWS))
+            values = [np.asarray(record.columns[name][rows], float) for name in columns]
+            steps = np.array(record.times.steps(rows))
+            steps[:1] = 0.0
+            elapsed = np.cumsum(steps)
+            for i, k in enumerate(counts.tolist()):
+                like = np.abs(elapsed[k:] - elapsed[:-k] - k * usual) <= ALIKE * k * usual
+                sums[:, i] += [np.square(column[k:] - column[:-k])[like].sum() for column in values]
+                sizes[i] += np.count_nonzero(like)
+        seen = sizes > 0
+        means = np.column_stack((np.zeros(len(columns)), sums[:, seen] / sizes[seen]))
+        return cls(least, np.concatenate(([0.0], counts[seen] * usual)), dict(zip(columns, means, strict=True)))
+
+    def structure(self, column: Any) -> Structure:
+        """Mean square of a column's changes as a function of time [s].
+
+        A straight line to zero below the usual step; beyond what the record has, the last value.
+        """
+        squares = self.squares[column]
+        return lambda lag: np.interp(lag, self.lags, squares)
+
+
+def least_gap(record: Record, usual_step: float, stride: int = 1) -> float:
+    """Steps above it are gaps [s], in a log of which every so many rows are kept."""
+    if _is_even(record):
+        return GAP * usual_step
+    some = next(record.blocks()).steps[1:]
+    return max(GAP * usual_step, float(np.quantile(some, OFTEN)) / stride if len(some) else 0.0)
+
+
+def longest_gap(record: Record, least: float) -> float:
+    """The longest step that is a gap [s]; 0 where there is none."""
+    if _is_even(record):
+        return 0.0
+    return max(float(block.steps[gap_rows(block, least)].max(initial=0.0)) for block in record.blocks())
+
+
+def gap_rows(block: Block, least: float) -> np.ndarray:
+    """Numbers of a block's rows that stand behind a gap; the first of a segment does not."""
+    rows = np.flatnonzero(block.steps > least)
+    return rows[rows > 0] if block.begins else rows
+
+
+def _is_even(record: Record) -> bool:
+    """Whether steps can be told to be alike without a look at each."""
+    usual = record.usual_step()
+    return not len(record.skipped) and all(
+        record.duration(segment) <= (segment.n_rows - 1) * usual * (1 + EVEN) for segment in record.segments
+    )
