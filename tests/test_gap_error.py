@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose
+from thermocorr import DynamicBiasRegressor, ParquetLog, compare_variants, diagnose, later_errors, refine
 from thermocorr.datasets import make_record
 from thermocorr.equations import lag_differences
 from thermocorr.equations.lags import bridge_error
@@ -159,3 +159,20 @@ def test_a_gap_in_one_run_is_not_felt_in_the_next():
         run: int(np.flatnonzero((runs == run) & (steps > 150) & (np.roll(runs, 1) == run))[0]) for run in set(runs)
     }
     assert (error > 0).all() and all(rows[runs[rows] == run].min() == start for run, start in first.items())
+
+
+@pytest.mark.parametrize("work", ["variants", "refine", "later"])
+def test_what_many_fits_say_is_said_once(work):
+    record = make_record(3000, gaps=3, seed=717)
+    X, y = record[["temperature"]], record["reading"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model = DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        if work == "variants":
+            compare_variants(X, y, model=model)
+        else:
+            refine(model, X, y) if work == "refine" else later_errors({"model": model}, X, y)
+    said = [" ".join(str(one.message).split()[:2]) for one in caught]
+    assert sorted(said) == ["Sampling has", "The temperature"]

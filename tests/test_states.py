@@ -151,3 +151,29 @@ def test_states_of_odd_names_and_switches_with_holes():
     X = log[["temperature"]].assign(fan=switch)
     _, _, found = judged(X.assign(reading=log["reading"]), log["reading"] + 0.5 * log["fan"])
     assert found.best.inputs() == ["fan"]
+
+
+@pytest.mark.parametrize("column", ["operator=Kim", "fan"])
+def test_where_it_fails_is_a_state_of_a_switch(column):
+    """An error in one of two states, of half of the rows each, is told of that state."""
+    rng = np.random.default_rng(7)
+    log = make_record(ROWS, seed=7)[["temperature", "reading"]]
+    on = np.repeat(rng.permutation(np.arange(60) % 2), 100)
+    log = log.assign(operator=np.where(on, "Kim", "Ada"), fan=on) if column != "fan" else log.assign(fan=on)
+    log = log.drop(columns="fan") if column != "fan" else log
+    log["reading"] += on * np.repeat(rng.standard_normal(120), 50)
+    X, y = log.drop(columns="reading"), log["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    worst = found.where.iloc[0]
+    assert worst["column"] == column and worst["low"] == worst["high"]
+    assert worst["share"] > 0.8
+    assert f"where {column} is {worst['low']:g}:" in str(found)
+
+
+@pytest.mark.parametrize(("rows", "said"), [(4000, False), (6000, True)])
+def test_hours_of_the_day_are_conditions_from_four_days_on(rows, said):
+    log = make_record(rows, seed=8)
+    log["reading"] += 2.0 * np.sin(2 * np.pi * np.arange(rows) / 500)
+    X, y = log[["temperature"]], log["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert ("hour" in set(found.where["aspect"])) == said

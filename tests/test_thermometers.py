@@ -1,5 +1,6 @@
 """Several thermometers, each with time constants of its own; one that is lost; columns with missing cells."""
 
+import io
 import json
 import warnings
 
@@ -12,6 +13,7 @@ from thermocorr import (
     DiffusiveFeatures,
     DynamicBiasRegressor,
     OnlineCorrector,
+    RecordError,
     RecordWarning,
     TimeConstantSearch,
     diagnose,
@@ -304,3 +306,28 @@ def test_an_effect_is_taken_out_by_its_name():
     assert [name for name, _ in left.effects] == ["covariate_room"] and len(model.effects) == 2
     with pytest.raises(ValueError, match=r"no effect called 'rain'. There are \['covariate_room', 'dew'\]"):
         model.without_effect("rain")
+
+
+def test_a_further_thermometer_in_another_unit_is_refused():
+    X, y, _, _ = two_surfaces(5, 2000)
+    model = DynamicBiasRegressor(["case", "room"], {"case": ["10 min"], "room": ["90 min"]}).fit(X, y)
+    with pytest.raises(RecordError, match=r"looks like kelvin where degC was fitted\. Convert 'room' first"):
+        model.correct(X.assign(room=X["room"] + 273.15), y)
+
+
+def test_the_command_takes_each_thermometer_by_its_name(tmp_path, capsys):
+    """Columns under other names, in the model's order; as many as it has, or the first."""
+    X, y, _, _ = two_surfaces(5, 2000)
+    model = DynamicBiasRegressor(["case", "room"], {"case": ["10 min"], "room": ["90 min"]}).fit(X, y)
+    save_model(model, tmp_path / "model.json")
+    log = X.assign(reading=y).rename(columns={"case": "inner", "room": "outer"})
+    log.insert(0, "time", X.index.total_seconds())
+    log.to_csv(tmp_path / "log.csv", index=False)
+    command = ["correct", str(tmp_path / "log.csv"), "--model", str(tmp_path / "model.json"), "--reading", "reading"]
+    assert main([*command, "--temperature", "inner", "--temperature", "outer"]) == 0
+    shown = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    np.testing.assert_allclose(shown["corrected"], model.correct(X, y), rtol=0, atol=1e-9)
+    assert main([*command, "--temperature", "inner"]) == 2
+    assert "no column 'room'" in capsys.readouterr().err
+    assert main([*command, *(3 * ["--temperature", "inner"])]) == 2
+    assert "the model has 2 thermometers: 'case', 'room'" in capsys.readouterr().err

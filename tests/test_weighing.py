@@ -172,3 +172,32 @@ def test_a_column_that_is_no_list_of_events(loaded):
         model.fit(X.assign(stepped=np.where(np.arange(4000) == 100, 0.5, X["stepped"])), y)
     with pytest.raises(RecordError, match="There are 2000 events, and 1000 are the most"):
         model.fit(X.assign(stepped=np.arange(4000) % 2), y)
+
+
+@pytest.mark.parametrize("numbered", [False, True])
+@pytest.mark.parametrize("name", ["sample_weight", "mask"])
+def test_rows_in_another_order_are_refused(lab, weight, name, numbered):
+    """A Series says by its index which row is which: it is not used by position."""
+    X, y = lab
+    given = pd.Series(weight if name == "sample_weight" else weight > 30, index=y.index)
+    X, y, given = (frame.reset_index(drop=True) if numbered else frame for frame in (X, y, given))
+    model = DynamicBiasRegressor("temperature", TAUS, sampling_period="1 min" if numbered else None)
+    with pytest.raises(RecordError, match=f"{name} has|{name}.reindex"):
+        model.fit(X, y, **{name: given[::-1]})
+    model.fit(X, y, **{name: given})
+
+
+def test_a_date_as_the_end_of_a_mask_is_its_whole_day(lab):
+    X, y = lab
+    day = X.index[0].normalize() + pd.Timedelta("1D")
+    model = DynamicBiasRegressor("temperature", TAUS)
+    whole = model.fit(X, y, mask=[(f"{day:%Y-%m-%d}", f"{day:%Y-%m-%d}")]).reading_.n_readings
+    assert whole == len(y) - 1440
+    to_noon = model.fit(X, y, mask=[(f"{day:%Y-%m-%d}", f"{day:%Y-%m-%d} 11:59")]).reading_.n_readings
+    assert to_noon == len(y) - 720
+
+
+def test_a_mask_beside_the_record_is_said(lab):
+    X, y = lab
+    with pytest.warns(UserWarning, match="in which there are no rows"):
+        DynamicBiasRegressor("temperature", TAUS).fit(X, y, mask=[("2023-01-01", "2023-01-02")])

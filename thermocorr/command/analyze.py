@@ -112,15 +112,14 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         other = better_thermometer(best, X, y)
     say(f"{later.advice(kept)}\n")
     if understood:
-        said = [
-            *understood,
-            f"steps of {span_text(best.features_.history_.usual_step)}",
-            unit_of(best.features_.history_.record.temperature_name, log),
-        ]
-        say(f"Read as: {', '.join(filter(None, said))}.\n")
-    thermometers = best.thermometers_
+        say(f"Read as: {', '.join(understood)}.\n")
+    thermometers, unit = best.thermometers_, best.reading_.temperature_unit
     named = f"temperature{'s' * (len(thermometers) > 1)} {', '.join(map(repr, thermometers))}"
-    say(f"{best.reading_.n_readings} readings of {reading!r}, {named}\n")
+    by_size = "" if unit_of(next(iter(thermometers)), log) else " by their size"
+    say(
+        f"{best.reading_.n_readings} readings of {reading!r}, {named} ({unit}{by_size}), a row every "
+        f"{span_text(best.features_.history_.usual_step)}\n"
+    )
     for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
         say(f"Note: {note}\n")
     if other is not None:

@@ -49,7 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--idle", type=float, metavar="SECONDS", help="with --follow: end after so long without a line")
     parser.add_argument("--force", action="store_true", help="overwrite files that thermocorr did not write")
     columns = parser.add_argument_group("columns of the log (default: those of the model)")
-    columns.add_argument("--temperature", metavar="COLUMN", help="ambient temperature")
+    columns.add_argument(
+        "--temperature",
+        metavar="COLUMN",
+        action="append",
+        help="ambient temperature; for a model of several thermometers once more for each, in its order",
+    )
     columns.add_argument("--reading", metavar="COLUMN", help="what the instrument shows")
     columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds")
     more = parser.add_argument_group("beside the corrected reading")

@@ -8,12 +8,14 @@ import io
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from ..files.result_files import new_names
+from ..foreign import RUN
 from ..live.corrector import OnlineCorrector
 from ..live.given import COLUMNS
 from ..records import RecordError
@@ -86,13 +88,18 @@ class LogRows:
             )
         self.header = header
         model = self.live.model
-        self._temperature = self._place(self.options.temperature or self._temperature_name, "temperature")
+        named = self._thermometers()
+        self._temperature = self._place(named.get(self._temperature_name, self._temperature_name), "temperature")
         self._reading = self._place(self.options.reading or model.reading_.name, "reading")
         guesses = (self._time_name, *TIME_NAMES)
         name = self.options.time or model.time or next((n for n in guesses if n in header), "time")
         self._time = self._place(name, "time") if self._timed else None
-        self._others = {column: self._place_or_state(str(column)) for column in self.live.columns}
-        self._run = None if model.run is None else self._place(str(model.run), "")
+        self._others = {column: self._place_or_state(str(named.get(column, column))) for column in self.live.columns}
+        self._run, self._one_run = None, None
+        if model.run == RUN and RUN not in header:  # learned from several files, each a run: this is one more
+            self._one_run = Path(self.options.log).name
+        elif model.run is not None:
+            self._run = self._place(str(model.run), "")
         self._extra = self.live.names
         return [*header, *new_names(self._extra, header)]
 
@@ -136,7 +143,7 @@ class LogRows:
         values = {name: np.array([sample.values[name] for sample in samples]) for name in names}
         reading = np.array([sample.reading for sample in samples])
         stamps = np.array([sample.stamp for sample in samples]) if self._timed else None
-        runs = None if self._run is None else pd.Series([sample.run for sample in samples], dtype=object)
+        runs = None if self.live.model.run is None else pd.Series([sample.run for sample in samples], dtype=object)
         out = self.live.update_stamps(stamps, values, reading, runs)
         columns = [getattr(out, COLUMNS.get(name, name)).tolist() for name in self._extra]
         for flag, corrected in zip(out.flags, out.corrected, strict=True):
@@ -160,6 +167,17 @@ class LogRows:
         self.done += 1
         if math.isnan(corrected):
             self.without_result[flag] += 1
+
+    def _thermometers(self) -> dict[Any, str]:
+        """Column of the log for each thermometer of the model that --temperature names."""
+        given, own = self.options.temperature or [], list(self.live.model.thermometers_)
+        if len(given) > 1 and len(given) != len(own):
+            raise RecordError(
+                f"--temperature names {len(given)} columns ({listing(given)}); the model has "
+                f"{times_word(len(own), 'thermometer')}: {listing(own)}. Name one for each, in this order, or the "
+                "first alone."
+            )
+        return dict(zip(own, given, strict=False))
 
     def _place(self, name: Any, option: str) -> int:
         assert self.header is not None
@@ -186,7 +204,7 @@ class LogRows:
             else:
                 cell = fields[at].strip()
                 values[column] = math.nan if is_missing(cell) else float(cell == word)
-        run = None if self._run is None else label(fields[self._run], self._labels)
+        run = self._one_run if self._run is None else label(fields[self._run], self._labels)
         if self._time is None:
             return LogRow(fields, None, run, values, U)
         time: Any = fields[self._time].strip()

@@ -240,7 +240,10 @@ class FittedModel(DoubtedInputs):
         yield from self._weighed_blocks(*self.judged(X))
 
     def _weighed_blocks(self, record: Record, starts: Any, states: Any) -> Iterator[tuple[Block, np.ndarray]]:
-        check_range(self.reading_, record)
+        check_range(record, record.temperature_name, *self.reading_.temperature_range)
+        for one in self.features_.filling_.stand_ins:
+            if one.column in self.thermometers_:
+                check_range(record, one.column, *one.range)
         return self.weighed(self.features_.walk_resumed(record, starts, states))
 
     def residual_blocks(self, record: Record) -> Iterator[tuple[Block, np.ndarray]]:

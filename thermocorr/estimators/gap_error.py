@@ -138,6 +138,8 @@ def readings_left_out(record: Record, believed: Record) -> list[str]:
         return []
     assert record.reading is not None and isinstance(believed.reading, LeftOut)
     count = int(np.isfinite(np.asarray(record.reading[believed.reading.rows], float)).sum())
+    if not count:
+        return []
     return [
         f"The temperature is not known in gaps of the record, and the device goes on to feel what it did there: "
         f"{times_word(count, 'reading')} behind gaps {'is' if count == 1 else 'are'} not learned from. They are "

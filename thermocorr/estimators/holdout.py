@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
+from ..records.errors import said_once
 from .progress import Progress, told
 from .run_levels import unlearned
 from .screening import believed_readings
@@ -22,6 +23,7 @@ def time_blocks(n_rows: int, n_blocks: int) -> list[slice]:
     return [slice(int(low), int(high)) for low, high in pairwise(edges)]
 
 
+@said_once()
 def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5, progress: Progress = None) -> np.ndarray:
     """Residuals of each block of time under a model that was fitted, time constants and all, without its readings.
 

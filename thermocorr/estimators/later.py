@@ -13,6 +13,7 @@ from sklearn.base import clone
 
 from ..effects import Events
 from ..records import RecordError, read_record
+from ..records.errors import said_once
 from ..records.quantities import number_text, scale_of
 from ..records.text import printable
 from .holdout import rms
@@ -100,6 +101,7 @@ class LaterErrors:
     __repr__ = __str__
 
 
+@said_once()
 def later_errors(
     variants: Mapping[str, DynamicBiasRegressor],
     X: Any,

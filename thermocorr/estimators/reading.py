@@ -18,6 +18,10 @@ USUAL_STDS = 10.0
 """A corrected reading so many standard deviations from the mean of the fitted readings is no surprise."""
 
 
+KELVIN_FROM = 150.0
+"""Temperatures of no unit that are all above it are taken for kelvin, others for degC."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Reading:
     """Names, units and ranges of what was fitted."""
@@ -45,7 +49,7 @@ class Reading:
         return cls(
             name="reading" if name is None else str(name),
             unit=unit,
-            temperature_unit=unit_of(record.temperature_name, X) or "K",
+            temperature_unit=unit_of(record.temperature_name, X) or ("K" if temperatures.low > KELVIN_FROM else "degC"),
             n_readings=readings.n,
             mean=readings.mean,
             std=readings.std,
@@ -85,18 +89,17 @@ def check_plausible(record: Record, reading: Reading, known_before: bool = False
         )
 
 
-def check_range(fitted: Reading, record: Record) -> None:
-    """Refuse a temperature in another unit than the fitted one."""
-    low, high = fitted.temperature_range
+def check_range(record: Record, thermometer: Any, low: float, high: float) -> None:
+    """Refuse a temperature in another unit than the fitted one, which had this range."""
     first = record.segments[0]
     rows = record.kept(first.start, min(first.stop, first.start + (1 << 16)))
-    median = float(np.median(record.columns[record.temperature_name][rows]))
+    median = float(np.nanmedian(record.columns[thermometer][rows]))
     span = high - low
     for offset, said in ((273.15, "kelvin where degC was fitted"), (-273.15, "degC where kelvin was fitted")):
         if abs(median - offset - (low + high) / 2) < span + 20.0 and not low - span <= median <= high + span:
             raise RecordError(
                 f"The temperature is about {median:.6g} here and was {low:.6g} to {high:.6g} in the fitted record: "
-                f"that looks like {said}. Convert {quoted(record.temperature_name)} first."
+                f"that looks like {said}. Convert {quoted(thermometer)} first."
             )
 
 

@@ -14,6 +14,7 @@ from sklearn.base import clone
 
 from ..equations import moving_average, reduction_db
 from ..records import Record, read_record
+from ..records.errors import said_once
 from ..records.quantities import Scale, number_text, scale_of
 from ..records.text import printable
 from .holdout import held_out_residuals, rms, time_blocks
@@ -105,6 +106,7 @@ class VariantComparison:
         return f"% {self.caption()}\n\\begin{{tabular}}{{{columns}}}\n{body}\n\\end{{tabular}}\n"
 
 
+@said_once()
 def compare_variants(
     X: Any,
     y: Any,

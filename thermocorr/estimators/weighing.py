@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,10 +11,14 @@ import numpy as np
 import pandas as pd
 
 from ..effects.moments import since_start
-from ..records import Layout, Log, RecordError, read_record
+from ..records import Layout, Log, RecordError, RecordWarning, read_record
 from ..records.errors import times_word
-from ..records.numbers import as_pandas, numeric_reading
+from ..records.numbers import as_pandas, check_same_rows, numeric_reading
 from ..records.weighted import WeightedReading
+
+_DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
+"""A date as the end of a stretch is its whole day, as in slices of pandas."""
+_DAY = 86400.0
 
 
 def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weights: Mapping[str, Any]) -> Any:
@@ -39,13 +45,17 @@ def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weights: Mapping
     if mask is not None:
         y = _masked(X, y, layout, mask)
     weight = weights.get("sample_weight")
-    return y if weight is None else WeightedReading(y, _checked(weight, len(X)))
+    if weight is None:
+        return y
+    check_same_rows(as_pandas(weight), as_pandas(X), "sample_weight")
+    return WeightedReading(y, _checked(weight, len(X)))
 
 
 def _masked(X: Any, y: Any, layout: Layout, mask: Any) -> Any:
     if isinstance(X, Log):
         raise RecordError("A mask is for a record in memory. Write NaN for these readings when the file is written.")
     X, y = as_pandas(X), as_pandas(y)
+    check_same_rows(as_pandas(mask), X, "mask")
     values = np.array(numeric_reading(y, X), float)
     values[_rows(X, layout, mask, len(values))] = np.nan
     if isinstance(y, pd.DataFrame):
@@ -82,7 +92,13 @@ def _rows(X: Any, layout: Layout, mask: Any, n: int) -> np.ndarray:
         start, end = (since_start(moment, record, "mask", "fit") for moment in stretch)
         if not start <= end:
             raise RecordError(f"The mask has a stretch that ends before it starts: {stretch!r}.")
-        found |= (seconds >= start) & (seconds <= end)
+        whole_day = isinstance(stretch[1], str) and _DATE.fullmatch(stretch[1].strip())
+        inside = (seconds >= start) & (seconds < end + _DAY if whole_day else seconds <= end)
+        if not inside.any():
+            warnings.warn(
+                f"The mask has a stretch in which there are no rows: {stretch!r}.", RecordWarning, stacklevel=5
+            )
+        found |= inside
     return found
 
 

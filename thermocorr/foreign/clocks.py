@@ -20,8 +20,12 @@ DAYS_OF_EXCEL = (25_569.0, 55_000.0)
 _SECONDS = ("s", "sec", "second", "seconds", "elapsed")
 _DATED = ("date", "datum", "timestamp", "datetime")
 """Words in the names of columns that hold seconds, and of those that hold dates."""
-UNIX = (9.4e8, 4.2e9)
-"""Unix times in seconds, 1999 to 2103."""
+DAILY = (0.5, 1.0, 7.0)
+"""Steps of logs in whole days and weeks."""
+UNIX = (9.4e8, 2.6e9)
+"""Unix times in seconds, 1999 to 2052."""
+LABVIEW = 2_082_844_800.0
+"""Seconds from 1904, from which LabVIEW counts, to 1970."""
 EPOCHS = {"ms": 1e3, "us": 1e6, "ns": 1e9}
 """Unit of Unix times -> how many are a second."""
 LARGEST_SECONDS = 1e10
@@ -63,7 +67,7 @@ def understood(values: pd.Series[Any], form: str | None = None, zone: str | None
     values : Series of shape (n,)
         Text, numbers or dates.
     form : str, optional
-        A format of `strptime`, or "excel", "unix", "unix ms", "unix us", "unix ns", "seconds".
+        A format of `strptime`, or "excel", "labview", "unix", "unix ms", "unix us", "unix ns", "seconds".
     zone : str, optional
         Time zone of local times, such as "Europe/Berlin": they become UTC.
 
@@ -95,6 +99,8 @@ def _of_numbers(values: pd.Series[Any], form: str | None) -> Understood:
     if form == "excel":
         whole = np.round((numbers - DAYS_OF_EXCEL[0]) * 86_400e3)  # to the millisecond, as spreadsheets show them
         return Understood(_counted(whole, "ms", values), "days of a spreadsheet")
+    if form == "labview":
+        return Understood(_counted(np.round((numbers - LABVIEW) * 1e3), "ms", values), "seconds since 1904")
     if "%" in form:
         whole_text: Any = pd.Series([f"{number:.0f}" for number in numbers], index=values.index, dtype="string")
         return Understood(_parsed(whole_text, values, form), f"times as {form}")
@@ -123,6 +129,11 @@ def _form_of(known: np.ndarray, name: str) -> str | None:
             return f"unix {unit}"
     if UNIX[0] <= low and high < UNIX[1]:
         return "unix s"
+    if UNIX[0] + LABVIEW <= low and high < UNIX[1] + LABVIEW:
+        raise RecordError(
+            f"Are the numbers in {quoted(name)}, such as {known[0]:.10g}, seconds since 1904, as LabVIEW counts them? "
+            "Say it with --time-format labview, or --time-format seconds if they are seconds and no dates."
+        )
     if np.median(known) >= LARGEST_SECONDS:  # one damaged time is none of these
         raise RecordError(
             f"{quoted(name)} has numbers such as {high:.0f}: no seconds, and no Unix times of this century. Say what "
@@ -131,9 +142,10 @@ def _form_of(known: np.ndarray, name: str) -> str | None:
     words = re.split(r"[^a-z]+", name.lower())
     if any(word in _SECONDS for word in words) or low < DAYS_OF_EXCEL[0]:
         return None
-    dense = len(known) > 1 and (known % 1.0).any() and np.median(np.abs(np.diff(known))) < 0.5
+    step = float(np.median(np.abs(np.diff(known)))) if len(known) > 1 else 0.0
+    dense = len(known) > 1 and bool((known % 1.0).any()) and step < 0.5
     in_excel = high < DAYS_OF_EXCEL[1]
-    if not dense and not (in_excel and any(word in _DATED for word in words)):
+    if not dense and not (in_excel and (step in DAILY or any(word in _DATED for word in words))):
         return None
     parts = known * 86_400.0  # a minute is 0.000694 days: a few decimals are none, and whole seconds are many
     whole = (np.round(known, 4) != known).any() and np.mean(np.abs(parts - np.round(parts)) < 0.05) >= 0.9
@@ -185,9 +197,21 @@ def date_form(values: pd.Series[Any]) -> str | None:
         if any(other.iloc[row] != one.iloc[row] for other in whole.values()):
             raise RecordError(
                 f"Is {text.iloc[row]!r} in {quoted(values.name)}, row {row}, {read}? Every row can be read either way. "
-                f"Say which it is with --time-format, such as --time-format '{next(iter(whole))} %H:%M:%S'."
+                f"Say which it is with --time-format, such as --time-format '{_whole_form(next(iter(whole)), text)}'."
             )
     return next(iter(whole))
+
+
+def _whole_form(date: str, text: pd.Series[Any]) -> str:
+    """How cells are written, times of day included, as for `strptime`."""
+    parts = re.fullmatch(rf"(?P<date>.*?)(?:(?P<between>[T ,]+){CLOCK})?", str(text.iloc[0]))
+    if parts is None or not parts["clock"]:
+        return date
+    clock = "%I:%M" if parts["half"] else "%H:%M"
+    clock += ":%S" if parts["clock"].count(":") == 2 else ""
+    clock += str(parts[0])[parts.start("fraction") - 1] + "%f" if parts["fraction"] else ""
+    between = str(parts[0])[parts.end("clock") : parts.start("half")] if parts["half"] else ""
+    return f"{date}{parts['between']}{clock}{between.lstrip('.,0123456789')}{'%p' if parts['half'] else ''}"
 
 
 def _of_clocks(values: pd.Series[Any]) -> Understood:
@@ -205,6 +229,9 @@ def _of_clocks(values: pd.Series[Any]) -> Understood:
 
 def _dates(text: pd.Series[Any], date: str) -> pd.Series[Any]:
     """Text as dates in one form, with a time of day or without; NaT for what is not."""
+    at_once = pd.to_datetime(text, format=_whole_form(date, text), errors="coerce") if len(text) else None
+    if at_once is not None and at_once.notna().all() and at_once.dt.year.between(1678, 2261).all():
+        return at_once.astype("datetime64[ns]")
     parts = text.str.extract(rf"^(?P<date>.*?)(?:[T ,]+(?P<rest>{CLOCK}))?$")
     days = pd.to_datetime(parts["date"].str.replace(",", ""), format=date.replace(",", ""), errors="coerce")
     days = days.where(days.dt.year.between(1678, 2261))  # what nanoseconds reach
@@ -249,7 +276,7 @@ def _named(times: Any, values: pd.Series[Any]) -> pd.Series[Any]:
 def _unknown_form(form: str) -> RecordError:
     return RecordError(
         f"--time-format {form!r} is none. Write it as for strptime (%d.%m.%Y %H:%M:%S), or one of excel, unix, "
-        "unix ms, unix us, unix ns, seconds."
+        "unix ms, unix us, unix ns, labview, seconds."
     )
 
 

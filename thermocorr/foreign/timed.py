@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -19,6 +20,12 @@ from .how import ForeignTable, HowToRead
 from .values import first_cell, is_moment
 
 DATES = ("date", "datum", "day", "tag")
+UNITS_IN_NAMES = {
+    "ms": "ms", "millis": "ms", "milliseconds": "ms", "us": "us", "micros": "us", "minutes": "min", "minuten": "min",
+    "mins": "min", "hours": "h", "hrs": "h", "stunden": "h", "heures": "h", "horas": "h", "days": "d", "tage": "d",
+    "jours": "d", "dias": "d",
+}  # fmt: skip
+"""Last word of a column's name, in small letters -> unit of its times."""
 CLOCKS = ("time", "clock", "zeit", "uhrzeit", "time of day", "heure", "hora")
 """Names, in small letters, of columns of dates and of times of day."""
 
@@ -28,7 +35,7 @@ def with_times(table: ForeignTable, column: str | None, how: HowToRead) -> Forei
 
     Parameters
     ----------
-    table : Table
+    table : ForeignTable
     column : str, optional
         The column of times; without one only `HowToRead.sort` could be asked for, which needs one.
     how : HowToRead
@@ -72,10 +79,15 @@ def in_seconds(frame: pd.DataFrame, column: str) -> Understood | None:
             f"{quoted(dates[0])} and {quoted(column)} look like a date and a time of day in whole numbers. Write them "
             "in one column, as 2024-05-31T14:00:00, or say --time-format for one that has both."
         )
-    unit = unit_of(column, frame)
+    unit = unit_of(column, frame) or _unit_in_name(column)
     if unit in ("", "s") or unit not in SPANS:
         return None
     return Understood(frame[column].astype(float) * SPANS[unit], f"times in {unit}")
+
+
+def _unit_in_name(column: str) -> str:
+    """The unit of time that a name ends with: ``time_ms``, ``elapsed hours``, ``Stunden``; "" for none."""
+    return UNITS_IN_NAMES.get(re.split(r"[\s_.(\[]+", _plain_name(column))[-1], "")
 
 
 def _is_yyyymmdd(values: pd.Series[Any]) -> bool:

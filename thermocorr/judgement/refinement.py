@@ -16,6 +16,7 @@ from ..effects.wrap import as_effects
 from ..estimators.progress import Progress, told
 from ..estimators.regressor import DynamicBiasRegressor
 from ..pages import RefinementPage
+from ..records.errors import said_once
 from ..records.quantities import number_text, scale_of
 from ..records.text import printable
 from .adding import Errors, with_missing
@@ -58,6 +59,7 @@ class Refinement(RefinementPage):
         return plot_refinement(self)
 
 
+@said_once()
 def refine(
     model: DynamicBiasRegressor,
     X: Any,

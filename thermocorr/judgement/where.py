@@ -19,6 +19,12 @@ from .blocks import Averages, averaged
 TIME_BINS = 20
 VALUE_BINS = 10
 HOUR_BINS = 12
+DAYS = 4.0
+"""Length of a record from which on hours of the day are conditions: each has come often enough not to be a date."""
+STATES = 4
+"""Different values of a column up to which each is a condition of its own: a switch, a mode."""
+LOOKED_AT = 1 << 15
+"""Rows at the beginning and at the end of a record that tell how many values a column has."""
 TIME = 0.85
 """Weight of stretches of time in the order: a slow residual is large somewhere by chance; what recurs says more."""
 RECORDED = 0.8
@@ -51,9 +57,9 @@ def where_it_fails(
     DataFrame, one place a row, worst first: by how much more than its part of the record it has, in standard
     deviations. Empty where the error is not clearly beyond the noise. Columns: aspect ("time", "temperature", "rate",
     "lag difference", "hour", "column" or "frequency"), column (its name, where a recorded one is the aspect),
-    time_constant [s] (of the lag difference), low, high and unit ("date": seconds since 1970; for frequencies the
-    periods [s]), n (samples), rms (of short averages), share (of the error beyond the noise), lift (share over the
-    share of samples).
+    time_constant [s] (of the lag difference), low, high (the same for a state of a switch) and unit ("date": seconds
+    since 1970; for frequencies the periods [s]), n (samples), rms (of short averages), share (of the error beyond the
+    noise), lift (share over the share of samples).
     """
     effects: list[Effect] = [Rate(), *([] if lag is None else [ThermalLag([lag])]), *(Covariate(c) for c in recorded)]
     aspects: list[dict[str, Any]] = [{"aspect": "rate", "unit": "K/h"}]
@@ -126,15 +132,31 @@ def _bins(
             first, last = zero + data.seconds[inside][[0, -1]]
             yield {"aspect": "time", "low": first, "high": last, "unit": unit}, inside
     for aspect, column in zip(aspects, values, strict=True):
+        states = _states(record, aspect.get("column"))
+        if states is not None:  # an average over both is of the nearer one
+            nearest = np.searchsorted((states[1:] + states[:-1]) / 2, column)
+            for number, state in enumerate(states.tolist()):
+                yield {**aspect, "low": state, "high": state}, nearest == number
+            continue
         edges = np.unique(np.quantile(column, np.linspace(0, 1, VALUE_BINS + 1)))
         for low, high in pairwise(edges):
             inside = (column >= low) & ((column < high) | (high == edges[-1]))
             yield {**aspect, "low": low, "high": high}, inside
-    if dates:
+    if dates and np.ptp(data.seconds) >= DAYS * 86_400:
         hour = ((zero + data.seconds) % 86_400) / 3600
         for i in range(HOUR_BINS):
             low, high = 24.0 * i / HOUR_BINS, 24.0 * (i + 1) / HOUR_BINS
             yield {"aspect": "hour", "low": low, "high": high, "unit": "h"}, (hour >= low) & (hour < high)
+
+
+def _states(record: Record, column: Any) -> np.ndarray | None:
+    """The values of a column that has few of them, in order; None for others."""
+    if column is None:
+        return None
+    ends = record.columns[column][:LOOKED_AT], record.columns[column][max(record.n_rows - LOOKED_AT, 0) : record.n_rows]
+    values = np.concatenate([np.asarray(end, float) for end in ends])
+    found = np.unique(values[np.isfinite(values)])
+    return found if 2 <= len(found) <= STATES else None
 
 
 def _figures(data: Averages, excess: np.ndarray, total: float, inside: np.ndarray) -> dict[str, Any]:

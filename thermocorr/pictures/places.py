@@ -101,7 +101,8 @@ class WhereDisplay:
         for side, x, text in (("left", 0.0, words[0][0]), ("right", 1.0, words[-1][1])):
             ax.text(x, row + 0.17, text, ha=side, va="top", fontsize=7, color="0.35")
         place = float(np.clip((worst + 0.5) * width, 0.3, 0.7))
-        text = f"worst: {words[worst][0]} to {words[worst][1]}"
+        low, high = words[worst]
+        text = f"worst: {low}" if low == high else f"worst: {low} to {high}"
         ax.text(place, row + 0.17, text, ha="center", va="top", fontsize=7, color="0.15")
 
     def _name(self, place: Any) -> str:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+import warnings
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 
 class RecordError(ValueError):
@@ -11,6 +15,32 @@ class RecordError(ValueError):
 
 class RecordWarning(UserWarning):
     """The record can be used, but its user should know something first."""
+
+
+@contextmanager
+def said_once() -> Iterator[None]:
+    """Warn once of each thing while models are fitted to parts of a record: texts that differ in numbers are alike.
+
+    As a decorator, of a function that does so.
+    """
+    seen = set()
+    with warnings.catch_warnings():
+        show: Any = warnings.showwarning
+
+        def once(message: Any, category: Any, *place: Any, **more: Any) -> None:
+            if issubclass(category, RecordWarning):
+                said = _NUMBERS.sub("#", str(message))
+                if said in seen:
+                    return
+                seen.add(said)
+            show(message, category, *place, **more)
+
+        warnings.showwarning = once
+        yield
+
+
+_NUMBERS = re.compile(r"\b\d[\d.,:e+-]*(?: ?[^\W\d_]+)?")
+"""Numbers, with the word behind them, which may be a unit, or differ for one and for many."""
 
 
 def listing(names: Iterable[object], limit: int = 8) -> str:

@@ -96,14 +96,7 @@ def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
                 "model for each with thermocorr.cluster.channels.fit_channels(X, y)."
             )
         y = y.iloc[:, 0]
-    if isinstance(y, pd.Series) and isinstance(X, pd.DataFrame):
-        stamped = isinstance(X.index, pd.DatetimeIndex | pd.TimedeltaIndex)
-        if stamped and type(y.index) is type(X.index) and len(y) == len(X) and not y.index.equals(X.index):
-            row = int(np.argmax(np.asarray(y.index != X.index)))
-            raise RecordError(
-                f"X and y have different times: in row {row}, X has {X.index[row]} and y has {y.index[row]}. "
-                "Align them first, for example with y.reindex(X.index)."
-            )
+    check_same_rows(y, X, "y")
     values = as_numbers(
         y if isinstance(y, pd.Series) or isinstance(X, Log) else np.asarray(y), "The reading y", "reading"
     )
@@ -114,6 +107,27 @@ def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
     if len(values) != len(X):
         raise RecordError(f"X has {len(X)} rows and y has {len(values)}. Each row needs one reading (NaN where none).")
     return values
+
+
+def check_same_rows(given: Any, X: Any, name: str) -> None:
+    """Refuse a Series beside X whose index says that its rows stand in another order, or have other times."""
+    if not (isinstance(given, pd.Series) and isinstance(X, pd.DataFrame)) or len(given) != len(X):
+        return
+    own, others = given.index, X.index
+    if type(own) is not type(others) or own.equals(others):
+        return
+    if isinstance(others, pd.DatetimeIndex | pd.TimedeltaIndex):
+        row = int(np.argmax(np.asarray(own != others)))
+        raise RecordError(
+            f"X and {name} have different times: in row {row}, X has {others[row]} and {name} has {own[row]}. "
+            f"Align them first, for example with {name}.reindex(X.index)."
+        )
+    if own.sort_values().equals(others.sort_values()):
+        row = int(np.argmax(np.asarray(own != others)))
+        raise RecordError(
+            f"X and {name} have the same rows in another order: row {row} is {others[row]!r} in X and {own[row]!r} in "
+            f"{name}. Align them first, for example with {name}.reindex(X.index)."
+        )
 
 
 def as_numbers(values: Any, what: str, role: Role = "column") -> NDArray[Any]:

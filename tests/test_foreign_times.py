@@ -1,0 +1,74 @@
+"""Times of logs: what is asked back, what is proposed then, and a model of several files."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thermocorr import RecordError
+from thermocorr.command.cli import main
+from thermocorr.datasets import make_record
+from thermocorr.foreign import ForeignTable, HowToRead, with_times
+from thermocorr.foreign.clocks import understood as read_times
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        ("05/03/2024 10:00 AM", "05/03/2024 10:01 PM"),
+        ("05/03/2024 10:00", "05/04/2024 10:01"),
+        ("05/03/2024", "05/04/2024"),
+        ("05/03/2024 10:00:00.250", "05/03/2024 10:00:00.500"),
+        ("05/03/2024, 10:00:00 pm", "05/03/2024, 10:01:00 pm"),
+    ],
+)
+def test_the_format_that_is_proposed_reads_the_cells(cells):
+    """Whatever the time of day looks like."""
+    values = pd.Series(cells, name="time")
+    with pytest.raises(RecordError) as told:
+        read_times(values)
+    form = str(told.value).rsplit("'", 2)[1]
+    assert read_times(values, form).times.iloc[0] == pd.to_datetime(cells[0], dayfirst=True)
+
+
+@pytest.mark.parametrize(("name", "unit"), [("time_ms", 1e-3), ("Stunden", 3600.0), ("elapsed minutes", 60.0)])
+def test_a_unit_at_the_end_of_the_name_of_times_counts(name, unit):
+    frame = pd.DataFrame({name: [0.0, 10.0, 20.0], "temperature": 1.0})
+    read = with_times(ForeignTable(frame=frame), name, HowToRead())
+    np.testing.assert_allclose(read.frame[name], unit * frame[name])
+    assert "times in" in read.said[0]
+
+
+@pytest.mark.parametrize("step", [0.5, 1.0, 7.0])
+def test_days_of_a_spreadsheet_in_whole_days_are_asked_back(step):
+    values = pd.Series(45_442.0 + step * np.arange(50), name="time")
+    with pytest.raises(RecordError, match="seconds, or days of a spreadsheet"):
+        read_times(values)
+    assert read_times(values, "excel").times.iloc[0] == pd.Timestamp("2024-05-30")
+    assert read_times(values, "seconds").times.iloc[0] == 45_442.0
+
+
+def test_seconds_since_1904_are_asked_back():
+    values = pd.Series([3.8e9, 3.8e9 + 1.25], name="time")
+    with pytest.raises(RecordError, match="--time-format labview"):
+        read_times(values)
+    assert read_times(values, "labview").times.iloc[1] == pd.Timestamp("2024-05-31T11:33:21.250")
+
+
+def test_a_model_of_several_files_corrects_one_more(tmp_path, capsys):
+    """Each file was a run; the new one is one more, though it has no column of runs."""
+    paths = []
+    for number, level in enumerate((1000.0, 7000.0)):
+        record = make_record(1500, seed=number, start=f"2024-03-{1 + 5 * number:02d}")[["temperature", "reading"]]
+        record["reading"] += level
+        paths.append(str(tmp_path / f"run{number}.csv"))
+        record.to_csv(paths[-1], index_label="time")
+    assert main(["analyze", *paths, "--time-constants", "5min,90min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    assert capsys.readouterr().out.count("different levels") <= 1
+    analysed = pd.read_csv(tmp_path / "out" / "corrected.csv")
+    assert main(["correct", paths[1], "--model", str(tmp_path / "out" / "model.json")]) == 0
+    shown = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    np.testing.assert_allclose(shown["corrected"], analysed["corrected"][1500:], rtol=0, atol=1e-6)
