@@ -98,7 +98,7 @@ def test_failing_stretches_are_those_of_the_diagnosis(fitted, found):
     assert inside.sum() == pytest.approx(worst["n"].sum(), rel=0.03)  # ends are middles of short averages
     assert display.noise_floor == found.noise_floor
     labels = [text.get_text() for text in display.plot().axes_[0].get_legend().get_texts()]
-    assert labels == ["measured", "modelled", "fails most"]
+    assert labels == ["measured", "modelled", "corrected", "fails most"]
 
 
 def test_heating_and_cooling_part_where_a_lag_is_missing(fitted):

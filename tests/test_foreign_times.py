@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import RecordError
+from thermocorr import DynamicBiasRegressor, RecordError, ResidualsDisplay, diagnose
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
+from thermocorr.effects import Step
 from thermocorr.foreign import ForeignTable, HowToRead, with_times
 from thermocorr.foreign.clocks import understood as read_times
 
@@ -72,3 +73,21 @@ def test_a_model_of_several_files_corrects_one_more(tmp_path, capsys):
     assert main(["correct", paths[1], "--model", str(tmp_path / "out" / "model.json")]) == 0
     shown = pd.read_csv(io.StringIO(capsys.readouterr().out))
     np.testing.assert_allclose(shown["corrected"], analysed["corrected"][1500:], rtol=0, atol=1e-6)
+
+
+def test_unix_times_in_seconds_are_shown_as_dates():
+    """In pictures, in places of failure and in causes; columns of effects can be named by dates too."""
+    record = make_record(3000, seed=4, start="2024-03-04")[["temperature", "reading"]].reset_index(names="time")
+    record["time"] = record["time"].astype("datetime64[s]").astype("int64").astype(float)
+    record.loc[1500:, "reading"] += 1.0
+    X, y = record.drop(columns="reading"), record["reading"]
+    model = DynamicBiasRegressor("temperature", ["5 min", "90 min"], time="time").fit(X, y)
+    found = diagnose(model, X, y)
+    assert found.where.query("aspect == 'time'")["unit"].eq("date").all()
+    assert "It happened between 2024-03-05 00:59:00 and 2024-03-05 01:00:00" in " ".join(str(found).split())
+    assert ResidualsDisplay.from_estimator(model, X, y).frame()["time"].iloc[0] == pd.Timestamp("2024-03-04")
+    by_date = model.set_params(effects=[Step("2024-03-05 01:00:00")]).fit(X, y)
+    assert by_date.residual_std_ == pytest.approx(0.2, rel=0.05)
+    seconds = X.assign(time=X["time"] - X["time"].iloc[0])
+    plain = DynamicBiasRegressor("temperature", ["5 min", "90 min"], time="time").fit(seconds, y)
+    assert ResidualsDisplay.from_estimator(plain, seconds, y).frame()["time"].iloc[0] == 0.0

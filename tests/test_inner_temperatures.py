@@ -93,7 +93,7 @@ def test_the_picture_shows_them(device, drawing):
     assert (frame["temperature 2 h_low"] <= cells).all() and (cells <= frame["temperature 2 h_high"]).all()
     assert frame["temperature 2 h_high"].max() == pytest.approx(inner[:, 1].max(), abs=1e-3)
     assert [axes.get_ylabel() for axes in display.axes_] == [
-        "temperature [K]",
+        "temperature [degC]",
         "left of the start [K]",
         "inner less ambient [K]",
     ]

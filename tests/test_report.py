@@ -264,3 +264,12 @@ def test_hostile_names_are_shown_and_do_nothing(browser, hostile, tmp_path):
     assert HOSTILE["temperature"] in legend
     assert path.name in browser.execute_script("return document.getElementById('versions').textContent")
     assert "<b onclick" in browser.execute_script("return document.getElementById('anything').textContent")
+
+
+def test_a_page_says_which_thermometer_has_which_lags(tmp_path):
+    record = make_record(2000, seed=9)[["temperature", "reading"]].rename(columns={"temperature": "case"})
+    record["room"] = make_record(2000, seed=10)["temperature"].to_numpy()
+    X, y = record.drop(columns="reading"), record["reading"]
+    model = DynamicBiasRegressor(["case", "room"], {"case": ["5 min"], "room": ["90 min", "5 h"]}).fit(X, y)
+    text = page(model, X, y, Findings())
+    assert "Its lags of case have the time constants 5 min. Its lags of room have" in " ".join(text.split())

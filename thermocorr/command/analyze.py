@@ -122,14 +122,16 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
     )
     for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
         say(f"Note: {note}\n")
+    advice = ""
     if other is not None:
         with_it, without = quantity_texts((other.error, other.present), best.reading_.unit)
         present = next(iter(thermometers))
-        say(
-            f"Note: with {quoted(other.column)} as the temperature later blocks are missed by {with_it} instead of "
+        advice = (
+            f"With {quoted(other.column)} as the temperature later blocks are missed by {with_it} instead of "
             f"{without}: try --temperature {other.column}, or both of them (--temperature {present} --temperature "
-            f"{other.column}).\n"
+            f"{other.column})."
         )
+        say(f"Note: {advice}\n")
     say(f"{comparison}\n\n{later}\n")
     for name, taus in thermometers.items():
         of_which = f", {name}" if len(thermometers) > 1 else ""
@@ -149,7 +151,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
             diagnosis=judged.diagnosis,
             refinement=judged.refinement,
             comparison=comparison,
-            advice=f"{later.advice(kept)} {noise}".strip(),
+            advice=" ".join(filter(None, (later.advice(kept), advice, noise))),
             unjudged=judged.reason,
             source=", ".join(options.log) or "the built-in voltage reference with a hidden effect",
             command=options.as_written,

@@ -18,7 +18,8 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--time-format",
         metavar="FORMAT",
-        help="as for strptime ('%%d/%%m/%%Y %%H:%%M:%%S'), or excel, unix, 'unix ms', 'unix us', 'unix ns', labview, seconds",
+        help="as for strptime ('%%d/%%m/%%Y %%H:%%M:%%S'), or excel, labview, unix, 'unix ms', 'unix us', 'unix ns', "
+        "seconds",
     )
     group.add_argument("--timezone", metavar="ZONE", help="of local times, such as Europe/Berlin; they become UTC")
     group.add_argument("--sheet", metavar="NAME", help="of a spreadsheet")

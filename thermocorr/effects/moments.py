@@ -28,7 +28,8 @@ def since_start(time: Any, record: Record, name: str = "time", effect: str = "St
         date: Any = pd.Timestamp(time)
     except (ValueError, TypeError):
         date = pd.NaT
-    if not kind.startswith("datetime") or date is pd.NaT:
+    since = record.since_1970()
+    if since is None or date is pd.NaT:
         raise ValueError(
             f"The {name!r} parameter of {effect} must be seconds since the record began, a span such as '3 days', or a "
             f"date where the record has dates (this one has {kind}). Got {time!r} instead."
@@ -40,13 +41,18 @@ def since_start(time: Any, record: Record, name: str = "time", effect: str = "St
             f"record's times are. Got {time!r} instead."
         )
     date = date.tz_convert("UTC").tz_localize(None) if zoned else date
+    if kind == "seconds":  # Unix times
+        return float(date.timestamp() - since)
     return record.times.between(date.as_unit("ns").value, record.first_stamp())
 
 
 def moment_text(seconds: float, record: Record) -> str:
     """A moment in a column's name: a date where the record has dates, else seconds since it began."""
-    if record.times.kind.startswith("datetime"):
-        return str(pd.Timestamp(int(record.first_stamp())) + pd.Timedelta(seconds, unit="s"))
+    since = record.since_1970()
+    if since is not None:
+        zero = record.first_stamp() if record.times.kind != "seconds" else round(since) * 10**9
+        part = seconds if record.times.kind != "seconds" else seconds + since - round(since)
+        return str(pd.Timestamp(int(zero)) + pd.Timedelta(part, unit="s"))
     return f"{seconds:.10g} s"
 
 

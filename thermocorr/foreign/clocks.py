@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.errors import quoted
-from ..records.times import BEYOND
+from ..records.times import BEYOND, UNIX
 from ..records.types import kind_of
 from .values import CLOCK, first_cell, is_number
 from .zones import in_zone
@@ -22,8 +22,6 @@ _DATED = ("date", "datum", "timestamp", "datetime")
 """Words in the names of columns that hold seconds, and of those that hold dates."""
 DAILY = (0.5, 1.0, 7.0)
 """Steps of logs in whole days and weeks."""
-UNIX = (9.4e8, 2.6e9)
-"""Unix times in seconds, 1999 to 2052."""
 LABVIEW = 2_082_844_800.0
 """Seconds from 1904, from which LabVIEW counts, to 1970."""
 EPOCHS = {"ms": 1e3, "us": 1e6, "ns": 1e9}

@@ -153,9 +153,10 @@ def _worth_to_the_user(cause: Cause) -> tuple[bool, float]:
 def _dates(record: Record, ends: Sequence[Interval]) -> tuple[tuple[Any, Any], ...]:
     """Intervals as dates where the record has dates, in UTC where it has a time zone."""
     kind = record.times.kind
-    if not kind.startswith("datetime"):
+    since = record.since_1970()
+    if since is None:
         return tuple(ends)
-    zero = pd.Timestamp(int(record.first_stamp()), tz="UTC" if kind == "datetime with time zone" else None)
+    zero = pd.Timestamp(round(since * 1e9), tz="UTC" if kind == "datetime with time zone" else None)
     low, high = ([(zero + pd.Timedelta(end[i], unit="s")).round("ms") for end in ends] for i in (0, 1))
     return tuple(zip(low, high, strict=True))
 

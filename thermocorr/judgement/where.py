@@ -124,8 +124,8 @@ def _bins(
     """Each place (aspect and interval), and which averages lie in it."""
     n = len(data.reading)
     place = np.arange(n) * TIME_BINS // n
-    dates = record.times.kind.startswith("datetime")
-    zero, unit = (record.first_stamp() / 1e9, "date") if dates else (0.0, "s")
+    since = record.since_1970()
+    zero, unit = (0.0, "s") if since is None else (since, "date")
     for i in range(TIME_BINS):
         inside = place == i
         if inside.any():
@@ -142,7 +142,7 @@ def _bins(
         for low, high in pairwise(edges):
             inside = (column >= low) & ((column < high) | (high == edges[-1]))
             yield {**aspect, "low": low, "high": high}, inside
-    if dates and np.ptp(data.seconds) >= DAYS * 86_400:
+    if since is not None and np.ptp(data.seconds) >= DAYS * 86_400:
         hour = ((zero + data.seconds) % 86_400) / 3600
         for i in range(HOUR_BINS):
             low, high = 24.0 * i / HOUR_BINS, 24.0 * (i + 1) / HOUR_BINS

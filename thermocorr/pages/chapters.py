@@ -96,7 +96,7 @@ def formula(data: PageData, title: str, figures: Markup) -> Section:
         "model",
         title,
         data=data,
-        time_constants=list(data.time_constants),
+        lags=[(name, taus) for name, taus in data.thermometers if taus],
         largest=max(data.shares.max(), 1e-300),
         moves=scale_of(data.shares, data.unit),
         unsure=scale_of([value for _, value in data.uncertainties], data.unit),

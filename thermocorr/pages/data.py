@@ -50,7 +50,8 @@ class PageData:
     notes: tuple[str, ...]
     equation: str
     coefficients: pd.DataFrame
-    time_constants: np.ndarray
+    thermometers: tuple[tuple[str, tuple[float, ...]], ...]
+    """Each thermometer, and the time constants of the lags that follow it [s]."""
     model: str
     """The estimator as code."""
     allan: pd.DataFrame
@@ -109,7 +110,7 @@ class PageData:
             notes=tuple(dict.fromkeys((*model.notes_, *record.notes))),
             equation=model.equation(),
             coefficients=model.coef_table(),
-            time_constants=np.array(model.time_constants_, float),
+            thermometers=tuple((column_text(name), tuple(taus.tolist())) for name, taus in model.thermometers_.items()),
             model=repr(model),
             allan=AllanDisplay.from_estimator(model, X, y).frame(),
             loop=ResidualLoopDisplay.from_estimator(model, X, y).frame(),

@@ -235,7 +235,7 @@ def loop(data: PageData) -> Chart | None:
 def following(data: PageData) -> Chart | None:
     """Bias after a step of temperature."""
     frame = data.step_response
-    if not len(frame) or not len(data.time_constants):
+    if not len(frame) or not data.thermometers[0][1]:
         return None
     value, error = (frame[name].to_numpy(float) for name in ("response", "standard_error"))
     lines = (

@@ -14,6 +14,7 @@ from ..records.times import times_from
 from ..records.units import unit_of
 from .axes import (
     BLUE,
+    GREEN,
     GREY,
     SHADE,
     VERMILION,
@@ -35,7 +36,7 @@ NAMES = ("measured", "modelled", "residual")
 
 
 class ResidualsDisplay:
-    """Measured and modelled readings over time, residuals below, failing stretches shaded.
+    """Measured, modelled and corrected readings over time, residuals below, failing stretches shaded.
 
     Make it with `from_estimator` or `from_predictions`. Records of more than 4000 rows are drawn in 2000 cells of
     time: the mean as a line, lowest to highest value as a band, so that no spike is hidden.
@@ -88,13 +89,15 @@ class ResidualsDisplay:
         """
         walk = Walk(model, X, y)
         U0 = walk.model.intercept_
-        names = (*NAMES, "u") if uncertainty else NAMES
+        removed = walk.removed()
+        names = (*NAMES, "corrected", *(["u"] if uncertainty else []))
 
         def parts() -> Any:
             stated = walk.uncertainties() if uncertainty else repeat(None)
             for part, u in zip(walk.parts(), stated, strict=False):
                 modelled = part.contributions.sum(axis=1) + U0
-                values = [part.measured, modelled, part.measured - modelled]
+                corrected = part.measured - part.contributions[:, removed].sum(axis=1)
+                values = [part.measured, modelled, part.measured - modelled, corrected]
                 yield part.segment, part.seconds, np.column_stack(values if u is None else [*values, u])
 
         cells = cells_of(walk.timeline, names, walk.n_rows, parts())
@@ -154,8 +157,8 @@ class ResidualsDisplay:
         """The numbers drawn: one row per cell of time, every row of the record up to 4000 rows.
 
         Columns time (dates, else seconds since the first row), segment, seconds, n (rows in the cell), and of each of
-        measured, modelled and residual (and ``u``, the standard uncertainty of a reading, where it was asked for) its
-        mean and its extremes ``_low`` and ``_high``.
+        measured, modelled, residual and corrected (not `from_predictions`; and ``u``, the standard uncertainty of a
+        reading, where it was asked for) its mean and its extremes ``_low`` and ``_high``.
         """
         return self.cells.copy()
 
@@ -165,6 +168,8 @@ class ResidualsDisplay:
         top, bottom = axes
         draw_cells(top, self.cells, self.timeline, "measured", BLUE, "measured", lw=1.8)
         draw_cells(top, self.cells, self.timeline, "modelled", VERMILION, "modelled")
+        if "corrected" in self.cells:
+            draw_cells(top, self.cells, self.timeline, "corrected", GREEN, "corrected")
         draw_cells(bottom, self.cells, self.timeline, "residual", BLUE)
         bottom.axhline(0.0, color="0.4", lw=0.8, zorder=1)
         if "u" in self.cells:

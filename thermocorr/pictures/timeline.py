@@ -26,9 +26,10 @@ class TimeLine:
     mostly gaps; then segments stand one after the other.
     """
 
-    kind: str
     first: float
     """Stamp of the first row: nanoseconds for dates."""
+    dates: bool
+    """Whether the record has dates."""
     zone: Any
     """Time zone of the dates, or None."""
     samples: bool
@@ -49,7 +50,7 @@ class TimeLine:
     @classmethod
     def of(cls, record: Record, zone: Any = None, samples: bool = False) -> TimeLine:
         """Lay out the segments of a record."""
-        times, zero = record.times, record.first_stamp()
+        times, zero, since = record.times, record.first_stamp(), record.since_1970()
         start = np.array([times.between(record.stamp(s.start), zero) for s in record.segments])
         stop = np.array([times.between(record.stamp(s.stop - 1), zero) for s in record.segments])
         recorded, places = float(np.sum(stop - start)), start
@@ -60,8 +61,8 @@ class TimeLine:
             gaps = np.where(gaps > LONG_GAP * recorded, _small(recorded), gaps)
             places = np.concatenate(([0.0], np.cumsum(stop[:-1] - start[:-1] + gaps)))
         return cls(
-            kind=times.kind,
-            first=zero,
+            first=zero if since is None or times.kind != "seconds" else since * 1e9,
+            dates=since is not None,
             zone=zone,
             samples=samples,
             shifts=places - start,
@@ -72,11 +73,6 @@ class TimeLine:
             in_order=places is start,
             overlapping=bool((stop[:-1] >= start[1:]).any()),
         )
-
-    @property
-    def dates(self) -> bool:
-        """Whether the record has dates."""
-        return self.kind.startswith("datetime")
 
     def times(self, seconds: np.ndarray) -> Any:
         """Dates where the record has them, else seconds since the first row [s], or numbers of rows."""

@@ -339,6 +339,10 @@ class Record:
         """Absolute time of the first row inside a segment."""
         return self.stamp(self.segments[0].start) if self.segments else 0
 
+    def since_1970(self) -> float | None:
+        """Date of the first row [s]; None where times are no dates, nor seconds that can only be Unix times."""
+        return self.times.since_1970(self.first_stamp())
+
     def blocks(
         self,
         size: int = BLOCK_ROWS,

@@ -18,6 +18,8 @@ Floats = NDArray[np.float64]
 Rows = slice | NDArray[np.intp]
 Kind = Literal["datetime", "datetime with time zone", "timedelta", "seconds", "rows"]
 _NS = 1_000_000_000
+UNIX = (9.4e8, 2.6e9)
+"""Unix times in seconds, 1999 to 2052."""
 BEYOND = "Times may lie 292 years from 1970 at most. Is the date damaged?"
 UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": _NS}
 """Ticks in a second, by the unit that pandas counts in."""
@@ -44,6 +46,12 @@ class Times:
     per_second: int = 1
     period: float = 1.0
     first_row: int = 0
+
+    def since_1970(self, stamp: float) -> float | None:
+        """Date of a stamp [s]; None where times are no dates, nor seconds that can only be Unix times."""
+        if self.kind.startswith("datetime"):
+            return stamp / 1e9
+        return float(stamp) if self.kind == "seconds" and UNIX[0] <= stamp < UNIX[1] else None
 
     def steps(self, rows: Rows, before: int | None = None) -> Floats:
         """Time from the row before to each of `rows` [s]; ``steps[0]`` reaches back to row `before` (1 s if None)."""
