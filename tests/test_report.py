@@ -14,7 +14,7 @@ from browser import complaints, numbers, opened, prefer, requests, resize, serie
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.pages import Findings, page
+from thermocorr.pages import Findings, PageData, page
 
 SINGLE = 6e-8
 """Relative rounding of the single precision in which series are written, of half their span."""
@@ -271,5 +271,5 @@ def test_a_page_says_which_thermometer_has_which_lags(tmp_path):
     record["room"] = make_record(2000, seed=10)["temperature"].to_numpy()
     X, y = record.drop(columns="reading"), record["reading"]
     model = DynamicBiasRegressor(["case", "room"], {"case": ["5 min"], "room": ["90 min", "5 h"]}).fit(X, y)
-    text = page(model, X, y, Findings())
+    text = page(PageData.of(model, X, y), Findings())
     assert "Its lags of case have the time constants 5 min. Its lags of room have" in " ".join(text.split())
