@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from ..datasets import load_voltage_reference
 from ..estimators import DynamicBiasRegressor, compare_variants, later_errors
 from ..estimators.other_thermometer import better_thermometer
 from ..estimators.progress import Progress, has_bars, told
@@ -236,6 +235,8 @@ def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasR
     if not options.log:
         if options.reading or options.temperature or options.time or options.run:
             raise RecordError("Columns are named but no log is given. Put the log's file name after 'analyze'.")
+        from ..datasets import load_voltage_reference  # simulators: half a second of imports for a record
+
         log = load_voltage_reference(hidden="moisture")
         model = DynamicBiasRegressor("temperature", time_constants, options.degree, screen=not options.no_screen)
         return log, True, model, "voltage", ()

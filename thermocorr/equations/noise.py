@@ -19,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.fft import dct, idct
+from scipy.linalg.blas import dtbsv
 
 RATIO = 3.0
 """Between neighbouring correlation times."""
@@ -183,3 +184,12 @@ def inverse_kernel(theta: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     z, vectors = np.linalg.eigh(np.diag(b) + np.outer(half, half))
     root = np.sqrt(z * (z + 2))
     return 1 / white, (vectors.T @ half) ** 2 / root, 1 + z - root
+
+
+def decaying_sums(columns: np.ndarray, ratio: float) -> np.ndarray:
+    """``d[k] = ratio d[k-1] + x[k]`` down each column, shape (n, c): what a part of `inverse_kernel` carries along."""
+    sums = np.array(columns, float, order="F")
+    band = np.full((2, len(sums)), -ratio, order="F")
+    for column in sums.T:
+        dtbsv(1, band, column, lower=1, diag=1, overwrite_x=1)
+    return sums

@@ -8,9 +8,8 @@ carried along (equations.noise.inverse_kernel). So all rows cost a few passes ov
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
-from ..equations.noise import inverse_kernel
+from ..equations.noise import decaying_sums, inverse_kernel
 from .levels import FAINT, LEAST_OWN, TAKEN
 from .likelihood import Comparison
 
@@ -38,7 +37,7 @@ def products_from(columns: np.ndarray, theta: np.ndarray, mirrored: bool = True)
         if size < FAINT * (1 - ratio):
             continue
         reach = min(n, int(-np.log(FAINT) / -np.log(ratio)) + 1) if mirrored else 0  # of the mirrors at either end
-        carried = size * lfilter([1.0], [1.0, -ratio], columns[::-1], axis=0)[::-1]
+        carried = size * decaying_sums(columns[::-1], ratio)[::-1]
         own -= size
         if reach:
             power = ratio ** np.arange(reach)
