@@ -34,10 +34,13 @@ GAIN = 10.0
 """Static sensitivity of the simulated devices [ppm/K]."""
 DEVICES = ("layered", "box")
 KINDS = {
-    "white": NOISES["white"], "irregular": NOISES["white"], "heteroscedastic": NOISES["grows with time"],
-    "heavy tails": NOISES["heavy tails"], "AR 3 rows": NOISES["3 rows"], "AR 1/300": NOISES["0.3 %"],
-    "AR 1/40": remembering(1 / 40), "AR 1/4": remembering(0.25), "flicker": NOISES["flicker"], "walk": NOISES["walk"],
+    "white": NOISES["white"], "irregular": NOISES["white"], "gaps": NOISES["white"],
+    "heteroscedastic": NOISES["grows with time"], "heavy tails": NOISES["heavy tails"],
+    "AR 3 rows": NOISES["3 rows"], "AR 1/300": NOISES["0.3 %"], "AR 1/40": remembering(1 / 40),
+    "AR 1/4": remembering(0.25), "flicker": NOISES["flicker"], "walk": NOISES["walk"],
 }  # fmt: skip
+UNEVEN: dict[str, dict[str, Any]] = {"irregular": {"irregular": 0.3, "gaps": 3}, "gaps": {"gaps": 8}}
+"""How rows are recorded: behind the gaps of the first the lags start afresh, across those of the second they go on."""
 SKIPPED = 300
 """Rows at the start, where heat that nobody saw decays."""
 
@@ -69,10 +72,15 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.nanmean(np.square(values))))
 
 
-def fitted(device: str, searched: bool, X: pd.DataFrame, y: pd.Series) -> DynamicBiasRegressor:
-    """The default model, or one that has been given its time constants; gaps start segments."""
+def fitted(device: str, searched: bool, X: pd.DataFrame, y: pd.Series, afresh: bool = True) -> DynamicBiasRegressor:
+    """The default model, or one that has been given its time constants; gaps start segments, or do not."""
     settings: dict[str, Any] = {} if searched else {"time_constants": given(device), "degree": 1}
-    return DynamicBiasRegressor("temperature", max_gap="10 min", **settings).fit(X, y)
+    return DynamicBiasRegressor("temperature", max_gap="10 min" if afresh else None, **settings).fit(X, y)
+
+
+def squares(error: np.ndarray, u: np.ndarray) -> float:
+    """Mean square of the errors where an uncertainty is stated."""
+    return float(np.mean(np.asarray(error)[np.isfinite(np.asarray(u) * np.asarray(error))] ** 2))
 
 
 def judged(kind: str, seed: int, n: int, searched: bool) -> dict[str, Any]:
@@ -80,11 +88,12 @@ def judged(kind: str, seed: int, n: int, searched: bool) -> dict[str, Any]:
     warnings.simplefilter("ignore", RecordWarning)
     rng = np.random.default_rng([seed, len(kind)])
     device, setting = DEVICES[seed % 2], ("lab", "outdoor", "chamber")[seed // 2 % 3]
-    uneven: dict[str, Any] = {"irregular": 0.3, "gaps": 3} if kind == "irregular" else {}
+    uneven = UNEVEN.get(kind, {})
+    afresh = kind != "gaps"
     record, truth = make_record(n, device=device, setting=setting, noise=1e-9, seed=seed, return_truth=True, **uneven)
     X, clean = record[["temperature"]], record["reading"]
     y = clean + NOISE * KINDS[kind](rng, len(X), X)
-    model = fitted(device, searched, X, y)
+    model = fitted(device, searched, X, y, afresh)
     began = time.process_time()
     joint = model.joint_errors()
     seconds = time.process_time() - began
@@ -97,14 +106,14 @@ def judged(kind: str, seed: int, n: int, searched: bool) -> dict[str, Any]:
     found = {
         "kind": kind, "searched": searched, "seconds": seconds,
         "bias": covered(wrong, u_bias.to_numpy()[rows], k_bias),
-        "bias u": rms(u_bias.to_numpy()[rows]), "bias e2": np.nanmean(wrong**2),
+        "bias u": rms(u_bias.to_numpy()[rows]), "bias e2": squares(wrong, u_bias.to_numpy()[rows]),
     }  # fmt: skip
     plain = {part: value for part, value in signed.variances.items() if part != "structure"}
     reading_u = np.sqrt(np.maximum(sum(plain.values()) - 2 * signed.shared, 0))[rows]
     reading_e = (signed.corrected - level)[rows]
     found |= {
         "reading": covered(reading_e, reading_u, coverage_factor(signed.dof[rows], 0.95)),
-        "reading u": rms(reading_u), "reading e2": np.nanmean(reading_e**2),
+        "reading u": rms(reading_u), "reading e2": squares(reading_e, reading_u),
     }  # fmt: skip
     for count in (10, 100):
         hits = []
@@ -123,11 +132,11 @@ def judged(kind: str, seed: int, n: int, searched: bool) -> dict[str, Any]:
         error = np.interp(after, display["time"], display["standard_error"])
         found[f"step {after:.0f} s"] = abs(value - response(device, np.array([after]))[0]) <= k_bias * error
     cut = int(0.7 * n)
-    early = fitted(device, searched, X.iloc[:cut], y.iloc[:cut])
+    early = fitted(device, searched, X.iloc[:cut], y.iloc[:cut], afresh)
     told, u_told = early.predict(X.iloc[cut:], return_std=True)
     k = coverage_factor(early.joint_errors().noise.dof, 0.95)
     later = y.to_numpy()[cut:] - told
-    found |= {"later": covered(later, u_told, k), "later u": rms(u_told), "later e2": np.nanmean(later**2)}
+    found |= {"later": covered(later, u_told, k), "later u": rms(u_told), "later e2": squares(later, u_told)}
     return found
 
 
