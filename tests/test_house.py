@@ -299,3 +299,25 @@ def test_what_is_built_of_many_parts_names_them(path):
 def test_the_reader_of_constructions_sees_them():
     code = "a.Line(1, 2, 3, 4, 5, 6); Line(1, 2, 3, 4, 5); f(1, 2, 3, 4, 5, 6)"
     assert list(positional(ast.parse(code))) == [(1, "Line")]
+
+
+def thresholds(tree):
+    """(line, name) of public numbers at the top of a module."""
+    for node in tree.body:
+        value = getattr(node, "value", None)
+        numbers = value.elts if isinstance(value, ast.Tuple) else [value]
+        if isinstance(node, ast.Assign) and all(
+            isinstance(one, ast.Constant) and isinstance(one.value, int | float) for one in numbers
+        ):
+            yield from ((node.lineno, ast.unparse(name)) for name in node.targets)
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "judgement").glob("*.py")), ids=module_of)
+def test_thresholds_of_the_judgement_stand_in_one_file(path):
+    if path.name != "levels.py":
+        found = [name for _, name in thresholds(parsed(path)) if not name.startswith("_")]
+        assert not set(found) - {"WIDTH"}, f"{path}: {found} belong to levels.py"  # of lines of text
+
+
+def test_the_reader_of_thresholds_sees_them():
+    assert [name for _, name in thresholds(ast.parse("A = 1\nB = 2.0, 3\nC = 'x'\nD = f(1)\n"))] == ["A", "B"]

@@ -149,7 +149,7 @@ def check_corrected(
 
 
 def _far(levels: tuple[float, ...], low: float, high: float) -> bool:
-    """Whether values between two limits reach further from all levels than these from one another."""
+    """Whether values between two limits lie further from every level than the levels lie from one another."""
     width = _width(min(levels), max(levels))
     return low < min(levels) - width or high > max(levels) + width
 

@@ -53,7 +53,7 @@ class StandIn:
     longest: float = np.inf
     """A hole is filled for so long [s]."""
     limits: Limits = field(default_factory=Limits)
-    """What is no value of the column, but a code for none or a spike."""
+    """Sentinel codes and spikes of the column."""
     range: tuple[float, float] = (-np.inf, np.inf)
     """Lowest and highest value that was fitted."""
 

@@ -97,7 +97,7 @@ class Thermometers(NamedTuple):
     further: tuple[Any, ...]
     """Columns beside it, each with lags of its own."""
     declared: Mapping[Any, Thermometer]
-    """What is said of columns."""
+    """Properties that the user declares, by column."""
 
     @classmethod
     def of(cls, temperature: Any) -> Thermometers:

@@ -37,7 +37,7 @@ class Columns:
         return replace(before, roles=self.roles)
 
     def sentence(self) -> str:
-        """In words."""
+        """Sentence that describes this step."""
         return f"{self.roles.reading} over {self.roles.temperature}"
 
     def node(self) -> dict[str, Any]:
@@ -58,7 +58,7 @@ class Shape:
         return replace(before, settings=replace(before.settings, **asdict(self)))
 
     def sentence(self) -> str:
-        """In words."""
+        """Sentence that describes this step."""
         count = self.time_constants
         lags = f"{count} time constants" if isinstance(count, int) else f"time constants {count}"
         return f"{lags}, degree {self.degree}{PRODUCTS.get(int(self.products), '')}"
@@ -83,7 +83,7 @@ class Add:
         return before.with_effect(self.effect)
 
     def sentence(self) -> str:
-        """In words."""
+        """Sentence that describes this step."""
         return f"added {self.effect.label}"
 
     def node(self) -> dict[str, Any]:
@@ -99,7 +99,7 @@ class Mark:
     what: str
     rows: tuple[Stretch, ...]
     where: str
-    """In words."""
+    """Sentence that describes this step."""
     moments: tuple[Moment, ...] = ()
     """When the measurand changes, for such a mark."""
 
@@ -115,7 +115,7 @@ class Mark:
         return replace(before, spikes=tuple(sorted({*before.spikes, *rows})))
 
     def sentence(self) -> str:
-        """In words."""
+        """Sentence that describes this step."""
         return f"{MARKS[self.what].lower()}: {self.where}"
 
     def node(self) -> dict[str, Any]:

@@ -44,7 +44,7 @@ class Data(NamedTuple):
     y: pd.Series
     """The readings, without those that were marked as spikes."""
     learned: pd.Series
-    """Those of them that are learned from; NaN in stretches that are left out."""
+    """Readings that are learned from; NaN in stretches that are left out."""
     said: tuple[str, ...]
     """How the log was understood."""
 

@@ -18,10 +18,7 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.thermometers import Thermometers
 from ..records.quantities import quantity_texts
 from ..records.thinned import ThinnedLog
-from .levels import HELPS, MOSTLY, SAME, SUPERFLUOUS
-
-N_BLOCKS = 5
-"""Blocks of time that are held out."""
+from .levels import HELD_OUT_BLOCKS, HELPS, MOSTLY, SAME, SUPERFLUOUS
 
 
 @dataclass(frozen=True)
@@ -50,7 +47,7 @@ class Errors:
         return held_out * later <= HELPS**2
 
     def falls_mostly(self, other: Errors) -> bool:
-        """Whether the error falls in many more blocks than it rises in: that of all together may be that of one."""
+        """Whether the error falls in many more blocks than it rises in: the overall error may be that of one block."""
         falls, rises = (self.each * SAME < other.each).sum(), (self.each > SAME * other.each).sum()
         return bool(falls >= MOSTLY * rises)
 
@@ -66,7 +63,7 @@ class Errors:
         return self.better_than(other) and not worse > SAME
 
     def least(self, other: Errors) -> Errors:
-        """The lesser of each."""
+        """Elementwise minimum."""
         each = np.fmin(self.each, other.each)
         return Errors(min(self.held_out, other.held_out), min(self.later, other.later), each)
 
@@ -87,8 +84,8 @@ def _ratio(now: float, before: float) -> float:
 
 def held_out_blocks(model: DynamicBiasRegressor, X: Any, y: Any) -> np.ndarray:
     """Rms residual of each held-out block, then of all blocks together; NaN for a block without readings."""
-    residual = held_out_residuals(model, X, y, n_blocks=N_BLOCKS)
-    parts = [residual[block] for block in time_blocks(len(residual), N_BLOCKS)]
+    residual = held_out_residuals(model, X, y, n_blocks=HELD_OUT_BLOCKS)
+    parts = [residual[block] for block in time_blocks(len(residual), HELD_OUT_BLOCKS)]
     return np.array([np.hypot(rms(part), _unseen(X)) for part in (*parts, residual)])
 
 

@@ -15,7 +15,7 @@ from .likelihood import Comparison
 
 
 def filtered(judged: Comparison, theta: np.ndarray) -> np.ndarray:
-    """What the base leaves of the reading, and the base, times the inverse covariance of a noise, shape (n, 1 + p)."""
+    """Residual beside the base, and the base, times the inverse covariance of a noise, shape (n, 1 + p)."""
     W = 1 / judged.bands.each_row(judged.S(theta))
     return judged.bands.back(np.column_stack((judged.left(theta), judged.Q)) * W[:, None])
 

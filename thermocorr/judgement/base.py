@@ -10,7 +10,7 @@ from ..effects.grids import longest_segment
 from ..effects.protocol import Effect
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record
-from .levels import FASTEST, LAGS, SLOWEST
+from .levels import APART, FASTEST, FEWEST_SAMPLES, LAGS, SLOWEST
 
 
 def slowest_of_base(record: Record) -> float:
@@ -19,7 +19,7 @@ def slowest_of_base(record: Record) -> float:
     It is at least a few samples long, however short the segments.
     """
     together = sum(record.duration(segment) for segment in record.segments)
-    return max(min(SLOWEST * together, longest_segment(record)), 8 * record.usual_step())
+    return max(min(SLOWEST * together, longest_segment(record)), FEWEST_SAMPLES * record.usual_step())
 
 
 def thermal_base(model: DynamicBiasRegressor, record: Record, slowest: float) -> tuple[list[Effect], list[Effect]]:
@@ -31,6 +31,6 @@ def thermal_base(model: DynamicBiasRegressor, record: Record, slowest: float) ->
         further += [clone(effect) for effect in model.features_.effect_list() if effect.kind == "lag_products"]
     static = StaticPolynomial(model.degree, model.reference_temperature)
     taus = np.unique(np.concatenate((grid, own[own <= slowest])))
-    taus = taus[np.concatenate(([True], np.diff(np.log(taus)) > 0.02))]
+    taus = taus[np.concatenate(([True], np.diff(np.log(taus)) > APART))]
     slow = [ThermalLag([tau]) for tau in own[own > slowest]]
     return [static, ThermalLag(taus.tolist()), *further], slow

@@ -18,7 +18,7 @@ from ..effects.stream import own_starts, walk
 from ..equations import noise
 from ..records import BLOCK_ROWS, Record
 from ..records.thinned import Thinned
-from .levels import COARSE
+from .levels import COARSE, MOST_SOUND
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +120,7 @@ def spans(data: Averages, record: Record) -> np.ndarray:
     return noise.spans(data.segment, data.seconds, [segment.run for segment in record.segments])
 
 
-def filled(record: Record, used: Collection[Any], most_missing: float = 0.05) -> Record:
+def filled(record: Record, used: Collection[Any], most_missing: float = 1 - MOST_SOUND) -> Record:
     """The record with short holes in suspect columns filled by straight lines; columns with more missing left out.
 
     Columns that are `used`, the temperature among them, stay as they are: rows that lack one are passed over.

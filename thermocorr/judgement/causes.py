@@ -31,6 +31,7 @@ from .levels import (
     GAIN,
     HALF,
     LEAST,
+    LEAST_STRUCTURE,
     LEVEL,
     LOOKS,
     MOST,
@@ -70,7 +71,7 @@ class Search:
         self.judged = Comparison(pool.reading, pool.base, pool.span)
         self.judged.add([explanation.columns for explanation in self.tried])
         white = self.judged.innovation
-        self.structured = max(self.judged.unexplained() - white, 0.01 * white)
+        self.structured = max(self.judged.unexplained() - white, LEAST_STRUCTURE * white)
         """Mean square beside the base, beyond the noise that nothing foresees."""
         self.held = HeldOut(pool.coarse(pool.reading)[:, None], pool.coarse(pool.base))
         self.coarse = [pool.coarse(explanation.columns) for explanation in self.tried]
@@ -122,7 +123,7 @@ class Search:
         return self.judged.unit * float(np.sqrt(max(self.judged.unexplained() - self.judged.innovation, 0.0)))
 
     def _likelier(self, best: Tried, rivals: Sequence[Tried], own: Sequence[Tried]) -> Tried:
-        """What explains nearly the same, is proven, likelier than all of the kind, and as good as half the help."""
+        """Best proven rival that is likelier than every explanation of the kind and helps half as much; or `best`."""
         score, full, least = max(t.score for t in own), max(t.full for t in own), HALF * best.worth.mean
         rivals = [t for t in rivals if t.proven and t.score > score and t.full > full]
         likelier = [t for t in rivals if t.worth.mean >= least]
@@ -138,7 +139,7 @@ class Search:
         return cause
 
     def _further_steps(self, most: int, least: float) -> list[Cause]:
-        """Steps and disturbances one after the other, as long as each is proven and better than any other kind was."""
+        """Steps and disturbances one after the other, as long as each is proven and likelier than any other kind."""
         found: list[Cause] = []
         kinds = [kind for kind, _ in MANY if kind in self.anywhere]
         while len(found) < most:
@@ -173,7 +174,7 @@ class Search:
     def _p_value(self, gain: float, i: int) -> float:
         """Error probability of an explanation, the whole family having been tried (Wilks 1938; Bonferroni).
 
-        What a better thermal part could do without is held against the hypothesis that it is too small for a word.
+        What a better thermal part could do without is held against the hypothesis that it is negligible.
         """
         explanation = self.tried[i]
         tests, width = self.tests.get(explanation.key, 1.0), explanation.columns.shape[1]

@@ -63,7 +63,7 @@ class Cause:
     tried: Tried
     alike: tuple[Tried, ...]
     others: tuple[Tried, ...]
-    """What else was tried in its place, best first."""
+    """Rejected alternatives, best first."""
     share: float
     """Share of the structured variance that it explains."""
     adopted: int = -1
@@ -138,6 +138,6 @@ def _enough(t: Tried) -> float:
 
 
 def _spoken_for(t: Tried) -> bool:
-    """Whether the likelihood does not speak against it; what is of time alone, or a product, needs its proof."""
+    """Whether help alone may name it: not rejected by the likelihood, and neither of time alone nor a product."""
     effect = t.explanation.effect
     return t.score >= SPEAKS and not effect.of_time_alone and not effect.is_product

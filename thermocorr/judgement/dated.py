@@ -18,7 +18,7 @@ from .stretches import best_stretch
 DATED = ("step", "sensitivity_step", "disturbance")
 """Kinds that are looked for at every row, not on a grid of candidates."""
 MANY: tuple[Key, ...] = (("step", None), ("disturbance", None))
-"""Kinds and columns that come in numbers."""
+"""Kinds, and their columns, that may occur several times in a record."""
 
 
 def tries(n: int) -> dict[Key, int]:

@@ -59,7 +59,7 @@ class Imitations:
         return self._known(found) or (made > 0 and left <= OF_THERMOMETER * made)
 
     def _least(self, t: Tried) -> float:
-        """Help from which it is no trace [dB]: of a finer thermometer, much; of a recorded column, any."""
+        """Help [dB] above which it is no artefact of the thermometer: any for a recorded column, else much."""
         kind, column = t.key
         if kind == "hysteresis" and len(self.pool.thermometers):
             first = self.pool.thermometers.iloc[0]

@@ -15,6 +15,8 @@ column made of averaged temperatures is not the average of its column: on a simu
 averaged in pairs, what that left of a hysteresis was named as a second one."""
 MOST_TRIED = 200_000
 """Rows that the trials of a refinement are fitted to at most. What is kept is fitted to all rows and judged on them."""
+HELD_OUT_BLOCKS = 5
+"""Blocks of time that a refinement holds out, one after the other: the usual number of folds."""
 MOST_SOUND = 0.95
 """Share of a recorded column's numbers that must be numbers for it to be a suspect."""
 FINE = 25_000
@@ -29,12 +31,16 @@ LAGS = 14
 """Lags of the thermal part that suspects are judged beside, evenly in the logarithm, and the model's own beside them. A
 poorer part makes other effects look guilty."""
 FASTEST = 0.25
-"""The fastest of them, in sampling steps: a device faster than the sampling shows as a lag of less than a step."""
+"""Fastest lag of the base, in sampling steps: a device faster than the sampling shows as a lag of less than a step."""
+FEWEST_SAMPLES = 8
+"""Least time constant of the slowest lag of the base, in sampling steps, however short the segments."""
+APART = 0.02
+"""Difference of the logarithms of two time constants below which they are one."""
 SLOWEST = 0.1
-"""The slowest of them, as a share of all segments together; none is slower than the longest segment. Slower lags take
-drift, ageing and slow columns upon themselves; they stand among the suspects instead."""
+"""Slowest lag of the base, as a share of all segments together; none is slower than the longest segment. Slower lags
+take drift, ageing and slow columns upon themselves; they stand among the suspects instead."""
 HELD = 1e-9
-"""Share of a column in a segment, beside its start-up decays, that is the rounding of nothing."""
+"""Share of a column in a segment, beside its start-up decays, below which it counts as rounding error."""
 TIME_LIKE = 0.999_999
 """Correlation with time above which a recorded column is a clock, no suspect."""
 COPY = 1e-9
@@ -43,7 +49,7 @@ itself: then its small steps are those of the reading's noise too. A setpoint's 
 SMALL_STEPS = 0.5
 """Share of the reading's steps from row to row that are noise: the smaller half."""
 SAME_NOISE = 0.9
-"""Squared correlation of these steps from which on a column has the reading's noise."""
+"""Squared correlation of these steps above which the column carries the reading's own noise."""
 
 MOST_EMPTY = 8
 """Steps of time for each averaged row, above which a search for waves counts rows instead: pauses of months."""
@@ -65,12 +71,12 @@ SHORTEST_STRETCH = 8
 """Rows of the shortest disturbance that is looked for. With 5, three large readings of heavy tails (Student, three
 degrees of freedom) that follow on one another by chance were taken for one in one of twelve records."""
 LONGEST_STRETCH = 0.05
-"""Longest one, as a share of the record: what lasts longer is two steps."""
+"""Longest disturbance that is looked for, as a share of the record: what lasts longer is two steps."""
 LENGTHS = 1.25
-"""Between lengths that are tried: a stretch between two of them keeps nine tenths of its gain, and is then moved."""
+"""Ratio of successive trial lengths: a stretch between two of them keeps nine tenths of its gain, and is then moved."""
 STRETCHES = 5
-"""Independent tests that all stretches together are, for each row of the record: from the largest gain of 400 records
-of white noise of 2 500 and of 10 000 rows, whose upper quantiles ask for 4.0 to 5.3."""
+"""Effective number of independent tests that the search for a disturbance makes, per row of the record: from the
+largest gain of 400 records of white noise of 2 500 and of 10 000 rows, whose upper quantiles ask for 4.0 to 5.3."""
 OUTSTANDING = 3.0
 """Distance from the median of five, in robust standard deviations, beyond which a reading counts no more for a
 disturbance. Without a limit, two of four records with heavy tails (Student, three degrees of freedom) and one of four
@@ -122,10 +128,10 @@ places (eight measured records, seeds 12 and 14) two had one that helped by 2.0 
 NEAR = 0.75
 """Share of the greatest help [dB] from which another explanation is nearly as good, and the likelihood decides."""
 HALF = 0.5
-"""Share of the help of what helps most, on the mean of later stretches and held-out blocks [dB], from which something
-likelier that explains nearly the same is the cause: either help is the chance of few stretches."""
+"""Fraction of the largest help, on the mean of later stretches and held-out blocks [dB], from which a likelier
+explanation of nearly the same is preferred: which of the two helps more is the chance of few stretches."""
 DRAWS = 200
-"""Records drawn from the base's own noise, always the same ones."""
+"""Records drawn from the base's own noise, with a fixed seed."""
 USUAL = 0.9
 """Quantile of the help that noise gives to a kind and column, by which help is measured."""
 LEAST = 0.3
@@ -133,7 +139,7 @@ LEAST = 0.3
 BY_CHANCE = 0.01
 """Share of these records in which some explanation may help as much as one that is named for its help alone."""
 SPEAKS = -6.0
-"""Score below which the likelihood speaks against an explanation, however much it helps on later data."""
+"""Score (log likelihood) below which an explanation is rejected, however much it helps on later data."""
 
 # Decisions
 
@@ -188,11 +194,13 @@ OF_MUCH = 0.5
 """Share of the structure beside the model's own lags from which what they lack is named though it helps on no later
 data. In a strong random walk a fit finds poor lags: what they lack is proven then, .01 to .12 of what is left, and
 worth nothing; the walk is what is to be said."""
+LEAST_STRUCTURE = 0.01
+"""Least structured variance, over the variance of the noise, that shares are told of: of nothing, no share is told."""
 STRUCTURE = 12.0
 """Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: eight parts
 are estimated, for which 12 has an error probability of 0.002 (chi-square, eight degrees of freedom)."""
 WANDERS = 0.1
-"""Standard deviation of the wandering noise over that of one sample, below which it is not worth a word."""
+"""Standard deviation of the wandering noise over that of one sample, below which it is not reported."""
 SEVERAL = 3
 """Steps from which they are one cause, several steps."""
 HARMONICS = 6
@@ -203,11 +211,11 @@ HARMONICS = 6
 SHARES = (0.5, 0.25, 0.1, 0.03)
 """How far parameters are moved, coarse to fine, in a search around the best of each kind."""
 FINER = (0.01, 0.003)
-"""Finer moves for the one that is taken in: what its parameters leave would look like a further cause."""
+"""Final step sizes for an accepted cause: what inexact parameters leave would look like a further cause."""
 TUNED = 4
 """Kinds whose parameters are tuned in each turn."""
 WITHIN = 0.3
-"""Share of the best score from which a kind's parameters are tuned. A hinge between the points of the grid had two
+"""Least share of the best score at which a kind's parameters are tuned. A hinge between the points of the grid had two
 thirds of its score there."""
 
 # Refinement
@@ -215,7 +223,8 @@ thirds of its score there."""
 HELPS = 0.9995
 """Held-out error over what it was before, up to which an effect is kept where later data cannot tell."""
 SAME = 1.002
-"""Ratio of errors on later data within which these cannot tell: a step in the last block of a record."""
+"""Ratio of errors on later data within which two models are considered equal there: a step in the last block of
+a record helps nothing that comes later."""
 MOSTLY = 2.0
 """Blocks, held out or later, whose error falls, over those in which it rises, from which an effect that is not of time
 alone is kept. What the two errors together favour and this count refuses (products, most of all) raised the error of
@@ -224,6 +233,8 @@ TRIES = 4
 """Causes that are tried in a step, the one worth most on data not learned from first; each costs eleven fits."""
 SUPERFLUOUS = 1.001
 """Errors over those before, up to which a model with an effect less, or a plainer one, is preferred."""
+LOWER = 1 - 1e-4
+"""Residual over the least so far below which moved parameters are kept."""
 JOINTLY = (0.1, 0.03)
 """Steps of the joint search around the parameters of the effects at the end."""
 
@@ -236,3 +247,22 @@ TO_A_DECADE = 8
 """Points that a spectrum has to a factor of ten in frequency."""
 RANKED = 10
 """Suspects that are listed at most, causes among them."""
+
+# Where it fails
+
+TIME_BINS, VALUE_BINS, HOUR_BINS = 20, 10, 12
+"""Stretches of time, ranges of a condition (deciles), and parts of a day that the residual is looked at in."""
+DAYS = 4.0
+"""Length of a record from which on hours of the day are conditions: each has come often enough not to be a date."""
+STATES = 4
+"""Different values of a column up to which each is a condition of its own: a switch, a mode."""
+END_ROWS = 1 << 15
+"""Rows at the beginning and at the end of a record that tell how many values a column has."""
+TIME_WEIGHT = 0.85
+"""Weight of stretches of time in the order: a slow residual is large somewhere by chance; what recurs says more."""
+COLUMN_WEIGHT = 0.8
+"""Weight of recorded columns in the order: a temperature or an hour is less easily right by chance."""
+PLACES_BEYOND = 3.0
+"""Error beyond the noise, in standard deviations of what noise alone shows. Below this, no place is shown."""
+FEWEST_AVERAGES = 64
+"""Averages below which no bands of frequency are looked at: three octaves of two bands each."""

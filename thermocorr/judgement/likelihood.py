@@ -236,7 +236,7 @@ class Comparison:
         return self.unit * float(np.sqrt(2 * gain / information)) if information > 1e-9 * own else np.inf
 
     def overlap(self, i: int, j: int) -> float:
-        """Share of what one explanation makes of the reading beside the base that another one could make as well."""
+        """Fraction of what one explanation adds to the base that another one reproduces."""
         one, other = self.explanations[i], self.explanations[j]
         if one is None or other is None:
             return 0.0

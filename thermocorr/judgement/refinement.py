@@ -22,7 +22,7 @@ from ..records.text import printable
 from .adding import Errors, with_missing
 from .diagnosis import diagnose
 from .found import Diagnosis
-from .levels import JOINTLY, TRIES
+from .levels import JOINTLY, LOWER, TRIES
 from .shorter import shorter
 
 
@@ -256,6 +256,6 @@ def _tuned(model: DynamicBiasRegressor, X: Any, y: Any) -> DynamicBiasRegressor:
             for near in effects[i].nearby(record, share):
                 tried = [*effects[:i], near, *effects[i + 1 :]]
                 other = clone(fixed).set_params(effects=[clone(effect) for effect in tried]).fit(X, y)
-                if other.residual_std_ < least * (1 - 1e-4):
+                if other.residual_std_ < least * LOWER:
                     best, least, effects = other, other.residual_std_, tried
-    return best if least < start * (1 - 1e-4) else model
+    return best if least < start * LOWER else model

@@ -15,22 +15,19 @@ from ..effects.protocol import Effect
 from ..equations import allan_deviation
 from ..records import Record
 from .blocks import Averages, averaged
+from .levels import (
+    COLUMN_WEIGHT,
+    DAYS,
+    END_ROWS,
+    FEWEST_AVERAGES,
+    HOUR_BINS,
+    PLACES_BEYOND,
+    STATES,
+    TIME_BINS,
+    TIME_WEIGHT,
+    VALUE_BINS,
+)
 
-TIME_BINS = 20
-VALUE_BINS = 10
-HOUR_BINS = 12
-DAYS = 4.0
-"""Length of a record from which on hours of the day are conditions: each has come often enough not to be a date."""
-STATES = 4
-"""Different values of a column up to which each is a condition of its own: a switch, a mode."""
-LOOKED_AT = 1 << 15
-"""Rows at the beginning and at the end of a record that tell how many values a column has."""
-TIME = 0.85
-"""Weight of stretches of time in the order: a slow residual is large somewhere by chance; what recurs says more."""
-RECORDED = 0.8
-"""Weight of recorded columns in the order: a temperature or an hour is less easily right by chance."""
-CHANCE = 3.0
-"""Error beyond the noise, in standard deviations of what noise alone shows. Below this, no place is shown."""
 ALLAN_COLUMNS = ["averaging_time", "deviation", "low", "high", "white", "excess"]
 COLUMNS = ["aspect", "column", "time_constant", "low", "high", "unit", "n", "rms", "share", "lift"]
 
@@ -76,7 +73,7 @@ def where_it_fails(
             values[i] = values[i] + effect.mean_
     excess = data.reading**2 - floor**2 / data.counts
     total = float(np.sum(excess * data.counts))
-    if total <= CHANCE * floor**2 * np.sqrt(2 * len(excess)):
+    if total <= PLACES_BEYOND * floor**2 * np.sqrt(2 * len(excess)):
         return pd.DataFrame(columns=COLUMNS)
     rows = [
         {**place, **_figures(data, excess, total, inside)}
@@ -84,7 +81,7 @@ def where_it_fails(
         if inside.sum() >= 3
     ]
     for row in rows:
-        row["concentration"] *= {"column": RECORDED, "time": TIME}.get(row["aspect"], 1.0)
+        row["concentration"] *= {"column": COLUMN_WEIGHT, "time": TIME_WEIGHT}.get(row["aspect"], 1.0)
     rows += _frequencies(data, floor)
     frame = pd.DataFrame(rows, columns=[*COLUMNS, "concentration"])
     frame["unit"] = frame["unit"].fillna("")
@@ -153,7 +150,7 @@ def _states(record: Record, column: Any) -> np.ndarray | None:
     """The values of a column that has few of them, in order; None for others."""
     if column is None:
         return None
-    ends = record.columns[column][:LOOKED_AT], record.columns[column][max(record.n_rows - LOOKED_AT, 0) : record.n_rows]
+    ends = record.columns[column][:END_ROWS], record.columns[column][max(record.n_rows - END_ROWS, 0) : record.n_rows]
     values = np.concatenate([np.asarray(end, float) for end in ends])
     found = np.unique(values[np.isfinite(values)])
     return found if 2 <= len(found) <= STATES else None
@@ -176,7 +173,7 @@ def _frequencies(data: Averages, floor: float) -> list[dict[str, Any]]:
     first = data.segment == data.segment[0]
     values = data.reading[first] - data.reading[first].mean()
     n = len(values)
-    if n < 64:
+    if n < FEWEST_AVERAGES:
         return []
     step = float(np.median(np.diff(data.seconds[first])))
     power = np.abs(np.fft.rfft(values))[1:] ** 2 / n
