@@ -279,7 +279,7 @@ def test_noise_goes_on_over_short_pauses_but_not_from_run_to_run():
     record = make_record(3000, seed=3, runs=2, gaps=2)
     X, y = record.drop(columns="reading"), record["reading"]
     model = DynamicBiasRegressor("temperature", [600.0], run="run", max_gap="5 min").fit(X, y)
-    read = suspect_record(model, record_of(model, X, y), X, y, None)
+    read = suspect_record(model, record_of(model, X, y), X, y, None, [])
     data = averaged(read, [])
     assert len(set(data.segment)) == 6
     np.testing.assert_array_equal(spans(data, read), data.segment // 3)

@@ -12,7 +12,7 @@ from thermocorr.effects.stream import own_starts, walk
 from thermocorr.equations import TriangularFactor
 from thermocorr.equations.leastsquares import solve_ridge
 from thermocorr.estimators.fitting import equal_edges, sweep_effects
-from thermocorr.judgement.starts import Starts
+from thermocorr.judgement.judged_rows import Starts
 from thermocorr.records import Layout, read_record
 
 TAUS = [200.0, 1500.0, 5000.0]

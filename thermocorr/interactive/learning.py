@@ -20,8 +20,8 @@ from ..estimators.thermometers import Thermometers
 from ..files.effect_nodes import EffectCodec
 from ..judgement import Diagnosis
 from ..judgement.adding import Errors
-from ..judgement.diagnosis import largest_lag
 from ..judgement.shorter import shorter
+from ..judgement.where import largest_lag
 from ..pages.traces import recorded
 from ..pictures.timeline import TimeLine
 from ..pictures.walk import Walk

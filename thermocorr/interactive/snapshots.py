@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..effects.thermal import column_text
 from ..judgement import Diagnosis
-from ..judgement.diagnosis import largest_lag
+from ..judgement.where import largest_lag
 from ..pages.html import unit_text, units_of_axis
 from ..pages.sections import HELPS, VERDICTS, Scales, parameters_text
 from ..pictures.intervals import stretches

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
+from ..effects import CATALOGUE
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.checked import check_columns
@@ -22,7 +23,6 @@ from ..records.screen import screened
 from ..records.states import is_state, parted_state, state, states_of
 from ..records.thinned import Thinned, thinned
 from ..records.types import kind_of
-from .base import slowest_of_base, thermal_base
 from .blocks import filled, with_exact
 from .levels import COPY, MOST_ROWS, MOST_SOUND, SAME_NOISE, SMALL_STEPS, TIME_LIKE
 
@@ -44,11 +44,13 @@ def suspect_record(
     X: Any,
     y: Any,
     columns: Sequence[Any] | None,
+    exactly: Sequence[Effect],
     most: int | None = None,
 ) -> Record:
     """A record of `record_of` in at most `most` rows, with every suspect column beside its own.
 
-    Its `refused` rows are left out as the model leaves them out in its fit, or only named.
+    Where its rows are averages, those of the columns of `exactly` these effects are computed in the longer record. Its
+    `refused` rows are left out as the model leaves them out in its fit, or only named.
     """
     layout = model.features_.layout()
     special = {layout.time, layout.run, getattr(y, "name", None) if isinstance(X, Log) else None}
@@ -58,9 +60,6 @@ def suspect_record(
     read = told if model.screen else replace(read, refused=told.refused)
     suspects = {name: _recorded(X, name) for name in columns if name not in read.columns}
     short, sound = thinned(read, suspects, most or MOST_ROWS)
-    if isinstance(short, Thinned) and short is not read and not isinstance(read, Thinned):
-        base = thermal_base(model, read, slowest_of_base(read))
-        short = with_exact(short, read, [*base[0], *base[1], *map(clone, model.features_.effect_list())])
     values = {name: short.columns[name] for name in suspects if sound[name] > MOST_SOUND}
     known = {name: column for name, column in values.items() if not _clock(column, short)}
     copies = [name for name, column in known.items() if _is_reading(column, short)]
@@ -73,7 +72,11 @@ def suspect_record(
         )
         known = {name: column for name, column in known.items() if name not in copies}
     kept = {**{name: short.columns[name] for name in read.columns}, **known}
-    return filled(replace(short, columns=kept, known_moments={}), used=read.columns)
+    found = filled(replace(short, columns=kept, known_moments={}), used=read.columns)
+    if isinstance(found, Thinned) and short is not read and not isinstance(read, Thinned):
+        own = [clone(effect) for effect in (*exactly, *model.features_.effect_list())]
+        return with_exact(found, read, own)
+    return found
 
 
 def _recorded(X: Any, name: Any) -> Any:
@@ -132,9 +135,18 @@ def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:
     return SomeColumns(X, names) if isinstance(X, Log) else X[names]
 
 
-def further_candidates(further: Any, record: Record, columns: Sequence[Any]) -> list[Effect]:
-    """A user's own suspects: effects and transformers as they are, classes of effects over their range."""
-    found: list[Effect] = []
+def candidates_of(record: Record, exclude: Collection[str], further: Any) -> list[Effect]:
+    """All suspects of a record: those of the catalogue, and a user's own.
+
+    Effects and transformers of the user's are taken as they are, classes of effects over their range.
+    """
+    columns = [name for name in record.columns if name != record.temperature_name]
+    found = [
+        effect
+        for kind, effects in CATALOGUE.items()
+        if effects.tried and kind not in exclude
+        for effect in effects.candidates(record, columns)
+    ]
     for item in further:
         if isinstance(item, type) and issubclass(item, Effect):
             found += item.candidates(record, columns)

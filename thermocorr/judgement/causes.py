@@ -95,6 +95,8 @@ class Search:
     def causes(self) -> tuple[list[Cause], list[Tried]]:
         """The causes, and what was tried last without being one."""
         found: list[Cause] = []
+        if self.pool.rows.exact:
+            return [], []
         while True:
             steps = sum(cause.tried.key in MANY for cause in found)
             tried = still_sought(self.believed(self.look(), found), found, steps)
@@ -254,7 +256,7 @@ class Search:
     @cached_property
     def shifts(self) -> Shifts:
         """The temperature at every delay."""
-        return Shifts(self.judged, self.pool.temperature, self.pool.data.segment, self.pool.weight)
+        return Shifts(self.judged, self.pool.temperature, self.pool.data.segment, self.pool.rows.weight)
 
     def _add(self, explanations: Sequence[Explanation]) -> list[int]:
         self.judged.add([explanation.columns for explanation in explanations])

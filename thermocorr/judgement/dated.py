@@ -34,19 +34,21 @@ def dated(
     `rows` is what `anywhere.filtered` says. Another law is left out where a step alone does as well.
     """
     found: list[Explanation] = []
-    steps = step_gains(judged, theta, pool.weight, rows) if {"step", "sensitivity_step"} & {*kinds} else np.zeros(1)
+    steps = (
+        step_gains(judged, theta, pool.rows.weight, rows) if {"step", "sensitivity_step"} & {*kinds} else np.zeros(1)
+    )
     if "step" in kinds and steps.max() > 0:
         found.append(_from(pool, Step, int(steps.argmax())))
     if "sensitivity_step" in kinds:
-        changes = change_gains(judged, theta, pool.weight, pool.temperature, rows)
+        changes = change_gains(judged, theta, pool.rows.weight, pool.temperature, rows)
         if changes.max() > steps.max() + 0.5 * math.log(judged.n):
             found.append(_from(pool, SensitivityStep, int(changes.argmax())))
-    if "disturbance" in kinds and (stretch := best_stretch(judged, theta, pool.weight)) is not None:
+    if "disturbance" in kinds and (stretch := best_stretch(judged, theta, pool.rows.weight)) is not None:
         effect = Disturbance(moment(pool, stretch.start), moment(pool, stretch.stop, ends=True))
         effect.learn(pool.record)
         start, end = effect.seconds_
         inside = (pool.data.seconds >= start) & (pool.data.seconds < end)
-        found.append(Explanation(effect, pool.weighed(inside.astype(float)[:, None])))
+        found.append(Explanation(effect, pool.rows.weighed(inside.astype(float)[:, None])))
     return found
 
 
@@ -68,4 +70,4 @@ def _from(pool: Pool, kind: type[Step], row: int) -> Explanation:
     effect.learn(pool.record)
     later = (pool.data.seconds >= effect.seconds_).astype(float)
     columns = [later] if kind is Step else [later, later * pool.temperature]
-    return Explanation(effect, pool.weighed(np.column_stack(columns)))
+    return Explanation(effect, pool.rows.weighed(np.column_stack(columns)))

@@ -16,7 +16,8 @@ from ..pages import PageData
 from ..pictures.words import effect_text
 from ..records import Record
 from ..records.numbers import as_pandas, is_frame
-from .candidates import as_fitted, further_candidates, given_effects, record_of, suspect_record
+from .base import ThermalBase
+from .candidates import as_fitted, candidates_of, given_effects, record_of, suspect_record
 from .causes import ANYWHERE, Search
 from .choice import Cause, Tried, first_of_each
 from .dated import DATED
@@ -28,7 +29,7 @@ from .pool import Pool
 from .residual import residuals_of
 from .together import as_one
 from .when import Interval, intervals
-from .where import against_white, where_it_fails
+from .where import where_it_fails
 
 
 def diagnose(
@@ -80,41 +81,33 @@ def diagnose(
         raise ValueError(f"The 'exclude' parameter names {sorted(unknown)}, which are no kinds: {sorted(CATALOGUE)}.")
     with one_blas_thread():
         X = as_pandas(X)
-        read = record_of(model, X, y, given_effects(suspects))
-        record = suspect_record(model, read, X, y, columns)
-        names = [name for name in record.columns if name != record.temperature_name]
-        candidates = [
-            effect
-            for kind, effects in CATALOGUE.items()
-            if effects.tried and kind not in (*exclude, *DATED)
-            for effect in effects.candidates(record, names)
-        ]
-        pool = Pool(model, record, [*candidates, *further_candidates(suspects, record, names)])
+        seen, read = as_fitted(model, X), record_of(model, X, y, given_effects(suspects))
+        base = ThermalBase.of(model, read)
+        record = suspect_record(model, read, X, y, columns, [*base.effects, *base.slow])
+        pool = Pool(model, record, base, candidates_of(record, (*exclude, *DATED), suspects))
         search = Search(pool, [kind for kind in ANYWHERE if kind not in exclude])
-        if pool.exact:
-            return _conclude(model, X, y, read, search, [], [])
         causes, last = search.causes()
         missing = [cause for cause in causes if not cause.tried.explanation.in_model]
         missing = missing or lacking(model, search, exclude)
         missing.sort(key=_worth_to_the_user)
-        return _conclude(model, X, y, read, search, missing, last)
+        return _conclude(model, X, y, seen, read, search, missing, last)
 
 
 def _conclude(
     model: DynamicBiasRegressor,
     X: Any,
     y: Any,
+    seen: Any,
     read: Record,
     search: Search,
     causes: Sequence[Cause],
     last: Sequence[Tried],
 ) -> Diagnosis:
     """Verdict, causes and other suspects, and what is left."""
-    seen = as_fitted(model, X)
     residual, rms = residuals_of(model, read, search.pool.record)
     uneven = first_of_each([tried for tried in last if tried.uneven])
     rest = what_is_left(search.pool, search.judged, [effect_text(tried.explanation.effect) for tried in uneven])
-    floor = rms if search.pool.exact else min(rest.floor, rms)
+    floor = rms if search.pool.rows.exact else min(rest.floor, rms)
     moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, causes)]
     found = as_one([_cause(cause, when) for cause, when in zip(causes, moments, strict=True)], search.pool.record)
     named = {cause.tried.key for cause in causes}
@@ -126,14 +119,15 @@ def _conclude(
         spoiled = bool(search.pool.record.refused) and not model.screen
         verdict = "unexplained" if rest.unknown or spoiled else "nothing missing"
     ranked = [*found, *(_other(tried, search) for tried in listed[: RANKED - len(found)])]
+    where, allan = where_it_fails(model, search.pool.record, residual, floor)
     beside = dict.fromkeys(ranked[0].effect.inputs() if ranked else ())
     shown = seen.columns if is_frame(seen) else range(np.shape(seen)[1])
     return Diagnosis(
         verdict=verdict,
         noise_floor=floor,
         explainable=float(np.clip(1 - floor**2 / rms**2, 0.0, 1.0)) if rms > 0 else 0.0,
-        where=_where(model, search.pool.record, residual, floor),
-        allan=against_white(search.pool.record, residual, floor),
+        where=where,
+        allan=allan,
         suspects=tuple(ranked),
         n_causes=len(found),
         left=rest,
@@ -187,18 +181,3 @@ def _other(tried: Tried, search: Search) -> FoundSuspect:
         later_db=tried.worth.later,
         p_value=tried.p_value,
     )
-
-
-def _where(model: DynamicBiasRegressor, record: Record, residual: np.ndarray, floor: float) -> pd.DataFrame:
-    recorded = [name for name in record.columns if name != record.temperature_name]
-    return where_it_fails(record, residual, floor, largest_lag(model), recorded)
-
-
-def largest_lag(model: DynamicBiasRegressor) -> float | None:
-    """Time constant [s] of the lag that moves the reading most; None for a model without lags."""
-    if not len(model.time_constants_):
-        return None
-    names = [effect.kind for effect in model.features_.effect_list()]
-    start = sum(len(effect.names()) for effect in model.features_.effect_list()[: names.index("thermal_lag")])
-    mu = np.abs(model.coef_[start : start + len(model.time_constants_)])
-    return float(model.time_constants_[int(mu.argmax())])

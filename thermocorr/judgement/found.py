@@ -67,7 +67,7 @@ class Diagnosis(DiagnosisPage):
     where: pd.DataFrame
     """Conditions under which the model fails, worst first, see `thermocorr.judgement.where`."""
     allan: pd.DataFrame
-    """Allan deviation of the residual against white noise, see `thermocorr.judgement.where.against_white`."""
+    """Allan deviation of the residual against white noise, see `thermocorr.judgement.where`."""
     suspects: tuple[FoundSuspect, ...]
     """The causes, by what they are worth on later data and by how sure they are; then other suspects, best first."""
     n_causes: int

@@ -73,7 +73,7 @@ class Imitations:
     def _followers(self) -> set[Any]:
         """Recorded columns that change as the temperature does: they may know it better."""
         plain = {e.key[1]: e.columns for e in self.pool.explanations if e.key[0] == "covariate"}
-        T = self.pool.weighed(self.pool.temperature)
+        T = self.pool.rows.weighed(self.pool.temperature)
         return {name for name, columns in plain.items() if _follows(columns[:, 0], T)}
 
 

@@ -25,11 +25,13 @@ from .likelihood import Comparison
 def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str]) -> list[Cause]:
     """At most one cause: what the model's lags lack most, if it is proven, and is much of what is left or helps."""
     pool = search.pool
+    if pool.rows.exact:
+        return []
     small = search.judged.n * float(np.median(pool.data.counts)) * SIZEABLE**2  # twice what it gains in white noise
     own = [clone(effect) for effect in model.features_.effect_list()]
     for effect in own:
         effect.learn(pool.record)
-    thin = np.column_stack([pool.constant, *map(pool.weighed, averaged(pool.record, own, FINE).columns)])
+    thin = np.column_stack([pool.rows.constant, *map(pool.rows.weighed, averaged(pool.record, own, FINE).columns)])
     most = search.judged.total - Comparison(pool.reading, thin, pool.span).total
     if most < small / 2:  # the many lags themselves gain no more than that
         return []

@@ -64,10 +64,10 @@ def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = ()) -> 
     floor = float(np.sqrt(innovation * counts)) * judged.unit
     times = pool.spacing * RATIO ** np.arange(len(theta) - 1)
     proven = judged.base.level - judged.white > STRUCTURE
-    structured = bool(proven and not pool.exact and wandering > WANDERS * floor)
+    structured = bool(proven and not pool.rows.exact and wandering > WANDERS * floor)
     seconds = pool.data.seconds
-    middle = pool.weighed(np.arange(judged.n) >= judged.n // 2)
-    drift = pool.weighed(seconds / max(float(np.ptp(seconds)), 1e-300))
+    middle = pool.rows.weighed(np.arange(judged.n) >= judged.n // 2)
+    drift = pool.rows.weighed(seconds / max(float(np.ptp(seconds)), 1e-300))
     return Left(
         structured=structured,
         floor=floor,
@@ -106,7 +106,7 @@ def _spectrum(pool: Pool, judged: Comparison) -> pd.DataFrame:
 
 def _spikes(pool: Pool) -> tuple[float, ...]:
     """Times of the readings that were left out, the farthest from the usual one first."""
-    rows, record = np.flatnonzero(pool.spikes), pool.record
+    rows, record = np.flatnonzero(pool.rows.spikes), pool.record
     refused = [found for found in record.refused if found.what == "reading"]
     seconds = [*(found.seconds for found in refused), pool.data.seconds[rows]]
     values = np.concatenate([*(found.values for found in refused), pool.data.reading[rows]])

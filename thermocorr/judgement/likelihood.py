@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import cho_solve, lapack, solve_triangular
 
 from ..equations.noise import Bands, fitted_parts, whittle
+from .judged_rows import orthonormal
 from .levels import ALIVE, PIECES, QUIET, TURNS
 
 
@@ -327,11 +328,3 @@ def solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     kept = values > 1e-11 * values[-1]
     V = vectors[:, kept]
     return np.asarray(scale * (V @ ((V.T @ (scale * b)) / values[kept])))
-
-
-def orthonormal(columns: np.ndarray, tolerance: float = 1e-7) -> np.ndarray:
-    """Orthonormal basis of columns of very different size; directions below the tolerance are dropped."""
-    norms = np.linalg.norm(columns, axis=0)
-    unit = columns[:, norms > 0] / norms[norms > 0]
-    left, singular, _ = np.linalg.svd(unit, full_matrices=False)
-    return np.asarray(left[:, singular > tolerance * singular[:1].max(initial=0.0)])

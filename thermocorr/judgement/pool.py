@@ -13,17 +13,14 @@ import pandas as pd
 
 from ..effects import StaticPolynomial
 from ..effects.protocol import Effect
-from ..equations.spikes import spikes
-from ..estimators.evenness import evenness
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.thermometer_errors import thermometer_errors
 from ..records import Record, RecordError
 from ..records.thinned import Thinned
-from .base import slowest_of_base, thermal_base
+from .base import ThermalBase
 from .blocks import Averages, averaged, spans
-from .levels import COARSE, FEWEST, FINE, MOST_EMPTY, ROUNDING
-from .likelihood import orthonormal
-from .starts import Starts, starts_of
+from .judged_rows import JudgedRows, starts_of
+from .levels import COARSE, FEWEST, FINE, MOST_EMPTY
 
 Key = tuple[str, Any]
 
@@ -47,13 +44,12 @@ class Explanation:
 class Pool:
     """A record, the base that explanations are judged beside, and the explanations."""
 
-    def __init__(self, model: DynamicBiasRegressor, record: Record, candidates: Sequence[Effect]):
+    def __init__(self, model: DynamicBiasRegressor, record: Record, thermal: ThermalBase, candidates: Sequence[Effect]):
         self.model, self.record = model, record
         self.kinds = {effect.kind for _, effect in model.features_.further_effects()}
         """Kinds of the model's further effects."""
-        slowest = slowest_of_base(record)
-        base, slow = thermal_base(model, record, slowest)
-        candidates = [e for e in candidates if not (e.kind == "thermal_lag" and max(e.time_constants) <= slowest)]
+        base, slow, least = thermal.effects, thermal.slow, thermal.slowest
+        candidates = [e for e in candidates if not (e.kind == "thermal_lag" and max(e.time_constants) <= least)]
         own = starts_of(model, record)
         for effect in (*own, *base, *slow, *candidates):
             effect.learn(record)
@@ -66,61 +62,13 @@ class Pool:
         self.span = spans(self.data, record)
         """Number of the span of each row, over which noise goes on, shape (n,)."""
         decays, columns = self.data.columns[: len(own)], self.data.columns[len(own) :]
-        rounding = ROUNDING * float(np.median(np.abs(self.data.reading)))
-        self.spikes = spikes(self.data.reading, rounding)
-        """Rows that are no readings, shape (n,), booleans."""
-        self.weight = np.ones(len(self.spikes))
-        """Less than 1 where the noise is larger than usual; readings and columns are multiplied by it, shape (n,)."""
-        self.starts = self._starts(decays)
-        self.spikes |= spikes(self._left_beside(columns[: len(base)]), rounding)
-        left = self._left_beside(columns[: len(base)])
-        self.exact = bool(np.sqrt(np.mean(left**2)) <= rounding)
-        """Whether the base leaves nothing of the reading but rounding."""
-        self.weight *= evenness(left, self.span)
-        self.starts = self._starts(decays)
-        self.base = np.column_stack([self.constant, *map(self.weighed, columns[: len(base)])])
+        self.rows = JudgedRows(self.data, decays, columns[: len(base)], self.span)
+        self.base = np.column_stack([self.rows.constant, *map(self.rows.weighed, columns[: len(base)])])
         """Columns of the base, shape (n, p); the constant first."""
-        self.reading = self.weighed(self.data.reading)
-        columns = [self.weighed(part) for part in columns[len(base) :]]
+        self.reading = self.rows.weighed(self.data.reading)
+        columns = [self.rows.weighed(part) for part in columns[len(base) :]]
         self.explanations = [Explanation(e, c, True) for e, c in zip(slow, columns[: len(slow)], strict=True)]
         self.explanations += [Explanation(e, c) for e, c in zip(candidates, columns[len(slow) :], strict=True)]
-
-    def _left_beside(self, columns: Sequence[np.ndarray]) -> np.ndarray:
-        """What least squares leaves of the reading."""
-        Q = orthonormal(np.column_stack([self.constant, *map(self.weighed, columns)]))
-        reading = self.weighed(self.data.reading)
-        return np.asarray(reading - Q @ (Q.T @ reading))
-
-    def _starts(self, decays: Sequence[np.ndarray]) -> Starts:
-        """What start-up decays hold of weighted rows."""
-        together = np.column_stack([np.zeros((len(self.weight), 0)), *decays])
-        return Starts(together * self.weight[:, None], self.data.segment)
-
-    @property
-    def constant(self) -> np.ndarray:
-        """The constant, as columns are judged, shape (n,)."""
-        return self.starts.taken_out(self.weight.copy())
-
-    def weighed(self, columns: np.ndarray) -> np.ndarray:
-        """Columns, shape (n,) or (n, k), as they are judged: straight over spikes, weighted, less what starts hold.
-
-        The same is done to reading and columns, so that noise that wanders has no holes. They lose their means first,
-        to which digits would be lost.
-        """
-        return self.starts.taken_out(self._weighted(columns))
-
-    def _weighted(self, columns: np.ndarray) -> np.ndarray:
-        """Columns without their means, straight over spikes, times the rows' weights."""
-        if not self.spikes.any():
-            centred = columns - columns.mean(axis=0)
-            return centred if (self.weight == 1).all() else np.asarray((centred.T * self.weight).T)
-        centred = columns - columns[~self.spikes].mean(axis=0)
-        rows, kept = np.flatnonzero(self.spikes), np.flatnonzero(~self.spikes)
-        place = np.searchsorted(kept, rows)
-        low, high = kept[np.maximum(place - 1, 0)], kept[np.minimum(place, len(kept) - 1)]
-        share = np.clip((rows - low) / np.maximum(high - low, 1), 0.0, 1.0)
-        centred[rows] = (centred[low].T * (1 - share) + centred[high].T * share).T
-        return np.asarray((centred.T * self.weight).T)
 
     def beside(self, base: np.ndarray, explanations: Sequence[Explanation]) -> Pool:
         """A pool of this record with another base and other explanations."""
@@ -133,7 +81,7 @@ class Pool:
         for effect in effects:
             effect.learn(self.record)
         columns = averaged(self.record, effects, FINE).columns
-        return [Explanation(e, self.weighed(c)) for e, c in zip(effects, columns, strict=True)]
+        return [Explanation(e, self.rows.weighed(c)) for e, c in zip(effects, columns, strict=True)]
 
     @cached_property
     def thermometers(self) -> pd.DataFrame:

@@ -9,7 +9,7 @@ import numpy as np
 from ..estimators.holdout import rms
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Block, Record
-from ..records.thinned import Thinned, row_means
+from ..records.thinned import Thinned
 
 
 def residuals_of(model: DynamicBiasRegressor, read: Record, judged: Record) -> tuple[np.ndarray, float]:
@@ -38,7 +38,7 @@ def _averages(model: DynamicBiasRegressor, read: Record, judged: Thinned) -> tup
     for block, values in _blocks(model, read, judged):
         known = values[np.isfinite(values)]
         squares, n = squares + float(known @ known), n + len(known)
-        row_means(judged, block.places, values, sums, counts)
+        _added(judged, block.places, values, sums, counts)
     return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan), float(np.sqrt(squares / max(n, 1)))
 
 
@@ -50,6 +50,17 @@ def _blocks(model: DynamicBiasRegressor, read: Record, judged: Record) -> Iterat
         if len(places):
             values[np.isin(block.places, places)] = np.nan
         yield block, values
+
+
+def _added(record: Thinned, rows: np.ndarray, values: np.ndarray, sums: np.ndarray, counts: np.ndarray) -> None:
+    """Add values of rows of the longer record, in time order, to the sums and counts of the rows they fall into."""
+    place = np.searchsorted(record.places, rows, side="right") - 1
+    inside = (place >= 0) & (rows < record.ends[np.maximum(place, 0)]) & np.isfinite(values)
+    if inside.any():
+        place = place[inside]
+        low, high = int(place.min()), int(place.max()) + 1
+        sums[low:high] += np.bincount(place - low, values[inside], high - low)
+        counts[low:high] += np.bincount(place - low, minlength=high - low)
 
 
 def single_rms(residual: np.ndarray, record: Thinned) -> float:

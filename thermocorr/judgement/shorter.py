@@ -14,6 +14,7 @@ from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records.numbers import as_pandas
 from ..records.thinned import Thinned, ThinnedLog
+from .base import ThermalBase
 from .candidates import given_effects, record_of, suspect_record
 from .levels import MOST_TRIED
 from .residual import residuals_of
@@ -48,7 +49,8 @@ def shorter(
         return None
     X = as_pandas(X)
     read = record_of(current, X, y, given_effects(suspects))
-    record = suspect_record(current, read, X, y, columns, MOST_TRIED)
+    base = ThermalBase.of(current, read)
+    record = suspect_record(current, read, X, y, columns, [*base.effects, *base.slow], MOST_TRIED)
     if not isinstance(record, Thinned):
         return None
     residual, rms = residuals_of(current, read, record)

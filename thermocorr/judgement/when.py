@@ -32,7 +32,7 @@ def intervals(pool: Pool, judged: Comparison, causes: Sequence[Cause]) -> list[t
     heights, left = _heights(judged, [causes[k] for k in with_moments])
     for k, height in zip(with_moments, heights, strict=True):
         effect = causes[k].tried.explanation.effect
-        shift = pool.weight * (height[0] + (height[1] * pool.temperature if len(height) > 1 else 0.0))
+        shift = pool.rows.weight * (height[0] + (height[1] * pool.temperature if len(height) > 1 else 0.0))
         ends = effect.seconds_ if isinstance(effect.seconds_, list) else [effect.seconds_]
         found[k] = tuple(
             _interval(shift * sign, left, int(np.searchsorted(seconds, end)), judged.base.theta, seconds)

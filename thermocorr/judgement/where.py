@@ -13,6 +13,7 @@ import pandas as pd
 from ..effects import Covariate, Rate, ThermalLag
 from ..effects.protocol import Effect
 from ..equations import allan_deviation
+from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record
 from .blocks import Averages, averaged
 from .levels import (
@@ -33,31 +34,22 @@ COLUMNS = ["aspect", "column", "time_constant", "low", "high", "unit", "n", "rms
 
 
 def where_it_fails(
-    record: Record, residual: np.ndarray, floor: float, lag: float | None, recorded: list[Any]
-) -> pd.DataFrame:
-    """Rank stretches of time and ranges of temperature, rate, lag, hour, recorded columns and frequency.
+    model: DynamicBiasRegressor, record: Record, residual: np.ndarray, floor: float
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Under which conditions a model fails, and at which averaging times: `Diagnosis.where` and `Diagnosis.allan`.
 
     Parameters
     ----------
+    model : DynamicBiasRegressor
+        Fitted.
     record : Record
+        With the recorded columns that are conditions.
     residual : array of shape (n_rows,)
         Measured less modelled reading; NaN where unknown.
     floor : float
         Standard deviation of the noise of one sample.
-    lag : float or None
-        Time constant whose lag difference is a condition [s].
-    recorded : list
-        Recorded columns that are conditions.
-
-    Returns
-    -------
-    DataFrame, one place a row, worst first: by how much more than its part of the record it has, in standard
-    deviations. Empty where the error is not clearly beyond the noise. Columns: aspect ("time", "temperature", "rate",
-    "lag difference", "hour", "column" or "frequency"), column (its name, where a recorded one is the aspect),
-    time_constant [s] (of the lag difference), low, high (the same for a state of a switch) and unit ("date": seconds
-    since 1970; for frequencies the periods [s]), n (samples), rms (of short averages), share (of the error beyond the
-    noise), lift (share over the share of samples).
     """
+    lag, recorded = largest_lag(model), [name for name in record.columns if name != record.temperature_name]
     effects: list[Effect] = [Rate(), *([] if lag is None else [ThermalLag([lag])]), *(Covariate(c) for c in recorded)]
     aspects: list[dict[str, Any]] = [{"aspect": "rate", "unit": "K/h"}]
     aspects += [] if lag is None else [{"aspect": "lag difference", "time_constant": lag, "unit": "K"}]
@@ -71,6 +63,31 @@ def where_it_fails(
     for i, effect in enumerate(effects):
         if isinstance(effect, Covariate):
             values[i] = values[i] + effect.mean_
+    return _places(record, data, floor, aspects, values), _against_white(data, floor)
+
+
+def largest_lag(model: DynamicBiasRegressor) -> float | None:
+    """Time constant [s] of the lag that moves the reading most; None for a model without lags."""
+    if not len(model.time_constants_):
+        return None
+    names = [effect.kind for effect in model.features_.effect_list()]
+    start = sum(len(effect.names()) for effect in model.features_.effect_list()[: names.index("thermal_lag")])
+    mu = np.abs(model.coef_[start : start + len(model.time_constants_)])
+    return float(model.time_constants_[int(mu.argmax())])
+
+
+def _places(
+    record: Record, data: Averages, floor: float, aspects: list[dict[str, Any]], values: list[np.ndarray]
+) -> pd.DataFrame:
+    """Rank stretches of time and ranges of temperature, rate, lag, hour, recorded columns and frequency.
+
+    One place a row, worst first: by how much more than its part of the record it has, in standard deviations. Empty
+    where the error is not clearly beyond the noise. Columns: aspect ("time", "temperature", "rate", "lag difference",
+    "hour", "column" or "frequency"), column (its name, where a recorded one is the aspect), time_constant [s] (of the
+    lag difference), low, high (the same for a state of a switch) and unit ("date": seconds since 1970; for frequencies
+    the periods [s]), n (samples), rms (of short averages), share (of the error beyond the noise), lift (share over the
+    share of samples).
+    """
     excess = data.reading**2 - floor**2 / data.counts
     total = float(np.sum(excess * data.counts))
     if total <= PLACES_BEYOND * floor**2 * np.sqrt(2 * len(excess)):
@@ -88,21 +105,20 @@ def where_it_fails(
     return frame.sort_values("concentration", ascending=False, ignore_index=True)[COLUMNS]
 
 
-def against_white(record: Record, residual: np.ndarray, floor: float) -> pd.DataFrame:
+def _against_white(data: Averages, floor: float) -> pd.DataFrame:
     """Allan deviation of the residual against that of white noise: at which averaging times the model fails.
 
     Columns averaging_time [s], deviation, low, high (95 %), white (the line of the noise floor) and excess (deviation
     over white); from averages over short stretches of time, so the shortest averaging time is one of these.
     """
-    data = averaged(replace(record, reading=residual), [])
     pieces = [data.reading[data.segment == segment] for segment in np.unique(data.segment)]
     if len(data.reading) < 3 or not len(data.steps):
         return pd.DataFrame(columns=ALLAN_COLUMNS)
     found = allan_deviation(pieces, float(np.median(data.steps)))
     white = floor / np.sqrt(np.median(data.counts) * found.averaging_times / found.averaging_times[0])
     excess = found.deviation / np.maximum(white, 1e-300)
-    values = (found.averaging_times, found.deviation, found.low, found.high, white, excess)
-    return pd.DataFrame(dict(zip(ALLAN_COLUMNS, values, strict=True)))
+    figures = (found.averaging_times, found.deviation, found.low, found.high, white, excess)
+    return pd.DataFrame(dict(zip(ALLAN_COLUMNS, figures, strict=True)))
 
 
 class _Temperature(Effect):

@@ -179,17 +179,6 @@ def _times(record: Record, seconds: Floats, began: float) -> Times:
     return Times(n, times.kind, ticks, per_second, times.period)
 
 
-def row_means(record: Thinned, rows: NDArray[np.intp], values: Floats, sums: Floats, counts: Floats) -> None:
-    """Add values of rows of the longer record, in time order, to the sums and counts of the rows they fall into."""
-    place = np.searchsorted(record.places, rows, side="right") - 1
-    inside = (place >= 0) & (rows < record.ends[np.maximum(place, 0)]) & np.isfinite(values)
-    if inside.any():
-        place = place[inside]
-        low, high = int(place.min()), int(place.max()) + 1
-        sums[low:high] += np.bincount(place - low, values[inside], high - low)
-        counts[low:high] += np.bincount(place - low, minlength=high - low)
-
-
 class ThinnedLog(Log):
     """A thinned record as the X of estimators; its readings are given as ``log.reading``."""
 

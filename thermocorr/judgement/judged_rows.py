@@ -1,0 +1,160 @@
+"""Rows as they are judged: straight over spikes, weighted by their noise, less what the starts of segments hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+
+from ..effects import InitialTransient
+from ..effects.protocol import Effect
+from ..equations.spikes import spikes
+from ..estimators.evenness import evenness
+from ..estimators.regressor import DynamicBiasRegressor
+from ..records import Block, Record
+from .blocks import Averages
+from .levels import HELD, ROUNDING
+
+
+class OwnStart(Effect):
+    """Start-up decays, eq. (18), each segment's in the same columns.
+
+    Parameters
+    ----------
+    transient : InitialTransient
+        Whose decays.
+    """
+
+    kind = "own_start"
+    of_time_alone = True
+
+    def __init__(self, transient: InitialTransient):
+        self.transient = transient
+
+    def learn(self, record: Record) -> None:
+        """Find the decays of each segment."""
+        self.transient_ = clone(self.transient)
+        self.transient_.learn(record)
+
+    def names(self) -> list[str]:
+        """As many as the segment with most decays has."""
+        return [f"start {k}" for k in range(max(map(len, self.transient_.decays_.values()), default=0))]
+
+    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
+        """Decays of the block's segment, zeros where it has fewer than others."""
+        own = self.transient_.own(block)
+        return np.pad(own, ((0, 0), (0, len(self.names()) - own.shape[1]))), None
+
+
+def starts_of(model: DynamicBiasRegressor, record: Record) -> list[Effect]:
+    """The start-up decays of a model of several segments; none for a single one, whose decays are suspects."""
+    if len(record.segments) < 2:
+        return []
+    return [OwnStart(effect) for effect in model.features_.effect_list() if isinstance(effect, InitialTransient)]
+
+
+class Starts:
+    """The directions that start-up decays hold, segment by segment.
+
+    Parameters
+    ----------
+    columns : array of shape (n, k)
+        Decays of each row's own segment.
+    segment : array of shape (n,)
+        Number of each row's segment.
+    """
+
+    def __init__(self, columns: np.ndarray, segment: np.ndarray):
+        edges = np.flatnonzero(np.diff(segment, prepend=-1, append=-1))
+        parts = [slice(low, high) for low, high in pairwise(edges.tolist())]
+        self.parts = [(rows, orthonormal(columns[rows])) for rows in parts if columns[rows].any()]
+
+    def taken_out(self, columns: np.ndarray) -> np.ndarray:
+        """Columns, shape (n,) or (n, k), less what the decays hold; they are changed in place.
+
+        Where a segment's decays hold all of a column, zeros are left and not its rounding, which would look like a
+        column of its own.
+        """
+        for rows, Q in self.parts:
+            before = np.linalg.norm(columns[rows], axis=0)
+            columns[rows] -= Q @ (Q.T @ columns[rows])
+            columns[rows] *= np.linalg.norm(columns[rows], axis=0) > HELD * before
+        return columns
+
+
+class JudgedRows:
+    """What averaged rows are worth, and what is done to every column before it is compared.
+
+    Parameters
+    ----------
+    data : Averages
+    decays : sequence of arrays of shape (n, k)
+        Start-up decays, see `starts_of`.
+    base : sequence of arrays of shape (n, k)
+        Columns that are judged beside: spikes and noise are those of what they leave.
+    span : array of shape (n,)
+        Number of the span over which noise goes on.
+    """
+
+    def __init__(self, data: Averages, decays: Sequence[np.ndarray], base: Sequence[np.ndarray], span: np.ndarray):
+        self.data = data
+        rounding = ROUNDING * float(np.median(np.abs(data.reading)))
+        self.spikes = spikes(data.reading, rounding)
+        """Rows that are no readings, shape (n,), booleans."""
+        self.weight = np.ones(len(self.spikes))
+        """Less than 1 where the noise is larger than usual; readings and columns are multiplied by it, shape (n,)."""
+        self.starts = self._starts(decays)
+        self.spikes |= spikes(self._left_beside(base), rounding)
+        left = self._left_beside(base)
+        self.exact = bool(np.sqrt(np.mean(left**2)) <= rounding)
+        """Whether the base leaves nothing of the reading but rounding."""
+        self.weight *= evenness(left, span)
+        self.starts = self._starts(decays)
+
+    def _left_beside(self, columns: Sequence[np.ndarray]) -> np.ndarray:
+        """What least squares leaves of the reading."""
+        Q = orthonormal(np.column_stack([self.constant, *map(self.weighed, columns)]))
+        reading = self.weighed(self.data.reading)
+        return np.asarray(reading - Q @ (Q.T @ reading))
+
+    def _starts(self, decays: Sequence[np.ndarray]) -> Starts:
+        """What start-up decays hold of weighted rows."""
+        together = np.column_stack([np.zeros((len(self.weight), 0)), *decays])
+        return Starts(together * self.weight[:, None], self.data.segment)
+
+    @property
+    def constant(self) -> np.ndarray:
+        """The constant, as columns are judged, shape (n,)."""
+        return self.starts.taken_out(self.weight.copy())
+
+    def weighed(self, columns: np.ndarray) -> np.ndarray:
+        """Columns, shape (n,) or (n, k), as they are judged: straight over spikes, weighted, less what starts hold.
+
+        The same is done to reading and columns, so that noise that wanders has no holes. They lose their means first,
+        to which digits would be lost.
+        """
+        return self.starts.taken_out(self._weighted(columns))
+
+    def _weighted(self, columns: np.ndarray) -> np.ndarray:
+        """Columns without their means, straight over spikes, times the rows' weights."""
+        if not self.spikes.any():
+            centred = columns - columns.mean(axis=0)
+            return centred if (self.weight == 1).all() else np.asarray((centred.T * self.weight).T)
+        centred = columns - columns[~self.spikes].mean(axis=0)
+        rows, kept = np.flatnonzero(self.spikes), np.flatnonzero(~self.spikes)
+        place = np.searchsorted(kept, rows)
+        low, high = kept[np.maximum(place - 1, 0)], kept[np.minimum(place, len(kept) - 1)]
+        share = np.clip((rows - low) / np.maximum(high - low, 1), 0.0, 1.0)
+        centred[rows] = (centred[low].T * (1 - share) + centred[high].T * share).T
+        return np.asarray((centred.T * self.weight).T)
+
+
+def orthonormal(columns: np.ndarray, tolerance: float = 1e-7) -> np.ndarray:
+    """Orthonormal basis of columns of very different size; directions below the tolerance are dropped."""
+    norms = np.linalg.norm(columns, axis=0)
+    unit = columns[:, norms > 0] / norms[norms > 0]
+    left, singular, _ = np.linalg.svd(unit, full_matrices=False)
+    return np.asarray(left[:, singular > tolerance * singular[:1].max(initial=0.0)])
