@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from sklearn.exceptions import NotFittedError
 
+import thermocorr
 from thermocorr import (
     AllanDisplay,
     Budget,
@@ -362,3 +363,11 @@ def test_a_band_of_uncertainty_holds_the_residuals():
     labels = [text.get_text() for text in display.axes_[1].get_legend().get_texts()]
     assert "95 % of readings" in labels
     assert "u" not in ResidualsDisplay.from_estimator(model, X, y).frame()
+
+
+def test_a_picture_is_public_once_its_room_shows_it(monkeypatch):
+    monkeypatch.setattr(thermocorr.pictures, "NewDisplay", ResidualsDisplay, raising=False)
+    assert thermocorr.NewDisplay is ResidualsDisplay
+    monkeypatch.delattr(thermocorr, "NewDisplay")
+    with pytest.raises(AttributeError, match="NoDisplay"):
+        _ = thermocorr.NoDisplay

@@ -14,6 +14,7 @@ from browser import complaints, numbers, opened, prefer, requests, resize, serie
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
+from thermocorr.estimators.verdicts import VERDICTS
 from thermocorr.pages import Findings, PageData, page
 
 SINGLE = 6e-8
@@ -89,7 +90,7 @@ def test_short_forms_need_no_script_and_names_are_no_markup(hostile, gappy):
     assert "DynamicBiasRegressor" in gappy[2]._repr_html_()  # scikit-learn's own diagram
 
 
-@pytest.mark.parametrize("verdict", ["nothing missing", "missing", "ambiguous", "unexplained"])
+@pytest.mark.parametrize("verdict", VERDICTS)
 def test_every_verdict_has_its_page(gappy, verdict):
     named = gappy[3].n_causes if verdict in ("missing", "ambiguous") else 0
     html = replace(gappy[3], verdict=verdict, n_causes=named).to_html()

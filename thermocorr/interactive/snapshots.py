@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 
 from ..effects.thermal import column_text
+from ..estimators.verdicts import VERDICTS
 from ..judgement import Diagnosis
 from ..judgement.where import largest_lag
 from ..pages.html import unit_text, units_of_axis
-from ..pages.sections import HELPS, VERDICTS, Scales, parameters_text
+from ..pages.sections import HELPS, Scales, parameters_text
 from ..pictures.intervals import stretches
 from ..pictures.words import (
     aspect_text,
@@ -216,7 +217,8 @@ def _judged(found: Fitted) -> dict[str, Any]:
     scales = Scales(start, found.model.reading_.temperature_unit)
     return {
         "verdict": judged.verdict,
-        "said": HELPS if helps else VERDICTS[judged.verdict],
+        "calm": VERDICTS[judged.verdict].calm,
+        "said": HELPS if helps else VERDICTS[judged.verdict].sentence,
         "floor": figure(judged.noise_floor, scale),
         "rms": figure(judged.residual_rms, scale),
         "explainable": f"{judged.explainable:.0%}",

@@ -12,6 +12,7 @@ from sklearn.base import clone
 from ..effects import CATALOGUE
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
+from ..estimators.verdicts import AMBIGUOUS, MISSING, NOTHING_MISSING, UNEXPLAINED
 from ..pages import PageData
 from ..pictures.words import effect_text
 from ..records import Record
@@ -114,16 +115,16 @@ def _conclude(
     others = causes[0].others if causes else last
     listed = [t for t in first_of_each(others) if t.key not in named and not t.explanation.in_model]
     if causes:
-        verdict = "ambiguous" if found[0].confusable_with else "missing"
+        verdict = AMBIGUOUS if found[0].confusable_with else MISSING
     else:  # readings that are none and were learned from spoil any model
         spoiled = bool(search.pool.record.refused) and not model.screen
-        verdict = "unexplained" if rest.unknown or spoiled else "nothing missing"
+        verdict = UNEXPLAINED if rest.unknown or spoiled else NOTHING_MISSING
     ranked = [*found, *(_other(tried, search) for tried in listed[: RANKED - len(found)])]
     where, allan = where_it_fails(model, search.pool.record, residual, floor)
     beside = dict.fromkeys(ranked[0].effect.inputs() if ranked else ())
     shown = seen.columns if is_frame(seen) else range(np.shape(seen)[1])
     return Diagnosis(
-        verdict=verdict,
+        verdict=verdict.word,
         noise_floor=floor,
         explainable=float(np.clip(1 - floor**2 / rms**2, 0.0, 1.0)) if rms > 0 else 0.0,
         where=where,

@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 
 from ..effects.protocol import Effect
+from ..estimators.verdicts import VERDICTS
 from ..pages import DiagnosisPage, PageData
 from ..pictures.words import each_row, effect_text, left_sentences, suspect_sentence, worst_sentence
 from ..records.quantities import quantity_texts
@@ -137,9 +138,9 @@ class Diagnosis(DiagnosisPage):
             f"Residual {residual}, noise floor {floor}: "
             f"{self.explainable:.0%} of the residual variance could still be explained.",
         ]
-        if len(self.where) and self.verdict != "nothing missing":
+        if len(self.where) and not VERDICTS[self.verdict].calm:
             lines.append(worst_sentence(next(each_row(self.where))))
-        if self.verdict == "unexplained":
+        if VERDICTS[self.verdict].unknown:
             lines.append("There is structure in the residual that no known effect explains by itself.")
         said = self.causes or self.suspects[:3]
         word = "Cause" if self.causes else "Suspect"

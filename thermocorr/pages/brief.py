@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
+from ..estimators.verdicts import VERDICTS
 from ..pictures.protocols import DiagnosisLike, RefinementLike
 from ..pictures.words import each_row, effect_text, place_text
 from ..records.quantities import scale_of
 from .chapters import steps_scale
 from .charts import still
 from .html import decibels, number, percent, probability, rendered
-from .sections import CALM, VERDICTS
 
 SHOWN = 3
 """Places and suspects listed."""
@@ -18,7 +18,7 @@ SHOWN = 3
 
 def brief_diagnosis(found: DiagnosisLike) -> str:
     """Verdict, residual, first places and suspects."""
-    calm = found.verdict == CALM
+    calm = VERDICTS[found.verdict].calm
     worst = each_row(found.where.head(SHOWN))
     places = [(place_text(row), percent(row.share), percent(row.share / row.lift)) for row in worst]
     suspects = [
@@ -29,7 +29,7 @@ def brief_diagnosis(found: DiagnosisLike) -> str:
         "brief_diagnosis",
         found=found,
         scale=scale_of((found.residual_rms, found.noise_floor), found.unit),
-        said=VERDICTS.get(found.verdict, ""),
+        said=VERDICTS[found.verdict].sentence,
         drawn=_residual(found),
         places=[] if calm else places,
         suspects=[] if calm else suspects,

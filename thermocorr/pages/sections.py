@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from ..estimators.verdicts import VERDICTS
 from ..pictures.protocols import DiagnosisLike
 from ..pictures.words import each_row, effect_text, left_sentences
 from ..records.quantities import scale_of, span_text
@@ -19,14 +20,6 @@ from .html import Section, plain, section, unit_text
 SHOWN_PLACES = 8
 """Places of failure in the first table; the rest is folded."""
 
-CALM = "nothing missing"
-"""The verdict after which nothing is advised."""
-VERDICTS = {
-    CALM: "Nothing is missing: what is left looks like noise.",
-    "missing": "Something is missing, and this record can tell what.",
-    "ambiguous": "Something is missing, and this record cannot tell two explanations apart.",
-    "unexplained": "Structure is left in the residual that no known effect explains by itself.",
-}
 HELPS = "One effect lowers the error on data that it was not learned from; that it is the cause is not proven."
 
 
@@ -44,7 +37,8 @@ def anything(found: DiagnosisLike, figures: Markup) -> Section:
         "1 Is anything missing?",
         found=found,
         named=named,
-        said=HELPS if helps else VERDICTS.get(found.verdict, ""),
+        calm=VERDICTS[found.verdict].calm,
+        said=HELPS if helps else VERDICTS[found.verdict].sentence,
         left=" ".join(left_sentences(found.left, unit_text(found.unit), found.verdict)),
         scale=scale_of((found.residual_rms, found.noise_floor), found.unit),
         largest=max(found.residual_rms, found.noise_floor) or 1.0,
@@ -64,7 +58,7 @@ class WherePlace(NamedTuple):
 
 def places(found: DiagnosisLike, data: PageData, figures: Markup) -> Section:
     """2: where the model fails; the worst place and the worst band of frequencies in words."""
-    where, calm = found.where, found.verdict == CALM
+    where, calm = found.where, VERDICTS[found.verdict].calm
     shown = 0 if calm else SHOWN_PLACES
     bands = where[where["aspect"] == "frequency"]
     longest = float(max(where["share"].drop(bands.index).max(), 1e-300)) if len(where) else 1.0
@@ -96,8 +90,8 @@ def suspects(found: DiagnosisLike, data: PageData) -> Section:
         "3 What is missing?",
         suspects=[(suspect, parameters_text(suspect.effect, data)) for suspect in found.suspects],
         physics=by_kind([suspect.effect for suspect in found.suspects[:3]]),
-        calm=found.verdict == CALM,
-        unexplained=found.verdict == "unexplained",
+        calm=VERDICTS[found.verdict].calm,
+        unexplained=VERDICTS[found.verdict].unknown,
         level=f"{found.level:g}",
     )
 
@@ -110,7 +104,7 @@ def cure(found: DiagnosisLike) -> Section:
         "4 What to do?",
         code="" if found.best is None else repr(found.best),
         checks=by_kind(rivals),
-        calm=found.verdict == CALM,
+        calm=VERDICTS[found.verdict].calm,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..estimators.verdicts import VERDICTS
 from .protocols import DiagnosisLike
 from .timeline import TimeLine
 
@@ -15,7 +16,7 @@ def stretches(diagnosis: DiagnosisLike, timeline: TimeLine) -> list[tuple[float,
     None where the diagnosis finds nothing missing, or where runs overlap in time, so that a time has several places.
     """
     where = diagnosis.where
-    if diagnosis.verdict == "nothing missing" or timeline.overlapping:
+    if VERDICTS[diagnosis.verdict].calm or timeline.overlapping:
         return []
     chosen = where[(where["aspect"] == "time") & (where["lift"] > WORSE)]
     joined: list[tuple[float, float]] = []

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..estimators.verdicts import VERDICTS
 from ..records.quantities import quantity_text, quantity_texts, span_text, span_texts
 from ..records.text import printable
 
@@ -144,13 +145,13 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
             f"What is left wanders by {quantity_text(left.wandering, unit)} and remembers for about "
             f"{span_text(left.correlation_time)}."
         )
-        if verdict in ("unexplained", "ambiguous") and not left.of_thermometers:
+        if VERDICTS[verdict].in_doubt and not left.of_thermometers:
             to_log = next(text for limit, text in _TO_LOG if left.correlation_time <= limit)
             said.append(f"To learn its cause, log what changes as slowly: {to_log}.")
     elif not left.uneven:
         said.append("What is left looks like white noise.")
     said += thermometer_sentences(left, unit)
-    if left.uneven and verdict == "unexplained":
+    if left.uneven and VERDICTS[verdict].unknown:
         said.append(
             f"A few stretches of the record follow {', '.join(left.uneven[:3])}; the rest does not. A short "
             "disturbance, or an effect that comes and goes: look at these stretches alone."

@@ -9,6 +9,7 @@ import numpy as np
 from ...records import Record, RecordError
 from ...records.quantities import quantity_texts, span_texts
 from ..aligned import no_flags
+from ..verdicts import VERDICTS
 from .declared import Reference, Sensor
 from .joint import JointErrors
 from .rows import ErrorWalk
@@ -82,7 +83,7 @@ def why_incomplete(model: Any, joint: JointErrors, diagnosis: Any) -> str:
     """What keeps corrected readings from being signed; "" where nothing does."""
     if diagnosis is not None:
         verdict = _verdict_on(model, diagnosis)
-        return "" if verdict == "nothing missing" else f"the diagnosis says {verdict!r}."
+        return "" if VERDICTS[verdict].calm else f"the diagnosis says {verdict!r}."
     share = joint.noise.wander_variance / joint.noise.variance if joint.noise.variance > 0 else 0.0
     if share <= WANDERS:
         return ""

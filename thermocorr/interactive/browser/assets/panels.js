@@ -103,7 +103,7 @@
     if (!judged) return [element("h2", {}, "Is anything missing?"), element("p", { class: "soft" }, lacking.diagnosis || "Looking…"), lacking.diagnosis ? again : null, notes];
     return [
       element("h2", {}, "Is anything missing?"),
-      element("p", {}, element("strong", { class: "verdict", "data-verdict": judged.verdict }, judged.verdict), " ", judged.said),
+      element("p", {}, element("strong", { class: "verdict", "data-verdict": judged.verdict, "data-calm": judged.calm }, judged.verdict), " ", judged.said),
       element("p", { class: "figures" }, "Residual ", number(judged.rms), ", noise floor ", number(judged.floor), `: ${judged.explainable} of its variance could still be explained.`),
       judged.left.length ? element("p", { class: "fine" }, judged.left.join(" ")) : null,
       lacking.errors ? element("p", { class: "fine" }, `No error on other data: ${lacking.errors}`) : null,
@@ -115,7 +115,7 @@
   function where(state, act) {
     const judged = state.judged;
     if (!judged) return [];
-    const calm = judged.verdict === "nothing missing", longest = Math.max(...judged.where.map((place) => place.share.value), 1e-300);
+    const calm = judged.calm, longest = Math.max(...judged.where.map((place) => place.share.value), 1e-300);
     if (!judged.where.length || calm) return [element("h2", {}, "Where does it fail?"), element("p", { class: "fine" }, "Nowhere more than noise does.")];
     const listed = (places, first) => element("ul", { class: "places" }, places.map((place, k) => {
         const i = first + k;
@@ -158,7 +158,7 @@
     return [
       element("h2", {}, "What is missing?"),
       causes ? element("p", { class: "fine" }, "Most helpful first. A gain is how far the structured part of the error falls, in averages; the error of single readings falls by less, as noise stays.") : null,
-      causes ? element("ol", { class: "suspects" }, judged.suspects.slice(0, first).map(item)) : element("p", { class: "fine" }, judged.verdict === "nothing missing" ? "No suspect is worth adding." : "No suspect explains it by itself."),
+      causes ? element("ol", { class: "suspects" }, judged.suspects.slice(0, first).map(item)) : element("p", { class: "fine" }, judged.calm ? "No suspect is worth adding." : "No suspect explains it by itself."),
       causes > first ? details(`${causes - first} more that are named`, false, element("ol", { class: "suspects" }, judged.suspects.slice(first, causes).map((one, i) => item(one, first + i)))) : null,
       others.length ? details(`${others.length} others that were tried`, false, element("ol", { class: "suspects" }, others.map((one, i) => item(one, causes + i)))) : null,
     ];
