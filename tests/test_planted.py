@@ -9,7 +9,17 @@ import pytest
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
 from thermocorr.datasets._planted import PLANTS
-from thermocorr.effects import CATALOGUE, Hinge, Hysteresis, LaggedCovariate, Rate, Step
+from thermocorr.effects import (
+    CATALOGUE,
+    Effect,
+    Hinge,
+    Hysteresis,
+    LaggedCovariate,
+    Rate,
+    SaturatingCovariate,
+    SeveralSteps,
+    Step,
+)
 from thermocorr.effects.stream import own_starts, walk
 from thermocorr.records import Layout, read_record
 
@@ -27,9 +37,49 @@ def left_by_quadratic(T, values):
     return np.sqrt(np.mean((values - fit(T)) ** 2))
 
 
-def test_every_kind_of_the_catalogue_can_be_planted():
-    """But for kinds that are younger than the simulation: these are planted by their own columns."""
+def test_most_kinds_of_the_catalogue_have_a_formula_of_their_own_here():
     assert set(PLANTED) == set(PLANTS) - set(UNKNOWN) and len(PLANTED) >= 16
+
+
+class Fan(Effect):
+    """A user's effect: a fan that cools more the warmer it is, and tires."""
+
+    kind = "fan"
+
+    def __init__(self, column="mains", tires=3600.0):
+        self.column = column
+        self.tires = tires
+
+    def inputs(self):
+        return [self.column]
+
+    def names(self):
+        return ["fan", "fan, warm"]
+
+    def columns(self, block, state):
+        own = block[self.column] * np.exp(-block.elapsed / self.tires / 100)
+        return np.column_stack((own, own * (block.temperature - 22.0))), None
+
+
+@pytest.mark.parametrize("runs", [1, 3])
+@pytest.mark.parametrize(
+    "effect",
+    [SaturatingCovariate("humidity", 5.0), SeveralSteps([7200.0, 90_000.0]), Fan()],
+    ids=lambda effect: effect.kind,
+)
+def test_effects_without_a_formula_are_planted_by_their_columns(effect, runs):
+    record, truth = make_record(3000, effects=[(effect, 2.0)], runs=runs, gaps=1, seed=3, return_truth=True)
+    left = left_by_quadratic(record["temperature"].to_numpy(), truth[effect.kind].to_numpy())
+    assert left == pytest.approx(2.0 * record.attrs["noise"], rel=1e-6)
+    assert truth.attrs["effects"][effect.kind]["parameters"] == effect.get_params(deep=False)
+    again = make_record(3000, effects=[(effect, 2.0)], runs=runs, gaps=1, seed=3)
+    pd.testing.assert_frame_equal(again, record)
+    assert left_over(effect, record.drop(columns="reading"), truth[effect.kind].to_numpy()) < 1e-9
+
+
+def test_a_kind_without_a_formula_is_asked_for_as_an_effect():
+    with pytest.raises(ValueError, match="saturating_covariate"):
+        make_record(500, effects={"saturating_covariate": 1.0})
 
 
 @pytest.mark.parametrize("setting", SETTINGS)
@@ -81,7 +131,8 @@ def test_adding_the_planted_effect_brings_the_error_down_to_the_noise(kind):
 
 def left_over(effect, X, contribution):
     """Share of a contribution's standard deviation that 1, T and the effect's columns leave."""
-    record = read_record(X, Layout(), needed=effect.inputs(), quiet=True)
+    layout = Layout(run="run" if "run" in X else None)
+    record = read_record(X, layout, needed=effect.inputs(), quiet=True)
     effect.learn(record)
     columns = np.vstack([step.columns for step in walk([effect], record, starts=own_starts(record))])
     design = np.column_stack([np.ones(len(X)), X["temperature"] - X["temperature"].mean(), columns])

@@ -130,7 +130,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
             f"{without}: try --temperature {other.column}, or both of them (--temperature {present} --temperature "
             f"{other.column})."
         )
-        say(f"Note: {advice}\n")
+        say(f"Note: {advice[0].lower()}{advice[1:]}\n")
     say(f"{comparison}\n\n{later}\n")
     for name, taus in thermometers.items():
         of_which = f", {name}" if len(thermometers) > 1 else ""

@@ -12,6 +12,7 @@ import pandas as pd
 from ..records import seconds_of
 from ._checks import check_choice, check_float, check_int
 from ._compose import STREAMS
+from ._own_columns import of_own_columns
 from ._planted import PLANTS, Parameters, Run, Scene
 from ._propagate import Array
 
@@ -36,6 +37,8 @@ class Planting(NamedTuple):
     """Parameters that are not left to the seed."""
     occurrence: int
     """How many of its kind stand before it."""
+    effect: Any = None
+    """An effect of a kind that has no formula here: it is planted by columns of its own."""
 
 
 def read_plantings(effects: Any, start: pd.Timestamp) -> list[Planting]:
@@ -43,12 +46,16 @@ def read_plantings(effects: Any, start: pd.Timestamp) -> list[Planting]:
     plantings: list[Planting] = []
     for what, strength, given in _items(effects):
         kind, parameters = _kind_and_parameters(what)
-        check_choice(_WHO, "effects", kind, tuple(PLANTS))
+        own = what if hasattr(what, "columns") and kind not in PLANTS else None
         occurrence = sum(planting.kind == kind for planting in plantings)
-        parameters = {name: _checked(kind, name, value, start) for name, value in {**parameters, **given}.items()}
+        if own is None:
+            check_choice(_WHO, "effects", kind, tuple(PLANTS))
+            parameters = {name: _checked(kind, name, value, start) for name, value in {**parameters, **given}.items()}
+        else:
+            parameters = own.get_params(deep=False)
         number = check_float(_WHO, f"effects[{kind!r}]", strength, "[0.0, inf)")
         label = kind if occurrence == 0 else f"{kind}_{occurrence + 1}"
-        plantings.append(Planting(label, kind, number, parameters, occurrence))
+        plantings.append(Planting(label, kind, number, parameters, occurrence, own))
     return plantings
 
 
@@ -155,13 +162,7 @@ def plant(
                 check_choice(_WHO, f"effects[{planting.kind!r}][{name!r}]", column, tuple(runs[0].columns))
         shared = _stream(planting, seed, 0, 0)
         sign = float(shared.choice((-1.0, 1.0)))
-        parameters = {**PLANTS[planting.kind].draw(scene, shared), **planting.given}
-        shapes = [
-            PLANTS[planting.kind].shape(
-                run, scene, parameters, _stream(planting, seed, 0, 1), _stream(planting, seed, number, 2)
-            )
-            for number, run in enumerate(runs)
-        ]
+        parameters, shapes = _shapes(planting, runs, scene, seed, shared)
         kept = np.concatenate([shape[run.kept] for shape, run in zip(shapes, runs, strict=True)])
         left = left_by_static_law(scene.columns["temperature"], kept)
         if left <= _ALL_BUT_EXPLAINED * np.sqrt(np.mean(kept**2)):
@@ -180,6 +181,21 @@ def plant(
             "rms": planting.strength * noise,
         }
     return contributions, truth
+
+
+def _shapes(
+    planting: Planting, runs: Sequence[Run], scene: Scene, seed: int, shared: np.random.Generator
+) -> tuple[Parameters, list[Array]]:
+    """Parameters, and the contribution at every sample of each run, in any unit."""
+    if planting.effect is not None:
+        return planting.given, of_own_columns(planting.effect, runs, shared)
+    how = PLANTS[planting.kind]
+    parameters = {**how.draw(scene, shared), **planting.given}
+    own = [_stream(planting, seed, number, 2) for number in range(len(runs))]
+    return parameters, [
+        how.shape(run, scene, parameters, _stream(planting, seed, 0, 1), rng)
+        for run, rng in zip(runs, own, strict=True)
+    ]
 
 
 def left_by_static_law(temperature: Array, values: Array) -> float:
