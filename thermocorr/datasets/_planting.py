@@ -55,7 +55,7 @@ def read_plantings(effects: Any, start: pd.Timestamp) -> list[Planting]:
             parameters = own.get_params(deep=False)
         number = check_float(_WHO, f"effects[{kind!r}]", strength, "[0.0, inf)")
         label = kind if occurrence == 0 else f"{kind}_{occurrence + 1}"
-        plantings.append(Planting(label, kind, number, parameters, occurrence, own))
+        plantings.append(Planting(label, kind, number, parameters, occurrence, effect=own))
     return plantings
 
 
