@@ -199,3 +199,13 @@ def test_a_stretch_up_to_the_end_of_a_run_ends_with_it():
     model = DynamicBiasRegressor("temperature", ["10 min"], time="s", run="run").fit(X, y)
     found = diagnose(model, X, y)
     assert all(np.isfinite(model.with_effect(cause.effect).fit(X, y).coef_).all() for cause in found.causes)
+
+
+@pytest.mark.parametrize("seed", [764, 771])
+def test_noise_that_is_larger_for_a_while_is_no_disturbance(seed):
+    record = make_record(7000, seed=seed)
+    louder = (np.arange(7000) // 700) % 10 == 4
+    record["reading"] += louder * 0.8 * np.random.default_rng(seed).standard_normal(7000)
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert found.verdict == "nothing missing"

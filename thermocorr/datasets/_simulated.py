@@ -118,8 +118,8 @@ def make_record(
         Effects to plant beside the device: {"hysteresis": 2.0}, or a list of (kind, strength), (kind, strength,
         parameters) or (effect, strength). Kinds are those of `thermocorr.effects.CATALOGUE` that this simulation has
         a formula of its own for, and two causes that none explains: "random_telegraph" and "random_walk". Effects of
-        other kinds, a user's too, are planted by their own columns: pass the effect itself. The strength is the rms of the
-        contribution, after a static quadratic in temperature has taken its share, over the standard deviation
+        other kinds, a user's too, are planted by their own columns: pass the effect itself. The strength is the rms
+        of the contribution, after a static quadratic in temperature has taken its share, over the standard deviation
         of the white noise. Sign and parameters that are not given are drawn from the seed inside a plausible range;
         parameters are named as in the effect's constructor (of an effect's own, those that shape the contribution
         count; "hold" and the like do not). Effects act in gaps too, each run starts afresh,

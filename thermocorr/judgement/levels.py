@@ -77,6 +77,10 @@ LENGTHS = 1.25
 STRETCHES = 5
 """Effective number of independent tests that the search for a disturbance makes, per row of the record: from the
 largest gain of 400 records of white noise of 2 500 and of 10 000 rows, whose upper quantiles ask for 4.0 to 5.3."""
+BESIDE, CAPPED = 15, 3.0
+"""Rows to either side of a stretch by which, with its own, the size of the noise there is told; steps between rows
+count up to so many times their mean, or the ends of the stretch itself would. Without it, 5 of 64 records whose
+noise is larger for a while were said to have a disturbance."""
 OUTSTANDING = 3.0
 """Distance from the median of five, in robust standard deviations, beyond which a reading counts no more for a
 disturbance. Without a limit, two of four records with heavy tails (Student, three degrees of freedom) and one of four
