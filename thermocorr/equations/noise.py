@@ -189,6 +189,8 @@ def inverse_kernel(theta: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
 def decaying_sums(columns: np.ndarray, ratio: float) -> np.ndarray:
     """``d[k] = ratio d[k-1] + x[k]`` down each column, shape (n, c): what a part of `inverse_kernel` carries along."""
     sums = np.array(columns, float, order="F")
+    if len(sums) < 2:
+        return sums
     band = np.full((2, len(sums)), -ratio, order="F")
     for column in sums.T:
         dtbsv(1, band, column, lower=1, diag=1, overwrite_x=1)

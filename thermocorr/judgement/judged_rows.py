@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from sklearn.base import clone
 
 from ..effects import InitialTransient
@@ -16,7 +17,7 @@ from ..estimators.evenness import evenness
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Block, Record
 from .blocks import Averages
-from .levels import HELD, ROUNDING
+from .levels import FAR, FEW, HELD, ROBUST, ROUNDING
 
 
 class OwnStart(Effect):
@@ -104,15 +105,18 @@ class JudgedRows:
         rounding = ROUNDING * float(np.median(np.abs(data.reading)))
         self.spikes = spikes(data.reading, rounding)
         """Rows that are no readings, shape (n,), booleans."""
+        self.left_out = self.spikes
+        """These, and rows that stand out as nothing but a glitch does, shape (n,), booleans."""
         self.weight = np.ones(len(self.spikes))
         """Less than 1 where the noise is larger than usual; readings and columns are multiplied by it, shape (n,)."""
         self.starts = self._starts(decays)
-        self.spikes |= spikes(self._left_beside(base), rounding)
+        self.left_out = self.spikes = self.spikes | spikes(self._left_beside(base), rounding)
         left = self._left_beside(base)
         self.exact = bool(np.sqrt(np.mean(left**2)) <= rounding)
         """Whether the base leaves nothing of the reading but rounding."""
         self.weight *= evenness(left, span)
         self.starts = self._starts(decays)
+        self.left_out = self.spikes | _outstanding(self._left_beside(base))
 
     def _left_beside(self, columns: Sequence[np.ndarray]) -> np.ndarray:
         """What least squares leaves of the reading."""
@@ -140,16 +144,26 @@ class JudgedRows:
 
     def _weighted(self, columns: np.ndarray) -> np.ndarray:
         """Columns without their means, straight over spikes, times the rows' weights."""
-        if not self.spikes.any():
+        if not self.left_out.any():
             centred = columns - columns.mean(axis=0)
             return centred if (self.weight == 1).all() else np.asarray((centred.T * self.weight).T)
-        centred = columns - columns[~self.spikes].mean(axis=0)
-        rows, kept = np.flatnonzero(self.spikes), np.flatnonzero(~self.spikes)
+        centred = columns - columns[~self.left_out].mean(axis=0)
+        rows, kept = np.flatnonzero(self.left_out), np.flatnonzero(~self.left_out)
         place = np.searchsorted(kept, rows)
         low, high = kept[np.maximum(place - 1, 0)], kept[np.minimum(place, len(kept) - 1)]
         share = np.clip((rows - low) / np.maximum(high - low, 1), 0.0, 1.0)
         centred[rows] = (centred[low].T * (1 - share) + centred[high].T * share).T
         return np.asarray((centred.T * self.weight).T)
+
+
+def _outstanding(left: np.ndarray) -> np.ndarray:
+    """Rows so far from their neighbours that no noise of one size makes them: glitches among many, heavy tails.
+
+    None where many rows are: a quantised noise has few values.
+    """
+    apart = np.abs(left - pd.Series(left).rolling(5, center=True, min_periods=1).median().to_numpy())
+    far: np.ndarray = apart > FAR * ROBUST * float(np.median(apart))
+    return far if far.mean() <= FEW else np.zeros(len(far), bool)
 
 
 def orthonormal(columns: np.ndarray, tolerance: float = 1e-7) -> np.ndarray:

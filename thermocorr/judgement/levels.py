@@ -77,6 +77,15 @@ LENGTHS = 1.25
 STRETCHES = 5
 """Effective number of independent tests that the search for a disturbance makes, per row of the record: from the
 largest gain of 400 records of white noise of 2 500 and of 10 000 rows, whose upper quantiles ask for 4.0 to 5.3."""
+FAR = 8.0
+"""Distance of a row from the median of five around it, in robust standard deviations of such distances, beyond which it
+is not judged: six standard deviations of white noise, which two million rows of it do not reach. Where one reading in
+a hundred is wrong by 25 standard deviations, too many to be taken for spikes, steps there and back were named in one of
+sixteen records."""
+FEW = 0.03
+"""Share of rows that may stand out so: more are no glitches but the noise itself, which then has few values."""
+ROBUST = 1.4826
+"""Standard deviation over the median distance from zero, of normal numbers."""
 BESIDE, CAPPED = 15, 3.0
 """Rows to either side of a stretch by which, with its own, the size of the noise there is told; steps between rows
 count up to so many times their mean, or the ends of the stretch itself would. Without it, 5 of 64 records whose

@@ -10,7 +10,7 @@ import pandas as pd
 from scipy import stats
 
 from ..equations.noise import inverse_kernel
-from .levels import BESIDE, CAPPED, LENGTHS, LEVEL, LONGEST_STRETCH, OUTSTANDING, SHORTEST_STRETCH, STRETCHES
+from .levels import BESIDE, CAPPED, LENGTHS, LEVEL, LONGEST_STRETCH, OUTSTANDING, ROBUST, SHORTEST_STRETCH, STRETCHES
 from .likelihood import Comparison
 
 
@@ -42,7 +42,7 @@ def damped(values: np.ndarray) -> np.ndarray:
     """Values with those that stand out of the median of five brought near to it, shape (n,)."""
     near = pd.Series(values).rolling(5, center=True, min_periods=1).median().to_numpy()
     apart = values - near
-    limit = OUTSTANDING * (1.4826 * float(np.median(np.abs(apart))) or float(np.std(apart)))
+    limit = OUTSTANDING * (ROBUST * float(np.median(np.abs(apart))) or float(np.std(apart)))
     return np.asarray(near + np.clip(apart, -limit, limit))
 
 
