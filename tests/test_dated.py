@@ -12,7 +12,7 @@ from test_judgement import markov
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.effects import Disturbance
-from thermocorr.equations.noise import RATIO, inverse_kernel
+from thermocorr.equations.noise import RATIO, decaying_sums, inverse_kernel
 from thermocorr.judgement.anywhere import filtered
 from thermocorr.judgement.cuts import change_gains, products_from
 from thermocorr.judgement.likelihood import Comparison
@@ -201,11 +201,24 @@ def test_a_stretch_up_to_the_end_of_a_run_ends_with_it():
     assert all(np.isfinite(model.with_effect(cause.effect).fit(X, y).coef_).all() for cause in found.causes)
 
 
-@pytest.mark.parametrize("seed", [764, 771])
-def test_noise_that_is_larger_for_a_while_is_no_disturbance(seed):
-    record = make_record(7000, seed=seed)
-    louder = (np.arange(7000) // 700) % 10 == 4
-    record["reading"] += louder * 0.8 * np.random.default_rng(seed).standard_normal(7000)
+@pytest.mark.parametrize("share", [0.01, 0.002])
+def test_glitches_are_no_steps(share):
+    """One reading in a hundred wrong by 25 standard deviations, or pairs of them: too many, or too long, for spikes."""
+    record = make_record(7000, seed=760)
+    rng = np.random.default_rng(760)
+    wrong = rng.random(7000) < share
+    size = 5.0 * rng.standard_normal(7000) if share == 0.01 else np.full(7000, 4.0)
+    record["reading"] += np.convolve(wrong * size, [1.0] if share == 0.01 else [1.0, 1.2])[:7000]
     X, y = record.drop(columns="reading"), record["reading"]
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
-    assert found.verdict == "nothing missing"
+    assert diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y).verdict == "nothing missing"
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2, 50])
+def test_sums_that_decay_are_those_of_a_filter(rows):
+    columns = np.random.default_rng(rows).standard_normal((rows, 3))
+    kept = columns.copy()
+    sums = np.zeros(3)
+    for row, found in zip(kept, decaying_sums(columns, 0.9), strict=True):
+        sums = 0.9 * sums + row
+        np.testing.assert_allclose(found, sums, rtol=1e-12)
+    np.testing.assert_array_equal(columns, kept)

@@ -86,10 +86,6 @@ FEW = 0.03
 """Share of rows that may stand out so: more are no glitches but the noise itself, which then has few values."""
 ROBUST = 1.4826
 """Standard deviation over the median distance from zero, of normal numbers."""
-BESIDE, CAPPED = 15, 3.0
-"""Rows to either side of a stretch by which, with its own, the size of the noise there is told; steps between rows
-count up to so many times their mean, or the ends of the stretch itself would. Without it, 5 of 64 records whose
-noise is larger for a while were said to have a disturbance."""
 OUTSTANDING = 3.0
 """Distance from the median of five, in robust standard deviations, beyond which a reading counts no more for a
 disturbance. Without a limit, two of four records with heavy tails (Student, three degrees of freedom) and one of four

@@ -10,17 +10,16 @@ import pandas as pd
 from scipy import stats
 
 from ..equations.noise import inverse_kernel
-from .levels import BESIDE, CAPPED, LENGTHS, LEVEL, LONGEST_STRETCH, OUTSTANDING, ROBUST, SHORTEST_STRETCH, STRETCHES
+from .levels import LENGTHS, LEVEL, LONGEST_STRETCH, OUTSTANDING, ROBUST, SHORTEST_STRETCH, STRETCHES
 from .likelihood import Comparison
 
 
 class Stretch(NamedTuple):
-    """Rows ``start:stop``, and what a shift of them gains."""
+    """Rows ``start:stop``, and what a shift of them gains in log likelihood."""
 
     start: int
     stop: int
     gain: float
-    """In log likelihood; while stretches are compared, divided by how much larger the noise is there than usual."""
 
 
 def lengths_of(n: int) -> np.ndarray:
@@ -57,20 +56,17 @@ def best_stretch(judged: Comparison, theta: np.ndarray, weight: np.ndarray) -> S
     if not len(lengths):
         return None
     bands = judged.bands
-    near = damped(bands.back(judged.left(theta)[:, None])[:, 0])
-    left = bands.forward(near[:, None])
+    left = bands.forward(damped(bands.back(judged.left(theta)[:, None])[:, 0])[:, None])
     rows = bands.back(left / bands.each_row(judged.S(theta))[:, None])[:, 0]
     sums = np.concatenate(([0.0], np.cumsum(rows * weight)))
     squares = np.concatenate(([0.0], np.cumsum(weight**2)))
     of_length = squares_of(2 * int(lengths[-1]), theta)
     segment = judged.bands.segment
-    louder = _louder(near, segment)
 
     def gains(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
         length = stop - start
         own = of_length[length] * (squares[stop] - squares[start]) / length
-        gain = 0.5 * (sums[stop] - sums[start]) ** 2 / own / louder(start, stop)
-        return np.where(segment[start] == segment[stop - 1], gain, 0.0)
+        return np.where(segment[start] == segment[stop - 1], 0.5 * (sums[stop] - sums[start]) ** 2 / own, 0.0)
 
     best = Stretch(0, 0, 0.0)
     for length in lengths.tolist():
@@ -82,23 +78,7 @@ def best_stretch(judged: Comparison, theta: np.ndarray, weight: np.ndarray) -> S
     pairs = [part.ravel() for part in np.meshgrid(start[:: 1 + reach // 40], stop[:: 1 + reach // 40])]
     long_enough = pairs[1] - pairs[0] >= SHORTEST_STRETCH
     best = max(best, _best(pairs[0][long_enough], pairs[1][long_enough], gains), key=lambda stretch: stretch.gain)
-    if stats.chi2.sf(2 * best.gain, 1) * STRETCHES * judged.n > LEVEL:
-        return None
-    return best._replace(gain=best.gain * float(louder(np.array([best.start]), np.array([best.stop]))[0]))
-
-
-def _louder(left: np.ndarray, segment: np.ndarray) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Variance of the noise in and around stretches over its usual one, where it is larger, from steps between rows."""
-    steps = np.abs(np.diff(left, append=left[-1:]))
-    steps[np.flatnonzero(np.diff(segment))] = 0.0
-    squares = np.concatenate(([0.0], np.cumsum(np.minimum(steps, CAPPED * steps.mean()) ** 2)))
-    usual = squares[-1] / len(steps) or 1.0
-
-    def louder(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
-        low, high = np.maximum(start - BESIDE, 0), np.minimum(stop + BESIDE, len(steps))
-        return np.asarray(np.maximum((squares[high] - squares[low]) / (high - low) / usual, 1.0))
-
-    return louder
+    return best if stats.chi2.sf(2 * best.gain, 1) * STRETCHES * judged.n <= LEVEL else None
 
 
 def _best(start: np.ndarray, stop: np.ndarray, gains: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Stretch:
