@@ -91,3 +91,14 @@ def test_unix_times_in_seconds_are_shown_as_dates():
     seconds = X.assign(time=X["time"] - X["time"].iloc[0])
     plain = DynamicBiasRegressor("temperature", ["5 min", "90 min"], time="time").fit(seconds, y)
     assert ResidualsDisplay.from_estimator(plain, seconds, y).frame()["time"].iloc[0] == 0.0
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S UTC", "%d.%m.%Y %H:%M GMT"])
+def test_utc_behind_times_is_understood(form):
+    times = pd.date_range("2024-12-30 10:00", periods=3, freq="min")
+    read = pd.to_datetime(read_times(pd.Series(times.strftime(form), name="time")).times)
+    assert (read == times.tz_localize("UTC")).all()
+    with pytest.raises(RecordError, match="leave out --timezone"):
+        read_times(pd.Series(times.strftime(form), name="time"), zone="Europe/Berlin")
+    with pytest.raises(RecordError, match="row 1, has no UTC behind it"):
+        read_times(pd.Series([times[0].strftime(form), form[:8]], name="time"))

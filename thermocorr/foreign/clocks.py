@@ -47,6 +47,8 @@ _DATES = {
     r"[A-Za-z]{3} \d{1,2},? \d{4}": ("%b %d %Y",),
 }
 """How dates look, and which formats may be meant, of `strptime`."""
+_UTC = ("UTC", "GMT")
+"""What may stand behind times."""
 _IN_WORDS = {"%d": "day", "%m": "month", "%Y": "year", "%y": "year", "%b": "month"}
 
 
@@ -79,12 +81,30 @@ def understood(values: pd.Series[Any], form: str | None = None, zone: str | None
         numbers = pd.to_numeric(text, errors="coerce")
         if numbers.notna().all() and len(values):
             values = numbers.astype(float)
+    if kind_of(values) == "text" and form is None and first_cell(values).endswith(_UTC):
+        return _in_utc(values, zone)
     read = _of_numbers(values, form) if kind_of(values) == "number" else _of_text(values, form)
     if zone is None:
         return read
     if read.said.startswith("Unix"):
         raise RecordError(f"{quoted(values.name)} has Unix times, which are UTC: leave out --timezone.")
     return Understood(in_zone(read.times, zone), f"{read.said + ', ' if read.said else ''}local time of {zone}")
+
+
+def _in_utc(values: pd.Series[Any], zone: str | None) -> Understood:
+    """Times with UTC or GMT behind them, in words."""
+    if zone is not None:
+        raise RecordError(f"{quoted(values.name)} says that its times are UTC: leave out --timezone.")
+    text = values.astype("string").str.strip()
+    bare: Any = text.str.replace(rf"\s*(?:{'|'.join(_UTC)})$", "", regex=True)
+    if (bare == text).any():
+        row = int((bare == text).fillna(True).to_numpy().argmax())
+        raise RecordError(
+            f"{values.iloc[row]!r} in {quoted(values.name)}, row {row}, has no UTC behind it; others have."
+        )
+    read = _of_text(_named(bare.astype(object), values), None)
+    times = read.times + "Z" if kind_of(read.times) == "text" else read.times.dt.tz_localize("UTC")
+    return Understood(_named(times, values), ", ".join(filter(None, (read.said, "UTC"))))
 
 
 def _of_numbers(values: pd.Series[Any], form: str | None) -> Understood:
