@@ -153,3 +153,15 @@ def test_other_columns_that_are_felt_late_wander_in_gaps_too(record):
     alone = model.gap_error()
     assert [law.column for law in alone.laws] == ["temperature", "humidity"]
     assert 0.5 < np.sqrt((error[variance > 0] ** 2).mean() / variance[variance > 0].mean()) < 2
+
+
+def test_rows_far_sparser_than_the_fitted_ones_are_all_behind_gaps(model, record):
+    """Nobody knows what the temperature did between them, whole or in a stream."""
+    sparse = record.iloc[LEARNED:].iloc[::8]
+    X, y = sparse.drop(columns="reading"), sparse["reading"]
+    u = model.correct(X, y, return_std=True)[1]
+    dense = model.correct(
+        record.iloc[LEARNED:].drop(columns="reading"), record["reading"].iloc[LEARNED:], return_std=True
+    )
+    assert (u > dense[1].loc[u.index]).iloc[1:].all()
+    np.testing.assert_allclose(OnlineCorrector(model, uncertainty=True).update_many(X, y)["u"], u, rtol=1e-12)

@@ -57,7 +57,7 @@ class FillingError:
         total, after = np.zeros(len(steps)), []
         for i, law in enumerate(self.laws):
             value, error = np.asarray(values[law.column], float), np.asarray(errors[law.column], float)
-            covariance = nothing(law) if states is None else states[i]
+            covariance = _nothing(law) if states is None else states[i]
             covariance = _propagated(law, value, error, steps, covariance, total)
             after.append(covariance)
         return np.sqrt(total), after
@@ -74,7 +74,7 @@ class FillingError:
         return result
 
 
-def nothing(law: InputLaw) -> np.ndarray:
+def _nothing(law: InputLaw) -> np.ndarray:
     """Covariance of no error of a column, and of what its lags feel."""
     return np.zeros((len(law.weights) + 1, len(law.weights) + 1))
 
@@ -98,7 +98,7 @@ def _propagated(
         found = float(weights @ covariance @ weights)
         total[k] += max(found, 0.0) if law.known else np.inf if filled[k] else 0.0
         if not (filled[k] or missing[k]) and float(weights**2 @ np.diag(covariance)) <= law.least**2:
-            covariance = nothing(law)
+            covariance = _nothing(law)
         k += 1
         if not covariance.any():  # nothing until the next one that is filled
             later = np.flatnonzero(filled[k:])

@@ -274,4 +274,4 @@ COLUMN_WEIGHT = 0.8
 PLACES_BEYOND = 3.0
 """Error beyond the noise, in standard deviations of what noise alone shows. Below this, no place is shown."""
 FEWEST_AVERAGES = 64
-"""Averages below which no bands of frequency are looked at: three octaves of two bands each."""
+"""Averages below which no bands of frequency are looked at: there would be two, a factor of four each."""

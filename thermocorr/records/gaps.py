@@ -82,7 +82,7 @@ def least_gap(record: Record, usual_step: float, stride: int = 1) -> float:
 def longest_gap(record: Record, least: float) -> float:
     """The longest step that is a gap [s]; 0 where there is none."""
     if _is_even(record):
-        return 0.0
+        return record.usual_step() if record.usual_step() > least else 0.0
     return max(float(block.steps[gap_rows(block, least)].max(initial=0.0)) for block in record.blocks())
 
 
