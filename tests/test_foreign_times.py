@@ -102,3 +102,18 @@ def test_utc_behind_times_is_understood(form):
         read_times(pd.Series(times.strftime(form), name="time"), zone="Europe/Berlin")
     with pytest.raises(RecordError, match="row 1, has no UTC behind it"):
         read_times(pd.Series([times[0].strftime(form), form[:8]], name="time"))
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S UTC", "%d.%m.%Y %H:%M:%S GMT"])
+def test_utc_behind_times_is_followed_as_it_is_read_whole(form, tmp_path, capsys):
+    record = make_record(1200, seed=2)[["temperature", "reading"]]
+    record.index = record.index.strftime(form)
+    log, model = str(tmp_path / "log.csv"), str(tmp_path / "out" / "model.json")
+    record.to_csv(log, index_label="time")
+    assert main(["analyze", log, "--time-constants", "5min,90min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    found = []
+    for more in ([], ["--follow", "--idle", "0.2"]):
+        capsys.readouterr()
+        assert main(["correct", log, "--model", model, *more]) == 0
+        found.append(pd.read_csv(io.StringIO(capsys.readouterr().out))["corrected"])
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9)

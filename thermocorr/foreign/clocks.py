@@ -47,8 +47,8 @@ _DATES = {
     r"[A-Za-z]{3} \d{1,2},? \d{4}": ("%b %d %Y",),
 }
 """How dates look, and which formats may be meant, of `strptime`."""
-_UTC = ("UTC", "GMT")
-"""What may stand behind times."""
+BEHIND_TIMES = re.compile(r"\s*(?:UTC|GMT)\s*$")
+"""What may stand behind a time: it is UTC."""
 _IN_WORDS = {"%d": "day", "%m": "month", "%Y": "year", "%y": "year", "%b": "month"}
 
 
@@ -81,7 +81,7 @@ def understood(values: pd.Series[Any], form: str | None = None, zone: str | None
         numbers = pd.to_numeric(text, errors="coerce")
         if numbers.notna().all() and len(values):
             values = numbers.astype(float)
-    if kind_of(values) == "text" and form is None and first_cell(values).endswith(_UTC):
+    if kind_of(values) == "text" and form is None and BEHIND_TIMES.search(first_cell(values)):
         return _in_utc(values, zone)
     read = _of_numbers(values, form) if kind_of(values) == "number" else _of_text(values, form)
     if zone is None:
@@ -96,7 +96,7 @@ def _in_utc(values: pd.Series[Any], zone: str | None) -> Understood:
     if zone is not None:
         raise RecordError(f"{quoted(values.name)} says that its times are UTC: leave out --timezone.")
     text = values.astype("string").str.strip()
-    bare: Any = text.str.replace(rf"\s*(?:{'|'.join(_UTC)})$", "", regex=True)
+    bare: Any = text.str.replace(BEHIND_TIMES, "", regex=True)
     if (bare == text).any():
         row = int((bare == text).fillna(True).to_numpy().argmax())
         raise RecordError(

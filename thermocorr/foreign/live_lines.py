@@ -12,7 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from ..records import RecordError
-from .clocks import date_form, understood
+from .clocks import BEHIND_TIMES, date_form, understood
 from .dialect import Dialect
 from .how import HowToRead
 from .text_tables import first_lines, head_dialect
@@ -65,6 +65,9 @@ class LineTranslator:
         pair = None if column is None else date_and_clock(frame, column)
         self._joined = None if pair is None else tuple(found.names.index(name) for name in pair)
         self._time = None if column is None else found.names.index(column)
+        self._in_utc = column is not None and BEHIND_TIMES.search(str(frame[column].iloc[0])) is not None
+        if self._in_utc:
+            frame = frame.assign(**{str(column): frame[column].str.replace(BEHIND_TIMES, "", regex=True)})
         self._date = self._form_of(frame, column, pair, how)
 
     @staticmethod
@@ -101,6 +104,15 @@ class LineTranslator:
 
     def _moment(self, cell: str) -> str:
         """A date in the form of ISO 8601; ValueError for one that is written in another way."""
+        if self._in_utc:
+            bare = BEHIND_TIMES.sub("", cell)
+            if bare == cell:
+                raise ValueError(cell)
+            return f"{self._local(bare.strip())}Z"
+        return self._local(cell)
+
+    def _local(self, cell: str) -> str:
+        """A date without a zone behind it."""
         if self._date is None:
             return cell
         found = re.fullmatch(rf"(?P<date>.*?)(?:[T ,]+{CLOCK})?", cell.strip())
