@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from test_thermometers import BODIES, LEARNED, STEP, two_surfaces, with_hole
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError, diagnose
-from thermocorr.effects import Covariate, Events, Interaction
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError, diagnose, load_model, save_model
+from thermocorr.effects import Covariate, Events, Interaction, LaggedCovariate
 from thermocorr.estimators.filling_error import FillingError
 from thermocorr.interactive.browser.widget import bench_of
 
@@ -202,3 +202,92 @@ def test_the_workbench_takes_a_model_of_several_thermometers(device):
     assert bench.fit().model.residual_std_ < 0.012
     with pytest.raises(ValueError, match="a model with a prior has no place on it"):
         bench_of(DynamicBiasRegressor("case", prior={}), X, y)
+
+
+def late_humidity(seed, n=9000):
+    """A device that feels a wandering humidity late; the reading without its noise."""
+    rng = np.random.default_rng(seed)
+    wander = pd.Series(rng.standard_normal(n)).ewm(span=400).mean() * 20
+    X, y, U, _ = two_surfaces(seed, n=n)
+    late = wander.ewm(alpha=1 - np.exp(-STEP / 3000.0), adjust=False).mean()
+    X = X[["case"]].assign(humidity=40 + wander.to_numpy())
+    truth = 0.05 * (X["case"] - 25) + 0.01 * late.to_numpy()
+    return X, truth + 0.002 * rng.standard_normal(n), truth
+
+
+def test_a_hole_is_filled_as_well_as_is_said():
+    rms = {}
+    for rule in ("interpolate", "hold"):
+        ratios, errors = [], []
+        for seed in (31, 32, 33):
+            X, y, truth = late_humidity(seed)
+            effects, fill = [LaggedCovariate("humidity", [3000.0])], {"humidity": (rule, "2 h")}
+            model = DynamicBiasRegressor("case", (), degree=1, effects=effects, fill=fill).fit(X[:5000], y[:5000])
+            later = X[5000:].copy()
+            for start in range(200, 3800, 200):
+                later.iloc[start : start + 90, 1] = np.nan
+            bias, u = model.bias(later, return_std=True)
+            error = bias - (truth[5000:] - model.intercept_)
+            felt = u > 1.5 * u.min()
+            ratios.append((error / u)[felt])
+            errors.append(error[felt])
+            assert model.evaluate(later, y[5000:])["corrected"].notna().all()
+        assert 0.6 < np.sqrt(np.mean(np.concatenate(ratios) ** 2)) < 1.5
+        rms[rule] = np.sqrt(np.mean(np.concatenate(errors) ** 2))
+    assert rms["interpolate"] < 0.7 * rms["hold"]
+
+
+def test_holes_that_are_too_long_are_not_bridged_from_either_side():
+    X, y, _ = late_humidity(34)
+    X.iloc[1000:1100, 1] = X.iloc[3000:3030, 1] = np.nan
+    with pytest.warns(UserWarning, match="30 cells of 'humidity' filled"):
+        model = DynamicBiasRegressor(
+            "case", [600.0], effects=[Covariate("humidity")], fill={"humidity": ("interpolate", "1 h")}
+        )
+        model.fit(X, y)
+    corrected = model.correct(X, y)
+    assert corrected.isna().to_numpy().nonzero()[0].tolist() == list(range(1000, 1100))
+    ends = X.iloc[8000:].copy()  # no value comes: the last one is held
+    ends.iloc[-20:, 1] = np.nan
+    assert model.correct(ends, y[8000:]).notna().all()
+
+
+def test_a_stream_holds_where_a_whole_record_draws_a_line():
+    X, y, _ = late_humidity(35)
+    fill = {rule: {"humidity": rule} for rule in ("interpolate", "hold")}
+    lines, held = (
+        DynamicBiasRegressor("case", [600.0], effects=[Covariate("humidity")], fill=each).fit(X[:5000], y[:5000])
+        for each in fill.values()
+    )
+    later = X[5000:5400].copy()
+    later.iloc[100:150, 1] = np.nan
+    live = OnlineCorrector(lines).update_many(later, y[5000:5400])["corrected"]
+    assert np.allclose(live, held.correct(later, y[5000:5400]), rtol=0, atol=1e-9)
+    assert not np.allclose(live, lines.correct(later, y[5000:5400]), rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("rule", ["end", ("end", "30 min")])
+def test_a_hole_ends_the_segment(rule, tmp_path):
+    """Missing humidity for 10 and 60 minutes: what begins behind it is a start that the fit does not know."""
+    X, y, _ = late_humidity(36)
+    X.iloc[2000:2060, 1] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model = DynamicBiasRegressor(
+            "case", [600.0], effects=[Covariate("humidity")], fill={"humidity": rule}, washout=1200.0
+        )
+        model.fit(X[:5000], y[:5000])
+    assert len(model.features_.history_.record.segments) == 2
+    later, readings = X[5000:5600].copy(), y[5000:5600]
+    later.iloc[100:110, 1] = np.nan
+    later.iloc[300:360, 1] = np.nan
+    later.iloc[360:365, 0] = np.nan  # the first rows behind it lack another cell
+    later.iloc[590:, 1] = np.nan
+    flags = model.flags(later)
+    anew = [row for row in range(600) if flags.iloc[row] == "washout" and flags.iloc[row - 1] != "washout"]
+    assert anew == ([110, 365] if rule == "end" else [365])
+    assert_live_is_whole(model, later, readings, (1, 7, 105, 362, 600))
+    save_model(model, tmp_path / "model.json")
+    again = load_model(tmp_path / "model.json")
+    pd.testing.assert_series_equal(again.correct(later, readings), model.correct(later, readings))
+    assert_live_is_whole(again, later, readings, (50,))

@@ -136,7 +136,7 @@ def test_columns_of_an_array_and_of_the_transformer(device):
         ({"temperature": []}, "must be a column, or a list of different ones"),
         ({"temperature": ["case", "case"]}, "must be a column, or a list of different ones"),
         ({"time_constants": {"rom": [60]}}, "has some for 'rom', which is none of the thermometers"),
-        ({"fill": {"room": "interpolate"}}, "must say 'pass', 'hold', 'estimate'"),
+        ({"fill": {"room": "spline"}}, "must say 'pass', 'hold', 'interpolate', 'estimate', 'end'"),
         ({"fill": {"humidity": "hold"}}, "names 'humidity', which the model does not read"),
         ({"temperature": "case", "fill": {"case": "estimate"}}, "no thermometer with others beside it"),
     ],

@@ -92,10 +92,11 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         A longer step starts a new segment. By default temperature is taken as a straight line across gaps. Rows that
         lack a temperature, or a column that an effect uses, are passed over as if they had not been recorded.
     fill : dict of column to rule, optional
-        What to do with missing cells instead: "hold" the last value, or "estimate" a thermometer from the others (which
-        is done where there are several), or "pass" over; ("hold", "1 h") does so for an hour at most. Only earlier rows
-        are used, and readings beside filled cells are not learned from.
-
+        What to do with missing cells instead: "hold" the last value, "interpolate" to the next one, "estimate" a
+        thermometer from the others (which is done where there are several), "pass" over, or "end" the segment, so that
+        lags begin anew behind the hole; ("hold", "1 h") does so for an hour at most, ("end", "1 h") from an hour on.
+        Only earlier rows are used but by "interpolate", for which a stream holds. Readings beside filled cells are not
+        learned from.
     Attributes
     ----------
     effects_ : list of (str, Effect)

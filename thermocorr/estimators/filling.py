@@ -4,19 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..records import History, Record, seconds_of
+from ..records import History, Record, Segment, seconds_of
 from ..records.errors import quoted, times_word
 from ..records.screen import LeftOut, Limits, Screen, screened
-from .stand_in import StandIn, learned_stand_in
+from .stand_in import RULES, StandIn, learned_stand_in
 
-RULES = ("pass", "hold", "estimate")
-"""What may be done with a missing cell: pass over its row, hold the last value, estimate it from other thermometers."""
 FEWEST_ROWS = 50
 """With fewer known rows nothing is foretold."""
+
+
+class FilledRows(NamedTuple):
+    """Consecutive rows whose missing cells are filled."""
+
+    values: dict[Any, np.ndarray]
+    errors: dict[Any, np.ndarray]
+    """Standard deviation of the filled cells of each column, NaN for others."""
+    states: list[np.ndarray]
+    """To go on with the rows that follow."""
+    begins: np.ndarray
+    """Whether a hole before this row ends the segment, shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +48,23 @@ class Filling:
         return (self.end, step) if follows and run == fitted.segments[-1].run else (None, 0.0)
 
     def fill(
-        self, given: Mapping[Any, np.ndarray], steps: np.ndarray, states: Sequence[np.ndarray] | None = None
-    ) -> tuple[dict[Any, np.ndarray], dict[Any, np.ndarray], list[np.ndarray]]:
-        """Columns with missing cells filled, the errors of these, and the states to go on with; see `StandIn.fill`."""
+        self,
+        given: Mapping[Any, np.ndarray],
+        steps: np.ndarray,
+        states: Sequence[np.ndarray] | None = None,
+        ahead: bool = False,
+    ) -> FilledRows:
+        """Fill the missing cells of columns, see `StandIn.fill`."""
         before = [None] * len(self.stand_ins) if states is None else states
-        found = {one.column: one.fill(given, steps, state) for one, state in zip(self.stand_ins, before, strict=True)}
-        values = {**given, **{name: filled.values for name, filled in found.items()}}
-        return values, {name: each.errors for name, each in found.items()}, [each.state for each in found.values()]
+        found = {
+            one.column: one.fill(given, steps, state, ahead) for one, state in zip(self.stand_ins, before, strict=True)
+        }
+        return FilledRows(
+            {**given, **{name: filled.values for name, filled in found.items()}},
+            {name: filled.errors for name, filled in found.items()},
+            [filled.state for filled in found.values()],
+            np.logical_or.reduce([filled.begins for filled in found.values()]),
+        )
 
     def believed(self, given: Mapping[Any, np.ndarray], stamp_of: Callable[[int], Any]) -> dict[Any, np.ndarray]:
         """Columns that are filled or fill others, NaN where a cell is none; `stamp_of` gives a row's time stamp."""
@@ -54,21 +75,27 @@ class Filling:
         return columns
 
     def in_record(self, record: Record, history: History | None) -> Record:
-        """A record whose missing cells are filled, and those that are codes for none."""
+        """A record whose missing cells are filled, and those that are codes for none, or end the segment."""
         columns = self.believed(record.columns, record.times.stamp)
         errors = {one.column: np.full(record.n_rows, np.nan) for one in self.stand_ins}
+        segments: list[Segment] = []
         for start, stop, run in record.segments:
+            segments.append(Segment(start, stop, run))
             rows = record.rows(start, stop)
             given = {name: values[rows] for name, values in columns.items()}
             if all(np.isfinite(values).all() for values in given.values()):
                 continue
             states, since = self.before(history, record.stamp(start), run)
             steps = np.concatenate(([since], record.times.steps(rows)[1:]))
-            filled, found, _ = self.fill(given, steps, states)
-            for name, each in found.items():
-                columns[name][rows], errors[name][rows] = filled[name], each
+            filled = self.fill(given, steps, states, ahead=True)
+            for name, each in filled.errors.items():
+                columns[name][rows], errors[name][rows] = filled.values[name], each
+            edges = [start, *(np.flatnonzero(filled.begins[1:]) + start + 1).tolist(), stop]
+            segments[-1:] = [Segment(low, high, run) for low, high in pairwise(edges)]
         gone = {name: each for name, each in errors.items() if np.isfinite(each).any()}
         kept = {name: columns[name] for name in gone}
+        if len(segments) > len(record.segments):
+            record = replace(record, segments=tuple(segments), known_moments={})
         return replace(record, columns={**record.columns, **kept}, filled=gone) if gone else record
 
     def at_end_of(self, record: Record) -> Filling:
@@ -78,7 +105,7 @@ class Filling:
         given = {name: np.asarray(record.columns[name][rows], float) for name in self.columns}
         for name, errors in record.filled.items():
             given[name] = np.where(np.isfinite(errors[rows]), np.nan, given[name])
-        return replace(self, end=tuple(self.fill(given, record.times.steps(rows))[2]))
+        return replace(self, end=tuple(self.fill(given, record.times.steps(rows)).states))
 
     @property
     def columns(self) -> list[Any]:
@@ -98,7 +125,7 @@ def filling_of(
     thermometers : sequence of columns
         Where there are several, each is estimated from the others unless a rule says otherwise.
     rules : mapping of column to rule
-        "pass", "hold", "estimate", or one of these and the longest hole that is filled: ("hold", "1 h").
+        One of `RULES`, or one and the longest hole that is filled (beyond which a segment ends): ("hold", "1 h").
     screen : Screen, optional
         What is refused of the first thermometer; where there is one, that of the others is found.
     """
@@ -115,8 +142,8 @@ def filling_of(
         if rule == "pass" or record.n_used < FEWEST_ROWS:
             continue
         others = [other for other in thermometers if other != name] if rule == "estimate" else []
-        limit = np.inf if longest is None else seconds_of(longest, "fill")
-        stand_in = learned_stand_in(record, name, tuple(others), limit)
+        limit = seconds_of(longest, "fill") if longest is not None else 0.0 if rule == "end" else np.inf
+        stand_in = learned_stand_in(record, name, tuple(others), rule=rule, longest=limit)
         known = record.moments(name)
         stand_ins.append(replace(stand_in, limits=limits.get(name, Limits()), range=(known.low, known.high)))
     return Filling(tuple(stand_ins))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..estimators.filling import Filling
-from ..estimators.stand_in import StandIn
+from ..estimators.stand_in import RULES, StandIn
 from ..records.grammar import LARGEST
 from .codec import ModelFileError, fields, items, name, number, pack, positive, unexpected, unpack, vector
 from .screen_nodes import pack_limits, unpack_limits
@@ -30,6 +30,7 @@ def pack_filling(filling: Filling) -> list[dict[str, Any]]:
             "memory": one.memory,
             "limits": pack_limits(one.limits),
             "range": [None if np.isinf(end) else end for end in one.range],
+            "rule": one.rule,
             "longest": None if np.isinf(one.longest) else one.longest,
             "end": [None if np.isnan(value) else float(value) for value in end],
         }
@@ -61,6 +62,8 @@ def _stand_in(node: Any, where: str, columns: Collection[Any]) -> tuple[StandIn,
     }
     if (numbers["time_constants"] <= 0).any():
         raise unexpected(f"{where}.time_constants", "times", "times above zero")
+    if node["rule"] not in RULES[1:] or (node["rule"] == "estimate") != bool(others):
+        raise unexpected(f"{where}.rule", repr(node["rule"])[:60], f"one of {RULES[1:]}, 'estimate' with other columns")
     low, high = numbers_or_nan(node["range"], f"{where}.range", 2)
     stand_in = StandIn(
         limits=unpack_limits(node["limits"], f"{where}.limits"),
@@ -72,7 +75,8 @@ def _stand_in(node: Any, where: str, columns: Collection[Any]) -> tuple[StandIn,
         time_constants=numbers["time_constants"],
         spread=number(node["spread"], f"{where}.spread", 0.0, LARGEST),
         memory=positive(node["memory"], f"{where}.memory"),
-        longest=np.inf if node["longest"] is None else positive(node["longest"], f"{where}.longest"),
+        rule=node["rule"],
+        longest=np.inf if node["longest"] is None else number(node["longest"], f"{where}.longest", 0.0, LARGEST),
     )
     return stand_in, np.array(numbers_or_nan(node["end"], f"{where}.end", stand_in.width if node["end"] != [] else 0))
 

@@ -29,7 +29,7 @@ from .effect_nodes import EffectCodec
 from .model_nodes import pack_model, unpack_model
 
 FORMAT = "thermocorr model"
-VERSION = 9
+VERSION = 10
 LONGEST_MESSAGE = 400
 """Characters of what is said about a file's content, which may be anything."""
 HISTORY_ROWS = 4096
@@ -272,6 +272,18 @@ def _without_gaps(node: dict[str, Any]) -> dict[str, Any]:
     return {**node, "version": 9, "model": {**model, "history": {"gaps": None, **model["history"]}}}
 
 
+def _without_rules(node: dict[str, Any]) -> dict[str, Any]:
+    """Version 9: cells were held, or estimated where other columns were named."""
+    model = node.get("model")
+    if not (isinstance(model, dict) and isinstance(model.get("filling"), list)):
+        raise ModelFileError("$.model has no filling")
+    filling = [
+        {"rule": "estimate" if one.get("others") else "hold", **one} if isinstance(one, dict) else one
+        for one in model["filling"]
+    ]
+    return {**node, "version": 10, "model": {**model, "filling": filling}}
+
+
 MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     0: _from_draft,
     1: _from_digest_inside,
@@ -282,6 +294,7 @@ MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     6: _without_filling,
     7: _without_thermometers,
     8: _without_gaps,
+    9: _without_rules,
 }
 """Version -> what makes of its content that of the next version."""
 

@@ -92,14 +92,15 @@ class Stream:
 
     def state(self) -> StreamState:
         """All that is remembered of the samples so far."""
-        states = tuple(stepper.state() for stepper in self._steppers) if self._open else ()
-        key, zero = (self._sample.key, self._sample.segment_zero) if self._open else (None, 0)
         filled_to, filled_run, filling = (None, None, ()) if self.filling is None else self.filling.state(self.clock)
+        is_open = self._open and (self.filling is None or self.filling.n_ended == self._n_ended)
+        states = tuple(stepper.state() for stepper in self._steppers) if is_open else ()
+        key, zero = (self._sample.key, self._sample.segment_zero) if is_open else (None, 0)
         return StreamState(
             last=self.last,
             run=self._run,
             seen=tuple(self._seen),
-            open=self._open,
+            open=is_open,
             key=key,
             segment_zero=zero,
             states=states,
@@ -112,7 +113,7 @@ class Stream:
     def put(self, state: StreamState) -> None:
         """Go on where `state` was taken."""
         self.last, self._run, self._seen = state.last, state.run, list(state.seen)
-        self._open, self._until = state.open, -math.inf
+        self._open, self._until, self._n_ended = state.open, -math.inf, 0
         if self.filling is not None:
             self.filling.put(state.filled_to, state.filled_run, state.filling)
         self._behind_gap: Felt = tuple(
@@ -146,7 +147,9 @@ class Stream:
         step = self.step_to(stamp, run)
         if step <= 0.0:
             return Advanced(math.nan, STALE if step == 0.0 else BACKWARD, False)
-        goes_on = self._open and step <= self._max_gap and step < math.inf
+        error, filled, n_ended = felt
+        goes_on = self._open and step <= self._max_gap and step < math.inf and n_ended == self._n_ended
+        self._n_ended = n_ended
         self.last, self._run = stamp, run
         T = values[self.temperature]
         since = step
@@ -177,7 +180,6 @@ class Stream:
             mask |= WASHOUT
         if not self._low <= T <= self._high:
             mask |= OUTSIDE
-        error, filled = felt
         if error or filled:
             mask |= LOST if error > self._deviation else FILLED if filled else 0
         if unknown > self._deviation**2:
@@ -260,6 +262,8 @@ class Stream:
         steps[1:] = self.clock.between(here[1:], here[:-1])
         fresh = steps > self._max_gap
         fresh[0] |= not (self._open and same_run)
+        fresh |= np.diff(felt[rows, 2], prepend=self._n_ended) > 0
+        self._n_ended = int(felt[rows[-1], 2])
         self.last, self._run = here[-1].item(), run
         record, starts, states = self._record(here, steps, values, fresh, run)
         walked: list[Walked] = []

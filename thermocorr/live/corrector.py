@@ -327,7 +327,7 @@ class OnlineCorrector(Resumable):
                 self._stream.clock.next_rows(len(reading))
                 return out
             stamps = self._stream.clock.next_rows(len(reading))
-        felt = np.zeros((len(reading), 2))
+        felt = np.zeros((len(reading), len(NOTHING)))
         if self._stream.filling is not None:
             values = {name: np.array(column, float) for name, column in values.items()}
             for low, high, run in stretches(runs, len(stamps)):

@@ -15,8 +15,8 @@ from .clock import Clock
 Numbers = tuple[tuple[float, ...], ...]
 TOGETHER = 256
 """Samples that lack nothing are looked at together: one by one takes seventeen times as long."""
-NOTHING = (0.0, 0.0)
-"""What is said of a sample that has no filled cell, and feels none."""
+NOTHING = (0.0, 0.0, 0.0)
+"""What is said of a sample that has no filled cell, and feels none, where no hole has ended a segment."""
 
 
 class LiveFilling:
@@ -42,7 +42,7 @@ class LiveFilling:
     def put(self, last: Any, run: Any, remembered: Numbers) -> None:
         """Go on where `remembered` was taken, after a sample of this time and run."""
         self._pending: list[tuple[Any, dict[Any, float]]] = []
-        self.last, self.run = last, run
+        self.last, self.run, self.n_ended = last, run, 0
         n = len(self.filling.stand_ins)
         self._states = [np.array(each) for each in remembered[:n]] or None
         sizes = [len(law.weights) + 1 for law in self.law.laws]
@@ -74,7 +74,7 @@ class LiveFilling:
             self._pending.append((stamp, values))
             if len(self._pending) == TOGETHER:
                 self._catch_up(clock)
-            return NOTHING
+            return (0.0, 0.0, self.n_ended)
         arrays = {name: np.array([value]) for name, value in values.items()}
         felt = self.rows(np.array([stamp]), run, arrays, clock)[0].tolist()
         values.update({name: float(value[0]) for name, value in arrays.items()})
@@ -100,11 +100,13 @@ class LiveFilling:
 
         Returns
         -------
-        array of shape (n, 2)
-            Standard deviation of the bias by filled cells, 0 where none is felt; and 1 where one of the row's own is.
+        array of shape (n, 3)
+            Standard deviation of the bias by filled cells, 0 where none is felt; 1 where one of the row's own is; and
+            how many segments have been ended by holes so far, `n_ended`.
         """
         self._catch_up(clock)
-        result = np.zeros((len(stamps), 2))
+        result = np.zeros((len(stamps), 3))
+        result[:, 2] = self.n_ended
         same_run = self.last is not None and run == self.run
         before = np.maximum.accumulate(np.concatenate(([self.last if same_run else stamps[0]], stamps)))[:-1]
         late = stamps <= before
@@ -133,16 +135,24 @@ class LiveFilling:
     ) -> np.ndarray:
         given = {name: values[name][rows] for name in self.filling.columns}
         believed = self.filling.believed(given, lambda k: stamps[rows[k]].item())
-        filled, errors, self._states = self.filling.fill(believed, steps, self._states)
-        error, self._felt = self.law.of_rows(filled, errors, steps, self._felt)
+        filled = self.filling.fill(believed, steps, self._states)
+        self._states = filled.states
+        error = np.zeros(len(rows))
+        edges = [0, *(np.flatnonzero(filled.begins[1:]) + 1).tolist(), len(rows)]
+        for low, high in pairwise(edges):
+            some, gone = ({name: each[low:high] for name, each in of.items()} for of in (filled.values, filled.errors))
+            felt = None if filled.begins[low] else self._felt
+            error[low:high], self._felt = self.law.of_rows(some, gone, steps[low:high], felt)
         for name in self.filling.columns:
-            if name in errors:
+            if name in filled.errors:
                 values[name] = np.array(values[name], float)
-                values[name][rows] = filled[name]
-        if not any(each.any() for each in self._felt):
+                values[name][rows] = filled.values[name]
+        if not any(each.any() for each in self._felt or ()):
             self._felt = None
-        gone = np.logical_or.reduce([np.isfinite(each) for each in errors.values()])
-        return np.column_stack((error, gone))
+        own = np.logical_or.reduce([np.isfinite(each) for each in filled.errors.values()])
+        ended = self.n_ended + np.cumsum(filled.begins)
+        self.n_ended = int(ended[-1])
+        return np.column_stack((error, own, ended))
 
 
 def outside(ranges: Sequence[tuple[Any, float, float]], values: dict[Any, float]) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from .by_arrow import dates_by_arrow
 from .errors import RecordError
 from .grammar import LARGEST
 from .types import kind_of
@@ -256,6 +257,9 @@ def _parse_dates(text: pd.Series[Any]) -> pd.Series[Any]:
 
     Raises RecordError where only some have a zone.
     """
+    found = dates_by_arrow(text)
+    if found is not None:
+        return found
     whole = text.str.fullmatch(_ISO_8601, na=False)
     zoned = text.str.fullmatch(_ZONED, na=False)
     if (zoned != whole).any() and zoned.any():
