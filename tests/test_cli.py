@@ -134,3 +134,72 @@ def test_uncertainties_of_a_corrected_log(log, tmp_path, capsys):
     stated = load_model(out / "model.json").correct(raw.drop(columns="reading"), raw["reading"], return_std=True)[1]
     np.testing.assert_allclose(again["u"], stated, rtol=1e-12)
     assert main(["correct", str(log), *files, "--uncertainty"]) == 0  # its own file is overwritten
+
+
+def test_readings_that_are_masked_are_corrected_and_not_learned_from(log, tmp_path, capsys):
+    frame = pd.read_csv(log)
+    frame.loc[300:399, "reading"] += 50.0 * np.random.default_rng(0).standard_normal(100)
+    path = changed(log, reading=frame["reading"])
+    assert analyze(path, "--mask", f"{frame.time[300]}..{frame.time[399]}", "--out", str(tmp_path / "a")) == 0
+    assert "1400 readings of 'reading'" in capsys.readouterr().out
+    after = pd.read_csv(tmp_path / "a" / "corrected.csv")
+    assert after["corrected"].notna().all() and after["corrected"].iloc[300:400].std() > 20
+    assert after["residual"].drop(range(300, 400)).std() < 1.0
+    assert analyze(path, "--mask", "18000..23940", "--out", str(tmp_path / "b")) == 0  # rows 60 s apart
+    assert (tmp_path / "b" / "corrected.csv").read_text() == (tmp_path / "a" / "corrected.csv").read_text()
+
+
+@pytest.mark.parametrize("marked", [False, True])
+def test_what_was_stepped_stays_in_the_corrected_reading(log, tmp_path, marked):
+    frame = pd.read_csv(log)
+    stepped = (np.arange(1500) == 700).astype(int)
+    path = changed(log, reading=frame["reading"] + 30.0 * (np.arange(1500) >= 700), stepped=stepped)
+    said = ("--events", "stepped") if marked else ("--event", str(frame.time[700]))
+    assert analyze(path, *said, "--out", str(tmp_path / "r")) == 0
+    corrected = pd.read_csv(tmp_path / "r" / "corrected.csv")["corrected"]
+    assert corrected[700:].mean() - corrected[:700].mean() == pytest.approx(30.0, abs=0.5)
+
+
+def test_missing_temperatures_are_filled_as_is_said(log, tmp_path):
+    frame = pd.read_csv(log)
+    path = changed(log, temperature=frame["temperature"].mask((frame.index >= 500) & (frame.index < 520)))
+    for rule, flag in (("pass", "no temperature"), ("interpolate:1h", "filled"), ("hold:5min", "filled")):
+        out = tmp_path / rule[:4]
+        assert analyze(path, "--fill", f"temperature={rule}", "--out", str(out)) == 0
+        after = pd.read_csv(out / "corrected.csv")
+        assert after["flag"][500] in (flag, "thermometer lost"), rule
+        assert after["corrected"][519:520].isna().all() == (rule != "interpolate:1h")
+    assert len(load_model(tmp_path / "inte" / "model.json").features_.history_.record.segments) == 1
+
+
+def test_runs_may_have_one_level(log, tmp_path):
+    frame = pd.read_csv(log)
+    run = np.where(np.arange(1500) < 700, "a", "b")
+    path = changed(log, reading=frame["reading"] + 30.0 * (run == "b"), run=run)
+    std = {}
+    for offset in ("each", "same"):
+        out = tmp_path / offset
+        assert analyze(path, "--run", "run", "--run-offset", offset, "--out", str(out)) == 0
+        std[offset] = pd.read_csv(out / "corrected.csv")["residual"].std()
+    assert std["each"] < 1.0 < 3.0 < std["same"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--mask", "5h"), "--mask takes START..END"),
+        (("--mask", "5h..2h"), "ends before it starts"),
+        (("--mask", "then..now"), "'mask' parameter of fit must be seconds since the record began"),
+        (("--event", "never"), "must be seconds since the record began"),
+        (("--events", "pressed"), "no column 'pressed' for --events"),
+        (("--fill", "room"), "--fill takes COLUMN=RULE"),
+        (("--fill", "room=hold"), "no column 'room' for --fill"),
+        (("--fill", "temperature=spline"), "must say 'pass', 'hold', 'interpolate'"),
+        (("--fill", "temperature=hold:long"), "fill"),
+        (("--fill", "pressure=hold"), "which the model does not read"),
+    ],
+)
+def test_what_is_learned_from_is_refused_in_one_sentence(log, capsys, options, said):
+    assert analyze(log, *options) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1

@@ -208,7 +208,7 @@ def late_humidity(seed, n=9000):
     """A device that feels a wandering humidity late; the reading without its noise."""
     rng = np.random.default_rng(seed)
     wander = pd.Series(rng.standard_normal(n)).ewm(span=400).mean() * 20
-    X, y, U, _ = two_surfaces(seed, n=n)
+    X = two_surfaces(seed, n=n)[0]
     late = wander.ewm(alpha=1 - np.exp(-STEP / 3000.0), adjust=False).mean()
     X = X[["case"]].assign(humidity=40 + wander.to_numpy())
     truth = 0.05 * (X["case"] - 25) + 0.01 * late.to_numpy()
@@ -240,10 +240,9 @@ def test_a_hole_is_filled_as_well_as_is_said():
 def test_holes_that_are_too_long_are_not_bridged_from_either_side():
     X, y, _ = late_humidity(34)
     X.iloc[1000:1100, 1] = X.iloc[3000:3030, 1] = np.nan
+    fill = {"humidity": ("interpolate", "1 h")}
+    model = DynamicBiasRegressor("case", [600.0], effects=[Covariate("humidity")], fill=fill)
     with pytest.warns(UserWarning, match="30 cells of 'humidity' filled"):
-        model = DynamicBiasRegressor(
-            "case", [600.0], effects=[Covariate("humidity")], fill={"humidity": ("interpolate", "1 h")}
-        )
         model.fit(X, y)
     corrected = model.correct(X, y)
     assert corrected.isna().to_numpy().nonzero()[0].tolist() == list(range(1000, 1100))

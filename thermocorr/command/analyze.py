@@ -7,7 +7,7 @@ import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -16,7 +16,6 @@ from ..estimators.other_thermometer import better_thermometer
 from ..estimators.progress import Progress, has_bars, told
 from ..files import Outputs
 from ..files.result_files import write_corrected, write_model
-from ..foreign import RUN, read_logs, with_times
 from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..pages import Findings
 from ..pages.report import report_text
@@ -24,13 +23,11 @@ from ..pictures.added_noise import added_noise
 from ..pictures.words import aspect_text, each_row, interval_text
 from ..records import RecordError, RecordWarning
 from ..records.errors import quoted
-from ..records.files import TIME_NAMES, require_column
 from ..records.quantities import number_text, quantity_texts, scale_of, span_text
 from ..records.text import printable
-from ..records.times import dates_once
 from ..records.units import unit_of
-from .spans import number_or_span
-from .table_options import add_column_options, add_model_options, add_table_options, how_to_read
+from .loading import load_log, readings_to_learn
+from .table_options import add_column_options, add_learning_options, add_model_options, add_table_options
 
 RESULTS = ("corrected.csv", "model.json", "model.txt")
 """Files in the folder of --out."""
@@ -60,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     model.add_argument(
         "--blocks", type=int, default=5, metavar="N", help="blocks of time for held-out figures (default 5)"
     )
+    add_learning_options(parser)
     parser.add_argument("--refine", action="store_true", help="add missing effects, one by one, while the error falls")
     parser.add_argument("--out", metavar="FOLDER", help="where to write corrected.csv and the fitted model")
     parser.add_argument(
@@ -90,14 +88,13 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         outputs.claim(path)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RecordWarning)
-        log, index, model, reading, understood = _load(options)
-        X, y = log.drop(columns=reading), log[reading]
-        if model.time is not None:
-            X[model.time] = dates_once(X[model.time])
+        loaded = load_log(options)
+        X, read = loaded.columns()
+        y = readings_to_learn(loaded, X, read, options.mask)
         comparison = compare_variants(
             X,
             y,
-            model=model,
+            model=loaded.model,
             degree=options.degree,
             products=options.products,
             window=options.window,
@@ -110,13 +107,13 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         kept, best = list(comparison.models.items())[-1]
         other = better_thermometer(best, X, y)
     say(f"{later.advice(kept)}\n")
-    if understood:
-        say(f"Read as: {', '.join(understood)}.\n")
+    if loaded.understood:
+        say(f"Read as: {', '.join(loaded.understood)}.\n")
     thermometers, unit = best.thermometers_, best.reading_.temperature_unit
     named = f"temperature{'s' * (len(thermometers) > 1)} {', '.join(map(repr, thermometers))}"
-    by_size = "" if unit_of(next(iter(thermometers)), log) else " by their size"
+    by_size = "" if unit_of(next(iter(thermometers)), loaded.log) else " by their size"
     say(
-        f"{best.reading_.n_readings} readings of {reading!r}, {named} ({unit}{by_size}), a row every "
+        f"{best.reading_.n_readings} readings of {loaded.reading!r}, {named} ({unit}{by_size}), a row every "
         f"{span_text(best.features_.history_.usual_step)}\n"
     )
     for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
@@ -142,7 +139,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         say(f"{noise}\n")
     if folder is not None:
         written = [
-            write_corrected(outputs, folder, log, _evaluated(best, X, y, say), index),
+            write_corrected(outputs, folder, loaded.log, _evaluated(best, X, read, say), loaded.has_index),
             *write_model(outputs, folder, best, (X, y)),
         ]
     if report is not None:
@@ -227,58 +224,3 @@ def places(found: Diagnosis) -> str:
     rms = f"rms [{scale.unit}]" if scale.unit else "rms"
     frame = pd.DataFrame(rows, columns=["fails most in", "range", "n", rms, "share"])
     return frame.to_string(index=False, float_format=number_text)
-
-
-def _load(options: argparse.Namespace) -> tuple[pd.DataFrame, bool, DynamicBiasRegressor, str, tuple[str, ...]]:
-    """The log, whether its index is to be written, the unfitted model, the reading's column; how it was understood."""
-    time_constants = parse_time_constants(options.time_constants)
-    if not options.log:
-        if options.reading or options.temperature or options.time or options.run:
-            raise RecordError("Columns are named but no log is given. Put the log's file name after 'analyze'.")
-        from ..datasets import load_voltage_reference  # simulators: half a second of imports for a record
-
-        log = load_voltage_reference(hidden="moisture")
-        model = DynamicBiasRegressor("temperature", time_constants, options.degree, screen=not options.no_screen)
-        return log, True, model, "voltage", ()
-    how = how_to_read(options)
-    table = read_logs(options.log, how, join=options.join, time=options.time)
-    log = table.frame
-    reading = require_column(log.columns, options.reading, "reading", ("reading",))
-    thermometers = [
-        require_column(log.columns, name, "temperature", ("temperature",)) for name in options.temperature or [None]
-    ]
-    if reading in thermometers:
-        raise RecordError(
-            f"--reading and --temperature both name {reading!r}. The reading is what the instrument shows."
-        )
-    of_files = RUN if len(options.log) > 1 and not options.join else None
-    run = of_files if options.run is None else require_column(log.columns, options.run, "run")
-    stamped = isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex)
-    time = None
-    if options.sampling_period is None and not (stamped and options.time is None):
-        time = require_column(
-            log.columns, options.time, "time", tuple(n for n in TIME_NAMES if n not in (reading, *thermometers))
-        )
-    elif options.time is not None:
-        raise RecordError("Give --time or --sampling-period, not both.")
-    if len(options.log) == 1:
-        table = with_times(table, time, how)
-    layout: dict[str, Any] = {
-        "time": time,
-        "run": run,
-        "sampling_period": options.sampling_period,
-        "max_gap": options.max_gap,
-        "screen": not options.no_screen,
-    }
-    temperature = thermometers if len(thermometers) > 1 else thermometers[0]
-    model = DynamicBiasRegressor(temperature, time_constants, options.degree, **layout)
-    return table.frame, stamped, model, reading, table.said
-
-
-def parse_time_constants(text: str) -> Any:
-    """``6`` is how many to choose, ``auto`` is auto, ``60,15min,2h`` is a list; ``3600s`` is a list of one."""
-    if text == "auto":
-        return "auto"
-    if text.isdigit():
-        return int(text)
-    return [number_or_span(part.strip()) for part in text.split(",") if part.strip()]

@@ -68,6 +68,37 @@ def add_model_options(parser: argparse.ArgumentParser, title: str) -> Any:
     return group
 
 
+def add_learning_options(parser: argparse.ArgumentParser) -> None:
+    """Add what is not to be learned from, or not to be removed."""
+    group = parser.add_argument_group("what is learned from (dates, or seconds or spans since the record began)")
+    group.add_argument(
+        "--mask",
+        metavar="START..END",
+        action="append",
+        help="leave out the readings of a stretch: somebody was at work; once more for each further one",
+    )
+    group.add_argument(
+        "--event",
+        metavar="MOMENT",
+        action="append",
+        help="what is measured was stepped then: the step is no error, and stays; once more for each further one",
+    )
+    group.add_argument("--events", metavar="COLUMN", help="a column that is 1 where that happened, else 0")
+    group.add_argument(
+        "--run-offset",
+        choices=("auto", "each", "same"),
+        default="auto",
+        help="whether each run has a level of its own, which stays (default auto: where levels are far apart)",
+    )
+    group.add_argument(
+        "--fill",
+        metavar="COLUMN=RULE",
+        action="append",
+        help="what to do where a thermometer's cell is missing: pass, hold, interpolate, estimate (from the others) or "
+        "end (the segment); room=interpolate:1h does so for an hour at most",
+    )
+
+
 def how_to_read(options: argparse.Namespace) -> HowToRead:
     """What the user said."""
     return HowToRead(

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from ..records import RecordError
 from ..records.files import existing_file
-from .analyze import parse_time_constants
+from .loading import parse_time_constants
 from .table_options import add_column_options, add_model_options, add_table_options, how_to_read
 
 NEEDS = "The workbench needs the packages starlette and uvicorn: pip install 'thermocorr[workbench]'."

@@ -97,6 +97,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         lags begin anew behind the hole; ("hold", "1 h") does so for an hour at most, ("end", "1 h") from an hour on.
         Only earlier rows are used but by "interpolate", for which a stream holds. Readings beside filled cells are not
         learned from.
+
     Attributes
     ----------
     effects_ : list of (str, Effect)

@@ -43,7 +43,7 @@ def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weights: Mapping
     if unknown:
         raise TypeError(f"fit() got an unexpected keyword argument {sorted(unknown)[0]!r}")
     if mask is not None:
-        y = _masked(X, y, layout, mask)
+        y = masked_readings(X, y, layout, mask)
     weight = weights.get("sample_weight")
     if weight is None:
         return y
@@ -51,7 +51,8 @@ def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weights: Mapping
     return WeightedReading(y, _checked(weight, len(X)))
 
 
-def _masked(X: Any, y: Any, layout: Layout, mask: Any) -> Any:
+def masked_readings(X: Any, y: Any, layout: Layout, mask: Any) -> Any:
+    """The readings with NaN where they are masked."""
     if isinstance(X, Log):
         raise RecordError("A mask is for a record in memory. Write NaN for these readings when the file is written.")
     X, y = as_pandas(X), as_pandas(y)

@@ -1,0 +1,134 @@
+"""From the options of a command to a log, and the model that is to be learned from it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from ..effects.events import Events
+from ..estimators import DynamicBiasRegressor
+from ..estimators.weighing import masked_readings
+from ..foreign import RUN, read_logs, with_times
+from ..records import RecordError
+from ..records.files import TIME_NAMES, require_column
+from ..records.times import dates_once
+from .spans import number_or_span
+from .table_options import how_to_read
+
+
+class Loaded(NamedTuple):
+    """A log, and an unfitted model for it."""
+
+    log: pd.DataFrame
+    has_index: bool
+    """Whether its index is to be written with it."""
+    model: DynamicBiasRegressor
+    reading: str
+    """The column of the readings."""
+    understood: tuple[str, ...] = ()
+    """How its file was read."""
+
+    def columns(self) -> tuple[pd.DataFrame, pd.Series[Any]]:
+        """What the model takes: X, with its dates read once, and y."""
+        X, y = self.log.drop(columns=self.reading), self.log[self.reading]
+        if self.model.time is not None:
+            X[self.model.time] = dates_once(X[self.model.time])
+        return X, y
+
+
+def load_log(options: argparse.Namespace) -> Loaded:
+    """The log that the options name; without one, the built-in record."""
+    learned: dict[str, Any] = {
+        "screen": not options.no_screen,
+        "effects": _events(options),
+        "run_offset": options.run_offset,
+    }
+    time_constants = parse_time_constants(options.time_constants)
+    if not options.log:
+        if options.reading or options.temperature or options.time or options.run:
+            raise RecordError("Columns are named but no log is given. Put the log's file name after 'analyze'.")
+        from ..datasets import load_voltage_reference  # simulators: half a second of imports for a record
+
+        log = load_voltage_reference(hidden="moisture")
+        learned["fill"] = fill_rules(options.fill, log.columns)
+        model = DynamicBiasRegressor("temperature", time_constants, options.degree, **learned)
+        return Loaded(log, True, model, "voltage")
+    how = how_to_read(options)
+    table = read_logs(options.log, how, join=options.join, time=options.time)
+    log = table.frame
+    reading = require_column(log.columns, options.reading, "reading", ("reading",))
+    thermometers = [
+        require_column(log.columns, name, "temperature", ("temperature",)) for name in options.temperature or [None]
+    ]
+    if reading in thermometers:
+        raise RecordError(
+            f"--reading and --temperature both name {reading!r}. The reading is what the instrument shows."
+        )
+    of_files = RUN if len(options.log) > 1 and not options.join else None
+    run = of_files if options.run is None else require_column(log.columns, options.run, "run")
+    stamped = isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex)
+    time = None
+    if options.sampling_period is None and not (stamped and options.time is None):
+        time = require_column(
+            log.columns, options.time, "time", tuple(n for n in TIME_NAMES if n not in (reading, *thermometers))
+        )
+    elif options.time is not None:
+        raise RecordError("Give --time or --sampling-period, not both.")
+    if len(options.log) == 1:
+        table = with_times(table, time, how)
+    if options.events is not None:
+        require_column(log.columns, options.events, "events")
+    layout: dict[str, Any] = {
+        "time": time,
+        "run": run,
+        "sampling_period": options.sampling_period,
+        "max_gap": options.max_gap,
+        "fill": fill_rules(options.fill, log.columns),
+    }
+    temperature = thermometers if len(thermometers) > 1 else thermometers[0]
+    model = DynamicBiasRegressor(temperature, time_constants, options.degree, **layout, **learned)
+    return Loaded(table.frame, stamped, model, reading, table.said)
+
+
+def parse_time_constants(text: str) -> Any:
+    """``6`` is how many to choose, ``auto`` is auto, ``60,15min,2h`` is a list; ``3600s`` is a list of one."""
+    if text == "auto":
+        return "auto"
+    if text.isdigit():
+        return int(text)
+    return [number_or_span(part.strip()) for part in text.split(",") if part.strip()]
+
+
+def fill_rules(given: Sequence[str] | None, columns: Any) -> dict[str, Any] | None:
+    """``room=hold`` and ``room=interpolate:1h`` as the model takes them; RecordError for what is neither."""
+    rules: dict[str, Any] = {}
+    for text in given or ():
+        name, mark, said = text.rpartition("=")
+        if not mark or not said:
+            raise RecordError(f"--fill takes COLUMN=RULE, such as room=hold or room=interpolate:1h. Got {text!r}.")
+        rule, _, longest = said.partition(":")
+        rules[require_column(columns, name, "fill")] = (rule, number_or_span(longest)) if longest else rule
+    return rules or None
+
+
+def readings_to_learn(loaded: Loaded, X: pd.DataFrame, y: Any, given: Sequence[str] | None) -> Any:
+    """The readings without those of the stretches ``START..END`` that are not to be learned from."""
+    stretches = []
+    for text in given or ():
+        start, mark, end = (part.strip() for part in text.partition(".."))
+        if not (mark and start and end):
+            raise RecordError(
+                "--mask takes START..END: dates such as 2024-03-05T09:20..2024-03-05T12:40, or seconds or spans since "
+                f"the record began. Got {text!r}."
+            )
+        stretches.append((number_or_span(start), number_or_span(end)))
+    layout = loaded.model.unfitted_features(()).layout()
+    return masked_readings(X, y, layout, stretches) if stretches else y
+
+
+def _events(options: argparse.Namespace) -> list[Events]:
+    moments = [number_or_span(moment) for moment in options.event or ()]
+    return [Events(moments, options.events)] if moments or options.events is not None else []
