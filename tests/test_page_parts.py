@@ -11,6 +11,9 @@ import pandas as pd
 import pytest
 
 import thermocorr.pages
+from thermocorr import DynamicBiasRegressor, ParquetLog
+from thermocorr.datasets import make_record
+from thermocorr.pages import Findings, PageData, document
 from thermocorr.pages.html import number, plain, rendered, script_data, unit_text, units_of_axis, with_unit
 from thermocorr.pages.traces import Extremes
 from thermocorr.pictures.words import aspect_text, ends_text, interval_text, place_text
@@ -155,3 +158,31 @@ def test_units_have_the_signs_of_print_with_any_prefix():
     }
     assert {unit: unit_text(unit) for unit in said} == said
     assert units_of_axis("ppm") == [] and [-3, "\u00b5V", 1e-4] in units_of_axis("mV")
+
+
+# ---- what speaks against the correction
+
+
+def test_a_page_says_where_the_correction_leaves_the_readings_or_adds_noise():
+    record = make_record(4000, seed=1)
+    X, y = record[["temperature"]], record["reading"]
+    model = DynamicBiasRegressor("temperature", ["30 s", "10 min"]).fit(X, y)
+    assert PageData.of(model, X, y).warnings == ()
+    left, louder = PageData.of(model, X + 30.0, y).warnings
+    assert left.startswith("The corrected readings have a mean of ") and "the correction adds noise" in louder
+    page_text = document.page(PageData.of(model, X + 30.0, y), Findings())
+    assert page_text.index("The corrected readings have a mean of") < page_text.index("<nav>")
+    elsewhere = DynamicBiasRegressor("temperature", ["10 min"], reference_temperature=60.0).fit(X, y)
+    assert PageData.of(elsewhere, X, y).warnings == ()  # asked for
+
+
+def test_a_page_of_a_log_in_a_file_says_so_too(tmp_path):
+    pytest.importorskip("pyarrow")
+    record = make_record(4000, seed=1)
+    X, y = record[["temperature"]], record["reading"]
+    model = DynamicBiasRegressor("temperature", ["30 s", "10 min"]).fit(X, y)
+    record.assign(temperature=record["temperature"] + 30.0).to_parquet(tmp_path / "log.parquet")
+    log = ParquetLog(tmp_path / "log.parquet")
+    assert [said[:30] for said in PageData.of(model, log, log["reading"]).warnings] == [
+        said[:30] for said in PageData.of(model, X + 30.0, y).warnings
+    ]

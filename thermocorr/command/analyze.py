@@ -147,7 +147,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
             diagnosis=judged.diagnosis,
             refinement=judged.refinement,
             comparison=comparison,
-            advice=" ".join(filter(None, (later.advice(kept), advice, noise))),
+            advice=" ".join(filter(None, (later.advice(kept), advice))),
             unjudged=judged.reason,
             source=", ".join(options.log) or "the built-in voltage reference with a hidden effect",
             command=options.as_written,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from numbers import Integral
 from typing import Any
@@ -33,14 +34,15 @@ def count_to_choose(given: Any) -> int | None:
     return int(given) if isinstance(given, Integral) else 0
 
 
-def choose(model: Any, X: Any, y: Any) -> TimeConstantChoice | None:
+def choose(model: Any, X: Any, y: Any, say: Callable[[str], None] = lambda text: None) -> TimeConstantChoice | None:
     """Choose the time constants of an unfitted model from a record; None where they are given."""
     count = count_to_choose(model.time_constants)
     if count == 0 or model.prior is not None:
         return None
+    say("choosing time constants")
     further = Thermometers.of(model.temperature).further
     together = None if count is None else count * (1 + len(further))
-    settings = SearchSettings(count=together, longest_decay_share=model.longest_decay_share)
+    settings = SearchSettings(count=together, longest_decay_share=model.longest_decay_share, say=say)
     plain = model.unfitted_features(())
     if model.products:  # the lags are chosen beside products of a coarse grid, lest they imitate these
         plain.set_params(products=False, effects=[*as_effects(plain.effects), ("products", CoarseProducts())])
@@ -52,7 +54,9 @@ def choose(model: Any, X: Any, y: Any) -> TimeConstantChoice | None:
     return replace(found, factored=None, spectrum=spectrum)  # the factors hold the record: it would stay in memory
 
 
-def choose_again(model: Any, X: Any, record: Record, believed: Record) -> TimeConstantChoice | None:
+def choose_again(
+    model: Any, X: Any, record: Record, believed: Record, say: Callable[[str], None]
+) -> TimeConstantChoice | None:
     """Choose once more, from the readings that neither filled cells nor gaps spoil: the first choice had to use all.
 
     The first choice where none are spoilt, where readings have weights, and for a log that is read in pieces.
@@ -62,7 +66,7 @@ def choose_again(model: Any, X: Any, record: Record, believed: Record) -> TimeCo
         return first
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordWarning)  # they were said the first time
-        return choose(model, X, np.asarray(believed.reading, float))
+        return choose(model, X, np.asarray(believed.reading, float), say)
 
 
 def penalty(model: Any) -> float:

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
+from time import perf_counter
 
 Progress = Callable[[str], None] | bool | None
 """What a parameter `progress` takes: a function that is called with a line of text before each piece of work; True for
@@ -15,6 +16,14 @@ a bar (extra "progress"); None or False for nothing."""
 def has_bars() -> bool:
     """Whether bars can be drawn."""
     return find_spec("tqdm") is not None
+
+
+def printed(verbose: int) -> Callable[[str], None]:
+    """What a parameter `verbose` asks for, as scikit-learn has it: a function that prints lines, with the time."""
+    begun = perf_counter()
+    return (
+        (lambda text: print(f"[{perf_counter() - begun:7.1f} s] {text}", flush=True)) if verbose else lambda text: None
+    )
 
 
 @contextmanager

@@ -19,18 +19,17 @@ from ..records import Block, Record, RecordWarning, seconds_of
 from ..records.flags import Flags
 from ..records.numbers import numeric_reading
 from .aligned import like, no_flags
-from .cancellation import cancelling
 from .choosing import choose, choose_again, count_to_choose, penalty
+from .doubts import doubts_of
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import equal_edges, require_rows, sweep_effects
-from .flat import flat_columns
 from .gap_error import readings_left_out
-from .prior import LawPrior, check_like, known_before
+from .prior import LawPrior, known_before
+from .progress import printed
 from .reading import Reading, check_corrected, check_plausible
 from .ridge import MergedRidge
 from .run_levels import RunLevels, run_levels
 from .threads import one_blas_thread
-from .time_constants.resolution import unresolved
 from .time_constants.spectrum import DECAY_SHARE
 from .uncertainty.signing import SignedModel
 from .weighing import learned_readings
@@ -80,6 +79,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     washout : float, time span or "auto", default "auto"
         How long rows are flagged after a start that the fit does not know [s]; "auto" is three times the longest time
         constant.
+    verbose : int, default 0
+        1 prints what is being done.
 
     Attributes
     ----------
@@ -125,6 +126,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         "alpha": [Interval(Real, 0, None, closed="left"), StrOptions({"auto"})],
         "run_offset": [StrOptions({"auto", "each", "same"})],
         "washout": "no_validation",
+        "verbose": ["verbose"],
     }
 
     def __init__(
@@ -149,6 +151,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         fill: Any = None,
         prior: Any = None,
         washout: Any = "auto",
+        verbose: int = 0,
     ):
         self.temperature = temperature
         self.time_constants = time_constants
@@ -169,6 +172,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.fill = fill
         self.prior = prior
         self.washout = washout
+        self.verbose = verbose
 
     __metadata_request__fit = {"sample_weight": None}
 
@@ -199,9 +203,11 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         if y is None:
             raise ValueError("This DynamicBiasRegressor requires y to be passed, but the target y is None.")
         y = learned_readings(X, y, self.unfitted_features(()).layout(), mask, weights)
+        say = printed(self.verbose)
         with one_blas_thread():
+            say("reading the record")
             self.learn_levels(X, y)
-            self.search_ = choose(self, X, y)
+            self.search_ = choose(self, X, y, say)
             for attempt in (1, 2):
                 features = self.unfitted_features(self.time_constants if not self.search_ else self.search_.parameter)
                 prior = known_before(self, features)
@@ -212,24 +218,18 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
                 check_plausible(record, reading, prior is not None)
                 self.reading_ = reading if prior is None else reading.widened(prior.temperature_range)
                 self.alpha_ = penalty(self)
+                say(f"fitting {len(features.get_feature_names_out())} columns to {reading.n_readings} readings")
                 total = self._solve(record, features, prior)
                 believed = self.without_spoilt(record)  # what filled cells and gaps spoil is known now
                 if believed is not record:
                     total = self._solve(believed, features, prior)
-                again = self.search_ if attempt == 2 else choose_again(self, X, record, believed)
+                again = self.search_ if attempt == 2 else choose_again(self, X, record, believed, say)
                 if again is self.search_:
                     break
                 self.search_ = again
         for learned in ("standard_errors_", "joint_errors_", "provenance_", "law_"):
             self.__dict__.pop(learned, None)
-        effects, doubts = features.effect_list(), [*filter(None, [self.run_levels_.note])]
-        if prior is not None:
-            mean = record.moments(record.temperature_name).mean
-            doubts += filter(None, [check_like(prior, mean, self.residual_std_)])
-        else:
-            doubts += [*self._unresolved(record), *flat_columns(record, effects)]
-            doubts += cancelling(effects, total, self._solution, self.reading_)
-        doubts += readings_left_out(record, believed)
+        doubts = [*doubts_of(self, record, total, self._solution, prior), *readings_left_out(record, believed)]
         for text in doubts:
             warnings.warn(text, RecordWarning, stacklevel=2)
         self.notes_ = (*record.notes, *doubts)
@@ -311,12 +311,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             else:
                 index = pd.RangeIndex(rows.start, rows.stop) if isinstance(rows, slice) else pd.Index(rows)
             yield pd.DataFrame({**values, "flag": flagged.column()}, index=index)
-
-    def _unresolved(self, record: Record) -> list[str]:
-        """Sentences on given time constants that the record cannot determine."""
-        if self.search_ is not None or not len(self.time_constants_):
-            return []
-        return unresolved(self.time_constants_, record, self._solution, self.degree, self.residual_std_)
 
     def _level_asked_for(self) -> tuple[float, ...]:
         """U0 where T0 was put outside the fitted temperatures: corrected readings leave the fitted ones on purpose."""

@@ -273,15 +273,18 @@ def _without_gaps(node: dict[str, Any]) -> dict[str, Any]:
 
 
 def _without_rules(node: dict[str, Any]) -> dict[str, Any]:
-    """Version 9: cells were held, or estimated where other columns were named."""
+    """Version 9: cells were held, or estimated where other columns were named; no fit said what it did."""
     model = node.get("model")
-    if not (isinstance(model, dict) and isinstance(model.get("filling"), list)):
-        raise ModelFileError("$.model has no filling")
+    if not (
+        isinstance(model, dict) and isinstance(model.get("filling"), list) and isinstance(model.get("parameters"), dict)
+    ):
+        raise ModelFileError("$.model has no filling, or no parameters")
     filling = [
         {"rule": "estimate" if one.get("others") else "hold", **one} if isinstance(one, dict) else one
         for one in model["filling"]
     ]
-    return {**node, "version": 10, "model": {**model, "filling": filling}}
+    parameters = {"verbose": 0, **model["parameters"]}
+    return {**node, "version": 10, "model": {**model, "filling": filling, "parameters": parameters}}
 
 
 MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {

@@ -13,10 +13,11 @@ import pandas as pd
 from .._version import __version__
 from ..effects.thermal import column_text
 from ..pictures import AllanDisplay, ContributionsDisplay, ResidualLoopDisplay, StepResponseDisplay
+from ..pictures.added_noise import added_noise_shown
 from ..pictures.timeline import TimeLine
 from ..pictures.walk import Walk
 from ..records import Record
-from ..records.quantities import span_text
+from ..records.quantities import quantity_texts, span_text
 from ..records.units import unit_of
 from .traces import MOST_POINTS, Traces, column_key
 
@@ -48,6 +49,8 @@ class PageData:
     """First segments: run, first time, last time, rows."""
     n_segments: int
     notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+    """What speaks against the correction itself."""
     equation: str
     coefficients: pd.DataFrame
     thermometers: tuple[tuple[str, tuple[float, ...]], ...]
@@ -84,6 +87,7 @@ class PageData:
         walk = Walk(model, X)
         record: Record = walk.record
         traces = Traces.of(model, X, y, walk.timeline, beside=beside, most=most)
+        allan = AllanDisplay.from_estimator(model, X, y)
         last = record.segments[-1].stop - 1
         return cls(
             reading=model.reading_.name,
@@ -108,11 +112,12 @@ class PageData:
             ),
             n_segments=len(record.segments),
             notes=tuple(dict.fromkeys((*model.notes_, *record.notes))),
+            warnings=tuple(filter(None, (_left_behind(model, traces), added_noise_shown(allan, model, X)))),
             equation=model.equation(),
             coefficients=model.coef_table(),
             thermometers=tuple((column_text(name), tuple(taus.tolist())) for name, taus in model.thermometers_.items()),
             model=repr(model),
-            allan=AllanDisplay.from_estimator(model, X, y).frame(),
+            allan=allan.frame(),
             loop=ResidualLoopDisplay.from_estimator(model, X, y).frame(),
             step_response=StepResponseDisplay.from_estimator(model).frame(),
             shares=ContributionsDisplay.from_estimator(model, X).rms,
@@ -133,6 +138,24 @@ class PageData:
             return f"{said}, at unknown times{many}."
         zone = "" if self.timeline.zone is None else " UTC"
         return f"{said}, {self.span}{zone}, every {span_text(self.step)}{many}."
+
+
+def _left_behind(model: Any, traces: Traces) -> str:
+    """A sentence where the mean of the corrected readings is none that was read; "" where it is, or was asked for."""
+    corrected, readings = traces.corrected, traces.readings
+    low, high = model.temperature_range_
+    if (
+        not corrected.n
+        or readings.low <= corrected.mean <= readings.high
+        or not low <= model.reference_temperature_ <= high
+    ):
+        return ""
+    mean, lowest, highest = quantity_texts((corrected.mean, readings.low, readings.high), model.reading_.unit, 6)
+    return (
+        f"The corrected readings have a mean of {mean}, and the readings lie between {lowest} and {highest}: what was "
+        "taken away is no bias of this instrument alone. See in the model below which effect makes it, and whether the "
+        "temperature left the fitted range."
+    )
 
 
 def _uncertainties(model: Any) -> tuple[tuple[str, float], ...]:

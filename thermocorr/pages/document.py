@@ -83,7 +83,7 @@ def page(data: PageData, findings: Findings) -> str:
         chapters.quality(data, f"{next(numbers)} The data"),
         chapters.provenance(data, f"{next(numbers)} Versions", findings.command, findings.source),
     ]
-    leads: list[Any] = [*([findings.advice] if findings.advice else []), data.record_sentence()]
+    leads: list[Any] = [*([findings.advice] if findings.advice else []), *data.warnings, data.record_sentence()]
     if refinement is not None and len(refinement.steps) > 1:
         leads.append(chapters.in_short(refinement))
     return document(f"Thermal bias of {data.reading}", leads, body, charts)

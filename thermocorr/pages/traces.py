@@ -9,6 +9,7 @@ import numpy as np
 
 from ..pictures.timeline import TimeLine
 from ..records.numbers import is_frame, numeric_reading
+from ..records.record import Moments
 from ..records.states import is_state, state
 
 MOST_POINTS = 85_000
@@ -42,6 +43,10 @@ class Traces:
     """Means of the residual over short stretches: first and last point of each, shape (m, 2), and mean, shape (m,)."""
     average_rows: int
     """Rows of such a stretch."""
+    corrected: Moments
+    """Of the corrected readings."""
+    readings: Moments
+    """Of the readings that are believed."""
 
     @classmethod
     def of(
@@ -64,6 +69,7 @@ class Traces:
         cells = Extremes(most)
         flags: dict[str, int] = {}
         n_rows, known, squares = 0, 0, 0.0
+        corrected, readings = Moments(), Moments()
         reading = numeric_reading(y, X)
         for block, values, flagged in model.evaluated_blocks(X, y):
             zero = block.record.times.between(block.record.first_stamp(), block.zero)
@@ -74,6 +80,8 @@ class Traces:
                 "reading": model.believed(block, np.asarray(reading[block.rows], float)),
             }
             columns |= {name: values[name] for name in ("model", "corrected", "residual")}
+            corrected = corrected.merged(Moments.of(values["corrected"]))
+            readings = readings.merged(Moments.of(columns["reading"]))
             columns |= {column_key(name): recorded(X, name, block.rows) for name in beside}
             residual = values["residual"][np.isfinite(values["residual"])]
             n_rows, known, squares = n_rows + len(block), known + len(residual), squares + float(residual @ residual)
@@ -94,6 +102,8 @@ class Traces:
             rms=float(np.sqrt(squares / known)) if known else float("nan"),
             average=cells.averages(names.index("residual"), group),
             average_rows=group * cells.width,
+            corrected=corrected,
+            readings=readings,
         )
 
 

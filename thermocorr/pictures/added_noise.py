@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..equations import allan_deviation
+from ..records import Log
 from ..records.quantities import quantity_texts, span_text
 from ..records.text import printable
 from .allan_deviation import LOOKED_AT, AllanDisplay
@@ -39,7 +40,11 @@ def added_noise(model: Any, X: Any, y: Any) -> str:
     ''
     """
     fitted = regressor_of(model)
-    display = AllanDisplay.from_estimator(fitted, X, y)
+    return added_noise_shown(AllanDisplay.from_estimator(fitted, X, y), fitted, X)
+
+
+def added_noise_shown(display: AllanDisplay, model: Any, X: Any) -> str:
+    """What `added_noise` says, from a display of what the model makes of X; no column is named for a log in a file."""
     before, after = display.before, display.after
     n = min(len(before.deviation), len(after.deviation))
     ratio = after.deviation[:n] / np.maximum(before.deviation[:n], 1e-300)
@@ -49,12 +54,14 @@ def added_noise(model: Any, X: Any, y: Any) -> str:
     at = int(np.argmax(np.where(worse, ratio, 0.0)))
     tau, last = float(after.averaging_times[at]), float(after.averaging_times[:n][worse].max())
     now, then = quantity_texts([after.deviation[at], before.deviation[at]], display.unit, 2)
-    through = _loudest(fitted, X, tau / float(after.averaging_times[0]))
-    return printable(
+    said = (
         f"At averaging times up to {_times(last, display)} the correction adds noise: Allan deviation "
-        f"{now} after and {then} before at {_times(tau, display)}, "
-        f"most of it through {through}, which passes on the noise of its input."
+        f"{now} after and {then} before at {_times(tau, display)}"
     )
+    if isinstance(X, Log):
+        return f"{said}."
+    through = _loudest(model, X, tau / float(after.averaging_times[0]))
+    return printable(f"{said}, most of it through {through}, which passes on the noise of its input.")
 
 
 def _times(seconds: float, display: AllanDisplay) -> str:
