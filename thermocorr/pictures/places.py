@@ -10,12 +10,14 @@ import pandas as pd
 from ..records.units import unit_of
 from .axes import axes_grid, labelled
 from .protocols import DiagnosisLike
-from .words import aspect_text, each_row, ends_text
+from .words import aspect_text, each_row, ends_text, wrapped
 
 STRIPS = 9
 """Conditions that are drawn."""
 HIGHEST = 4.0
 """Lift at which the colours end."""
+WIDEST = 24
+"""Letters of a condition's name on one line."""
 LABELLED = 12
 """In a strip of at most so many tiles, each tile says its share."""
 
@@ -63,7 +65,8 @@ class WhereDisplay:
         only.set_xlim(0, 1)
         for row, strip in enumerate(strips):
             self._strip(only, row, strip.sort_values("low"))
-        only.set_yticks(range(len(strips)), [self._name(strip.iloc[0]) for strip in strips])
+        names = [wrapped(self._name(strip.iloc[0]), WIDEST) for strip in strips]
+        only.set_yticks(range(len(strips)), names, fontsize=8 if any("\n" in name for name in names) else None)
         only.tick_params(left=False, bottom=False, labelbottom=False)
         only.spines[:].set_visible(False)
         only.set_title(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import pandas as pd
 
 from .axes import BLUE, GREEN, GREY, VERMILION, axes_grid, label_log_values, label_values, legend_above, plain
 from .protocols import RefinementLike
-from .words import each_row
+from .words import each_row, wrapped
 
 WIDE = 5.0
 """Largest over smallest error, above which the axis is logarithmic."""
@@ -63,7 +62,7 @@ class RefinementDisplay:
             label_values(only.yaxis, "rms error", self.unit)
         names = ["given model", *(f"+ {effect}" for effect in self.steps["effect"][1:])]
         names = [name.replace("+ without", "without").replace("+ parameters", "parameters") for name in names]
-        only.set_xticks(x, [textwrap.fill(name, 16) for name in names], fontsize=9)
+        only.set_xticks(x, [wrapped(name, 16) for name in names], fontsize=9)
         only.set_xlim(-0.4, n - 0.6)
         for i, step in enumerate(each_row(self.steps)):
             if i:

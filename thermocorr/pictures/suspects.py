@@ -9,13 +9,15 @@ import pandas as pd
 
 from .axes import BLUE, axes_grid, plain
 from .protocols import DiagnosisLike
-from .words import each_row, probability_text
+from .words import each_row, probability_text, wrapped
 
 SHOWN = 8
 LONGEST_TEXT = 58
 """Letters beside a bar; `frame` has everything."""
 LEAST_REACH = 0.5
 """Shortest length of the axis of gains [dB], so that small gains look small."""
+WIDEST = 38
+"""Letters of a suspect's name on one line."""
 PALE = "#B8C4CE"
 COLUMNS = ["label", "kind", "column", "standing", "gain_db", "later_db", "p_value", "share", "confusable_with"]
 
@@ -51,7 +53,7 @@ class SuspectsDisplay:
         only = axes[0]
         self.axes_, self.ax_, self.figure_ = axes, only, only.figure
         title = f"Verdict: {self.verdict}" + (f" - {frame['label'].iloc[0]}" if self.named and len(frame) else "")
-        only.set_title(title, loc="left", fontsize=10)
+        only.set_title(wrapped(title, 80), loc="left", fontsize=10)
         if not len(frame):
             only.text(0.5, 0.5, "No suspects.", ha="center", va="center", transform=only.transAxes)
             only.set_axis_off()
@@ -74,7 +76,8 @@ class SuspectsDisplay:
                 float(gains.iloc[row]) + 0.015 * reach, row, text, va="center", fontsize=8, linespacing=1.1,
                 color="0.1" if certain.iloc[row] else "0.4",
             )  # fmt: skip
-        only.set_yticks(range(len(frame)), frame["label"])
+        labels = [wrapped(label, WIDEST) for label in frame["label"]]
+        only.set_yticks(range(len(frame)), labels, fontsize=8 if any("\n" in label for label in labels) else None)
         if self.named:
             only.get_yticklabels()[0].set_fontweight("bold")
         only.invert_yaxis()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import textwrap
 from collections.abc import Iterator
 from typing import Any
 
@@ -75,6 +77,24 @@ def effect_text(effect: Any) -> str:
 def probability_text(p: float) -> str:
     """An error probability; below 1e-12 it is no more than that."""
     return f"{p:.2g}" if p > 1e-12 else "below 1e-12"
+
+
+def wrapped(name: str, width: int, lines: int = 3) -> str:
+    """A name in at most so many lines of so many letters, broken at blanks, behind marks such as _ . / - or anywhere.
+
+    Examples
+    --------
+    >>> print(wrapped("plc.station_04/barometer_raw", 16))
+    plc.station_04/
+    barometer_raw
+    """
+    found = [""]
+    for piece in re.findall(r"\s*[^\s_./:-]*[_./:-]*", str(name)):
+        if found[-1] and len(found[-1] + piece) > width:
+            found.append("")
+        found[-1] += piece if found[-1] else piece.lstrip()
+    short = [part for long in found for part in textwrap.wrap(long, width)]
+    return "\n".join(short if len(short) <= lines else [*short[: lines - 1], f"{short[lines - 1][: width - 4]} ..."])
 
 
 STANDINGS = {

@@ -207,6 +207,12 @@
       });
       if (kept) this.zoom(...kept);
     }
+    rest() { // the point that legends tell of where nothing is pointed at: the last one
+      const first = this.columns[0][0];
+      let at = first.length - 1;
+      while (at > 0 && first[at] == null) at--;
+      return at;
+    }
     ends() { // of the whole record
       return this.spec.ends || [this.x[0], this.x[this.x.length - 1]];
     }
@@ -297,8 +303,8 @@
           size: (u, texts) => this.size(u, texts),
         }],
         series: [
-          { label: spec.name === "series" || spec.name === "refined" ? "time" : spec.x.label, value: (u, v) => this.when(v, step) },
-          ...panel.lines.map((line) => ({
+          { label: spec.name === "series" || spec.name === "refined" ? "time" : spec.x.label, value: (u, v, k, at) => this.when(at == null ? this.x[this.rest()] : v, step) },
+          ...panel.lines.map((line, k) => ({
             label: line.label,
             class: line.edge ? "edge" : undefined,
             stroke: line.edge ? "transparent" : this.colour(line.role),
@@ -307,7 +313,10 @@
             spanGaps: Boolean(line.spanned),
             dash: line.dash ? [6, 4] : undefined,
             points: line.edge || line.dash ? { show: false } : line.dots ? { show: true, size: line.joined ? 6 : 4, width: 0, fill: this.colour(line.role) } : undefined,
-            value: (u, v) => (prefixed && v != null ? figure(v / scale, unit, digits(u)) : figure(v, panel.unit, digits(u))),
+            value: (u, given, of, at) => {
+              const v = at == null ? this.columns[i][k][this.rest()] : given;
+              return prefixed && v != null ? figure(v / scale, unit, digits(u)) : figure(v, panel.unit, digits(u));
+            },
           })),
         ],
         hooks: {
