@@ -31,7 +31,7 @@ from corpus.foreign_logs import (
 from thermocorr import RecordError, RecordWarning
 from thermocorr.command.cli import main
 from thermocorr.foreign import HowToRead, as_runs, joined, read_log
-from thermocorr.foreign.long_form import SOME, nearly_numbers
+from thermocorr.foreign.odd_numbers import SOME, nearly_numbers
 from thermocorr.records.units import unit_of
 
 
@@ -297,15 +297,16 @@ def test_a_whole_date_in_a_number_is_read_as_it_is_said(written):
 def test_unix_times_have_no_zone_and_cells_that_are_words_are_said(written):
     with pytest.raises(RecordError, match="Unix times, which are UTC"):
         understood(written(GOOD["Unix times in ms"]), timezone="Europe/Berlin")
-    rows = "".join(f"{60 * k},{T[k]},{'OL' if k == 5 else 40 + k},{U[k]}\n" for k in range(N))
+    rows = "".join(f"{60 * k},{T[k]},{'wet' if k == 5 else 40 + k},{U[k]}\n" for k in range(N))
     table = understood(written("time,temperature,humidity,reading\n" + rows))[0]
-    assert table.said == ("'humidity' is not used: 1 of its cells are no numbers, such as 'OL'",)
+    assert table.said == ("'humidity' is not used: 1 of its cells are no numbers, such as 'wet'",)
 
 
 def test_words_in_a_long_column_are_counted_all_of_them():
-    cells = {"a": ["OL", "1"], "b": ["OL", "OL", "2"], "c": ["on", "off"], "d": ["1", "2"]}
+    cells = {"a": ["wet", "1"], "b": ["wet", "OL", "2"], "c": ["on", "off"], "d": ["1", "2"]}
     frame = pd.DataFrame({name: (some * SOME)[: 2 * SOME] for name, some in cells.items()})
-    assert nearly_numbers(frame) == [f"'a' is not used: {SOME} of its cells are no numbers, such as 'OL'"]
+    same, said = nearly_numbers(frame)
+    assert same is frame and said == [f"'a' is not used: {SOME} of its cells are no numbers, such as 'wet'"]
 
 
 def test_files_in_other_units_or_at_other_times_are_not_put_together(written):

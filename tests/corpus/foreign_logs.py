@@ -146,6 +146,13 @@ GOOD = {
     "milliseconds behind a colon": plain("{t:%m/%d/%Y %H:%M:%S}:000"),
     "date and time in two columns": semicolons("{t:%d.%m.%Y;%H:%M:%S}", "Datum;Uhrzeit;temperature;reading\n"),
     "time and date in two columns": plain("{t:%H:%M:%S,%Y-%m-%d}", "time,date,temperature,reading\n"),
+    "hours since a start": lines(
+        "time,temperature,reading\n", lambda k, t, a, b: f"{(1420 + k) // 60}:{(1420 + k) % 60:02d}:00,{a},{b}"
+    ),
+    "hundreds of hours since a start": lines(
+        "time,temperature,reading\n",
+        lambda k, t, a, b: f"{(59_980 + k) // 60}:{(59_980 + k) % 60:02d}:00.000,{a},{b}",
+    ),
     "days of a spreadsheet": lines(
         "time,temperature,reading\n", lambda k, t, a, b: f"{45_442 + (23 * 60 + 40 + k) / 1440:.9f},{a},{b}"
     ),
@@ -199,6 +206,16 @@ REFUSED = {
     "a byte of Latin-1 in a row": (plain().encode().replace(b"23.0,", b"23.0\xb0,"), "line 2: byte"),
     "UTF-16 that was cut": (plain().encode("utf-16")[:-1], "does not fit"),
     "two files in a zip": (zipped("a.csv", "b.csv"), "holds 2 files"),
+    "an old spreadsheet": (
+        b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(99),
+        "old format of Excel.*Save it as CSV, .xlsx",
+    ),
+    "an OpenDocument": (zipped("content.xml"), "spreadsheet of OpenDocument.*Save it as CSV, .xlsx"),
+    "a spreadsheet that is called CSV": (zipped("xl/workbook.xml"), "looks like packed as zip.*Give it the ending"),
+    "hours since a start that step back": (
+        lines("time,temperature,reading\n", lambda k, t, a, b: f"{30 - k % 2}:00:00,{a},{b}"),
+        "does not follow on",
+    ),
     "a gz that was cut": (gzip.compress(plain().encode())[:-20], "cannot be unpacked"),
     "the same name twice": (semicolons(head="time;temperature;temperature\n"), "'temperature' twice"),
 }
@@ -257,7 +274,14 @@ REFUSED |= {
     ),
 }
 
-ENDINGS = {"gz": "log.csv.gz", "zip": "log.zip", "two files in a zip": "log.zip", "a gz that was cut": "log.csv.gz"}
+ENDINGS = {
+    "an old spreadsheet": "log.xls",
+    "an OpenDocument": "log.ods",
+    "gz": "log.csv.gz",
+    "zip": "log.zip",
+    "two files in a zip": "log.zip",
+    "a gz that was cut": "log.csv.gz",
+}
 
 
 def understood(path, names=None, **said):

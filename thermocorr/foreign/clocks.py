@@ -12,7 +12,7 @@ from ..records import RecordError
 from ..records.errors import quoted
 from ..records.times import BEYOND, UNIX
 from ..records.types import kind_of
-from .values import CLOCK, first_cell, is_number
+from .values import CLOCK, ELAPSED, first_cell, is_number
 from .zones import in_zone
 
 DAYS_OF_EXCEL = (25_569.0, 55_000.0)
@@ -181,7 +181,7 @@ def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
         return Understood(values)
     if form is not None:
         return Understood(_parsed(values.astype("string").str.strip(), values, form), f"times as {form}")
-    if re.fullmatch(CLOCK, first_cell(values)):
+    if re.fullmatch(CLOCK, first_cell(values)) or re.fullmatch(ELAPSED, first_cell(values)):
         return _of_clocks(values)
     date = date_form(values)
     if date is None:
@@ -237,12 +237,26 @@ def _of_clocks(values: pd.Series[Any]) -> Understood:
     text = values.astype("string").str.strip()
     spans = pd.to_timedelta(_day_share(text)["span"])
     if spans.isna().any() or (spans.diff() < pd.Timedelta(0)).any():
+        since = _elapsed(text)
+        if since is not None:
+            return Understood(_named(since, values), "hours, minutes and seconds since a start")
         row = int(spans.isna().to_numpy().argmax() or (spans.diff() < pd.Timedelta(0)).to_numpy().argmax())
         raise RecordError(
             f"The times in {quoted(values.name)} have no date, and {text.iloc[row]!r} in row {row} does not follow on. "
             "A column of dates beside it is joined with it where it is called date."
         )
     return Understood(_named(spans, values), "times of day without a date")
+
+
+def _elapsed(text: pd.Series[Any]) -> Any:
+    """Times since a start, of more than a day; None for what does not go on."""
+    parts = text.str.extract(f"^{ELAPSED}$")
+    digits: Any = "0." + parts["fraction"].fillna("0")
+    shown = [pd.to_numeric(parts[name], errors="coerce").astype(float) for name in ("hours", "minutes", "seconds")]
+    seconds = 3600.0 * shown[0] + 60.0 * shown[1] + shown[2] + pd.to_numeric(digits).astype(float)
+    if seconds.isna().any() or (seconds.diff() < 0).any() or seconds.max() >= LARGEST_SECONDS:
+        return None
+    return pd.to_timedelta((seconds * 1e9).round(), unit="ns")
 
 
 def _dates(text: pd.Series[Any], date: str) -> pd.Series[Any]:

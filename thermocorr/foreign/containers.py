@@ -13,13 +13,46 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.errors import listing
+from ..records.files import format_of
 
 SHEETS = (".xlsx", ".xlsm")
 FEATHER = (".feather", ".arrow")
 PACKED = (".gz", ".zip")
+UNREAD = {
+    ".xls": "a spreadsheet in the old format of Excel", ".xlsb": "a binary spreadsheet",
+    ".ods": "a spreadsheet of OpenDocument", ".numbers": "a spreadsheet of Numbers", ".mat": "a file of Matlab",
+    ".tdms": "a file of LabVIEW", ".h5": "HDF5", ".hdf5": "HDF5", ".nc": "NetCDF", ".pkl": "a pickle",
+    ".npy": "an array of numpy", ".npz": "arrays of numpy", ".db": "a database", ".sqlite": "a database",
+    ".json": "JSON", ".pdf": "a PDF", ".7z": "packed by 7-Zip", ".rar": "packed by RAR", ".bz2": "packed by bzip2",
+    ".xz": "packed by xz", ".zst": "packed by zstd", ".tar": "an archive", ".tgz": "an archive",
+}  # fmt: skip
+"""Endings of files that are not read, and what they are."""
+BEGINNINGS = {
+    b"\xd0\xcf\x11\xe0": "a document of old Office", b"PK\x03\x04": "packed as zip, or a document of Office",
+    b"\x1f\x8b": "packed as gz", b"%PDF": "a PDF", b"\x89HDF": "HDF5", b"PAR1": "Parquet", b"ARROW1": "Feather",
+    b"SQLite format 3": "a database", b"TDSm": "a file of LabVIEW",
+}  # fmt: skip
+"""How files begin that are no text, whatever their names say."""
 MOST_UNPACKED = 1 << 31
 """Bytes that a packed file may become."""
 CHUNK = 1 << 22
+
+
+def refuse_unread(path: Path) -> None:
+    """RecordError for a file that is no table of a kind that is read; it says what to do."""
+    ending = path.suffix.lower()
+    if ending in UNREAD:
+        raise RecordError(f"{path} is {UNREAD[ending]}, which is not read. Save it as CSV, .xlsx or .parquet.")
+    if ending in (*SHEETS, *FEATHER, *PACKED) or format_of(path) is not None or not path.is_file():
+        return
+    with path.open("rb") as file:
+        start = file.read(16)
+    found = next((what for mark, what in BEGINNINGS.items() if start.startswith(mark)), None)
+    if found is not None:
+        raise RecordError(
+            f"{path} is no text but looks like {found}. Give it the ending that says so (.xlsx, .parquet, .feather, "
+            ".gz, .zip), or save it as CSV."
+        )
 
 
 def unpacked(path: Path) -> tuple[bytes, str]:

@@ -14,9 +14,9 @@ import pandas as pd
 from ..records import RecordError
 from ..records.errors import listing
 from ..records.files import existing_file, format_of, read_table
-from .containers import FEATHER, PACKED, SHEETS, feather, spreadsheet, unpacked
+from .containers import FEATHER, PACKED, SHEETS, feather, refuse_unread, spreadsheet, unpacked
 from .how import ForeignTable, HowToRead
-from .long_form import nearly_numbers
+from .odd_numbers import nearly_numbers
 from .text_tables import HEAD, first_lines, is_plain, text_table
 
 
@@ -35,6 +35,7 @@ def read_log(path: str | Path, how: HowToRead | None = None) -> ForeignTable:
     """
     path, how = existing_file(path), how or HowToRead()
     ending = path.suffix.lower()
+    refuse_unread(path)
     if format_of(path) is not None:
         return ForeignTable(frame=read_table(path))
     if ending in FEATHER:
@@ -69,16 +70,22 @@ def _from_cells(cells: pd.DataFrame, path: Path, how: HowToRead) -> ForeignTable
     """A sheet, by the way of text: headers, units and preambles are found as in a file of text."""
     out = io.StringIO()
     written = csv.writer(out, lineterminator="\n")
+    days = [_are_days(cells[name]) for name in cells.columns]
     for row in cells.itertuples(index=False):
-        written.writerow([_cell_text(cell) for cell in row])
+        written.writerow([_cell_text(cell, day) for cell, day in zip(row, days, strict=True)])
     return text_table(out.getvalue().encode(), path, replace(how, separator=",", encoding=None, decimal="."), ())
 
 
-def _cell_text(cell: Any) -> str:
+def _are_days(cells: Any) -> bool:
+    """Whether the dates of a column of a sheet are days without a time: midnights, all of them."""
+    return all(cell.time() == time() for cell in cells if isinstance(cell, datetime))
+
+
+def _cell_text(cell: Any, day: bool) -> str:
     if cell is None:
         return ""
     if isinstance(cell, datetime):
-        return cell.isoformat(sep=" ")
+        return cell.date().isoformat() if day else cell.isoformat(sep=" ")
     if isinstance(cell, date | time):
         return cell.isoformat()
     return repr(cell) if isinstance(cell, float) else str(cell)
@@ -88,4 +95,5 @@ def _filled(table: ForeignTable, path: Path) -> ForeignTable:
     """A table with rows, and what is said of columns that are no numbers for a few cells."""
     if len(table.frame) == 0:
         raise RecordError(f"{path} has a header ({listing(table.frame.columns)}) but no rows.")
-    return table.with_said(table.frame, *nearly_numbers(table.frame))
+    frame, said = nearly_numbers(table.frame)
+    return table.with_said(frame, *said)

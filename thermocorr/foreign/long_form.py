@@ -9,17 +9,11 @@ import numpy as np
 import pandas as pd
 
 from ..records import RecordError
-from ..records.errors import quoted
 from ..records.types import kind_of
 from ..records.units import unit_of_text
 from .values import IN_DOUBT, is_number, plain_cell
 
 _WITH_UNIT = re.compile(r"(?P<number>[-+0-9.,eE]+)\s*(?P<unit>[^\d\s.,+-].*)")
-
-NEARLY = 0.5
-"""Share of the cells of a column that are numbers, from which on the others are said."""
-SOME = 10_000
-"""Cells of a column, at random, that tell whether it is worth counting all of its numbers."""
 
 
 class LongShape(NamedTuple):
@@ -128,22 +122,3 @@ def _numbers_of(cells: pd.Series[Any]) -> tuple[np.ndarray, str] | None:
         if len(units) > 1:
             return None
     return (numbers, units.pop()) if units else None
-
-
-def nearly_numbers(frame: pd.DataFrame) -> list[str]:
-    """What is said of columns of numbers in which some cells are words: they are no columns of numbers."""
-    said = []
-    for name in frame.columns:
-        if kind_of(frame[name]) != "text":
-            continue
-        known = frame[name].dropna()
-        some = known.sample(min(len(known), SOME), random_state=np.random.default_rng(0))
-        if pd.to_numeric(some, errors="coerce").notna().mean() < NEARLY / 2:  # far from it: dates, words
-            continue
-        good = pd.to_numeric(known, errors="coerce").notna()
-        if len(known) and NEARLY <= good.mean() < 1.0:
-            word = known[~good].iloc[0]
-            said.append(
-                f"{quoted(name)} is not used: {int((~good).sum())} of its cells are no numbers, such as {word!r}"
-            )
-    return said

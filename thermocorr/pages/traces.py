@@ -44,9 +44,9 @@ class Traces:
     average_rows: int
     """Rows of such a stretch."""
     corrected: Moments
-    """Of the corrected readings."""
+    """Number, mean and range of the corrected readings."""
     readings: Moments
-    """Of the readings that are believed."""
+    """Number, mean and range of the readings that are believed."""
 
     @classmethod
     def of(

@@ -14,6 +14,15 @@ MISSING = frozenset((
     "1.#IND", "-1.#IND", "1.#QNAN", "-1.#QNAN",
 ))  # fmt: skip
 """What stands in a cell where there is no value; blanks around it do not count. The list that pandas has."""
+NO_VALUE = frozenset((
+    "ovld", "ovld.", "ovl", "o.l", "o.l.", "ol", "0l", "0.l", "overload", "overflow", "ovrflw", "overrange",
+    "over range", "out of range", "over", "under", "underflow", "underrange", "unavailable", "unknown", "no data",
+    "nodata", "open", "burnout", "burn out", "fault", "error", "err", "bad", "invalid", "stale", "timeout",
+    "not connected", "offline", "?", "-", "--", "---", "----", "-----", "*", "***", "****", "*****", "#####",
+))  # fmt: skip
+"""What instruments and loggers write in place of a number that they do not have: in small letters, without a sign."""
+MINUS = str.maketrans({"\u2212": "-", "\u2013": "-", "\ufe63": "-", "\uff0d": "-"})
+"""Characters that stand for a minus sign."""
 LARGEST = 1e40
 """A number beyond this is no measurement. Squares and cubes of smaller ones stay within double precision."""
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -24,6 +33,12 @@ _BLANKS = " \t"
 def is_missing(text: str) -> bool:
     """Whether a cell is empty, or says so."""
     return text.strip(_BLANKS) in MISSING
+
+
+def says_no_value(text: str) -> bool:
+    """Whether a cell among numbers says in words that there is no value."""
+    bare = text.translate(MINUS).strip(_BLANKS).lower()
+    return bare in NO_VALUE or bare.lstrip("+-") in NO_VALUE
 
 
 def has_other_blanks(text: str) -> bool:
@@ -37,7 +52,8 @@ def number(text: str, what: str, switch: bool = False) -> float:
     Parameters
     ----------
     text : str
-        Digits of ASCII with a decimal point, an exponent after e or E, blanks around them: ``-1.5e-3``.
+        Digits of ASCII with a decimal point, an exponent after e or E, blanks around them: ``-1.5e-3``; or a word for
+        no value, one of `NO_VALUE`.
     what : str
         What the cell holds, for the message.
     switch : bool, default False
@@ -54,10 +70,13 @@ def number(text: str, what: str, switch: bool = False) -> float:
         if abs(value) <= LARGEST:
             return value
         raise RecordError(f"{what} is {cell[:60]}, beyond {LARGEST:g}: no measurement is that large")
-    if cell in MISSING:
+    if cell in MISSING or says_no_value(cell):
         return math.nan
     if switch and cell in _SWITCH:
         return _SWITCH[cell]
+    plain = cell.translate(MINUS)
+    if plain != cell:
+        return number(plain, what, switch)
     raise RecordError(f"{what} is {text[:60]!r}, no number")
 
 
