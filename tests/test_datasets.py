@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from thermocorr import RecordWarning
 from thermocorr.datasets import (
     list_real_records,
     load_real_record,
@@ -278,11 +279,12 @@ def test_folder_comes_from_the_environment(tmp_path, monkeypatch):
     text = "time,room_temp_degC,room_rh_pct,resistance_ohm\n2018-01-23T06:07:10Z,21.7,56.1,99997.9\n"
     (tmp_path / "gr1433_resistor" / "gr1433_resistor.csv").write_text(text)
     monkeypatch.setenv("THERMOCORR_RECORDS", str(tmp_path))
-    record = load_real_record("gr1433_resistor")
+    with pytest.warns(RecordWarning, match="SHA-256"):
+        record = load_real_record("gr1433_resistor")
     assert record.index[0] == pd.Timestamp("2018-01-23 06:07:10", tz="UTC")
     with pytest.raises(FileNotFoundError, match=r"holds no oldtown_soil.* found there: gr1433_resistor"):
         load_real_record("oldtown_soil")
-    with pytest.raises(ValueError, match="has no runs"):
+    with pytest.warns(RecordWarning), pytest.raises(ValueError, match="has no runs"):
         load_real_record("gr1433_resistor", run="run9")
 
 
@@ -295,7 +297,7 @@ def test_measured_record_errors(tmp_path, monkeypatch):
     with pytest.raises(FileNotFoundError, match="does not exist"):
         load_real_record("oldtown_soil", tmp_path / "nowhere")
     (tmp_path / "dmm_box_heater.csv").write_text("run,time_s,room_temp_degC\nlog10.2,5.0,23.4\n")
-    with pytest.raises(ValueError, match=r"no run 'log1'. Its runs are: log10.2"):
+    with pytest.warns(RecordWarning), pytest.raises(ValueError, match=r"no run 'log1'. Its runs are: log10.2"):
         load_real_record("dmm_box_heater", tmp_path, run="log1")
 
 
@@ -303,5 +305,6 @@ def test_list_of_measured_records():
     records = list_real_records()
     assert list(records.index) == [
         "vhd200_resistor", "hp34420a_nanovoltmeter", "oldtown_soil", "dmm_box_heater", "gr1433_resistor",
+        "groundwater_river", "groundwater_well",
     ]  # fmt: skip
     assert records[["physics", "reading", "temperature", "hidden", "license", "source"]].notna().all(axis=None)

@@ -2,7 +2,7 @@
 
 from ._devices import Device
 from ._heat import HeatStack, Layer
-from ._real import list_real_records, load_real_record
+from ._real import fetch_real_record, list_real_records, load_real_record
 from ._simulated import make_record
 from ._voltage import load_voltage_reference
 
@@ -10,6 +10,7 @@ __all__ = [
     "Device",
     "HeatStack",
     "Layer",
+    "fetch_real_record",
     "list_real_records",
     "load_real_record",
     "load_voltage_reference",
