@@ -44,6 +44,7 @@ from thermocorr import (
     diagnose,
 )
 from thermocorr.foreign import read_log
+from thermocorr.records.times import dates_once
 
 ROOT = Path(__file__).parents[1]
 PAGE, STORED = ROOT / "docs" / "performance.md", ROOT / "benchmarks" / "ratios.json"
@@ -225,7 +226,30 @@ def uncertain(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series) -> obj
 def lines(check: bool) -> list[Line]:
     """All comparisons, or the quick ones."""
     quick = [*fits(84_000, True), segments(), searches(84_000, 10, True), *others()]
-    return quick if check else [*quick, *fits(1_000_000, False), searches(1_000_000, 4, False)]
+    return quick if check else [*quick, *fits(1_000_000, False), searches(1_000_000, 4, False), long_csv()]
+
+
+def long_csv(n: int = 3_000_000) -> Line:
+    """A long log with dates, read by us and by pyarrow in one thread."""
+    from pyarrow import csv
+
+    path, rng = Path(tempfile.mkdtemp()) / "log.csv", np.random.default_rng(0)
+    dates = pd.date_range("2024-03-04", periods=n, freq="1s")
+    values = {"temperature": 23 + 1e-3 * np.cumsum(rng.standard_normal(n)), "reading": rng.standard_normal(n)}
+    pd.DataFrame({"time": dates, **values}).to_csv(path, index=False)
+
+    def ours() -> object:
+        frame = read_log(path).frame
+        return frame.assign(time=dates_once(frame["time"]))
+
+    one_thread = csv.ReadOptions(use_threads=False)
+    return Line(
+        "read CSV and its dates, 3 000 000 rows",
+        "pyarrow, one thread",
+        ours,
+        lambda: csv.read_csv(path, read_options=one_thread).to_pandas(),
+        3,
+    )
 
 
 def ratio(line: Line) -> float:
