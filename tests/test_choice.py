@@ -19,7 +19,7 @@ from thermocorr.effects import (
     Step,
 )
 from thermocorr.judgement.causes import Search
-from thermocorr.judgement.choice import Tried, chosen, still_sought
+from thermocorr.judgement.choice import Tried, chosen, plainer_than, still_sought
 from thermocorr.judgement.pool import Explanation
 from thermocorr.judgement.worth import Worth
 
@@ -177,3 +177,14 @@ def test_what_is_needed_no_more_when_another_goes_goes_too():
         return 30.0 * (2 in kept) + (4.0 if {0, 1} <= set(kept) else 2.0 * (0 in kept) - 20.0 * (1 in kept))
 
     assert needed(found, level_with) == [found[2]]
+
+
+def test_a_column_that_is_added_comes_before_a_product_that_says_the_same():
+    """A product with one column, and a column that helps nearly as much and is not told apart from it."""
+    product = tried(LaggedModulation(slow="meter", time_constant="6 min"), 9.0, 2.8, 6.0)
+    room, weak = tried(LaggedCovariate("room", ["1 h"]), 6.0, 2.4, 5.0), tried(Covariate("meter"), 8.0, 1.0, 3.6)
+    assert plainer_than(product, [room, weak]) is room
+    assert plainer_than(product, [weak]) is None
+    assert plainer_than(product, [tried(Interaction("meter"), 8.9, 2.8, 6.0)]) is None
+    assert plainer_than(room, [weak]) is None  # nothing to be made plainer
+    assert plainer_than(tried(LagProducts(["1 h"]), 9.0, 2.8, 6.0), [room]) is None  # of the temperature alone

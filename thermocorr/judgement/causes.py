@@ -18,7 +18,7 @@ from scipy.special import chdtrc
 from ..effects import Delay, Periodic
 from ..effects.grids import longest_segment
 from .anywhere import best_period, filtered
-from .choice import WAVE, Cause, Tried, chosen, first_of_each, still_sought
+from .choice import WAVE, Cause, Tried, chosen, first_of_each, plainer_than, still_sought
 from .dated import DATED, MANY, dated, tries
 from .imitations import Imitations
 from .levels import (
@@ -107,7 +107,10 @@ class Search:
             best = self.imitations.behind(best, rivals, found, self.left)
             if best.proven:  # else the likelihood has nothing to say on its parameters
                 best = (self._tuned([best], FINER) or [best])[0]
-            same = [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
+            same = self._same(best, rivals)
+            plainer = plainer_than(best, same)
+            if plainer is not None:
+                best, same = plainer, [t for t in self._same(plainer, [*rivals, best]) if t is not plainer]
             alike, others = first_of_each(same), [t for t in tried if t.key != best.key]
             self._keep_only({best.number, *(t.number for t in (*first_of_each(tried), *alike))})
             found.append(self._taken_in(best, alike, others))
@@ -123,6 +126,10 @@ class Search:
     def left(self) -> float:
         """Standard deviation of the structure that is left, in the unit of the reading."""
         return self.judged.unit * float(np.sqrt(max(self.judged.unexplained() - self.judged.innovation, 0.0)))
+
+    def _same(self, best: Tried, rivals: Sequence[Tried]) -> list[Tried]:
+        """Rivals that say what the best one says."""
+        return [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
 
     def _likelier(self, best: Tried, rivals: Sequence[Tried], own: Sequence[Tried]) -> Tried:
         """Best proven rival that is likelier than every explanation of the kind and helps half as much; or `best`."""
