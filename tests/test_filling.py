@@ -290,3 +290,22 @@ def test_a_hole_ends_the_segment(rule, tmp_path):
     again = load_model(tmp_path / "model.json")
     pd.testing.assert_series_equal(again.correct(later, readings), model.correct(later, readings))
     assert_live_is_whole(again, later, readings, (50,))
+
+
+@pytest.mark.parametrize("size", [1, 50, 600])
+def test_a_damaged_date_behind_a_hole_that_ended_a_segment_begins_none(size):
+    X, y, _ = late_humidity(37)
+    model = DynamicBiasRegressor(
+        "case", [600.0], effects=[Covariate("humidity")], fill={"humidity": "end"}, washout=1200.0
+    ).fit(X[:5000], y[:5000])
+    later, readings = X[5000:5600].copy(), y[5000:5600]
+    later.iloc[100:110, 1] = np.nan
+    good = np.delete(np.arange(600), 300)
+    whole = model.evaluate(later.iloc[good], readings.iloc[good])
+    times = later.index.to_series().to_numpy().copy()
+    times[300] += np.timedelta64(30, "D")
+    damaged, live = later.set_index(pd.TimedeltaIndex(times)), OnlineCorrector(model)
+    parts = [live.update_many(damaged[at : at + size], readings[at : at + size]) for at in range(0, 600, size)]
+    shown = pd.concat(parts).iloc[good]
+    assert (shown["flag"] == "washout").sum() == (whole["flag"] == "washout").sum() == 20
+    assert np.nanmax(np.abs(shown["corrected"].to_numpy() - whole["corrected"].to_numpy())) < 1e-9

@@ -104,6 +104,7 @@ class Stream:
             key=key,
             segment_zero=zero,
             states=states,
+            n_ended=int(self._n_ended),
             filled_to=filled_to,
             filled_run=filled_run,
             filling=filling,
@@ -113,9 +114,10 @@ class Stream:
     def put(self, state: StreamState) -> None:
         """Go on where `state` was taken."""
         self.last, self._run, self._seen = state.last, state.run, list(state.seen)
-        self._open, self._until, self._n_ended = state.open, -math.inf, 0
+        self._open, self._until, self._n_ended = state.open, -math.inf, state.n_ended
         if self.filling is not None:
             self.filling.put(state.filled_to, state.filled_run, state.filling)
+            self.filling.n_ended = max(self.filling.n_ended, state.n_ended)
         self._behind_gap: Felt = tuple(
             None if each is None else np.reshape(each, 2 * [len(law.weights)])
             for each, law in zip(state.behind_gap, self.gap_error.laws, strict=False)

@@ -37,12 +37,13 @@ class LiveFilling:
         self.law = model.filling_error()
         self.max_gap = np.inf if self.history.max_gap is None else self.history.max_gap
         self.ranges = [(one.column, *one.range) for one in self.filling.stand_ins]
+        self.n_ended = 0
         self.put(None, None, ())
 
     def put(self, last: Any, run: Any, remembered: Numbers) -> None:
         """Go on where `remembered` was taken, after a sample of this time and run."""
         self._pending: list[tuple[Any, dict[Any, float]]] = []
-        self.last, self.run, self.n_ended = last, run, 0
+        self.last, self.run = last, run
         n = len(self.filling.stand_ins)
         self._states = [np.array(each) for each in remembered[:n]] or None
         sizes = [len(law.weights) + 1 for law in self.law.laws]

@@ -54,6 +54,8 @@ class StreamState:
     """State of each effect, where a segment goes on."""
     filling: tuple[tuple[float, ...], ...] = ()
     """What `LiveFilling.state` says; none before the first sample."""
+    n_ended: int = 0
+    """How many segments holes had ended when its last sample came."""
     filled_to: Any = None
     """Stamp of the last sample that it has seen."""
     filled_run: Any = None
@@ -115,7 +117,7 @@ def to_json(
 
 
 _FIELDS = ("format", "model", "continues", "average", "track", "next_row", "placed", "state", "doubt")
-_OLDER: dict[str, Any] = {"filling": [], "filled_to": None, "filled_run": None, "behind_gap": []}
+_OLDER: dict[str, Any] = {"filling": [], "filled_to": None, "filled_run": None, "behind_gap": [], "n_ended": 0}
 """What states of earlier versions lack."""
 _STATE_FIELDS = tuple(name for name in StreamState.__dataclass_fields__ if name not in _OLDER)
 
@@ -158,6 +160,7 @@ def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
             for effect, inner in zip(effects, state.states, strict=False)
         ],
         "filling": [[None if math.isnan(value) else value for value in each] for each in state.filling],
+        "n_ended": state.n_ended,
         "filled_to": state.filled_to,
         "filled_run": pack(state.filled_run, "the label of the run"),
         "behind_gap": [None if each is None else list(each) for each in state.behind_gap],
@@ -201,6 +204,7 @@ def _unpacked(
         key=None if node["key"] is None else integer(node["key"], f"{where}.key", 0, segments - 1),
         segment_zero=stamp("segment_zero") if is_open else 0,
         states=tuple(states),
+        n_ended=counted(node["n_ended"], f"{where}.n_ended"),
         filling=_filling(node["filling"], f"{where}.filling", model),
         filled_to=None if node["filled_to"] is None else stamp("filled_to"),
         filled_run=label(unpack(node["filled_run"], f"{where}.filled_run"), f"{where}.filled_run"),
