@@ -82,15 +82,15 @@ def test_a_column_that_does_harm_on_what_was_not_learned_from_is_not_accused():
 
 @pytest.mark.parametrize(("score", "scatter", "named"), [(20.0, 0.6, True), (11.0, 0.6, False), (35.0, 1.8, False)])
 def test_a_column_that_does_harm_is_accused_where_its_evidence_is_strong_and_even(score, scatter, named):
-    """A slow column may spoil forecasts though it is the cause; a product with one has no such leave."""
+    """A slow column may spoil forecasts though it is the cause."""
     assert (best_of(tried(Covariate("pressure"), score, -3.2, -3.1, scatter=scatter)) is not None) == named
-    assert best_of(tried(Interaction("pressure"), score, -3.2, -3.1, scatter=scatter)) is None
 
 
 def test_a_product_that_is_worth_nothing_on_what_was_not_learned_from_is_not_accused():
     """Beside a pumping well, recharge times the stage of a far river was proven, and worth nothing on either."""
     assert best_of(tried(Interaction("pressure"), 11.0, -0.01, -0.2)) is None
     assert best_of(tried(Interaction("pressure"), 11.0, -0.01, 0.2)) == "interaction"
+    assert best_of(tried(Interaction("pressure"), 20.0, -0.01, -0.2)) == "interaction"  # strong evidence
     assert best_of(tried(LagProducts(["1 h"]), 11.0, -0.01, -0.2)) == "lag_products"
 
 

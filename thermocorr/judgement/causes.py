@@ -19,6 +19,7 @@ from ..effects import Delay, Periodic
 from ..effects.grids import longest_segment
 from .anywhere import best_period, filtered
 from .choice import WAVE, Cause, Tried, chosen, first_of_each, plainer_than, still_sought
+from .copies import inflation
 from .dated import DATED, MANY, dated, tries
 from .imitations import Imitations
 from .levels import (
@@ -30,6 +31,7 @@ from .levels import (
     FINER,
     GAIN,
     HALF,
+    INFLATION,
     LEAST,
     LEAST_STRUCTURE,
     LEVEL,
@@ -100,11 +102,9 @@ class Search:
         while True:
             steps = sum(cause.tried.key in MANY for cause in found)
             tried = still_sought(self.believed(self.look(), found), found, steps)
-            best, rivals = chosen(tried, self.by_chance)
+            tried, best, rivals = self._choice(tried, found)
             if best is None or len(found) - steps == MOST:
                 return self._needed(found), tried
-            best = self._likelier(best, rivals, [t for t in tried if t.key == best.key])
-            best = self.imitations.behind(best, rivals, found, self.left)
             if best.proven:  # else the likelihood has nothing to say on its parameters
                 best = (self._tuned([best], FINER) or [best])[0]
             same = self._same(best, rivals)
@@ -117,6 +117,34 @@ class Search:
             if best.key in MANY:
                 least = max((t.score for t in others if t.key not in MANY), default=0.0)
                 found += self._further_steps(MOST_STEPS - steps - 1, least)
+
+    def _choice(self, tried: Sequence[Tried], found: Sequence[Cause]) -> tuple[list[Tried], Tried | None, list[Tried]]:
+        """What was tried, the best, or none, and its rivals.
+
+        A recorded column is compared with copies of it moved in time before it is chosen.
+        """
+        tried, compared = list(tried), set()
+        while True:
+            best, rivals = chosen(tried, self.by_chance)
+            if best is None:
+                return tried, None, []
+            best = self._likelier(best, rivals, [t for t in tried if t.key == best.key])
+            best = self.imitations.behind(best, rivals, found, self.left)
+            if best.key[1] is None or best.key in compared:
+                return tried, best, rivals
+            compared.add(best.key)
+            excess = inflation(self.pool, self.judged, best.number, best.explanation.effect) / INFLATION
+            if excess > 1:
+                tried = [self._divided(t, excess) if t.key == best.key else t for t in tried]
+                tried.sort(key=lambda t: -t.score)
+
+    def _divided(self, t: Tried, excess: float) -> Tried:
+        """An explanation whose evidence counts less: copies of its column explain more than noise gives them."""
+        price = self.price(t.number)
+        gain, full = (t.score + price) / excess, (t.full + price) / excess
+        chance = self._p_value(gain, t.number)
+        copied = t.copied or chance > LEVEL >= t.p_value
+        return replace(t, score=gain - price, full=full - price, p_value=chance, copied=copied)
 
     def believed(self, tried: Sequence[Tried], found: Sequence[Cause]) -> Sequence[Tried]:
         """What was tried, less what may be traces of the thermometers' errors where these are as large."""
@@ -162,7 +190,11 @@ class Search:
         return found
 
     def _needed(self, found: list[Cause]) -> list[Cause]:
-        """The causes that are not made superfluous by later ones (a backward check)."""
+        """The causes that are not made superfluous by later ones (a backward check).
+
+        Slow lags of the model that only help make no proven cause superfluous: the likelihood does not speak for them.
+        """
+        found = [cause for cause in found if cause.tried.proven or not cause.tried.explanation.in_model]
         if len(found) < 2:
             return found
         kept = list(range(len(found)))

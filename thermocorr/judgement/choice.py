@@ -33,6 +33,8 @@ class Tried:
     """How unevenly its evidence lies over the record, 1 as noise would have it; 0 where that does not matter."""
     uneven: bool
     """Whether the likelihood alone would prove it, but a few stretches of time decide."""
+    copied: bool = False
+    """Whether it would be proven, but copies of its column moved in time explain nearly as much."""
 
     @property
     def proven(self) -> bool:
@@ -94,7 +96,7 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
     What is proven comes before what only helps; of what is proven, what helps on later data comes first. Among what
     helps nearly as much the likelihood decides. A recorded column that does harm on later stretches and on held-out
     blocks alike is accused only where its evidence is strong and even, lest the noise is not what it is thought to be;
-    a product with a column that is worth nothing on either never is.
+    a product with a column that is worth nothing on either, where it is strong.
     """
     proven = [t for t in tried if t.proven and not _harms(t)]
     helpful = [t for t in proven if t.worth.both >= GAIN]
@@ -143,7 +145,7 @@ def _harms(t: Tried) -> bool:
     if t.key[1] is None or max(t.worth.later, t.worth.blocks) >= 0:
         return False
     if t.explanation.effect.is_product:
-        return True
+        return t.score < STRONG
     return t.worth.mean <= -GAIN and not t.sure
 
 

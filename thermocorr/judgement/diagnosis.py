@@ -106,8 +106,9 @@ def _conclude(
 ) -> Diagnosis:
     """Verdict, causes and other suspects, and what is left."""
     residual, rms = residuals_of(model, read, search.pool.record)
-    uneven = first_of_each([tried for tried in last if tried.uneven])
-    rest = what_is_left(search.pool, search.judged, [effect_text(tried.explanation.effect) for tried in uneven])
+    doubts = [[tried for tried in last if tried.uneven], [tried for tried in last if tried.copied]]
+    labels = [[effect_text(tried.explanation.effect) for tried in first_of_each(doubt)] for doubt in doubts]
+    rest = what_is_left(search.pool, search.judged, *labels)
     floor = rms if search.pool.rows.exact else min(rest.floor, rms)
     moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, causes)]
     found = as_one([_cause(cause, when) for cause, when in zip(causes, moments, strict=True)], search.pool.record)

@@ -31,6 +31,9 @@ class Left:
     """Variance over innovation variance: 1 for white noise."""
     uneven: tuple[str, ...]
     """Labels of effects that a few stretches of the record follow, and the rest does not."""
+    copied: tuple[str, ...]
+    """Labels of effects of recorded columns that what is left follows hardly better than it follows copies of these
+    columns moved in time: a few slow swings."""
     spikes: tuple[float, ...]
     """Times since the record began at which readings jump far out of the noise [s], at most ten: left out."""
     thermometers: pd.DataFrame = field(compare=False)
@@ -55,8 +58,8 @@ class Left:
         return (self.structured and not self.of_thermometers) or bool(self.uneven)
 
 
-def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = ()) -> Left:
-    """Describe the noise beside the last base, and name what is `uneven`."""
+def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = (), copied: Sequence[str] = ()) -> Left:
+    """Describe the noise beside the last base, and name what is `uneven`, or `copied`."""
     theta, counts = judged.base.theta, float(np.median(pool.data.counts))
     innovation = judged.innovation
     total = float(np.average(judged.S(theta), weights=judged.bands.sizes))  # slow parts have not had their time
@@ -75,6 +78,7 @@ def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = ()) -> 
         correlation_time=float(np.exp(np.average(np.log(times), weights=theta[1:]))) if structured else 0.0,
         colour=total / innovation,
         uneven=tuple(uneven),
+        copied=tuple(copied),
         spikes=_spikes(pool),
         thermometers=pool.thermometers if structured else pd.DataFrame(),
         smallest_drift=judged.smallest(drift, PROVABLE),

@@ -181,6 +181,15 @@ class Comparison:
         fits = self._fits(tried, [start for _ in which for start in (self.base.theta, quiet)], TURNS)
         return [max(pair, key=lambda fit: fit.level) for pair in zip(fits[::2], fits[1::2], strict=True)]
 
+    def gained_beside(self, i: int, columns: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Log likelihood that columns, each of shape (n, k), gain where an explanation is in the base; their widths."""
+        other = copy(self)
+        other.causes, other.explanations = list(self.causes), [self.explanations[i]]
+        other.add(columns)
+        other.adopt(0)
+        which = range(1, len(columns) + 1)
+        return other.screen(other.base.theta)[1:], np.array([other.width(k) for k in which])
+
     def level_with(self, kept: Sequence[int]) -> float:
         """Log likelihood of the base with some of the adopted explanations only, the noise estimated anew."""
         dropped = [cause for k, cause in enumerate(self.causes) if k not in kept]

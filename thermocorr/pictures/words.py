@@ -176,6 +176,11 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
             f"A few stretches of the record follow {', '.join(left.uneven[:3])}; the rest does not. A short "
             "disturbance, or an effect that comes and goes: look at these stretches alone."
         )
+    if left.copied and not VERDICTS[verdict].calm:
+        said.append(
+            f"What is left goes with {', '.join(left.copied[:3])}, and nearly as well with copies of it moved in time: "
+            "a few slow swings prove nothing. A longer record would tell."
+        )
     if left.spikes:
         said.append(
             f"{'At least ' if len(left.spikes) == MANY_SPIKES else ''}"

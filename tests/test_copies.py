@@ -1,0 +1,86 @@
+"""Columns are not accused for a few slow swings: copies of them moved in time explain as much of what is no effect."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr.datasets import make_record
+from thermocorr.effects import Covariate, Interaction, LaggedCovariate
+from thermocorr.judgement.causes import Search
+from thermocorr.judgement.choice import Tried
+from thermocorr.judgement.copies import moved
+from thermocorr.judgement.levels import COPIES
+from thermocorr.judgement.pool import Explanation
+from thermocorr.judgement.worth import Worth
+from thermocorr.records import read_record
+from thermocorr.records.read import Layout
+
+
+def swinging(n, seed):
+    """A random walk: a column that has nothing to do with the record."""
+    return np.cumsum(np.random.default_rng(seed).standard_normal(n)) / np.sqrt(n)
+
+
+def a_record(seed, n=4000):
+    """A device without a hidden effect, and three columns that swing slowly."""
+    record = make_record(n, seed=seed, effects={})
+    X = record.drop(columns="reading")
+    return X.assign(**{f"c{k}": swinging(n, 100 * seed + k) for k in range(3)}), record["reading"]
+
+
+def slower_and_faster(n, size):
+    """A swing that grows faster and larger: no noise, no effect, and no wave."""
+    share = np.linspace(0, 1, n)
+    return size * np.sin(40 * share**2) * np.exp(-(((share - 0.5) / 0.3) ** 2)) * (1 + 3 * share)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 5])
+def test_no_column_is_accused_of_structure_that_its_copies_explain_as_well(seed):
+    X, y = a_record(seed)
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y + slower_and_faster(len(y), 0.3 * y.std()))
+    assert not [cause.label for cause in found.causes if cause.effect.inputs()]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_what_the_copies_explained_is_said(seed):
+    X, y = a_record(seed)
+    y = y + slower_and_faster(len(y), 0.3 * y.std())
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert found.left.copied and f"goes with {found.left.copied[0]}, and nearly as well with copies" in str(found)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_a_slow_column_that_is_the_cause_is_named(seed):
+    X, y = a_record(seed)
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y + 0.5 * X["c0"]), X, y + 0.5 * X["c0"])
+    assert found.causes[0].effect.inputs() == ["c0"] and not found.left.copied
+
+
+def test_copies_hold_the_same_values_at_other_times():
+    X, y = a_record(0, 500)
+    record = read_record(X, Layout(temperature="temperature"), y=y.to_numpy(), needed=list(X.columns))
+    copies = list(moved(record, Interaction("c1")))
+    columns = [np.asarray(copy.columns["c1"]) for copy in copies]
+    assert len(columns) == COPIES and len({tuple(column) for column in columns}) == COPIES
+    for copy, column in zip(copies, columns, strict=True):
+        np.testing.assert_array_equal(np.sort(column), np.sort(X["c1"]))
+        assert not np.isclose(column, X["c1"]).mean() > 0.5
+        np.testing.assert_array_equal(copy.columns["temperature"], X["temperature"])
+        np.testing.assert_array_equal(copy.columns["c0"], X["c0"])
+
+
+@pytest.mark.parametrize("effect", [Covariate("c1"), LaggedCovariate("c1", ["1 h"])])
+def test_evidence_is_divided_by_what_the_copies_gain(effect):
+    search = object.__new__(Search)
+    search.price = lambda number: 5.0
+    search._p_value = lambda gain, number: float(np.exp(-gain))
+    before = Tried(
+        explanation=Explanation(effect, np.zeros((3, 1))), number=0, score=25.0, full=35.0, p_value=1e-9,
+        worth=Worth(later=1.0, blocks=1.0), scatter=3.0, uneven=False,
+    )  # fmt: skip
+    after = search._divided(before, 5.0)
+    assert (after.score, after.full) == (1.0, 3.0) and after.copied and not after.proven
+    assert after.worth == before.worth and after.key == before.key
+    assert not search._divided(before, 1.5).copied
