@@ -7,11 +7,11 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.effects import Covariate, Interaction, LaggedCovariate
+from thermocorr.effects import Covariate, Interaction
 from thermocorr.judgement.causes import Search
 from thermocorr.judgement.choice import Tried
-from thermocorr.judgement.copies import moved
-from thermocorr.judgement.levels import COPIES
+from thermocorr.judgement.copies import Copies, moved
+from thermocorr.judgement.levels import COPIES, INFLATION
 from thermocorr.judgement.pool import Explanation
 from thermocorr.judgement.worth import Worth
 from thermocorr.records import read_record
@@ -71,16 +71,28 @@ def test_copies_hold_the_same_values_at_other_times():
         np.testing.assert_array_equal(copy.columns["c0"], X["c0"])
 
 
-@pytest.mark.parametrize("effect", [Covariate("c1"), LaggedCovariate("c1", ["1 h"])])
-def test_evidence_is_divided_by_what_the_copies_gain(effect):
+def weighed(inflation, helped, later=3.0, blocks=2.0):
+    """A column's evidence beside copies that gain, and help, so much."""
+    before = Tried(
+        explanation=Explanation(Covariate("c1"), np.zeros((3, 1))), number=0, score=25.0, full=35.0, p_value=1e-9,
+        worth=Worth(later=later, blocks=blocks), scatter=3.0, uneven=False,
+    )  # fmt: skip
     search = object.__new__(Search)
     search.price = lambda number: 5.0
     search._p_value = lambda gain, number: float(np.exp(-gain))
-    before = Tried(
-        explanation=Explanation(effect, np.zeros((3, 1))), number=0, score=25.0, full=35.0, p_value=1e-9,
-        worth=Worth(later=1.0, blocks=1.0), scatter=3.0, uneven=False,
-    )  # fmt: skip
-    after = search._divided(before, 5.0)
-    assert (after.score, after.full) == (1.0, 3.0) and after.copied and not after.proven
-    assert after.worth == before.worth and after.key == before.key
-    assert not search._divided(before, 1.5).copied
+    search.copies = {before.key: Copies(inflation=inflation, help=helped)}
+    return search._beside_copies(before)
+
+
+def test_evidence_is_divided_by_what_the_copies_gain():
+    after = weighed(5 * INFLATION, 1.9)
+    assert (after.score, after.full) == (1.0, 3.0) and after.copied and not after.named
+    assert weighed(INFLATION, 1.9).proven and weighed(1.2 * INFLATION, 1.9).proven
+    assert not weighed(1.2 * INFLATION, 1.9).copied
+
+
+def test_a_column_that_helps_more_than_its_copies_is_a_cause_and_not_proven():
+    after = weighed(5 * INFLATION, 0.9)
+    assert after.named and not after.proven and after.score == 25.0 and not after.copied
+    assert not weighed(5 * INFLATION, -3.0, later=0.9).named  # too little for a user to notice
+    assert not weighed(5 * INFLATION, 1.1).named

@@ -19,7 +19,7 @@ from ..effects import Delay, Periodic
 from ..effects.grids import longest_segment
 from .anywhere import best_period, filtered
 from .choice import WAVE, Cause, Tried, chosen, first_of_each, plainer_than, still_sought
-from .copies import inflation
+from .copies import Copies
 from .dated import DATED, MANY, dated, tries
 from .imitations import Imitations
 from .levels import (
@@ -31,7 +31,6 @@ from .levels import (
     FINER,
     GAIN,
     HALF,
-    INFLATION,
     LEAST,
     LEAST_STRUCTURE,
     LEVEL,
@@ -89,6 +88,8 @@ class Search:
         self.tests = {key: max(tests, float(size)) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
 
+        self.copies: dict[Key, Copies] = {}
+        """Copies of columns that were compared with theirs beside the present base."""
         self._best: set[int] = set()
         """Numbers of what was the best of its kind in some look, or was taken in."""
         self._chance: tuple[HeldOut, dict[Key, float], float] | None = None
@@ -123,27 +124,29 @@ class Search:
 
         A recorded column is compared with copies of it moved in time before it is chosen.
         """
-        tried, compared = list(tried), set()
+        tried = list(tried)
         while True:
             best, rivals = chosen(tried, self.by_chance)
             if best is None:
                 return tried, None, []
             best = self._likelier(best, rivals, [t for t in tried if t.key == best.key])
             best = self.imitations.behind(best, rivals, found, self.left)
-            if best.key[1] is None or best.key in compared:
+            if best.key[1] is None or best.key in self.copies:
                 return tried, best, rivals
-            compared.add(best.key)
-            excess = inflation(self.pool, self.judged, best.number, best.explanation.effect) / INFLATION
-            if excess > 1:
-                tried = [self._divided(t, excess) if t.key == best.key else t for t in tried]
-                tried.sort(key=lambda t: -t.score)
+            self.copies[best.key] = Copies.of(self.pool, self.judged, self.held, best.number, best.explanation.effect)
+            tried = sorted((self._beside_copies(t) if t.key == best.key else t for t in tried), key=lambda t: -t.score)
 
-    def _divided(self, t: Tried, excess: float) -> Tried:
-        """An explanation whose evidence counts less: copies of its column explain more than noise gives them."""
-        price = self.price(t.number)
-        gain, full = (t.score + price) / excess, (t.full + price) / excess
+    def _beside_copies(self, t: Tried) -> Tried:
+        """An explanation, its evidence divided by what copies of its column explain more than noise gives them."""
+        copies = self.copies.get(t.key)
+        if copies is None or copies.excess == 1:
+            return t
+        price, outdoes = self.price(t.number), copies.outdone_by(t.worth)
+        gain, full = (t.score + price) / copies.excess, (t.full + price) / copies.excess
         chance = self._p_value(gain, t.number)
-        copied = t.copied or chance > LEVEL >= t.p_value
+        if outdoes:
+            return replace(t, p_value=chance, outdoes=True)
+        copied = chance > LEVEL >= t.p_value
         return replace(t, score=gain - price, full=full - price, p_value=chance, copied=copied)
 
     def believed(self, tried: Sequence[Tried], found: Sequence[Cause]) -> Sequence[Tried]:
@@ -225,6 +228,7 @@ class Search:
 
     def look(self) -> list[Tried]:
         """The best of each kind and column beside the present base, best first."""
+        self.copies = {}
         self._add(self._anywhere())
         white = self.judged.only_white()
         alive = [i for i in range(len(self.tried)) if self.judged.width(i)]
@@ -316,7 +320,7 @@ class Search:
             gain / max(1.0, scatter / self._usual_scatter(i))
             for i, gain, scatter in zip(which, plain, scatters, strict=True)
         ]
-        return [
+        tried = [
             Tried(
                 explanation=self.tried[i],
                 number=i,
@@ -329,6 +333,7 @@ class Search:
             )
             for i, gain, full, scatter in zip(which, gains, plain, scatters, strict=True)
         ]
+        return [self._beside_copies(t) for t in tried]
 
     def _scatter(self, i: int, fit: Fit, gain: float) -> float:
         """How unevenly the evidence for an explanation lies over the record; 0 where it does not matter."""

@@ -35,11 +35,18 @@ class Tried:
     """Whether the likelihood alone would prove it, but a few stretches of time decide."""
     copied: bool = False
     """Whether it would be proven, but copies of its column moved in time explain nearly as much."""
+    outdoes: bool = False
+    """Whether it helps more than any of these copies, be it proven or not."""
 
     @property
     def proven(self) -> bool:
         """Whether the likelihood proves it."""
         return self.p_value <= LEVEL and self.score > 0
+
+    @property
+    def named(self) -> bool:
+        """Whether it can be a cause whatever else is proven."""
+        return self.proven or (self.outdoes and self.score > 0)
 
     @property
     def sure(self) -> bool:
@@ -98,7 +105,7 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
     blocks alike is accused only where its evidence is strong and even, lest the noise is not what it is thought to be;
     a product with a column that is worth nothing on either, where it is strong.
     """
-    proven = [t for t in tried if t.proven and not _harms(t)]
+    proven = [t for t in tried if t.named and not _harms(t)]
     helpful = [t for t in proven if t.worth.both >= GAIN]
     if not proven:
         helpful = [t for t in tried if t.worth.both >= _enough(t) and _spoken_for(t) and not by_chance(t)]

@@ -5,13 +5,14 @@ the column, too, moved in time and turned round, beside the effect itself. What 
 such swings gain of a record that has nothing to do with them: half a unit for each column where the noise is as it
 seems, and ten times as much where the record has structure that no cause explains. Evidence is divided by it, as
 geneticists do where relatives are taken for strangers (genomic control: Devlin & Roeder, Biometrics 55, 1999; series
-that are correlated with themselves: Ebisuzaki, Journal of Climate 10, 1997).
+that are correlated with themselves: Ebisuzaki, Journal of Climate 10, 1997). What helps more on data that were not
+learned from than any copy does is still a cause, though not a proven one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from sklearn.base import clone
@@ -20,33 +21,44 @@ from ..effects.protocol import Effect
 from ..records import Record
 from ..records.thinned import Thinned
 from .blocks import averaged
-from .levels import COPIES, FINE, LEAST_MOVED
+from .levels import COPIES, FINE, GAIN, INFLATION, LEAST_MOVED, OUTDONE
 from .likelihood import Comparison
 from .pool import Pool
+from .worth import HeldOut, Worth
 
 GOLDEN = (5**0.5 - 1) / 2
 """Shares of the record, multiples of which are spread evenly and meet no period."""
 
 
-def inflation(pool: Pool, judged: Comparison, number: int, effect: Effect) -> float:
-    """What copies of an effect's columns gain beside it, over what noise that is as it seems would give them.
+@dataclass(frozen=True, kw_only=True)
+class Copies:
+    """What copies of an effect's columns make of a record, beside the effect itself."""
 
-    Parameters
-    ----------
-    pool : Pool
-    judged : Comparison
-    number : int
-        Of the effect, among the explanations of the comparison.
-    effect : Effect
-        Of recorded columns.
-    """
-    columns = []
-    for record in moved(pool.record, effect):
-        copied = clone(effect)
-        copied.learn(record)
-        columns.append(pool.rows.weighed(averaged(record, [copied], FINE).columns[0]))
-    gains, widths = judged.gained_beside(number, columns)
-    return float(2 * gains.sum() / max(widths.sum(), 1))
+    inflation: float
+    """Their gain in log likelihood over what noise that is as it seems would give them."""
+    help: float
+    """The most that one of them helps, on later stretches and on held-out blocks alike [dB]."""
+
+    @classmethod
+    def of(cls, pool: Pool, judged: Comparison, held: HeldOut, number: int, effect: Effect) -> Copies:
+        """Copies of an effect of recorded columns; `number` is its own among the explanations of the comparison."""
+        columns = []
+        for record in moved(pool.record, effect):
+            copied = clone(effect)
+            copied.learn(record)
+            columns.append(pool.rows.weighed(averaged(record, [copied], FINE).columns[0]))
+        gains, widths = judged.gained_beside(number, columns)
+        helped = max(worth.both for worth in held.worth([pool.coarse(part) for part in columns]))
+        return cls(inflation=float(2 * gains.sum() / max(widths.sum(), 1)), help=helped)
+
+    @property
+    def excess(self) -> float:
+        """What evidence is divided by."""
+        return max(1.0, self.inflation / INFLATION)
+
+    def outdone_by(self, worth: Worth) -> bool:
+        """Whether data that were not learned from tell the effect from its copies."""
+        return worth.both >= max(GAIN, OUTDONE * self.help)
 
 
 def moved(record: Record, effect: Effect) -> Iterator[Record]:

@@ -112,6 +112,10 @@ OF_PRODUCTS = 1.0
 """Products with a recorded column are given no such allowance (`SCATTER`): there are more of them than of anything
 else, and lagged modulations were what was named of other places on soil, with scatters around 7. Given to all recorded
 columns alike, the current of a heater was no longer named, whose evidence scatters, too."""
+OUTDONE = 2.0
+"""Help over the most that a copy helps, from which a column that helps by `GAIN` is told from its copies. A heater,
+snow and the moisture of soil help 3 to 20 times as much as their copies; columns of other places do harm, or help
+less."""
 COPIES = 39
 """Copies of a recorded column, moved in time, whose evidence is compared with its own."""
 LEAST_MOVED = 0.05
