@@ -23,7 +23,6 @@ from scipy.signal import lfilter
 
 from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.judgement.levels import THERMAL
 
 TUNING_SEEDS = range(5000, 5100)
 Noise = Callable[[np.random.Generator, int, pd.DataFrame], np.ndarray]
@@ -91,13 +90,13 @@ def judged(kind: str, seed: int, n: int, setting: str) -> dict[str, object]:
     began = time.process_time()
     found = diagnose(model, X, y)
     lacking = bool(misfit.std() > 0.14 * 0.2)  # lags that the noise has spoiled: what is said of them is true
-    causes = [cause for cause in found.causes if not (lacking and cause.effect.kind in THERMAL)]
+    causes = [cause for cause in found.causes if not (lacking and cause.effect.thermal_rank)]
     return {
         "kind": kind,
         "accused": bool(causes),
         "lags found wanting": len(found.causes) > len(causes),
         "nothing": found.verdict == "nothing missing",
-        "p": min((s.p_value for s in found.suspects if not (lacking and s.effect.kind in THERMAL)), default=1.0),
+        "p": min((s.p_value for s in found.suspects if not (lacking and s.effect.thermal_rank)), default=1.0),
         "who": ", ".join(f"{s.label} ({s.standing})" for s in causes),
         "seconds": time.process_time() - began,
     }

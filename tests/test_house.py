@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import thermocorr
+from thermocorr.effects import CATALOGUE
 
 PACKAGE = Path(thermocorr.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
@@ -321,3 +322,29 @@ def test_thresholds_of_the_judgement_stand_in_one_file(path):
 
 def test_the_reader_of_thresholds_sees_them():
     assert [name for _, name in thresholds(ast.parse("A = 1\nB = 2.0, 3\nC = 'x'\nD = f(1)\n"))] == ["A", "B"]
+
+
+WORDS = {"delay", "drift", "events", "lead", "rate", "step"}
+"""Kinds that are words of other things as well: an aspect, a column of a table."""
+OWN_WORDS = {"effects", "datasets"}
+"""Rooms that may call kinds by name: their own, and that which plants them by formulas of its own."""
+
+
+def kinds_by_name(tree):
+    """(line, kind) of every text that is the kind of an effect."""
+    kinds = {*CATALOGUE} - WORDS
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in kinds:
+            yield node.lineno, node.value
+
+
+@pytest.mark.parametrize("path", [p for p in FILES if room(module_of(p)) not in OWN_WORDS], ids=module_of)
+def test_kinds_of_effects_are_classes_outside_their_room(path):
+    found = {kind for _, kind in kinds_by_name(parsed(path))}
+    if path.name == "model_file.py":  # as files of version 5 have it
+        found -= {"lag_products"}
+    assert not found, f"{path}: ask the class, or an attribute of it, not for {found}"
+
+
+def test_the_reader_of_kinds_sees_them():
+    assert list(kinds_by_name(ast.parse("a = kind in ('hysteresis', 'step')"))) == [(1, "hysteresis")]

@@ -41,6 +41,7 @@ class Lead(Effect):
     """
 
     kind = "lead"
+    thermal_rank = 5
     foresees = True
     instead = (
         "Hold each reading back until its temperature has come (shift the column, then fit without the effect), or "

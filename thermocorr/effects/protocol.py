@@ -78,6 +78,11 @@ class Effect(BaseEstimator):
     """True for what looks at later samples: a record has them, a stream and a device do not, nor a part of a record."""
     instead: ClassVar[str] = ""
     """What to do where there are no later samples, for kinds that look at them."""
+    thermal_rank: ClassVar[int] = 0
+    """Place among the kinds that a better thermal part, or thermometer, could do without, the most usual one 1; 0 for
+    all others."""
+    of_thermometer: ClassVar[bool] = False
+    """True for what a finer thermometer could do without."""
     tried: ClassVar[bool] = True
     """False for what a diagnosis does not try as such: what somebody knows, or what it puts together from others."""
     removed_by_correct: bool = True

@@ -32,6 +32,7 @@ class Rate(Effect):
     """
 
     kind = "rate"
+    thermal_rank = 3
     learned = {"time_constant_": "positive or None"}
     info = EffectInfo(
         physics="Gradients inside the instrument, and the thermo-electric voltages they make, follow the rate of "
@@ -90,6 +91,7 @@ class Delay(Effect):
     """
 
     kind = "delay"
+    thermal_rank = 2
     learned = {"delay_": "positive"}
     info = EffectInfo(
         physics="Air, water or a heat front takes a fixed time from the thermometer to the device.",

@@ -138,6 +138,7 @@ class ThermalLag(Effect):
     """
 
     kind = "thermal_lag"
+    thermal_rank = 1
     learned = {"time_constants_": "times", "reference_temperature_": "temperature"}
     info = EffectInfo(
         physics="A part of the device follows the ambient temperature later (or earlier) than the model allows.",

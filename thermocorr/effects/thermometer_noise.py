@@ -45,6 +45,8 @@ class ThermometerNoise(Effect):
     """
 
     kind = "thermometer_noise"
+    thermal_rank = 4
+    of_thermometer = True
     foresees = True
     instead = "Fit without it, and give each row the mean of several readings of the thermometer, or take a finer one."
     learned = {"span_": "positive"}

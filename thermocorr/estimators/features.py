@@ -300,20 +300,20 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
 
     def _thermal_part(self) -> list[tuple[str, Effect]]:
         parts: list[tuple[str, Effect]] = [
-            ("static_polynomial", StaticPolynomial(self.degree, self.reference_temperature))
+            (StaticPolynomial.kind, StaticPolynomial(self.degree, self.reference_temperature))
         ]
         time_constants = self.thermometers().split(self.time_constants)[0]
         some = time_constants is not None and np.size(time_constants) > 0
         if some:
             lag = ThermalLag(time_constants, self.hold, self.initial_state, self.form, self.reference_temperature)
-            parts.append(("thermal_lag", lag))
+            parts.append((lag.kind, lag))
         of_all = self.thermometers().all_times(self.time_constants)
         if self.initial_state == "fit" and of_all:
-            parts.append(("initial_transient", InitialTransient(of_all, self.longest_decay_share)))
+            parts.append((InitialTransient.kind, InitialTransient(of_all, self.longest_decay_share)))
         if self.products and some:
             parts.append(
                 (
-                    "lag_products",
+                    LagProducts.kind,
                     LagProducts(
                         time_constants,
                         self.hold,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from ..effects import StaticPolynomial
 from ..effects.protocol import Effect
 from ..records.text import printable
 from ..records.units import difference_unit
@@ -69,7 +70,7 @@ def equation_text(
 
 def at_static(effect: Effect) -> bool:
     """Whether an effect's columns are powers of T - T0."""
-    return effect.kind == "static_polynomial"
+    return isinstance(effect, StaticPolynomial)
 
 
 def distinct(labels: Sequence[str]) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..effects import CATALOGUE, Effect
+from ..effects import CATALOGUE, Effect, TransformerEffect
 from ..effects.expressions import Delayed, Lag, Word, words_of
 from ..effects.signals import DelayState
 from ..effects.thermal import seconds_array
@@ -92,7 +92,7 @@ class EffectCodec:
 
     def pack(self, effect: Any, where: str, learned: bool) -> dict[str, Any]:
         """One effect, with what it has learned or without."""
-        if not isinstance(effect, Effect) or effect.kind == "transformer":
+        if not isinstance(effect, Effect) or isinstance(effect, TransformerEffect):
             inner = getattr(effect, "transformer", effect)
             if hasattr(inner, "transform"):
                 raise ModelFileError(

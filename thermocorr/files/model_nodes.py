@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.pipeline import Pipeline
 
+from ..effects import StaticPolynomial, ThermalLag
 from ..effects.stream import needed_columns
 from ..effects.wrap import as_effects
 from ..estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
@@ -354,10 +355,10 @@ def _check_temperature(found: object, features: DiffusiveFeatures, where: str) -
 
 def _restore_features(features: DiffusiveFeatures, node: dict[str, Any], where: str) -> None:
     effects = features.effect_list()
-    static = next((effect for effect in effects if effect.kind == "static_polynomial"), None)
+    static = next((effect for effect in effects if isinstance(effect, StaticPolynomial)), None)
     if static is None:
         raise ModelFileError(f"{where}.effects has no static polynomial, with which every model begins")
-    lags: Any = next((effect for effect in effects if effect.kind == "thermal_lag"), None)
+    lags: Any = next((effect for effect in effects if isinstance(effect, ThermalLag)), None)
     features.reference_temperature_ = static.reference_temperature_
     features.time_constants_ = np.zeros(0) if lags is None else lags.time_constants_
     further = features.thermometers().times_in(features.effects_)

@@ -7,6 +7,7 @@ import json
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
 
+from ..effects import LaggedCovariate
 from .roles import Roles
 
 Stretch = tuple[int, int]
@@ -73,7 +74,7 @@ class Arrangement:
 def _merged(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any] | None:
     """Two nodes of lags of the same column as one; None for any others."""
     first, second = ({**node.get("parameters", {}), "time_constants": None} for node in (one, other))
-    if one["kind"] != "lagged_covariate" or other["kind"] != one["kind"] or first != second:
+    if one["kind"] != LaggedCovariate.kind or other["kind"] != one["kind"] or first != second:
         return None
     times = sorted({*one["parameters"]["time_constants"], *other["parameters"]["time_constants"]})
     return {**one, "parameters": {**one["parameters"], "time_constants": times}}

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..effects import ThermalLag
 from ..effects.protocol import Effect
 from ..estimators import DynamicBiasRegressor
 from ..files.codec import fields, integer, number, text
@@ -193,7 +194,7 @@ class Bench:
         assert found is not None  # it has suspects
         added = AddedEffect.of(self.codec.pack(effect, "effect", learned=False), effect.label())
         lags: tuple[float, ...] = ()
-        if effect.kind == "thermal_lag" and len(found.model.time_constants_):
+        if isinstance(effect, ThermalLag) and len(found.model.time_constants_):
             lags = tuple(with_missing(found.model, effect).time_constants)
         self._become((*self.acts, Add(added, lags)))
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..effects import ThermalLag
 from ..effects.protocol import Effect
 from ..estimators.holdout import rms
 from ..judgement.adding import with_missing
@@ -27,7 +28,7 @@ def preview_of(found: Fitted, effect: Effect, store: Store) -> dict[str, Any]:
         curves (names in the store), before and after (rms residual of the rows that are learned from), label.
     """
     extended = with_missing(found.model, effect)
-    if effect.kind != "thermal_lag":
+    if not isinstance(effect, ThermalLag):
         extended.set_params(time_constants=found.model.fixed_time_constants())
     extended.set_params(alpha=found.model.alpha_).fit(found.data.X, found.data.learned)
     rows = store.get(found.curves["row"]).astype(int)

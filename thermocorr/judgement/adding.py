@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ..effects import LaggedCovariate
+from ..effects import LaggedCovariate, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..effects.wrap import as_effects
@@ -97,7 +97,7 @@ def _unseen(X: Any) -> float:
 def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:
     """An unfitted copy with one effect more; a missing lag of the temperature or of a column joins those there are."""
     extended: DynamicBiasRegressor = clone(model)
-    if effect.kind == "thermal_lag" and len(model.time_constants_):
+    if isinstance(effect, ThermalLag) and len(model.time_constants_):
         return extended.set_params(time_constants=_with_times(model, None, effect.time_constants))
     if (
         isinstance(effect, LaggedCovariate)

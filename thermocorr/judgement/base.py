@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from sklearn.base import clone
 
-from ..effects import StaticPolynomial, ThermalLag
+from ..effects import LagProducts, StaticPolynomial, ThermalLag
 from ..effects.grids import longest_segment
 from ..effects.protocol import Effect
 from ..estimators.regressor import DynamicBiasRegressor
@@ -33,7 +33,7 @@ class ThermalBase:
         grid = np.geomspace(FASTEST * record.usual_step(), slowest, LAGS)
         further = [clone(effect) for _, effect in model.features_.further_effects()]
         if model.products:
-            further += [clone(effect) for effect in model.features_.effect_list() if effect.kind == "lag_products"]
+            further += [clone(effect) for effect in model.features_.effect_list() if isinstance(effect, LagProducts)]
         static = StaticPolynomial(model.degree, model.reference_temperature)
         taus = np.unique(np.concatenate((grid, own[own <= slowest])))
         taus = taus[np.concatenate(([True], np.diff(np.log(taus)) > APART))]

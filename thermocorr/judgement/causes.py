@@ -40,7 +40,6 @@ from .levels import (
     OF_PRODUCTS,
     SCATTER,
     SHARES,
-    THERMAL,
     TUNED,
     USUAL,
     WITHIN,
@@ -50,7 +49,7 @@ from .pool import Explanation, Key, Pool
 from .shifts import Shifts
 from .worth import HeldOut, Worth
 
-ANYWHERE = (*DATED, "periodic", "delay")
+ANYWHERE = (*DATED, Periodic.kind, Delay.kind)
 """Kinds that are looked for at every row, at every period and at every delay of whole rows."""
 
 
@@ -81,8 +80,9 @@ class Search:
         every = {WAVE: self.judged.n, **tries(self.judged.n)}  # every row, every period
         self.sizes |= {key: size for key, size in every.items() if key[0] in anywhere}
         tests = LOOKS * sum(min(size, DIFFERENT) for size in self.sizes.values())
-        if "delay" in anywhere:
-            self.sizes["delay", None] = self.sizes.get(("delay", None), 0) + 2 * self.shifts.most  # and between rows
+        if Delay.kind in anywhere:
+            late: Key = (Delay.kind, None)
+            self.sizes[late] = self.sizes.get(late, 0) + 2 * self.shifts.most  # and between rows
         self.anywhere, self.small = anywhere, small
         self.imitations = Imitations(pool)
         self.tests = {key: max(tests, float(size)) for key, size in self.sizes.items()}
@@ -222,7 +222,7 @@ class Search:
         """
         explanation = self.tried[i]
         tests, width = self.tests.get(explanation.key, 1.0), explanation.columns.shape[1]
-        small, twice = self.small if explanation.effect.kind in THERMAL else 0.0, 2 * max(gain, 0.0)
+        small, twice = self.small if explanation.effect.thermal_rank else 0.0, 2 * max(gain, 0.0)
         chance = stats.ncx2.sf(twice, width, small) if small else chdtrc(width, twice)
         return float(min(1.0, tests * chance))
 
@@ -287,11 +287,11 @@ class Search:
         for theta in (judged.base.theta, judged.only_white()) if self.anywhere else ():
             rows = filtered(judged, theta)
             found += dated(pool, judged, theta, rows, self.anywhere)
-            if "periodic" in self.anywhere:
+            if Periodic.kind in self.anywhere:
                 most = longest_segment(self.record) / pool.spacing / 3
                 period = best_period(judged, theta, pool.place, most, rows)
                 found += [] if period is None else pool.of([Periodic(_six_digits(period * pool.spacing), 1)])
-            if "delay" in self.anywhere and self.shifts.most:
+            if Delay.kind in self.anywhere and self.shifts.most:
                 delay = pool.lapse(1 + int(self.shifts.gains(judged, theta, rows).argmax()))
                 found += pool.of([Delay(_six_digits(delay + share * pool.spacing)) for share in BETWEEN])
         return found

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..effects import Periodic
 from .dated import MANY
 from .levels import CLEAR, EVEN, GAIN, LATE, LEVEL, MOST_STEPS, MOST_WAVES, NEAR, SPEAKS, STRONG, TIE
 from .pool import Explanation, Key
 from .worth import Worth
 
-WAVE: Key = ("periodic", None)
+WAVE: Key = (Periodic.kind, None)
 
 
 @dataclass(frozen=True, kw_only=True)

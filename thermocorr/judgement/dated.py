@@ -15,15 +15,15 @@ from .likelihood import Comparison
 from .pool import Explanation, Key, Pool
 from .stretches import best_stretch
 
-DATED = ("step", "sensitivity_step", "disturbance")
+DATED = (Step.kind, SensitivityStep.kind, Disturbance.kind)
 """Kinds that are looked for at every row, not on a grid of candidates."""
-MANY: tuple[Key, ...] = (("step", None), ("disturbance", None))
+MANY: tuple[Key, ...] = ((Step.kind, None), (Disturbance.kind, None))
 """Kinds, and their columns, that may occur several times in a record."""
 
 
 def tries(n: int) -> dict[Key, int]:
     """How many different moments or stretches each kind is tried at, on a record of n rows."""
-    return {("step", None): n, ("sensitivity_step", None): n, ("disturbance", None): STRETCHES * n}
+    return {(Step.kind, None): n, (SensitivityStep.kind, None): n, (Disturbance.kind, None): STRETCHES * n}
 
 
 def dated(
@@ -34,16 +34,15 @@ def dated(
     `rows` is what `anywhere.filtered` says. Another law is left out where a step alone does as well.
     """
     found: list[Explanation] = []
-    steps = (
-        step_gains(judged, theta, pool.rows.weight, rows) if {"step", "sensitivity_step"} & {*kinds} else np.zeros(1)
-    )
-    if "step" in kinds and steps.max() > 0:
+    either = Step.kind in kinds or SensitivityStep.kind in kinds
+    steps = step_gains(judged, theta, pool.rows.weight, rows) if either else np.zeros(1)
+    if Step.kind in kinds and steps.max() > 0:
         found.append(_from(pool, Step, int(steps.argmax())))
-    if "sensitivity_step" in kinds:
+    if SensitivityStep.kind in kinds:
         changes = change_gains(judged, theta, pool.rows.weight, pool.temperature, rows)
         if changes.max() > steps.max() + 0.5 * math.log(judged.n):
             found.append(_from(pool, SensitivityStep, int(changes.argmax())))
-    if "disturbance" in kinds and (stretch := best_stretch(judged, theta, pool.rows.weight)) is not None:
+    if Disturbance.kind in kinds and (stretch := best_stretch(judged, theta, pool.rows.weight)) is not None:
         effect = Disturbance(moment(pool, stretch.start), moment(pool, stretch.stop, ends=True))
         effect.learn(pool.record)
         start, end = effect.seconds_

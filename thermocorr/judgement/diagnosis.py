@@ -12,7 +12,7 @@ from sklearn.base import clone
 from ..effects import CATALOGUE
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
-from ..estimators.verdicts import AMBIGUOUS, MISSING, NOTHING_MISSING, UNEXPLAINED
+from ..estimators.verdicts import Grounds, verdict_on
 from ..pages import PageData
 from ..pictures.words import effect_text
 from ..records import Record
@@ -115,17 +115,18 @@ def _conclude(
     named = {cause.tried.key for cause in causes}
     others = causes[0].others if causes else last
     listed = [t for t in first_of_each(others) if t.key not in named and not t.explanation.in_model]
-    if causes:
-        verdict = AMBIGUOUS if found[0].confusable_with else MISSING
-    else:  # readings that are none and were learned from spoil any model
-        spoiled = bool(search.pool.record.refused) and not model.screen
-        verdict = UNEXPLAINED if rest.unknown or spoiled else NOTHING_MISSING
+    grounds = Grounds(
+        named=bool(found),
+        ambiguous=bool(found and found[0].confusable_with),
+        structure=rest.unknown,
+        spoiled=bool(search.pool.record.refused) and not model.screen,
+    )
     ranked = [*found, *(_other(tried, search) for tried in listed[: RANKED - len(found)])]
     where, allan = where_it_fails(model, search.pool.record, residual, floor)
     beside = dict.fromkeys(ranked[0].effect.inputs() if ranked else ())
     shown = seen.columns if is_frame(seen) else range(np.shape(seen)[1])
     return Diagnosis(
-        verdict=verdict.word,
+        verdict=verdict_on(grounds).word,
         noise_floor=floor,
         explainable=float(np.clip(1 - floor**2 / rms**2, 0.0, 1.0)) if rms > 0 else 0.0,
         where=where,

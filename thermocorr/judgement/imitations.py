@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..effects import Covariate, Hysteresis
 from .choice import Cause, Tried
-from .levels import CHANGES, FOLLOWS, GAIN, NOISY, OF_THERMOMETER, PLAY, THERMAL
+from .levels import CHANGES, FOLLOWS, GAIN, OF_THERMOMETER, PLAY
 from .pool import Pool
 
 
@@ -33,25 +34,24 @@ class Imitations:
         Where they cannot make that, the noise is no cause, and taken out itself.
         """
         known = self._known(found)
-        if not known and not any(t.key[0] == NOISY and (t.score > 0 or t.worth.both >= GAIN) for t in tried):
+        if not known and not any(_noisy(t) and (t.score > 0 or t.worth.both >= GAIN) for t in tried):
             return tried
         if not self._suffice(found, left):
-            return [t for t in tried if t.key[0] != NOISY]
+            return [t for t in tried if not _noisy(t)]
         least = [self._least(t) for t in tried]
         return [
-            t
-            for t, needed in zip(tried, least, strict=True)
-            if t.worth.both >= needed or (t.key[0] == NOISY and not known)
+            t for t, needed in zip(tried, least, strict=True) if t.worth.both >= needed or (_noisy(t) and not known)
         ]
 
     def behind(self, best: Tried, rivals: Sequence[Tried], found: Sequence[Cause], left: float) -> Tried:
         """The noise of the thermometer, where it is as good a cause as what may be a trace of it; else the cause."""
-        if best.key[0] not in THERMAL or not self._suffice(found, left):
+        if not best.explanation.effect.thermal_rank or not self._suffice(found, left):
             return best
-        return next((t for t in rivals if t.key[0] == NOISY), best)
+        return next((t for t in rivals if _noisy(t)), best)
 
     def _known(self, found: Sequence[Cause]) -> bool:
-        return NOISY in self.pool.kinds or any(cause.tried.key[0] == NOISY for cause in found)
+        own = (effect for _, effect in self.pool.model.features_.further_effects())
+        return any(effect.of_thermometer for effect in own) or any(_noisy(cause.tried) for cause in found)
 
     def _suffice(self, found: Sequence[Cause], left: float) -> bool:
         """Whether the thermometers' errors are known to act, or make as much as is left."""
@@ -60,21 +60,25 @@ class Imitations:
 
     def _least(self, t: Tried) -> float:
         """Help [dB] above which it is no artefact of the thermometer: any for a recorded column, else much."""
-        kind, column = t.key
-        if kind == "hysteresis" and len(self.pool.thermometers):
+        effect, column = t.explanation.effect, t.key[1]
+        if isinstance(effect, Hysteresis) and len(self.pool.thermometers):
             first = self.pool.thermometers.iloc[0]
-            own = t.explanation.effect.width <= max(PLAY[0] * first["noise"], PLAY[1] * first["resolution"])
+            own = effect.width <= max(PLAY[0] * first["noise"], PLAY[1] * first["resolution"])
             return np.inf if own else -np.inf
-        if kind in THERMAL or column in self._followers:
+        if effect.thermal_rank or column in self._followers:
             return GAIN
         return -np.inf if column is None else 0.0
 
     @cached_property
     def _followers(self) -> set[Any]:
         """Recorded columns that change as the temperature does: they may know it better."""
-        plain = {e.key[1]: e.columns for e in self.pool.explanations if e.key[0] == "covariate"}
+        plain = {e.key[1]: e.columns for e in self.pool.explanations if e.key[0] == Covariate.kind}
         T = self.pool.rows.weighed(self.pool.temperature)
         return {name for name, columns in plain.items() if _follows(columns[:, 0], T)}
+
+
+def _noisy(t: Tried) -> bool:
+    return t.explanation.effect.of_thermometer
 
 
 def _follows(values: np.ndarray, temperature: np.ndarray) -> bool:

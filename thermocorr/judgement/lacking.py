@@ -18,7 +18,7 @@ from ..estimators.regressor import DynamicBiasRegressor
 from .blocks import averaged
 from .causes import Search
 from .choice import Cause, first_of_each
-from .levels import FINE, GAIN, OF_MUCH, SIZEABLE, THERMAL, TIE
+from .levels import FINE, GAIN, OF_MUCH, SIZEABLE, TIE
 from .likelihood import Comparison
 
 
@@ -35,14 +35,14 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
     most = search.judged.total - Comparison(pool.reading, thin, pool.span).total
     if most < small / 2:  # the many lags themselves gain no more than that
         return []
-    kinds = [kind for kind in THERMAL if kind not in exclude]
-    candidates: list[Effect] = [effect for kind in kinds for effect in CATALOGUE[kind].candidates(pool.record)]
+    kinds = [effect for kind, effect in CATALOGUE.items() if effect.thermal_rank and kind not in exclude]
+    candidates: list[Effect] = [effect for kind in kinds for effect in kind.candidates(pool.record)]
     beside = Search(pool.beside(thin, pool.of(candidates)), anywhere=(), small=small)
     tried = [t for t in beside.believed(beside.look(), ()) if t.proven]
     if not tried:
         return []
     near = first_of_each([t for t in tried if t.score >= tried[0].score - TIE])
-    best = min(near, key=lambda t: THERMAL.index(t.key[0]))
+    best = min(near, key=lambda t: t.explanation.effect.thermal_rank)
     others = tuple(t for t in tried if t.key != best.key)
     alike, share = tuple(t for t in near if t.key != best.key), beside.share(best)
     if share < OF_MUCH and max(t.worth.both for t in near) < GAIN:

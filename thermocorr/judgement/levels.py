@@ -191,11 +191,6 @@ MOST_WAVES = 6
 soil at 25 cm (seed 11), five are found with any number of waves, six with six."""
 MOST_STEPS = 40
 """Steps that are looked for: soil on which rain falls has twenty in three years, a random telegraph one a switch."""
-THERMAL = ("thermal_lag", "delay", "rate", "thermometer_noise", "lead")
-"""Kinds that a better thermal part, or thermometer, could do without, the usual one first."""
-NOISY = "thermometer_noise"
-"""The kind that a finer thermometer could do without. Where it is known to be missing, or the errors of the
-thermometers make as much as is left, what may be traces of them is a cause only where it helps by `GAIN`."""
 PLAY = 10.0, 3.0
 """Width of a hysteresis over the noise, and over the steps, of a thermometer, up to which it is theirs: a play of six
 standard deviations smooths noise on a plateau and follows a ramp. In a climate chamber, noise of 0.1 K made widths of

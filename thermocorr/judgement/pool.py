@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..effects import StaticPolynomial
+from ..effects import StaticPolynomial, ThermalLag
 from ..effects.protocol import Effect
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.thermometer_errors import thermometer_errors
@@ -46,10 +46,8 @@ class Pool:
 
     def __init__(self, model: DynamicBiasRegressor, record: Record, thermal: ThermalBase, candidates: Sequence[Effect]):
         self.model, self.record = model, record
-        self.kinds = {effect.kind for _, effect in model.features_.further_effects()}
-        """Kinds of the model's further effects."""
         base, slow, least = thermal.effects, thermal.slow, thermal.slowest
-        candidates = [e for e in candidates if not (e.kind == "thermal_lag" and max(e.time_constants) <= least)]
+        candidates = [e for e in candidates if not (isinstance(e, ThermalLag) and max(e.time_constants) <= least)]
         own = starts_of(model, record)
         for effect in (*own, *base, *slow, *candidates):
             effect.learn(record)

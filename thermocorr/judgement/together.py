@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from sklearn.base import clone
 
-from ..effects import SeveralSteps
+from ..effects import Disturbance, Periodic, SeveralSteps, Step
 from ..effects.grids import longest_segment
 from ..records import Record, seconds_of
 from .found import FoundSuspect
@@ -21,7 +21,7 @@ def as_one(found: Sequence[FoundSuspect], record: Record) -> list[FoundSuspect]:
 
 def _steps(found: list[FoundSuspect]) -> list[FoundSuspect]:
     """Many steps and disturbances as one cause, several steps."""
-    steps = [cause for cause in found if cause.effect.kind in ("step", "disturbance")]
+    steps = [cause for cause in found if cause.effect.kind in (Step.kind, Disturbance.kind)]
     if len(steps) < SEVERAL:
         return found
     ends = [cause.effect.get_params().get(name) for cause in steps for name in ("time", "start", "end")]
@@ -32,7 +32,7 @@ def _steps(found: list[FoundSuspect]) -> list[FoundSuspect]:
 def _waves(found: list[FoundSuspect], record: Record) -> list[FoundSuspect]:
     """A wave and those of its harmonics that were found by themselves as one cause."""
     apart = 1 / (2 * longest_segment(record))  # frequencies that the record tells from one another
-    waves = [cause for cause in found if cause.effect.kind == "periodic"]
+    waves = [cause for cause in found if isinstance(cause.effect, Periodic)]
     waves.sort(key=lambda cause: -_period(cause))
     while waves:
         slowest, *waves = waves

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import Any
 
 import numpy as np
@@ -70,8 +70,8 @@ def largest_lag(model: DynamicBiasRegressor) -> float | None:
     """Time constant [s] of the lag that moves the reading most; None for a model without lags."""
     if not len(model.time_constants_):
         return None
-    names = [effect.kind for effect in model.features_.effect_list()]
-    start = sum(len(effect.names()) for effect in model.features_.effect_list()[: names.index("thermal_lag")])
+    before = takewhile(lambda effect: not isinstance(effect, ThermalLag), model.features_.effect_list())
+    start = sum(len(effect.names()) for effect in before)
     mu = np.abs(model.coef_[start : start + len(model.time_constants_)])
     return float(model.time_constants_[int(mu.argmax())])
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..effects import Disturbance
 from ..estimators.verdicts import VERDICTS
 from ..records.quantities import quantity_text, quantity_texts, span_text, span_texts
 from ..records.text import printable
@@ -135,7 +136,7 @@ def when_text(suspect: Any) -> str:
     spans = [f"between {' and '.join(moment_texts(low, high))}" for low, high in suspect.when]
     if not spans:
         return ""
-    if suspect.effect.kind == "disturbance":
+    if isinstance(suspect.effect, Disturbance):
         return f"It began {spans[0]} and ended {spans[1]} (95 %)."
     more = f" and {len(spans) - MANY_MOMENTS} more" if len(spans) > MANY_MOMENTS else ""
     return f"It happened {', '.join(spans[:MANY_MOMENTS])}{more} (95 %{', each' if len(spans) > 1 else ''})."
