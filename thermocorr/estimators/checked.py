@@ -9,12 +9,12 @@ import pandas as pd
 from sklearn.utils.validation import validate_data
 
 from ..records import Log, RecordError
-from ..records.numbers import as_pandas
+from ..records.record_log import RecordLog, as_data
 
 
 def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
     """scikit-learn's checks of X for frames (names and number) and arrays (shape, dtype, infinities)."""
-    X = as_pandas(X)
+    X = as_data(X)
     if isinstance(X, pd.Series):
         raise RecordError(
             "X is a Series. Reshape your data: pass a DataFrame, for example with X.to_frame(), whose columns are the "
@@ -44,5 +44,9 @@ def _check_log_columns(estimator: Any, X: Log, reset: bool) -> Log:
     """scikit-learn's checks of a log: `validate_data` on an empty frame with the columns of the log."""
     if len(X) == 0:
         raise RecordError("The log has 0 rows. Check its files.")
-    validate_data(estimator, pd.DataFrame(columns=X.columns), skip_check_array=True, reset=reset)
+    columns, names = X.columns, getattr(estimator, "feature_names_in_", ())
+    if isinstance(X, RecordLog) and not reset:  # its times and runs are no columns any more
+        columns = [name for name in names if name in columns or name in (estimator.time, estimator.run)]
+        columns += [name for name in X.columns if name not in columns]
+    validate_data(estimator, pd.DataFrame(columns=columns), skip_check_array=True, reset=reset)
     return X

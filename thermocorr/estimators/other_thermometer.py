@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.base import clone
 
 from ..records import RecordError
-from ..records.numbers import as_pandas
+from ..records.record_log import as_data
 from ..records.types import kind_of
 from ..records.units import is_temperature
 from .later import later_rms
@@ -48,7 +48,7 @@ def better_thermometer(model: DynamicBiasRegressor, X: Any, y: Any) -> OtherTher
     OtherThermometer or None
         Better together and in most of the blocks, each foretold from everything before it.
     """
-    X = as_pandas(X)
+    X = as_data(X)
     present = model.features_.history_.record.temperature_name
     if not isinstance(X, pd.DataFrame) or len(model.thermometers_) > 1:
         return None

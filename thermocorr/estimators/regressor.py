@@ -181,8 +181,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Temperature and whatever else was recorded.
+        X : DataFrame or array of shape (n_rows, n_columns), or Record
+            Temperature and whatever else was recorded; `thermocorr.records.read_record` reads it once for all.
         y : array-like of shape (n_rows,)
             Readings; rows with NaN are left out of the fit, not of the lags.
         mask : array of bool of shape (n_rows,), or list of (start, end), optional

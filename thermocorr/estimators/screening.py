@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..records import read_record
-from ..records.numbers import as_pandas, numeric_reading
+from ..records.numbers import numeric_reading
 from ..records.screen import screened
 
 
@@ -28,7 +28,7 @@ def believed_readings(model: Any, X: Any, y: Any) -> np.ndarray:
     reading = np.array(numeric_reading(y, X), float)
     if model.screen:
         features = model.unfitted_features(())
-        record = read_record(as_pandas(X), features.layout(), y=reading, quiet=True)
+        record = read_record(X, features.layout(), y=reading, quiet=True)
         for refused in screened(record, features.longest_step())[0].refused:
             if refused.what == "reading":
                 reading[refused.rows] = np.nan

@@ -14,6 +14,7 @@ from ..effects.moments import since_start
 from ..records import Layout, Log, RecordError, RecordWarning, read_record
 from ..records.errors import times_word
 from ..records.numbers import as_pandas, check_same_rows, numeric_reading
+from ..records.record_log import as_data
 from ..records.weighted import WeightedReading
 
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
@@ -47,7 +48,7 @@ def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weights: Mapping
     weight = weights.get("sample_weight")
     if weight is None:
         return y
-    check_same_rows(as_pandas(weight), as_pandas(X), "sample_weight")
+    check_same_rows(as_pandas(weight), as_data(X), "sample_weight")
     return WeightedReading(y, _checked(weight, len(X)))
 
 
@@ -55,7 +56,7 @@ def masked_readings(X: Any, y: Any, layout: Layout, mask: Any) -> Any:
     """The readings with NaN where they are masked."""
     if isinstance(X, Log):
         raise RecordError("A mask is for a record in memory. Write NaN for these readings when the file is written.")
-    X, y = as_pandas(X), as_pandas(y)
+    X, y = as_data(X), as_pandas(y)
     check_same_rows(as_pandas(mask), X, "mask")
     values = np.array(numeric_reading(y, X), float)
     values[_rows(X, layout, mask, len(values))] = np.nan

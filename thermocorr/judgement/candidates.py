@@ -19,6 +19,7 @@ from ..records import Log, ParquetLog, Record, RecordWarning, read_record
 from ..records.errors import listing
 from ..records.log import SomeColumns
 from ..records.numbers import is_frame, numeric_reading
+from ..records.record_log import RecordLog
 from ..records.screen import screened
 from ..records.states import is_state, parted_state, state, states_of
 from ..records.thinned import Thinned, thinned
@@ -130,6 +131,8 @@ def _is_reading(column: np.ndarray, read: Record) -> bool:
 def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:
     """The columns of a frame that the model was fitted with; it may hold more, all of them suspects."""
     names = list(getattr(model, "feature_names_in_", ()))
+    if isinstance(X, RecordLog):
+        return X.with_columns(names)
     if not (names and is_frame(X) and set(names) < set(X.columns)):
         return X
     return SomeColumns(X, names) if isinstance(X, Log) else X[names]

@@ -16,7 +16,8 @@ from ..estimators.verdicts import Grounds, verdict_on
 from ..pages import PageData
 from ..pictures.words import effect_text
 from ..records import Record
-from ..records.numbers import as_pandas, is_frame
+from ..records.numbers import is_frame
+from ..records.record_log import as_data
 from .base import ThermalBase
 from .candidates import as_fitted, candidates_of, given_effects, record_of, suspect_record
 from .causes import ANYWHERE, Search
@@ -81,7 +82,7 @@ def diagnose(
     if unknown:
         raise ValueError(f"The 'exclude' parameter names {sorted(unknown)}, which are no kinds: {sorted(CATALOGUE)}.")
     with one_blas_thread():
-        X = as_pandas(X)
+        X = as_data(X)
         seen, read = as_fitted(model, X), record_of(model, X, y, given_effects(suspects))
         base = ThermalBase.of(model, read)
         record = suspect_record(model, read, X, y, columns, [*base.effects, *base.slow])

@@ -12,7 +12,7 @@ from sklearn.base import clone
 
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
-from ..records.numbers import as_pandas
+from ..records.record_log import as_data
 from ..records.thinned import Thinned, ThinnedLog
 from .base import ThermalBase
 from .candidates import given_effects, record_of, suspect_record
@@ -47,7 +47,7 @@ def shorter(
     """The averages of a record that is too long to be fitted many times; None for any other."""
     if isinstance(X, ThinnedLog):
         return None
-    X = as_pandas(X)
+    X = as_data(X)
     read = record_of(current, X, y, given_effects(suspects))
     base = ThermalBase.of(current, read)
     record = suspect_record(current, read, X, y, columns, [*base.effects, *base.slow], MOST_TRIED)

@@ -14,8 +14,9 @@ from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
 from ..records import RecordError, read_record
 from ..records.errors import quoted
-from ..records.numbers import as_pandas, is_frame
+from ..records.numbers import is_frame
 from ..records.read import times_of
+from ..records.record_log import as_data
 from ..records.screen import Screen
 from .advance import Advanced, Stream
 from .filled import NOTHING
@@ -288,7 +289,7 @@ class OnlineCorrector(Resumable):
             `corrected`, `bias`, `flag`, and `smoothed`, `reference`, `u`, `u_smoothed` where they were asked for; rows
             as they came.
         """
-        X = as_pandas(X)
+        X = as_data(X)
         X = X if is_frame(X) else np.asarray(X)
         n, stream, run = len(X), self._stream, self.model.run
         reading = np.full(n, np.nan) if y is None else readings(y, n)

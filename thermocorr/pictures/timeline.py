@@ -153,6 +153,6 @@ def _small(recorded: float) -> float:
 
 def zone_of(X: Any, time: Any) -> Any:
     """Time zone of the data's dates, or None."""
-    if time is not None and is_frame(X):
+    if time is not None and is_frame(X) and time in X.columns:  # a record that was read has none
         return getattr(getattr(X[time], "dtype", None), "tz", None)
     return getattr(getattr(X, "index", None), "tz", None)

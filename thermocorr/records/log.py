@@ -70,6 +70,10 @@ class SomeColumns(Log):
         """Column of dates or spans that was the index of the frame written."""
         return self.log.index_name
 
+    def to_record(self, layout: Any, y: Any, needed: Any) -> Any:
+        """The validated record of the whole log, where it knows better than `read_record` how to get it."""
+        return self.log.to_record(layout, y, needed)
+
     def times(self, name: str) -> Times:
         """Times from a column of dates, spans or seconds."""
         return self.log.times(name)

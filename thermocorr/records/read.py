@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from .errors import RecordError, RecordWarning, listing, times_word
 from .labels import factorized
 from .log import Log
-from .numbers import as_pandas, is_frame, numeric_column, numeric_reading
+from .numbers import is_frame, numeric_column
 from .quantities import span_text, span_texts
 from .record import Record, Segment, holes
-from .screen import LeftOut
+from .record_log import as_data
 from .times import Times, seconds_of, times_from
-from .weighted import WeightedReading
+from .weighted import reading_of
 
 GAP_STEPS = 10.0
 """A step of more than so many usual ones is a gap, where there is no `max_gap`."""
@@ -57,7 +57,7 @@ def read_record(
 
     Parameters
     ----------
-    X : DataFrame or array of shape (n_rows, n_columns)
+    X : DataFrame or array of shape (n_rows, n_columns), Log, or Record
         Times come from the column `layout.time`, else from a DatetimeIndex or TimedeltaIndex, else rows are
         `sampling_period` apart. The temperature is the column `layout.temperature`, else the one called
         "temperature", else the first.
@@ -78,11 +78,11 @@ def read_record(
     RecordError
         For what cannot be used: the message says what was found, where, and what to do.
     """
+    X = as_data(X)
     if isinstance(X, Log):
-        record: Record | None = X.to_record(layout, y, needed)
-        if record is not None:
-            return record
-    X = as_pandas(X)
+        known: Record | None = X.to_record(layout, y, needed)
+        if known is not None:
+            return known
     frame = is_frame(X)
     n = len(X)
     name = temperature_column(X, layout, quiet)
@@ -92,12 +92,11 @@ def read_record(
     notes: list[str] = []
     times = _times(X, layout, frame, n, notes)
     runs, order = _runs(X, layout, times)
-    weight, y = (y.weight, y.y) if isinstance(y, WeightedReading) else (None, y)
-    reading = None if y is None else numeric_reading(y, X)
+    reading, weight = reading_of(y, X)
     segments = _segments(times, runs, order, layout, notes)
     record = Record(
         times=times, temperature_name=name, columns=columns, segments=tuple(segments), order=order, weight=weight,
-        reading=reading if weight is None else cast(Any, LeftOut(reading, np.flatnonzero(weight == 0))),
+        reading=reading,
     )  # fmt: skip
     record = _known(record if fill is None or isinstance(X, Log) else fill(record), layout, notes)
     record = replace(record, notes=tuple(notes))

@@ -193,6 +193,9 @@ class Record:
         """Rows of the user's record, those outside any segment included."""
         return self.times.n
 
+    def __len__(self) -> int:
+        return self.times.n
+
     @property
     def n_used(self) -> int:
         """Rows inside segments, without those passed over."""

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import RecordError, listing, quoted
 from .grammar import LARGEST
-from .log import Log
 from .record import Record, Segment
+from .record_log import RecordLog
 from .times import Floats, Times
 
 CHUNK = 1 << 16
@@ -179,30 +178,10 @@ def _times(record: Record, seconds: Floats, began: float) -> Times:
     return Times(n, times.kind, ticks, per_second, times.period)
 
 
-class ThinnedLog(Log):
+class ThinnedLog(RecordLog):
     """A thinned record as the X of estimators; its readings are given as ``log.reading``."""
 
-    def __init__(self, record: Thinned, attrs: dict[str, Any] | None = None):
-        self.record, self.attrs = record, attrs or {}
+    record: Thinned
 
-    @property
-    def columns(self) -> list[Any]:
-        """Names of the columns."""
-        return list(self.record.columns)
-
-    def __len__(self) -> int:
-        return self.record.n_rows
-
-    def __getitem__(self, name: Any) -> NDArray[Any]:
-        if name not in self.record.columns:
-            raise RecordError(
-                f"There is no column {quoted(name)} in the record. Its columns are {listing(self.columns)}."
-            )
-        return self.record.columns[name]
-
-    def to_record(self, layout: Any, y: Any, needed: Any) -> Record:
-        """The record itself, with other readings."""
-        names = dict.fromkeys((self.record.temperature_name, *needed))
-        reading = None if y is None else np.asarray(y, float)
-        columns = {name: self[name] for name in names}
-        return replace(self.record, columns=columns, reading=reading, refused=(), known_moments={})
+    def _check_gaps(self, most: float) -> None:
+        """Steps between averages are longer than those of the record that they are of, which has been cut."""

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
+from .numbers import numeric_reading
+from .screen import LeftOut
 from .times import Floats
 
 
@@ -26,3 +31,11 @@ class WeightedReading:
     def attrs(self) -> dict[str, Any]:
         """What is noted of the readings."""
         return dict(getattr(self.y, "attrs", {}))
+
+
+def reading_of(y: Any, X: Any) -> tuple[NDArray[Any] | None, Floats | None]:
+    """Readings as numbers, those without weight left out, and their weights; None where there are none."""
+    if not isinstance(y, WeightedReading):
+        return None if y is None else numeric_reading(y, X), None
+    reading = numeric_reading(y.y, X)
+    return cast(Any, LeftOut(reading, np.flatnonzero(y.weight == 0))), y.weight
