@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import CubicSpline
 from scipy.special import stdtrit
 
 COLUMNS = (
@@ -17,6 +18,9 @@ COLUMNS = (
 )  # fmt: skip
 LARGE = 1000.0
 """Degrees of freedom from which on they are printed as infinite: k differs by 0.1 % then."""
+
+KNOTS = 257
+"""Degrees of freedom at which Student's t is computed for many rows, even in their inverse roots."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,9 +166,19 @@ def effective_dof(
 
 
 def coverage_factor(dof: np.ndarray | float, coverage: float) -> np.ndarray | float:
-    """Half width of a central interval in standard uncertainties: Student's t, GUM G.3."""
-    value = stdtrit(np.minimum(np.maximum(dof, 1.0), 1e9), 0.5 + coverage / 2)
-    return float(value) if np.ndim(dof) == 0 else np.asarray(value)
+    """Half width of a central interval in standard uncertainties: Student's t, GUM G.3.
+
+    For many rows it is interpolated between `KNOTS` degrees of freedom, to nine digits.
+    """
+    known, share = np.minimum(np.maximum(dof, 1.0), 1e9), 0.5 + coverage / 2
+    place = np.asarray(known**-0.5)
+    low, high = np.nanmin(place, initial=np.inf), np.nanmax(place, initial=0.0)
+    if place.size <= KNOTS or not low < high:
+        value = stdtrit(known, share)
+        return float(value) if np.ndim(dof) == 0 else np.asarray(value)
+    knots = np.linspace(low, high, KNOTS)
+    logarithm = CubicSpline(knots, np.log(stdtrit(knots**-2.0, share)))
+    return np.asarray(np.exp(logarithm(place)))
 
 
 def concise(value: float, U: float) -> str:
