@@ -18,7 +18,7 @@ from scipy.special import chdtrc
 from ..effects import Delay, Periodic
 from ..effects.grids import longest_segment
 from .anywhere import best_period, filtered
-from .choice import WAVE, Cause, Tried, chosen, first_of_each, plainer_than, still_sought
+from .choice import WAVE, Cause, Tried, bent, chosen, first_of_each, plainer_than, still_sought
 from .copies import Copies
 from .dated import DATED, MANY, dated, tries
 from .imitations import Imitations
@@ -40,6 +40,7 @@ from .levels import (
     OF_PRODUCTS,
     SCATTER,
     SHARES,
+    TIE,
     TUNED,
     USUAL,
     WITHIN,
@@ -163,10 +164,13 @@ class Search:
         return [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
 
     def _likelier(self, best: Tried, rivals: Sequence[Tried], own: Sequence[Tried]) -> Tried:
-        """Best proven rival that is likelier than every explanation of the kind and helps half as much; or `best`."""
+        """Best proven rival that is likelier than every explanation of the kind and helps half as much; or `best`.
+
+        The same column bent or late must be likelier by more than a tie.
+        """
         score, full, least = max(t.score for t in own), max(t.full for t in own), HALF * best.worth.mean
-        rivals = [t for t in rivals if t.proven and t.score > score and t.full > full]
-        likelier = [t for t in rivals if t.worth.mean >= least]
+        more = [min(t.score - score, t.full - full) - TIE * bent(t, best) for t in rivals]
+        likelier = [t for t, m in zip(rivals, more, strict=True) if t.proven and m > 0 and t.worth.mean >= least]
         same = [t for t in likelier if self.judged.overlap(best.number, t.number) > ALIKE]
         return max(same, key=lambda t: t.score, default=best)
 

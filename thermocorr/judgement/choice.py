@@ -102,9 +102,10 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
     """The cause to take in, if there is one, and its rivals: what is as good, or nearly.
 
     What is proven comes before what only helps; of what is proven, what helps on later data comes first. Among what
-    helps nearly as much the likelihood decides. A recorded column that does harm on later stretches and on held-out
-    blocks alike is accused only where its evidence is strong and even, lest the noise is not what it is thought to be;
-    a product with a column that is worth nothing on either, where it is strong.
+    helps nearly as much the likelihood decides; between two laws of one column in the record as a whole, since how
+    evenly its evidence lies is a question to the column, not to its law. A recorded column that does harm on later
+    stretches and on held-out blocks alike is accused only where its evidence is strong and even, lest the noise is not
+    what it is thought to be; a product with a column that is worth nothing on either, where it is strong.
     """
     proven = [t for t in tried if t.named and not _harms(t)]
     helpful = [t for t in proven if t.worth.both >= GAIN]
@@ -121,8 +122,8 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
     if best.key[1] is None and helpful:  # a recorded column before a kind that says nearly the same
         best = max((t for t in recorded if t.score >= best.score - TIE), key=lambda t: t.score, default=best)
     if best.key[1] is not None:  # a column as it is before the same one bent or late; likelier, where it helps less
-        plainer = [t for t in proven if t.key[1] == best.key[1] and t.size < best.size]
-        enough = [t for t in plainer if t.score >= best.score - TIE * (t in near)]
+        plainer = [t for t in proven if bent(best, t)]
+        enough = [t for t in plainer if max(t.score - best.score, t.full - best.full) >= -TIE * (t in near)]
         best = max(enough, key=lambda t: t.score, default=best)
     rivals = [
         t
@@ -131,6 +132,11 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
         or (best in helpful and _spoken_for(t) and t.worth.both >= NEAR * best.worth.both)
     ]
     return best, rivals
+
+
+def bent(t: Tried, plain: Tried) -> bool:
+    """Whether an explanation takes the column of a plain one less plainly: bent, late, or as a product."""
+    return t.key[1] is not None and t.key[1] == plain.key[1] and t.size > plain.size
 
 
 def plainer_than(best: Tried, same: Sequence[Tried]) -> Tried | None:
