@@ -47,6 +47,24 @@ def test_the_error_of_a_bridge_is_that_of_drawn_ones():
     np.testing.assert_allclose(found, drawn, rtol=0.12)
 
 
+def test_no_variance_is_negative_whatever_the_structure():
+    found = bridge_error(lambda lag: np.interp(lag, [0.0, 50.0, 400.0], [0.0, 1.0, 0.2]), 400.0, TAUS)  # of nothing
+    assert np.linalg.eigvalsh(found).min() > -1e-12 * np.linalg.eigvalsh(found).max()
+    np.testing.assert_allclose(found, found.T)
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0, 1.9])
+def test_between_its_times_a_structure_is_a_power(power):
+    lags = np.array([0.0, 60.0, 300.0, 3000.0])
+    structure = Gaps(least=150.0, lags=lags, squares={"T": 2.0 * lags**power}).structure("T")
+    between = np.geomspace(60.0, 3000.0, 40)
+    np.testing.assert_allclose(structure(between), 2.0 * between**power)
+    assert structure(np.array(0.0)) == 0 and structure(np.array(1e5)) == structure(np.array(3000.0))
+    np.testing.assert_allclose(structure(np.array([30.0])), 60.0**power)
+    constant = Gaps(least=150.0, lags=lags, squares={"T": 0.0 * lags}).structure("T")
+    assert not constant(between).any()
+
+
 @pytest.mark.parametrize("remembers", [30.0, 300.0])
 def test_the_error_behind_a_gap_is_that_of_many_records(remembers):
     rng, n = np.random.default_rng(1), 3000

@@ -282,7 +282,9 @@ def bridge_error(structure: Structure, length: float, time_constants: Floats) ->
     cross = share[:, None] * g(end, t)
     beside = g(t[:, None], t) - cross - cross.T + np.outer(share, share) * g(end, end)
     felt = np.diff(np.exp((edges - length) / time_constants[:, None]), axis=1)
-    return np.asarray(felt @ beside @ felt.T)
+    # an estimated D may be that of no quantity: the nearest covariance (Higham, Linear Algebra Appl. 103, 1988)
+    values, vectors = np.linalg.eigh(felt @ beside @ felt.T)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 def paper_form(lag_difference: Floats, temperature: Floats, time_constants: Floats) -> Floats:

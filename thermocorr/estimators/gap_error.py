@@ -158,7 +158,8 @@ def _faded(law: InputLaw, covariance: np.ndarray | None, elapsed: float) -> Any:
 def _variance(law: InputLaw, covariance: np.ndarray, elapsed: np.ndarray) -> tuple[np.ndarray, bool]:
     """Variance of the bias at times after the covariance was such, and whether it is felt to the last of them."""
     weights = np.exp(-elapsed[:, None] / law.time_constants) * law.weights
-    most = np.abs(weights) @ np.sqrt(np.diag(covariance))  # if all lags erred together
+    sizes = np.sqrt(np.maximum(np.diag(covariance), 0.0))  # rounding may make them less
+    most = np.abs(weights) @ sizes  # if all lags erred together
     felt = int(np.count_nonzero(most > law.least))
     variance = np.zeros(len(elapsed))
     variance[:felt] = np.maximum(np.einsum("ij,ij->i", weights[:felt] @ covariance, weights[:felt]), 0.0)

@@ -65,10 +65,20 @@ class Gaps:
     def structure(self, column: Any) -> Structure:
         """Mean square of a column's changes as a function of time [s].
 
-        A straight line to zero below the usual step; beyond what the record has, the last value.
+        Between two times of the record a power of time, which is what noise (0), a random walk (1) and a smooth
+        temperature (2) have; a straight line to zero below the usual step, the last value beyond.
         """
-        squares = self.squares[column]
-        return lambda lag: np.interp(lag, self.lags, squares)
+        known = (self.lags > 0) & (self.squares[column] > 0)
+        if not known.any():
+            return lambda lag: np.zeros_like(lag, float)
+        lags, squares = self.lags[known], self.squares[column][known]
+        log_lags, log_squares, first = np.log(lags), np.log(squares), lags[0]
+
+        def structure(lag: Floats) -> Floats:
+            power = np.exp(np.interp(np.log(np.maximum(lag, first)), log_lags, log_squares))
+            return np.asarray(power * np.minimum(np.asarray(lag) / first, 1.0))
+
+        return structure
 
 
 def least_gap(record: Record, usual_step: float, stride: int = 1) -> float:
