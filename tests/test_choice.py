@@ -107,6 +107,17 @@ def test_a_product_is_no_cause_without_proof(effect):
     assert best_of(tried(effect, 20.0, 4.0, 5.0)) == effect.kind
 
 
+@pytest.mark.parametrize(("score", "later", "named"), [(4.0, 8.3, True), (4.0, 3.0, False), (-0.1, 8.3, False)])
+def test_a_drift_of_the_sensitivity_that_helps_clearly_is_a_cause_where_the_likelihood_speaks_for_it(
+    score, later, named
+):
+    """On a voltmeter's record a planted one helped by 8.3 dB, and had a score of 4."""
+    helps = tried(SensitivityDrift(), score, later, 6.5, p_value=0.02)
+    assert best_of(helps) == ("sensitivity_drift" if named else None)
+    assert best_of(helps, by_chance=True) is None
+    assert best_of(tried(Interaction("room"), score, later, 6.5, p_value=0.02)) is None
+
+
 @pytest.mark.parametrize(
     ("rival", "overlap", "same_kind", "winner"),
     [

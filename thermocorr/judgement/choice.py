@@ -164,11 +164,16 @@ def _harms(t: Tried) -> bool:
 
 
 def _enough(t: Tried) -> float:
-    """Help from which what is not proven is named [dB]; other places' columns may help a little by chance."""
-    return GAIN if t.key[1] is None else CLEAR
+    """Help from which what is not proven is named [dB]; columns of other places and products may help by chance."""
+    return CLEAR if t.key[1] is not None or t.explanation.effect.is_product else GAIN
 
 
 def _spoken_for(t: Tried) -> bool:
-    """Whether help alone may name it: not rejected by the likelihood, and neither of time alone nor a product."""
+    """Whether help alone may name it: not rejected by the likelihood, and not of time alone.
+
+    For a product, help is no proof (`Effect.is_product`): the likelihood must speak for it, and no column be recorded.
+    """
     effect = t.explanation.effect
-    return t.score >= SPEAKS and not effect.of_time_alone and not effect.is_product
+    if effect.is_product:
+        return t.score > 0 and t.key[1] is None
+    return t.score >= SPEAKS and not effect.of_time_alone
