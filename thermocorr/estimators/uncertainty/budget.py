@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from scipy.interpolate import CubicSpline
-from scipy.special import stdtrit
+from scipy.special import betainccinv, betaincinv
 
 COLUMNS = (
     "quantity", "estimate", "standard uncertainty", "unit", "degrees of freedom", "sensitivity", "contribution",
@@ -170,15 +170,20 @@ def coverage_factor(dof: np.ndarray | float, coverage: float) -> np.ndarray | fl
 
     For many rows it is interpolated between `KNOTS` degrees of freedom, to nine digits.
     """
-    known, share = np.minimum(np.maximum(dof, 1.0), 1e9), 0.5 + coverage / 2
+    known = np.minimum(np.maximum(dof, 1.0), 1e9)
     place = np.asarray(known**-0.5)
     low, high = np.nanmin(place, initial=np.inf), np.nanmax(place, initial=0.0)
     if place.size <= KNOTS or not low < high:
-        value = stdtrit(known, share)
+        value = _student(known, coverage)
         return float(value) if np.ndim(dof) == 0 else np.asarray(value)
     knots = np.linspace(low, high, KNOTS)
-    logarithm = CubicSpline(knots, np.log(stdtrit(knots**-2.0, share)))
+    logarithm = CubicSpline(knots, np.log(_student(knots**-2.0, coverage)))
     return np.asarray(np.exp(logarithm(place)))
+
+
+def _student(dof: np.ndarray, coverage: float) -> np.ndarray:
+    """Student's t by the beta distribution of t² / (dof + t²) and its complement: exact in every version of scipy."""
+    return np.asarray(np.sqrt(dof * betaincinv(0.5, dof / 2, coverage) / betainccinv(dof / 2, 0.5, coverage)))
 
 
 def concise(value: float, U: float) -> str:
