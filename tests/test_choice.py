@@ -24,9 +24,9 @@ from thermocorr.judgement.pool import Explanation
 from thermocorr.judgement.worth import Worth
 
 
-def tried(effect, score, later, blocks, number=0, full=None, p_value=1e-6, scatter=1.8):
+def tried(effect, score, later, blocks, number=0, full=None, p_value=1e-6, scatter=1.8, **options):
     return Tried(
-        explanation=Explanation(effect, np.zeros((3, 1))),
+        explanation=Explanation(effect, np.zeros((3, 1)), **options),
         number=number,
         score=score,
         full=score if full is None else full,
@@ -162,6 +162,10 @@ def test_late_a_recorded_column_needs_strong_evidence_and_waves_are_counted():
     assert left(*[wave] * 6) == [hinge.key, weak.key, uneven.key, strong.key]
 
 
+def cause(hour, **options):
+    return SimpleNamespace(tried=tried(Step(hour * 3600.0), 20.0, 1.0, 1.0, number=hour, **options), adopted=hour)
+
+
 def needed(found, level_with):
     """What a search keeps of its causes, of which each proves something that gains 10 and more beside others."""
     search = object.__new__(Search)
@@ -172,7 +176,7 @@ def needed(found, level_with):
 
 def test_of_two_causes_that_say_the_same_one_is_kept():
     """Neither is needed beside the other, and what both say is: they are taken out one at a time."""
-    found = [SimpleNamespace(tried=tried(Step(hour * 3600.0), 20.0, 1.0, 1.0, number=hour)) for hour in range(4)]
+    found = [cause(hour) for hour in range(4)]
 
     def level_with(kept):  # 0 says a little more than 1; 2 is something else, 3 nothing
         return max([40.0 * (0 in kept), 36.0 * (1 in kept)]) + 2.0 * ({0, 1} <= set(kept)) + 25.0 * (2 in kept)
@@ -182,12 +186,23 @@ def test_of_two_causes_that_say_the_same_one_is_kept():
 
 
 def test_what_is_needed_no_more_when_another_goes_goes_too():
-    found = [SimpleNamespace(tried=tried(Step(hour * 3600.0), 20.0, 1.0, 1.0, number=hour)) for hour in range(3)]
+    found = [cause(hour) for hour in range(3)]
 
     def level_with(kept):  # 0 mends what 1 spoils; 2 alone matters
         return 30.0 * (2 in kept) + (4.0 if {0, 1} <= set(kept) else 2.0 * (0 in kept) - 20.0 * (1 in kept))
 
     assert needed(found, level_with) == [found[2]]
+
+
+def test_causes_are_weighed_by_their_own_columns_where_one_goes_without_being_asked():
+    """A cause of the model's own that only helps goes at once; the numbers of the others stay what they were."""
+    found = [cause(0, p_value=0.5, in_model=True), cause(1), cause(2)]
+
+    def level_with(kept):
+        assert set(kept) <= {1, 2}
+        return 30.0 * (1 in kept) + 20.0 * (2 in kept)
+
+    assert needed(found, level_with) == found[1:]
 
 
 def test_a_column_that_is_added_comes_before_a_product_that_says_the_same():

@@ -204,20 +204,21 @@ class Search:
         found = [cause for cause in found if cause.tried.proven or not cause.tried.explanation.in_model]
         if len(found) < 2:
             return found
-        kept = list(range(len(found)))
+        by_number = {cause.adopted: cause for cause in found}
+        kept = list(by_number)
         doubtful = list(kept)
         while doubtful:
             level = self.judged.level_with(kept)
-            others = {k: [other for other in kept if other != k] for k in doubtful if found[k].tried.proven}
+            others = {k: [other for other in kept if other != k] for k in doubtful if by_number[k].tried.proven}
             gains = {k: level - self.judged.level_with(beside) for k, beside in others.items()}
-            failed = {k: gain for k, gain in gains.items() if self._p_value(gain, found[k].tried.number) > LEVEL}
+            p_values = {k: self._p_value(gain, by_number[k].tried.number) for k, gain in gains.items()}
+            failed = [k for k, p in p_values.items() if p > LEVEL]
             if failed:  # one at a time: where two say the same, neither is needed beside the other
-                worst = max(failed, key=lambda k: self._p_value(failed[k], found[k].tried.number))
-                kept.remove(worst)
+                kept.remove(max(failed, key=p_values.__getitem__))
             elif len(doubtful) == len(kept):
                 break
             doubtful = [k for k in failed if k in kept] or list(kept)
-        return [found[k] for k in kept]
+        return [by_number[k] for k in kept]
 
     def _p_value(self, gain: float, i: int) -> float:
         """Error probability of an explanation, the whole family having been tried (Wilks 1938; Bonferroni).
