@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-import re
 
 from .finished import Firmware
 from .language import comment
-from .program import CLine, Constant, StageSection
+from .program import Constant, Stage
 from .target import MICROSECONDS
 
 LONGEST_STEP_US = 10**14
@@ -23,16 +22,13 @@ It counts as missing: taken as it is, the rounding of such a jump there and back
 def source(firmware: Firmware) -> str:
     """Text of `<name>.c`."""
     body = [*_init(firmware), "", *_update(firmware)]
-    text = "\n".join(body)
-    helpers = [helper for helper, _ in firmware.program.helpers.values()]
-    needs_math = bool(re.search(r"\b(?:sin|cos|exp|expm1|log1p)f?\(", text + "".join(helpers)))
     return "\n".join(
         [
             f"/* Made by thermocorr; see {firmware.target.name}.h. */",
             f'#include "{firmware.target.name}.h"',
             "",
             "#include <float.h>",
-            *(["#include <math.h>"] if needs_math else []),
+            *(["#include <math.h>"] if firmware.program.calls_libm else []),
             "",
             "#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST)",
             "#error Roundings are carried on and missing inputs told by comparisons: build without fast mathematics",
@@ -45,8 +41,8 @@ def source(firmware: Firmware) -> str:
             "    return value >= -limit && value <= limit; /* false for NaN */",
             "}",
             "",
-            *helpers,
-            text,
+            *(helper.text for helper in firmware.program.helpers.values()),
+            *body,
             "",
         ]
     )
@@ -73,7 +69,7 @@ def _init(firmware: Firmware) -> list[str]:
             lines += [f"    for (int j = 0; j < {m.length}; ++j) {{", f"        s->{m.name}[j] = {value};", "    }"]
     if firmware.clock.used and not t.continues:
         lines.append(f"    {firmware.clock.counter} = start;")
-    lines += [f"    {text}" for text in firmware.program.texts("init")]
+    lines += [f"    {text}" for text in firmware.program.init.texts]
     if t.continues:
         lines.append("    s->started = 1;")
     return [firmware.init_signature(), "{", *lines, "}"]
@@ -85,23 +81,23 @@ def _update(firmware: Firmware) -> list[str]:
     stages = [text for stage in p.stages for text in _stage(stage)]
     body = [f"{t.name}_result result;", f"{t.dtype} bias = {firmware.bias_constant};"]
     body += ["", *_inputs(firmware), ""]
-    if any(re.search(r"\bfirst\b", text) for text in stages):
+    if p.asks_first or any(stage.begin or stage.advance for stage in p.stages):
         body.append("const int first = s->started == 0;")
     body += [*_first(firmware), "", *stages]
-    body += ["", *p.texts("output"), ""]
+    body += ["", *p.output.texts, ""]
     body += [f"if (temperature < {low} || temperature > {high}) {{"]
     body += [f"    result.flags |= {t.macro('OUTSIDE_RANGE')};", "}"]
-    body += [*p.texts("store"), "s->temperature = temperature;"]
+    body += [*p.store.texts, "s->temperature = temperature;"]
     if p.columns:
         body += [f"for (int j = 0; j < {len(p.columns)}; ++j) {{", "    s->column[j] = column[j];", "}"]
-    body += [*_tick(firmware), "result.bias = bias;", *p.texts("close"), "return result;"]
+    body += [*_tick(firmware), "result.bias = bias;", *p.close.texts, "return result;"]
     return [firmware.update_signature(), "{", *(f"    {line}" if line else "" for line in body), "}"]
 
 
-def _stage(stage: dict[StageSection, list[CLine]]) -> list[str]:
+def _stage(stage: Stage) -> list[str]:
     """Local variables, then what remembers: the first sample has nothing to advance from."""
-    texts = [line.text for line in stage.get("locals", [])]
-    begin, advance = ([f"    {line.text}" for line in stage.get(section, [])] for section in ("begin", "advance"))
+    texts = stage.locals.texts
+    begin, advance = ([f"    {text}" for text in block.texts] for block in (stage.begin, stage.advance))
     if begin and advance:
         return [*texts, "if (first) {", *begin, "} else {", *advance, "}"]
     if begin or advance:
@@ -112,7 +108,7 @@ def _stage(stage: dict[StageSection, list[CLine]]) -> list[str]:
 def _tick(firmware: Firmware) -> list[str]:
     if not (firmware.clock.used and firmware.target.fixed):
         return []
-    largest = firmware.clock.counter_type.replace("_t", "_max").upper()
+    largest = f"INT{firmware.clock.bits}_MAX"
     return [f"if ({firmware.clock.counter} < {largest}) {{", f"    ++{firmware.clock.counter};", "}"]
 
 

@@ -133,7 +133,7 @@ def export_c(
         columns=tuple(program.columns),
         state_bytes=firmware.state_bytes,
         constant_bytes=firmware.constant_bytes,
-        operations=firmware.operations,
+        operations=program.operations,
         kept=tuple(effect.label() for effect in effects if not effect.removed_by_correct),
     )
 
@@ -159,13 +159,13 @@ def _compose(
         kept = target.fitted_history.record
         last = target.last_row
         ended = program.constant("temperature_at_end", kept.columns[target.temperature_name][last], "of the fit")
-        program.add("init", f"s->temperature = {ended};")
+        program.init.add(f"s->temperature = {ended};")
     printer = Printer(program, model.reading_.unit if hasattr(model, "reading_") else "")
     printer.write([effects[i] for i in removed], [weights[i] for i in removed], [states[i] for i in removed])
     if target.continues:
         for number, column in enumerate(program.columns):
             ended = program.constant(f"column_at_end_{number}", kept.columns[column][last], "of the fit")
-            program.add("init", f"s->column[{number}] = {ended};")
+            program.init.add(f"s->column[{number}] = {ended};")
     settling(program, float(model.washout_))
     return program, printer.clock
 

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import re
-
 from .counter import TimeCounter
 from .language import Operations
-from .program import BYTES, CLine, Member, Program
-from .target import MICROSECONDS
+from .program import BYTES, Member, Program
 
 FLAGS = (
     ("NO_TEMPERATURE", "temperature missing or absurd: the last good one was taken"),
@@ -28,11 +25,7 @@ class Firmware:
         self.limits = limits
         """Lowest and highest fitted temperature."""
         self.bias_constant = program.constant("bias_at_reference", program.bias_constant, "sum of all constant terms")
-        T = self.target.dtype
-        program.add("close", "result.corrected = reading - bias;", cost=Operations(adds=1))
-        if any(re.search(r"\bstep\b", line.text) for line in program.all_lines()):
-            text = f"const {T} step = ({T})step_us / {self.target.number(MICROSECONDS)};"
-            program.stages[0].setdefault("locals", []).insert(0, CLine(text, Operations(divisions=1)))
+        program.close.add("result.corrected = reading - bias;", cost=Operations(adds=1))
 
     def members(self) -> list[Member]:
         """Members of the state, those of eight bytes first, so that nothing is lost between them."""
@@ -54,12 +47,6 @@ class Firmware:
     def constant_bytes(self) -> int:
         """Constants and tables; small helpers and code come on top."""
         return BYTES[self.target.dtype] * sum(len(constant.values) for constant in self.program.constants)
-
-    @property
-    def operations(self) -> Operations:
-        """Operations of one update, the larger number of each kind where there are two branches."""
-        begin = [line for stage in self.program.stages for line in stage.get("begin", [])]
-        return sum((line.operations for line in self.program.all_lines() if line not in begin), Operations())
 
     def flags(self) -> list[tuple[str, int, str]]:
         """Flags that this program can raise: name, bit, meaning."""

@@ -9,16 +9,16 @@ sample (Kahan, Communications of the ACM 8 (1965) 40): two multiply-adds and thr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..equations import LagState
-from ..equations.lags import Hold, decay_and_gain
-from .factors import lag_factors
+from .factors import Form, lag_factors
 from .language import Operations
-from .program import Program
+from .program import Member, Place, Program
+from .statements import Index
 from .target import Target
 
 COMPENSATED_FROM = 16.0
@@ -30,8 +30,8 @@ class LagInput:
     """What a lag follows."""
 
     key: str
-    change: str
-    """Local variable: change of the input since the sample before; "" for a decay, which follows nothing."""
+    change: Callable[[], Place] | None
+    """Reads the local variable: change of the input since the sample before; None: a decay, which follows nothing."""
     unit: str
 
 
@@ -46,12 +46,12 @@ class Group:
     stage: int
     ends: dict[float, float] = field(default_factory=dict)
     """Time constant [s] -> lag difference at the end of the fit."""
-    array: str = ""
+    array: Member = field(init=False)
 
-    def columns(self, time_constants: Sequence[float]) -> list[str]:
-        """C expressions of lag differences, after the bank has been emitted."""
+    def columns(self, time_constants: Sequence[float]) -> list[Place]:
+        """Where lag differences stand, after the bank has been emitted."""
         order = sorted(self.ends)
-        return [f"{self.array}[{order.index(float(tau))}]" for tau in time_constants]
+        return [Place(str(self.array), order.index(float(tau))) for tau in time_constants]
 
 
 class LagBank:
@@ -94,78 +94,57 @@ class LagBank:
         program, target, n = self.program, self.program.target, len(taus)
         name = "lag" if group.source.change else "decay"
         times = ", ".join(f"{tau:.6g}" for tau in taus)
-        group.array = program.member(f"{name}{suffix}", f"{group.source.key}: tau = {times} s [{group.source.unit}]", n)
+        comment = f"{group.source.key}: tau = {times} s [{group.source.unit}]"
+        lag = group.array = program.member(f"{name}{suffix}", comment, n)
         if target.continues:
             ended = program.constant(f"{name}_at_end{suffix}", [group.ends[t] for t in taus], group.source.unit)
-            program.add("init", f"{group.array}[j] = {ended}[j];", times=n)
+            program.init.loop(n, lambda j: f"{lag}[{j}] = {ended}[{j}];")
+        begin = program.stage(group.stage).begin
         if target.begins and group.start != "rest":
-            program.add_to_stage(group.stage, "begin", f"{group.array}[j] = {group.start};", times=n)
+            begin.loop(n, lambda j: f"{lag}[{j}] = {group.start};")
         elif target.longest_step is not None:  # what `init` does before the first sample
-            program.add_to_stage(group.stage, "begin", f"{group.array}[j] = {target.number(0.0)};", times=n)
-        change = group.source.change
+            begin.loop(n, lambda j: f"{lag}[{j}] = {target.number(0.0)};")
         fast = n_plain(group, taus, target)
-        self._recursion(group, taus, change, suffix, 0, fast)
-        self._recursion(group, taus, change, suffix, fast, n)
+        self._recursion(group, taus, suffix, 0, fast)
+        self._recursion(group, taus, suffix, fast, n)
 
-    def _recursion(self, group: Group, taus: np.ndarray, change: str, suffix: str, low: int, high: int) -> None:
-        """Lags `low` to `high` of a group, all of one form."""
+    def _recursion(self, group: Group, taus: np.ndarray, suffix: str, low: int, high: int) -> None:
+        """Eq. (25) of lags `low` to `high` of a group, all of one form."""
         if low == high:
             return
-        program, target, n = self.program, self.program.target, high - low
+        program, target, n, array = self.program, self.program.target, high - low, group.array
+        stage = program.stage(group.stage)
+        change = None if group.source.change is None else group.source.change()
         compensated = low >= n_plain(group, taus, target)
-        first = "loss" if target.single or compensated else "decay"
+        form: Form = "loss" if target.single or compensated else "decay"
         part = ("_fast" if high < len(taus) else "_slow" if low else "") + suffix
-        lag = f"{group.array}[j + {low}]" if low else f"{group.array}[j]"
-        lines, factor, gain = self._factors(group, taus[low:high], first, part)
-        driven = f" + {gain}{change}" if change else ""
-        products, sums = 1 + bool(gain), 1 + bool(change)
-        cost = Operations.of(products, sums)
-        for helper, (_, inside) in program.helpers.items():
-            cost = cost + inside if any(f"{helper}(" in line for line in lines) else cost
-        if compensated:
-            rest = program.member(f"rest{part}", f"what rounding took from {group.array[3:]}", n) + "[j]"
-            if target.longest_step is not None:
-                program.add_to_stage(group.stage, "begin", f"{rest} = {target.number(0.0)};", times=n)
-            cost = cost + Operations(adds=3)
-            lines += [
-                f"const {target.dtype} increment = {rest} + {factor} * {lag}{driven}; /* eq. (25) */",
-                f"const {target.dtype} next = {lag} - increment;",
-                f"{rest} = (next - {lag}) + increment;",
-                f"{lag} = next;",
-            ]
-        elif first == "loss":
-            lines.append(f"{lag} -= {factor} * {lag}{driven}; /* eq. (25) */")
-        else:
-            cost = cost if gain or not change else Operations(1)
-            lines.append(f"{lag} = {factor} * {lag}{driven.replace(' + ', ' - ')}; /* eq. (25) */")
-        if n == 1 and len(lines) > 1:
-            lines = ["{", *(f"    {line}" for line in lines), "}"]
-        program.add_to_stage(group.stage, "advance", *lines, times=n, cost=cost)
+        hold = group.hold if change else ""
+        factors = lag_factors(program, taus[low:high], hold, form, part)
+        sums = (form == "loss") + (change is not None)
+        cost = Operations.of(1 + (factors.gain is not None), sums) + factors.cost
+        rest = program.member(f"rest{part}", f"what rounding took from {array.name}", n) if compensated else None
+        if rest is not None and target.longest_step is not None:
+            stage.begin.loop(n, lambda j: f"{rest}[{j}] = {target.number(0.0)};")
 
-    def _factors(self, group: Group, taus: np.ndarray, first: str, part: str) -> tuple[list[str], str, str]:
-        """Lines that come before a recursion; its factor (the loss 1 - a or the decay a); its gain with " * "."""
-        program, target = self.program, self.program.target
-        driven = bool(group.source.change) and group.hold == "first_order"
-        if target.period is None:
-            helper, T = lag_factors(program, first), target.dtype
-            tau = program.constant(f"time_constants{part}", taus, "s")
-            call = f"{helper}(step, {tau}[j], &{first});"
-            return (
-                [f"{T} {first};", f"const {T} gain = {call}" if driven else f"(void){call}"],
-                first,
-                "gain * " * driven,
-            )
-        hold: Hold = "first_order" if group.hold == "first_order" else "zero_order"
-        decay, gain = decay_and_gain(np.full(len(taus), target.period), taus, hold)
-        if first == "loss":
-            loss = -np.expm1(-target.period / taus)
-            factor = program.constant(f"loss{part}", loss, "1 - exp(-dt/tau)")
-            gain = loss * taus / target.period
-        else:
-            factor = program.constant(f"decay{part}", decay, "exp(-dt/tau)")
-        if not driven:
-            return [], f"{factor}[j]", ""
-        return [], f"{factor}[j]", program.constant(f"gain{part}", gain, "(1 - exp(-dt/tau)) tau/dt") + "[j] * "
+        def turn(j: Index) -> list[str]:
+            lag, kept = f"{array}[{j + low}]", f"{factors.factor(j)} * {array}[{j + low}]"
+            driven = f"{factors.gain(j)} * {change}" if factors.gain else change
+            taken = kept if change is None else f"{kept} + {driven}"
+            if rest is not None:
+                lines = [
+                    f"const {target.dtype} increment = {rest}[{j}] + {taken}; /* eq. (25) */",
+                    f"const {target.dtype} next = {lag} - increment;",
+                    f"{rest}[{j}] = (next - {lag}) + increment;",
+                    f"{lag} = next;",
+                ]
+            elif form == "loss":
+                lines = [f"{lag} -= {taken}; /* eq. (25) */"]
+            else:  # driven: what follows nothing is compensated
+                lines = [f"{lag} = {kept} - {driven}; /* eq. (25) */"]
+            lines = [*factors.before(j), *lines]
+            return lines if n > 1 or len(lines) == 1 else ["{", *(f"    {line}" for line in lines), "}"]
+
+        stage.advance.loop(n, turn, cost + Operations(adds=3) if compensated else cost)
 
 
 def n_plain(group: Group, taus: np.ndarray, target: Target) -> int:

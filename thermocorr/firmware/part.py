@@ -16,7 +16,7 @@ from ..effects.expressions import Decays, Node, Previous, Traced, traced
 from ..effects.signals import parted
 from .language import Operations
 from .polynomial import Polynomial
-from .program import NOTHING
+from .statements import CLine
 from .target import MICROSECONDS
 
 _TURN = 2**64
@@ -53,8 +53,7 @@ class Part:
 
     def value(self, argument: Any) -> Any:
         """Polynomial of an argument: a condition is 1 where it holds, else 0."""
-        value = self.values[argument.number] if isinstance(argument, Node) else Polynomial({(): argument})
-        return self.printer.atom("", "a condition", condition=value) if isinstance(value, str) else value
+        return self.values[argument.number] if isinstance(argument, Node) else Polynomial({(): argument})
 
     def write(self, stage: int) -> None:
         """Write what belongs to a stage; the words that follow it last."""
@@ -106,9 +105,7 @@ class Part:
         if op == "/":
             return self._quotient(args[0], args[1], stage)
         if op in _CALLS:
-            said = printer.said(args[0])
-            cost = said.cost() + Operations(calls=1)
-            return printer.local(self.name, f"{self.target.call(op)}({said.text})", stage, cost)
+            return self._call(op, args[0], stage)
         if op in ("maximum", "minimum"):
             return self._extreme(args[0], args[1], ">" if op == "maximum" else "<", stage)
         return self._condition(op, args[0], args[1])
@@ -117,16 +114,22 @@ class Part:
         printer, program = self.printer, self.program
         if node.operator in ("T", "column"):
             given = program.temperature() if node.operator == "T" else program.column(node.detail, self._near(node))
-            p = printer.atom(program.centred(given), given.said, given.unit)
+            p = printer.atom(given.centred, lambda: program.centred(given), given.said, given.unit)
             printer.inputs[p.alone()] = given
             return p + given.reference
         if node.operator == "seconds":
-            return printer.atom(printer.clock.seconds(), "time", "s")
+            return self._seconds()
         if node.operator == "angle":
             return self._angle(node.detail)
         if self.target.period is not None:
             return Polynomial({(): self.target.period})
-        return printer.atom("step", "step", "s")
+        return self._step()
+
+    def _seconds(self) -> Polynomial:
+        return self.printer.atom("seconds", self.printer.clock.seconds, "time", "s")
+
+    def _step(self) -> Polynomial:
+        return self.printer.atom("step", self.program.step, "step", "s")
 
     def _near(self, node: Node) -> float:
         """A usual value of a column: what the formula subtracts from it, or else its mean over the fitted rows."""
@@ -143,27 +146,36 @@ class Part:
         the remainder of the time in microseconds where it is not: neither runs away. In double precision the angle is
         computed as in Python, whose own rounding grows with the time.
         """
-        program, target, clock = self.program, self.target, self.printer.clock
+        program, target = self.program, self.target
         began = target.absolute_zero() % period
-        if not target.single:
+
+        def angle() -> CLine:
             turn = program.shared("omega", 2.0 * math.pi / period, "rad/s")
             zero = program.shared("began", began, "s, phase of the first fitted row")
-            return self.printer.local("angle", f"{turn} * ({zero} + {clock.seconds()})", 0, Operations(1))
+            return CLine(f"{turn} * ({zero} + {self.printer.clock.seconds()})", Operations(1))
+
+        def exact_angle() -> CLine:
+            phase, unit = self._phase(period, began)
+            ctype = "uint32_t" if target.fixed else "int64_t"
+            counted = program.local(program.name("phase"), lambda: CLine(phase), ctype=ctype)
+            return CLine(f"({target.dtype}){counted} * {unit}", Operations(1))
+
+        return self.printer.local(("angle", period), "angle", 0, exact_angle if target.single else angle)
+
+    def _phase(self, period: float, began: float) -> tuple[str, str]:
+        """A whole number as a C expression, and the constant of the angle that is one of it."""
+        program, target, clock = self.program, self.target, self.printer.clock
         if target.period is not None:
             stride = round(target.period / period * _TURN) % _TURN
             start = round((began + target.origin) / period * _TURN) % _TURN
             count = f"(uint64_t)(int64_t){clock.count()}"
             phase = f"(uint32_t)(({count} * UINT64_C({stride}) + UINT64_C({start})) >> 32)"
-            unit = program.shared("turn", 2.0 * math.pi / 2**32, "rad, turn/2^32")
-        else:
-            whole = round(period * MICROSECONDS)
-            start = round((began + target.origin) * MICROSECONDS) % whole
-            length, ahead = f"INT64_C({whole})", f"INT64_C({whole + start})"  # never negative, before the fit too
-            phase = f"({clock.count()} % {length} + {ahead}) % {length}"
-            unit = program.shared("radians", 2.0 * math.pi / whole, "rad/us")
-        ctype = "uint32_t" if target.fixed else "int64_t"
-        count = program.local(program.name("phase"), phase, ctype=ctype)
-        return self.printer.local("angle", f"({target.dtype}){count} * {unit}", 0, Operations(1))
+            return phase, program.shared("turn", 2.0 * math.pi / 2**32, "rad, turn/2^32")
+        whole = round(period * MICROSECONDS)
+        start = round((began + target.origin) * MICROSECONDS) % whole
+        length, ahead = f"INT64_C({whole})", f"INT64_C({whole + start})"  # never negative, before the fit too
+        phase = f"({clock.count()} % {length} + {ahead}) % {length}"
+        return phase, program.shared("radians", 2.0 * math.pi / whole, "rad/us")
 
     # ------------------------------------------------------------------------------------------------------ operations
 
@@ -179,35 +191,52 @@ class Part:
             factors = [p if len(p.atoms) < 2 else self._as_one(p, stage) for p in factors]
         return factors[0] * factors[1]
 
+    def _call(self, function: str, p: Polynomial, stage: int) -> Polynomial:
+        def write() -> CLine:
+            said = self.printer.said(p)
+            return CLine(f"{self.program.call(function)}({said.text})", said.cost() + Operations(calls=1))
+
+        return self.printer.local((function, p.key()), self.name, stage, write)
+
     def _quotient(self, a: Polynomial, b: Polynomial, stage: int) -> Polynomial:
         if not b.atoms:
             return a * (1.0 / b.constant)
-        above, below = self.printer.said(a), self.printer.said(b)
-        text = f"({above.text}) / ({below.text})"
-        if below.text == "step":
-            zero = self.target.number(0.0)
-            text = f"step > {zero} ? {text} : {zero}"
-        cost = Operations.of(above.products + below.products, above.sums + below.sums, divisions=1)
-        return self.printer.local(self.name, text, stage, cost)
+
+        def write() -> CLine:
+            above, below = self.printer.said(a), self.printer.said(b)
+            text = f"({above.text}) / ({below.text})"
+            if b.key() == self._step().key():
+                zero = self.target.number(0.0)
+                text = f"{below.text} > {zero} ? {text} : {zero}"
+            cost = Operations.of(above.products + below.products, above.sums + below.sums, divisions=1)
+            return CLine(text, cost)
+
+        return self.printer.local(("/", a.key(), b.key()), self.name, stage, write)
 
     def _extreme(self, a: Polynomial, b: Polynomial, sign: str, stage: int) -> Polynomial:
         """``max(a, b) = a0 + max(a - a0, b - a0)``, the constants apart."""
         if not a.atoms:
             a, b = b, a
         one, printer = self._as_one(a, stage), self.printer
-        if not b.atoms:
-            value, apart = printer.said(one.moving), b.constant - one.constant
-            zero = self.target.number(0.0)
-            if apart:
-                edge = self.program.shared(f"{self.name}_edge", apart, "less what is usual")
-                text, cost = f"{value.text} {sign} {edge} ? {value.text} - {edge} : {zero}", Operations(adds=1)
-            else:
-                text, cost = f"{value.text} {sign} {zero} ? {value.text} : {zero}", NOTHING
-            return printer.local(self.name, text, stage, cost, self._unit(one)) + b.constant
-        other = self._as_one(b - one.constant, stage)
-        left, right = printer.said(one.moving), printer.said(other)
-        text, cost = f"{left.text} {sign} {right.text} ? {left.text} : {right.text}", right.cost()
-        return printer.local(self.name, text, stage, cost) + one.constant
+        constant, other = one.constant, b - one.constant
+        if other.atoms:
+            other = self._as_one(other, stage)
+
+        def larger() -> CLine:
+            left, right = printer.said(one.moving), printer.said(other)
+            return CLine(f"{left.text} {sign} {right.text} ? {left.text} : {right.text}", right.cost())
+
+        def beyond_edge() -> CLine:
+            value, zero, apart = printer.said(one.moving).text, self.target.number(0.0), other.constant
+            if not apart:
+                return CLine(f"{value} {sign} {zero} ? {value} : {zero}")
+            edge = self.program.shared(f"{self.name}_edge", apart, "less what is usual")
+            return CLine(f"{value} {sign} {edge} ? {value} - {edge} : {zero}", Operations(adds=1))
+
+        key = (sign, one.key(), other.key())
+        if other.atoms:
+            return printer.local(key, self.name, stage, larger) + constant
+        return printer.local(key, self.name, stage, beyond_edge, self._unit(one)) + b.constant
 
     def _as_one(self, p: Polynomial, stage: int) -> Polynomial:
         """A polynomial as one value and a constant."""
@@ -217,25 +246,34 @@ class Part:
         alone = p.alone()
         return "" if alone is None else self.printer.atoms[alone].unit
 
-    def _condition(self, op: str, a: Polynomial, b: Polynomial) -> str:
-        """A comparison in C; one of the time with a number counts whole samples or microseconds."""
-        clock = self.printer.clock
-        alone = None if b.atoms else a.alone()
-        if alone is not None and self.printer.atoms[alone].text == "seconds" and op in (">=", "<"):
-            reached = clock.reached(b.constant - a.constant)
-            return reached if op == ">=" else f"!({reached})"
-        left, right = self.printer.said((a - b).moving), self.target.number((b - a).constant)
-        return f"{left.text} {op} {right}"
+    def _condition(self, op: str, a: Polynomial, b: Polynomial) -> Polynomial:
+        """A comparison; one of the time with a number counts whole samples or microseconds."""
+        clock, of_time = self.printer.clock, a.moving.key() == self._seconds().key()
+        if of_time and not b.atoms and op in (">=", "<"):
+            moment = b.constant - a.constant
+
+            def reached() -> str:
+                return clock.reached(moment) if op == ">=" else f"!({clock.reached(moment)})"
+
+            return self.printer.condition((op, "time", moment), reached)
+
+        def compared() -> str:
+            return f"{self.printer.said((a - b).moving).text} {op} {self.target.number((b - a).constant)}"
+
+        return self.printer.condition((op, (a - b).key()), compared)
 
     def _choice(self, truth: Polynomial, a: Polynomial, b: Polynomial, stage: int) -> Polynomial:
         """``condition ? a : b``; of two numbers it is ``b + (a - b) [condition]``."""
         if not truth.atoms:
             return a if truth.constant else b
-        alone = truth.alone()
-        condition = "" if alone is None or truth.constant else self.printer.atoms[alone].condition
-        condition = condition or self._condition("!=", truth, Polynomial({}))
+        if self.printer.condition_of(truth) is None:
+            truth = self._condition("!=", truth, Polynomial({}))
         if not a.atoms and not b.atoms:
-            return self.printer.atom("", "a condition", condition=condition) * (a.constant - b.constant) + b.constant
-        one, other = self.printer.said(a), self.printer.said(b)
-        cost = Operations.of(one.products + other.products, one.sums + other.sums)
-        return self.printer.local(self.name, f"{condition} ? {one.text} : {other.text}", stage, cost)
+            return truth * (a.constant - b.constant) + b.constant
+
+        def write() -> CLine:
+            one, other = self.printer.said(a), self.printer.said(b)
+            cost = Operations.of(one.products + other.products, one.sums + other.sums)
+            return CLine(f"{self.printer.condition_of(truth)()} ? {one.text} : {other.text}", cost)
+
+        return self.printer.local(("?", truth.key(), a.key(), b.key()), self.name, stage, write)

@@ -8,26 +8,27 @@ and what several effects say of one thing becomes one coefficient.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from .language import Operations
+from .program import Place
 
 
 @dataclass(frozen=True)
 class Atom:
     """A value that the code computes or is given, as polynomials see it."""
 
-    text: str
-    """C expression: a name, a member of the state, an element of an array."""
+    read: Callable[[], Place]
+    """Reads it: declares what the code lacks for it, and returns where it stands."""
     said: str
     """For comments."""
     unit: str
     degree: int = 1
     """Highest power of an input in it."""
-    condition: str = ""
-    """C condition, for an atom that is 1 where it holds and else 0, and has no text."""
+    condition: Callable[[], str] | None = None
+    """Reads a C condition, for an atom that is 1 where it holds and else 0."""
 
 
 Monomial = tuple[int, ...]
@@ -64,6 +65,10 @@ class Polynomial:
     def atoms(self) -> set[int]:
         """Atoms in it."""
         return {atom for monomial in self.terms for atom in monomial}
+
+    def key(self) -> tuple[Any, ...]:
+        """What is equal for equal polynomials."""
+        return tuple(sorted(self.terms.items()))
 
     def alone(self) -> int | None:
         """The atom that the polynomial is, beside its constant; None where it is anything else."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 from ..effects import CATALOGUE, Effect
@@ -13,8 +13,9 @@ from .lagbank import LagBank
 from .language import Operations
 from .part import Part
 from .polynomial import Atom, Polynomial, Said, most_common, without
-from .program import NOTHING, Input, Numbers, Program
+from .program import Input, Numbers, Place, Program
 from .recursions import Words
+from .statements import CLine
 
 
 def refuse(effects: Sequence[Effect]) -> None:
@@ -52,7 +53,7 @@ class Printer:
         self.lags = LagBank(program)
         self.atoms: list[Atom] = []
         self.bias = Polynomial({})
-        self._known: dict[str, int] = {}
+        self._known: dict[Hashable, int] = {}
         self.inputs: dict[int, Input] = {}
         self.words = Words(self)
 
@@ -67,7 +68,6 @@ class Printer:
             for column, coefficient in zip(part.columns(), coefficients, strict=True):
                 self.bias = self.bias + column * float(coefficient)
         self._write_bias()
-        self.program.prune()
 
     # ------------------------------------------------------------------------------------------------------- the bias
 
@@ -80,21 +80,20 @@ class Printer:
             atom = most_common(products)
             inside = {without(m, atom): c for m, c in left.items() if atom in m}
             said = self.said(Polynomial(inside), of_bias=[atom])
-            program.add("output", f"bias += {self._text(atom)} * ({said.text});", cost=said.cost(1, 1))
+            program.output.add(f"bias += {self.read(atom)} * ({said.text});", cost=said.cost(1, 1))
             left = {monomial: c for monomial, c in left.items() if atom not in monomial}
-        places = sorted(left, key=lambda monomial: self.atoms[monomial[0]].text)
-        plain = [m[0] for m in places if not self.atoms[m[0]].condition]
+        alone = [monomial[0] for monomial in left]
+        places = {atom: self.read(atom) for atom in alone if self.atoms[atom].condition is None}
         by_array: dict[tuple[str, str], list[int]] = {}
-        for atom in sorted(plain, key=lambda atom: _place(self.atoms[atom].text)):
-            by_array.setdefault((_place(self.atoms[atom].text)[0], self.atoms[atom].unit), []).append(atom)
+        for atom in sorted(places, key=lambda atom: (places[atom].array, places[atom].index or 0)):
+            by_array.setdefault((places[atom].array, self.atoms[atom].unit), []).append(atom)
         for (_, unit), atoms in by_array.items():
-            names = [self.atoms[atom].text for atom in atoms]
             comment = f"{self.per(unit)}, of {self.atoms[atoms[0]].said}"
-            program.weigh("weight", [left[atom,] for atom in atoms], names, comment)
-        for monomial in places:
-            if condition := self.atoms[monomial[0]].condition:
-                name, zero = self._number(left[monomial], monomial), self.target.number(0.0)
-                program.add("output", f"bias += {condition} ? {name} : {zero};", cost=Operations(adds=1))
+            program.weigh("weight", [left[atom,] for atom in atoms], [places[atom] for atom in atoms], comment)
+        for atom in alone:
+            if (condition := self.atoms[atom].condition) is not None:
+                name, zero = self._number(left[atom,], [atom]), self.target.number(0.0)
+                program.output.add(f"bias += {condition()} ? {name} : {zero};", cost=Operations(adds=1))
 
     def per(self, unit: str) -> str:
         """Unit of a coefficient."""
@@ -113,24 +112,21 @@ class Printer:
             parts.append(self._factored(atom, {without(m, atom): c for m, c in moving.items() if atom in m}, of_bias))
         if terms or not parts:
             parts.append(("+", Said(self._number(p.constant, of_bias))))
-        text = " ".join(f"{sign} {part.text}" for sign, part in parts)
-        text = text.removeprefix("+ ") if text.startswith("+") else f"-{text[2:]}"
+        (sign, first), *more = parts
+        text = ("-" if sign == "-" else "") + first.text + "".join(f" {sign} {part.text}" for sign, part in more)
         return Said(text, sum(s.products for _, s in parts), sum(s.sums for _, s in parts) + len(parts) - 1)
 
     def _factored(self, atom: int, inside: dict[Any, float], of_bias: Sequence[int] | None) -> tuple[str, Said]:
         """Sign and text of ``atom * (inside)``."""
-        text, within = self._text(atom), None if of_bias is None else (*of_bias, atom)
+        text, within = str(self.read(atom)), None if of_bias is None else (*of_bias, atom)
         if len(inside) == 1 and within is None and abs(next(iter(inside.values()))) == 1.0:
             ((monomial, c),) = inside.items()
-            return "+" if c > 0 else "-", Said(" * ".join([text, *map(self._text, monomial)]), len(monomial))
+            factors = [text, *(str(self.read(atom)) for atom in monomial)]
+            return "+" if c > 0 else "-", Said(" * ".join(factors), len(monomial))
         if set(inside) == {()}:
             return "+", Said(f"{self._number(inside[()], within)} * {text}", 1)
         inner = self.said(Polynomial(inside), within)
         return "+", Said(f"{text} * ({inner.text})", inner.products + 1, inner.sums)
-
-    def _text(self, atom: int) -> str:
-        one = self.atoms[atom]
-        return one.text or f"({one.condition} ? {self.target.number(1.0)} : {self.target.number(0.0)})"
 
     def _number(self, value: float, of_bias: Sequence[int] | None) -> str:
         """The name of a constant: of a formula, or a coefficient of these atoms in the bias."""
@@ -143,22 +139,39 @@ class Printer:
 
     # ----------------------------------------------------------------------------------------------- atoms and locals
 
-    def atom(self, text: str, said: str, unit: str = "", degree: int = 1, condition: str = "") -> Polynomial:
-        """The polynomial of a value, whoever asks for it first."""
-        key = text or condition
-        if key not in self._known:
-            self._known[key] = len(self.atoms)
-            self.atoms.append(Atom(text, said, unit, degree, condition))
-        return Polynomial.of(self._known[key])
+    def read(self, atom: int) -> Place:
+        """Where an atom stands, once what it needs is declared."""
+        return self.atoms[atom].read()
+
+    def atom(self, key: Hashable, read: Callable[[], Place], said: str, unit: str = "") -> Polynomial:
+        """The polynomial of a value; one for each key, which says what it is."""
+        return self._one(key, lambda: Atom(read, said, unit))
+
+    def condition(self, key: Hashable, read: Callable[[], str]) -> Polynomial:
+        """The polynomial of a C condition: 1 where it holds, else 0."""
+        one, zero = self.target.number(1.0), self.target.number(0.0)
+        return self._one(key, lambda: Atom(lambda: Place(f"({read()} ? {one} : {zero})"), "a condition", "", 1, read))
+
+    def condition_of(self, p: Polynomial) -> Callable[[], str] | None:
+        """Reads the condition that a polynomial is; None where it is none."""
+        alone = p.alone()
+        return None if alone is None or p.constant else self.atoms[alone].condition
 
     def local(
-        self, name: str, expression: str, stage: int, cost: Operations = NOTHING, unit: str = "", degree: int = 1
+        self, key: Hashable, name: str, stage: int, write: Callable[[], CLine], unit: str = "", degree: int = 1
     ) -> Polynomial:
-        """A local variable; one for each expression."""
-        key = f"{expression} = "
+        """A local variable, which `write` gives its expression where something reads it; one for each key."""
+
+        def atom() -> Atom:
+            variable = self.program.name(name)
+            return Atom(lambda: self.program.local(variable, write, stage), variable, unit, degree)
+
+        return self._one(key, atom)
+
+    def _one(self, key: Hashable, make: Callable[[], Atom]) -> Polynomial:
         if key not in self._known:
-            variable = self.program.local(self.program.name(name), expression, cost, stage)
-            self._known[key] = self.atom(variable, variable, unit, degree).alone()  # type: ignore[assignment]
+            self._known[key] = len(self.atoms)
+            self.atoms.append(make())
         return Polynomial.of(self._known[key])
 
     def as_one(self, p: Polynomial, name: str, stage: int) -> Polynomial:
@@ -166,18 +179,17 @@ class Printer:
         moving = p.moving
         if moving.alone() is not None or not moving.terms:
             return p
-        said, degree = self.said(moving), max(map(self.degree, moving.terms))
+        degree = max(map(self.degree, moving.terms))
         units = {self.atoms[m[0]].unit if len(m) == 1 else "" for m in moving.terms}
         unit = units.pop() if len(units) == 1 else ""
-        return self.local(name, said.text, stage, said.cost(), unit, degree) + p.constant
+
+        def write() -> CLine:
+            said = self.said(moving)
+            return CLine(said.text, said.cost())
+
+        return self.local(("sum", moving.key()), name, stage, write, unit, degree) + p.constant
 
     def input_of(self, p: Polynomial) -> Input | None:
         """The input that a polynomial is, beside a constant; None where it is none."""
         alone = p.alone()
         return None if alone is None else self.inputs.get(alone)
-
-
-def _place(text: str) -> tuple[str, int]:
-    """Array and index of ``s->lag[3]``, to sort by."""
-    array, _, index = text.partition("[")
-    return array, int(index.rstrip("]")) if index.rstrip("]").isdigit() else 0

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import re
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..effects.thermal import column_text
 from .language import Operations, identifier
-from .target import Target
+from .statements import NOTHING, CLine, Statements
+from .target import MICROSECONDS, Target
 
 Numbers = Sequence[float] | NDArray[np.float64]
-Section = Literal["init", "output", "store", "close"]
-StageSection = Literal["locals", "begin", "advance"]
-NOTHING = Operations()
 RESERVED = frozenset(
     """
     s temperature reading columns column bias corrected change deviation result flags first step step_us started seconds
@@ -46,17 +42,24 @@ class Member(NamedTuple):
     length: int | None
     comment: str
 
+    def __str__(self) -> str:
+        return f"s->{self.name}"
+
     @property
     def size(self) -> int:
         """Bytes."""
         return BYTES[self.ctype] * (self.length or 1)
 
 
-class CLine(NamedTuple):
-    """A line of C; `operations` is what it costs in one update."""
+@dataclass(frozen=True)
+class Place:
+    """Where a value stands: a variable (no index) or an element of an array."""
 
-    text: str
-    operations: Operations
+    array: str
+    index: int | None = None
+
+    def __str__(self) -> str:
+        return self.array if self.index is None else f"{self.array}[{self.index}]"
 
 
 @dataclass(frozen=True)
@@ -64,10 +67,14 @@ class Input:
     """An input as the code sees it: C expressions, and the value from which `centred` counts."""
 
     value: str
+    before: str
+    """C expression: the value at the sample before."""
     centred: str
     """Local variable: the input less its reference."""
+    near: str
+    """Constant: the reference."""
     change: str
-    """C expression: change since the sample before."""
+    """Local variable: change since the sample before."""
     reference: float
     said: str
     """Name, for comments."""
@@ -75,23 +82,42 @@ class Input:
 
 
 @dataclass
-class Program:
-    """Collects what the effects of a model need: `update` runs the stages, then the sections in the order of `Section`.
+class Stage:
+    """What is computed together: ``locals``, then ``begin`` for the first usable sample, ``advance`` for every other.
 
-    In a stage ``locals`` are computed, then ``begin`` runs for the first usable sample, ``advance`` for every other.
-    ``output`` adds to `bias`.
+    Words that follow other words come in a later stage than these.
+    """
+
+    locals: Statements = field(default_factory=Statements)
+    begin: Statements = field(default_factory=Statements)
+    advance: Statements = field(default_factory=Statements)
+
+
+@dataclass
+class Program:
+    """Collects what the effects of a model need: `update` runs the stages, then `output`, `store` and `close`.
+
+    A local variable is declared by whoever reads it first, so that the code holds none that nothing reads.
     """
 
     target: Target
     constants: list[Constant] = field(default_factory=list)
     members: list[Member] = field(default_factory=list)
-    lines: dict[Section, list[CLine]] = field(default_factory=dict)
-    stages: list[dict[StageSection, list[CLine]]] = field(default_factory=list)
-    """What is computed one after the other: words that follow other words come in a later stage than these."""
-    helpers: dict[str, tuple[str, Operations]] = field(default_factory=dict)
-    """Static functions: name -> (text, operations of its dearest way)."""
+    init: Statements = field(default_factory=Statements)
+    """Statements of the function that starts a device."""
+    stages: list[Stage] = field(default_factory=list)
+    output: Statements = field(default_factory=Statements)
+    """What adds to `bias`."""
+    store: Statements = field(default_factory=Statements)
+    """What is kept for the next sample."""
+    close: Statements = field(default_factory=Statements)
+    helpers: dict[str, CLine] = field(default_factory=dict)
+    """Static functions: name -> text, and operations of its dearest way."""
     bias_constant: float = 0.0
     flags_washout: bool = False
+    asks_first: bool = False
+    """Whether an expression reads ``first``."""
+    calls_libm: bool = False
     columns: dict[Any, str] = field(default_factory=dict)
     """Recorded columns in the order of their C array -> identifier."""
     highest_power: int = 2
@@ -100,6 +126,7 @@ class Program:
     """Usual values of the columns."""
     _taken: set[str] = field(default_factory=lambda: set(RESERVED))
     _columns_taken: set[str] = field(default_factory=lambda: {"s"})
+    _declared: set[str] = field(default_factory=set)
 
     def constant(self, name: str, values: float | Numbers, comment: str) -> str:
         """Declare a constant (a number) or a table (a sequence); returns its name."""
@@ -116,77 +143,73 @@ class Program:
                 return constant.name
         return self.constant(name, value, comment)
 
-    def member(self, name: str, comment: str, length: int | None = None, ctype: str | None = None) -> str:
-        """Declare a member of the state; returns the expression for it."""
-        name = identifier(name, self._taken)
-        self.members.append(Member(ctype or self.target.dtype, name, length, comment))
-        return f"s->{name}"
+    def member(self, name: str, comment: str, length: int | None = None, ctype: str | None = None) -> Member:
+        """Declare a member of the state, which as text is the expression for it."""
+        self.members.append(Member(ctype or self.target.dtype, identifier(name, self._taken), length, comment))
+        return self.members[-1]
 
     def name(self, text: str) -> str:
         """A name of the code's own that nothing else has."""
         return identifier(text, self._taken)
 
-    def local(self, name: str, expression: str, cost: Operations = NOTHING, stage: int = 0, ctype: str = "") -> str:
-        """A value that several lines use: computed once, whoever asks first."""
-        text = f"const {ctype or self.target.dtype} {name} = {expression};"
-        lines = self._stage(stage, "locals")
-        if not any(line.text == text for line in lines):
-            lines.append(CLine(text, cost))
-        return name
+    def stage(self, number: int) -> Stage:
+        """A stage, and those before it."""
+        while len(self.stages) <= number:
+            self.stages.append(Stage())
+        return self.stages[number]
 
-    def _stage(self, stage: int, section: StageSection) -> list[CLine]:
-        while len(self.stages) <= stage:
-            self.stages.append({})
-        return self.stages[stage].setdefault(section, [])
+    def local(self, name: str, write: Callable[[], CLine], stage: int = 0, ctype: str = "") -> Place:
+        """Read a local variable: whoever reads it first declares it, behind all that its expression reads."""
+        if name not in self._declared:
+            self._declared.add(name)
+            expression, cost = write()
+            text = f"const {ctype or self.target.dtype} {name} = {expression};"
+            self.stage(stage).locals.add(text, cost=cost)
+        return Place(name)
 
-    def add(self, section: Section, *statements: str, times: int = 1, cost: Operations = NOTHING) -> None:
-        """Add lines, as a loop over j where `times` says so; `cost` is that of one turn."""
-        self.lines.setdefault(section, []).extend(_lines(statements, times, cost))
+    def step(self) -> Place:
+        """Read the time since the sample before [s], where it is known only at run time."""
+        if "step" not in self._declared:
+            self._declared.add("step")
+            T = self.target.dtype
+            text = f"const {T} step = ({T})step_us / {self.target.number(MICROSECONDS)};"
+            self.stage(0).locals.lines.insert(0, CLine(text, Operations(divisions=1)))
+        return Place("step")
 
-    def add_to_stage(
-        self, stage: int, section: StageSection, *statements: str, times: int = 1, cost: Operations = NOTHING
-    ) -> None:
-        """Lines of a section of a stage."""
-        self._stage(stage, section).extend(_lines(statements, times, cost))
+    def first(self) -> str:
+        """Read whether the sample is the first of a segment."""
+        self.asks_first = True
+        return "first"
 
-    def texts(self, section: Section) -> list[str]:
-        """Lines of a section."""
-        return [line.text for line in self.lines.get(section, [])]
+    def call(self, function: str) -> str:
+        """Name of a libm function that the code calls."""
+        self.calls_libm = True
+        return self.target.call(function)
 
-    def all_lines(self) -> list[CLine]:
-        """Every line of `update`."""
-        staged = (lines for stage in self.stages for lines in stage.values())
-        return [line for lines in (*staged, *self.lines.values()) for line in lines]
+    @property
+    def operations(self) -> Operations:
+        """Operations of one update, the larger number of each kind where there are two branches."""
+        staged = [line for stage in self.stages for block in (stage.locals, stage.advance) for line in block]
+        lines = [*staged, *self.output, *self.store, *self.close]
+        return sum((line.operations for line in lines), NOTHING)
 
-    def prune(self) -> None:
-        """Leave out local variables and constants that no line reads."""
-        while True:
-            lines = self.all_lines()
-            words = Counter(word for line in lines for word in set(re.findall(r"\w+", line.text)))
-            local = [line for stage in self.stages for line in stage.get("locals", [])]
-            unused = [line for line in local if words[line.text.split(" = ")[0].split()[-1]] < 2]
-            if not unused:
-                break
-            for stage in self.stages:
-                stage["locals"] = [line for line in stage.get("locals", []) if line not in unused]
-        self.constants = [constant for constant in self.constants if words[constant.name]]
-
-    def weigh(self, name: str, weights: Numbers, columns: Sequence[str], unit: str) -> None:
-        """Add ``weight * column`` to the bias for each; columns that follow one another in an array share a loop."""
+    def weigh(self, name: str, weights: Numbers, values: Sequence[Place], comment: str) -> None:
+        """Add ``weight * value`` to the bias for each; values that follow one another in an array share a loop."""
         at = 0
-        while at < len(columns):
-            array, index = _element(columns[at])
-            run = 1
-            while array and at + run < len(columns) and _element(columns[at + run]) == (array, (index or 0) + run):
+        while at < len(values):
+            array, index, run = values[at].array, values[at].index, 1
+            while index is not None and at + run < len(values) and values[at + run] == Place(array, index + run):
                 run += 1
-            if array and run > 1:
-                table = self.constant(name, list(weights[at : at + run]), unit)
-                where = "j" if not index else f"j + {index}"
-                self.add("output", f"bias += {table}[j] * {array}[{where}];", times=run, cost=Operations(1))
+            if index is not None and run > 1:
+                table = self.constant(name, list(weights[at : at + run]), comment)
+                self._add_products(table, array, index, run)
             else:
-                constant = self.constant(name, float(weights[at]), unit)
-                self.add("output", f"bias += {constant} * {columns[at]};", cost=Operations(1))
+                constant = self.constant(name, float(weights[at]), comment)
+                self.output.add(f"bias += {constant} * {values[at]};", cost=Operations(1))
             at += run
+
+    def _add_products(self, table: str, array: str, begin: int, length: int) -> None:
+        self.output.loop(length, lambda j: f"bias += {table}[{j}] * {array}[{j + begin}];", Operations(1))
 
     # What effects read: the temperature and recorded columns, counted from a value nearby so that no digit is lost.
 
@@ -194,7 +217,9 @@ class Program:
         """The temperature less `Target.reference_temperature` [K]."""
         return Input(
             value="temperature",
+            before="s->temperature",
             centred="deviation",
+            near="near_t0",
             change="change",
             reference=self.target.reference_temperature,
             said="T",
@@ -211,40 +236,24 @@ class Program:
         k, said = list(self.columns).index(name), column_text(name)
         return Input(
             value=f"column[{k}]",
+            before=f"s->column[{k}]",
             centred=f"centred_{k}",
+            near=f"near_{k}",
             change=f"change_{k}",
             reference=self.references[name],
             said=said,
             unit=f"({said})",
         )
 
-    def centred(self, given: Input) -> str:
-        """Local variable: an input less its reference."""
-        name = given.centred.replace("deviation", "t0").replace("centred_", "")
-        near = self.shared(f"near_{name}", given.reference, f"a usual value of {given.said}")
-        return self.local(given.centred, f"{given.value} - {near}", Operations.of(sums=1))
+    def centred(self, given: Input) -> Place:
+        """Read an input less its reference, a local variable."""
 
-    def change(self, given: Input) -> str:
-        """Local variable: change of an input since the sample before."""
-        return self.local(given.change, f"{given.value} - s->{given.value}", Operations.of(sums=1))
+        def write() -> CLine:
+            near = self.shared(given.near, given.reference, f"a usual value of {given.said}")
+            return CLine(f"{given.value} - {near}", Operations.of(sums=1))
 
+        return self.local(given.centred, write)
 
-def _lines(statements: Sequence[str], times: int, cost: Operations) -> list[CLine]:
-    indent = "" if times == 1 else "    "
-    if times == 1:
-        statements = [re.sub(r"\[j(?: \+ )?(\d*)\]", _place, statement) for statement in statements]
-    lines = [CLine(indent + statement, NOTHING) for statement in statements]
-    lines[0] = CLine(lines[0].text, cost * times)
-    return (
-        lines if times == 1 else [CLine(f"for (int j = 0; j < {times}; ++j) {{", NOTHING), *lines, CLine("}", NOTHING)]
-    )
-
-
-def _place(index: re.Match[str]) -> str:
-    return f"[{index[1] or 0}]"
-
-
-def _element(expression: str) -> tuple[str | None, int | None]:
-    """Array and index of ``s->lag[3]``; None for anything else."""
-    match = re.fullmatch(r"(.+)\[(\d+)\]", expression)
-    return (match[1], int(match[2])) if match else (None, None)
+    def change(self, given: Input) -> Place:
+        """Read the change of an input since the sample before, a local variable."""
+        return self.local(given.change, lambda: CLine(f"{given.value} - {given.before}", Operations.of(sums=1)))

@@ -7,8 +7,9 @@ columns T(t - d) - T and p - T are one small number each, and no digit is lost o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from ..equations import LagState, decays
 from .lagbank import LagInput
 from .language import Operations
 from .polynomial import Polynomial
+from .program import Place
+from .statements import CLine
 
 LONGEST_DELAY = 4096
 """Samples that a delay may reach back to: 16 kB in single precision."""
@@ -33,8 +36,8 @@ class Followed:
     """What a word follows, as the code holds it."""
 
     value: str
-    change: str
-    """Local variable: change since the sample before, 0 where a segment begins."""
+    change: Callable[[], Place]
+    """Reads the local variable: change since the sample before, 0 where a segment begins."""
     counted_from: float
     """What the value lacks of the one that the effect means."""
     said: str
@@ -46,7 +49,7 @@ class Words:
 
     def __init__(self, printer: Any):
         self.printer, self.program, self.target = printer, printer.program, printer.program.target
-        self._followed: dict[str, Followed] = {}
+        self._followed: dict[Hashable, Followed] = {}
 
     def follow(self, word: Word, p: Polynomial, state: Any, name: str, stage: int) -> Later:
         """Let a word follow a value; `state` is what it ended the fit with, for a program that continues it."""
@@ -62,29 +65,33 @@ class Words:
     def previous(self, p: Polynomial, state: Any, name: str, stage: int) -> Polynomial:
         """The value less its change."""
         given = self._following(p, state, name, stage)
-        return p - self.printer.atom(given.change, f"change of {given.said}", given.unit)
+        said = f"change of {given.said}"
+        return p - self.printer.atom(("change", p.moving.key()), given.change, said, given.unit)
 
     def _following(self, p: Polynomial, ended: float | None, name: str, stage: int) -> Followed:
         """How to follow a value: an input is remembered already, for any other the code keeps the one before."""
         program, printer = self.program, self.printer
         if (given := printer.input_of(p)) is not None:
-            return Followed(given.value, program.change(given), 0.0, given.said, given.unit)
+            return Followed(given.value, lambda: program.change(given), 0.0, given.said, given.unit)
         p = printer.as_one(p, name, stage)
-        value = printer.said(p.moving).text
-        if value not in self._followed:
-            alone = p.alone()
+        if (key := p.moving.key()) not in self._followed:
+            value, alone = printer.said(p.moving).text, p.alone()
             unit = "" if alone is None else printer.atoms[alone].unit
             before = program.member(f"{name}_before", f"{value} at the sample before")
             if ended is not None:
                 at_end = program.constant(f"{name}_at_end", ended - p.constant, "of the fit")
-                program.add("init", f"{before} = {at_end};")
-            program.add("store", f"{before} = {value};")
+                program.init.add(f"{before} = {at_end};")
+            program.store.add(f"{before} = {value};")
             moved = program.name(f"{name}_moved")
-            text = f"first ? {self.target.number(0.0)} : {value} - {before}"
-            program.local(moved, text, Operations(adds=1), stage)
+
+            def change() -> CLine:
+                text = f"{program.first()} ? {self.target.number(0.0)} : {value} - {before}"
+                return CLine(text, Operations(adds=1))
+
             said = f"{name} ({value})"
-            self._followed[value] = Followed(value, moved, p.constant, said, unit)
-        return self._followed[value]
+            reads = partial(program.local, moved, change, stage)
+            self._followed[key] = Followed(value, reads, p.constant, said, unit)
+        return self._followed[key]
 
     def _lag(self, word: Lag, p: Polynomial, state: LagState | None, name: str, stage: int) -> Later:
         """Eqs. (19) (25)."""
@@ -96,13 +103,14 @@ class Words:
             start = f"{begins} - {self.printer.said(self.printer.as_one(p, name, stage).moving).text}"
         source, taus = LagInput(given.said, given.change, given.unit or "1"), word.time_constants
         group = self.printer.lags.request(source, taus, word.hold, start, state, given.counted_from, stage)
-        said = [f"lag of {given.said}, {tau:.6g} s" for tau in taus]
 
         def later(_: int) -> list[Polynomial]:
-            texts = group.columns(taus)
-            return [self.printer.atom(text, one, given.unit) for text, one in zip(texts, said, strict=True)]
+            return [self._lagged(place, tau, given) for place, tau in zip(group.columns(taus), taus, strict=True)]
 
         return later
+
+    def _lagged(self, place: Place, tau: float, given: Followed) -> Polynomial:
+        return self.printer.atom(place, lambda: place, f"lag of {given.said}, {tau:.6g} s", given.unit)
 
     def _play(self, word: Play, p: Polynomial, state: float | None, stage: int) -> Later:
         """The play operator; its position is counted as the value is."""
@@ -112,12 +120,10 @@ class Words:
         half = program.shared("half_width", word.width / 2, "of the play")
         if state is not None:
             ended = program.constant("play_at_end", state - p.constant, "of the fit")
-            program.add("init", f"{play} = {ended};")
+            program.init.add(f"{play} = {ended};")
         if self.target.begins:
-            program.add_to_stage(stage, "begin", f"{play} = {value};")
-        program.add_to_stage(
-            stage,
-            "advance",
+            program.stage(stage).begin.add(f"{play} = {value};")
+        program.stage(stage).advance.add(
             f"if ({play} < {value} - {half}) {{",
             f"    {play} = {value} - {half};",
             f"}} else if ({play} > {value} + {half}) {{",
@@ -125,7 +131,11 @@ class Words:
             "}",
             cost=Operations(adds=4),
         )
-        return lambda after: p + printer.local("lead", f"{play} - {value}", after, Operations(adds=1), "K")
+
+        def lead() -> CLine:
+            return CLine(f"{play} - {value}", Operations(adds=1))
+
+        return lambda after: p + printer.local(play, "lead", after, lead, "K")
 
     def _delayed(self, word: Delayed, p: Polynomial, state: Any, name: str, stage: int) -> Later:
         """A ring of the last values; a straight line between two of them."""
@@ -150,27 +160,28 @@ class Words:
         value = given.value if given else printer.said(printer.as_one(p, name, stage).moving).text
         counted_from = 0.0 if given else p.constant
         ring = program.member("ring", f"{value}, the last {length} samples", length)
-        oldest = program.member("oldest", f"where in {ring[3:]} the oldest stands", ctype="uint32_t")
+        oldest = program.member("oldest", f"where in {ring.name} the oldest stands", ctype="uint32_t")
         if state is not None:
             ago = target.period * np.arange(length - 1, -1, -1.0)  # from the oldest to the last fitted row
             past = np.interp(state.elapsed[-1] - ago, state.elapsed, state.temperature) - counted_from
-            program.add("init", f"{ring}[j] = {program.constant('ring_at_end', past, 'of the fit')}[j];", times=length)
+            at_end = program.constant("ring_at_end", past, "of the fit")
+            program.init.loop(length, lambda j: f"{ring}[{j}] = {at_end}[{j}];")
         if target.begins:
-            program.add_to_stage(stage, "begin", f"{ring}[j] = {value};", times=length)
+            program.stage(stage).begin.loop(length, lambda j: f"{ring}[{j}] = {value};")
         earlier, step_on = f"{ring}[{oldest}]", f"{oldest} + 1 < {length} ? {oldest} + 1 : 0"
-        program.add("store", f"{earlier} = {value};", *([f"{oldest} = {step_on};"] if length > 1 else []))
+        program.store.add(f"{earlier} = {value};", *([f"{oldest} = {step_on};"] if length > 1 else []))
 
-        def later(after: int) -> Polynomial:
-            text, cost = f"{earlier} - {value}", Operations(adds=1)
-            if between:
-                share = program.constant("share", between, "of a sample that the delay is longer")
-                following = value if whole == 0 else f"{ring}[{step_on}]"
-                following = program.local(program.name("following"), following, stage=after)
-                text = f"({following} - {value}) + {share} * ({earlier} - {following})"
-                cost = Operations.of(products=1, sums=3)
-            return p + printer.local("late", text, after, cost, given.unit if given else "")
+        def late(after: int) -> CLine:
+            if not between:
+                return CLine(f"{earlier} - {value}", Operations(adds=1))
+            share = program.constant("share", between, "of a sample that the delay is longer")
+            next_one = CLine(value if whole == 0 else f"{ring}[{step_on}]")
+            following = program.local(program.name("following"), lambda: next_one, after)
+            text = f"({following} - {value}) + {share} * ({earlier} - {following})"
+            return CLine(text, Operations.of(products=1, sums=3))
 
-        return later
+        unit = given.unit if given else ""
+        return lambda after: p + printer.local(ring, "late", after, partial(late, after), unit)
 
     def _decays(self, word: Decays) -> Later:
         """Eq. (18): decays belong to fitted segments, so that only a program that continues the last one has them."""
@@ -181,7 +192,7 @@ class Words:
         taus = np.array(dict(word.of_segments).get(last, ()))
         left = decays(np.array([target.segment_elapsed]), taus)[0]
         felt = left > (_FORGOTTEN if target.single else 0.0)
-        source = LagInput("decay of the start", "", "1")
+        source = LagInput("decay of the start", None, "1")
         group = self.printer.lags.request(source, taus[felt], end=LagState(left[felt], 0.0))
 
         def later(_: int) -> list[Polynomial]:
@@ -189,7 +200,10 @@ class Words:
             for key, of_segment in word.of_segments:
                 for j, tau in enumerate(of_segment):
                     known = key == last and felt[j]
-                    columns.append(self.printer.atom(group.columns([tau])[0], "a decay") if known else nothing)
+                    columns.append(self._decay(group.columns([tau])[0]) if known else nothing)
             return columns
 
         return later
+
+    def _decay(self, place: Place) -> Polynomial:
+        return self.printer.atom(place, lambda: place, "a decay")
