@@ -189,6 +189,16 @@ def test_a_quantised_reading_with_a_slow_drift_is_weighted_evenly():
     assert high / low == pytest.approx(5.0, rel=0.3)
 
 
+@pytest.mark.parametrize(("louder", "rows", "seed"), [(8, 30, 12), (20, 30, 12), (8, 100, 11), (20, 300, 14)])
+def test_a_burst_of_loud_noise_is_no_disturbance(louder, rows, seed):
+    quiet, noisy = (make_record(5000, seed=seed, noise=noise)["reading"].to_numpy() for noise in (0.0, 0.2))
+    X = make_record(5000, seed=seed).drop(columns="reading")
+    loud = np.where((np.arange(5000) >= 2100) & (np.arange(5000) < 2100 + rows), louder, 1)
+    y = quiet + loud * (noisy - quiet)
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert not {"disturbance", "several_steps", "step"} & {cause.effect.kind for cause in found.causes}
+
+
 def test_units_names_and_order_change_no_verdict():
     record = make_record(6000, effects={"lagged_covariate": 1.0}, seed=81)
     X, y = record.drop(columns="reading"), record["reading"]
