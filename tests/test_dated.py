@@ -12,16 +12,19 @@ from test_judgement import markov
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.effects import Disturbance
-from thermocorr.equations.noise import RATIO, decaying_sums, inverse_kernel
+from thermocorr.equations.noise import decaying_sums, inverse_kernel
 from thermocorr.judgement.anywhere import filtered
 from thermocorr.judgement.cuts import change_gains, products_from
 from thermocorr.judgement.likelihood import Comparison
 from thermocorr.judgement.stretches import best_stretch, damped, lengths_of, squares_of
 
 
+TIMES = np.array([1.0, 3.0, 9.0, 27.0])
+
+
 def covariance(theta, n):
-    """White noise and the parts that remember 1, 3, 9, ... rows, from the definition."""
-    kept = np.exp(-1 / RATIO ** np.arange(len(theta) - 1))
+    """White noise and the parts that remember for `TIMES`, from the definition."""
+    kept = np.exp(-1 / TIMES)
     return theta[0] * np.eye(n) + sum(v * toeplitz(k ** np.arange(n)) for v, k in zip(theta[1:], kept, strict=True))
 
 
@@ -29,7 +32,7 @@ def covariance(theta, n):
 def test_the_inverse_of_the_noise_is_white_less_exponentials(theta):
     """Against the inverse of the covariance matrix, in its middle, where the ends are forgotten."""
     n = 1500
-    white, sizes, ratios = inverse_kernel(np.array(theta))
+    white, sizes, ratios = noise = inverse_kernel(np.array(theta), TIMES)
     k = np.arange(n)[:, None]
     kernel = white * ((k[:, 0] == 0) - (ratios**k) @ sizes)
     inverse = np.linalg.inv(covariance(theta, n))
@@ -37,11 +40,11 @@ def test_the_inverse_of_the_noise_is_white_less_exponentials(theta):
     # Products of what is cut at a row, in the middle of a longer span: sums over that matrix.
     rng = np.random.default_rng(0)
     columns = rng.standard_normal((60, 2))
-    found = products_from(columns, np.array(theta), mirrored=False)
+    found = products_from(columns, noise, mirrored=False)
     part = inverse[720:780, 720:780]
     for row in (0, 17, 59):
         np.testing.assert_allclose(found[row], columns[row:].T @ part[row:, row:] @ columns[row:], rtol=1e-5, atol=1e-6)
-    squares = squares_of(60, np.array(theta))
+    squares = squares_of(60, noise)
     np.testing.assert_allclose(squares[[1, 7, 60]], [part[:m, :m].sum() for m in (1, 7, 60)], rtol=1e-4)
 
 

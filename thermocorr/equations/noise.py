@@ -16,6 +16,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.fft import dct, idct
@@ -25,6 +26,8 @@ RATIO = 3.0
 """Between neighbouring correlation times."""
 LONGEST = 1 / 3
 """Longest correlation time, as a share of all rows: beyond, a part looks like a random walk."""
+SHORTEST = 0.7
+"""Shortest correlation time of `times_down_from` [rows]: less looks white."""
 SHORT_PAUSE = 0.01
 """Share of the record that a pause may last for noise to go on over it, wherever it lies."""
 SINGLE = 40
@@ -39,10 +42,12 @@ SMALLEST = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Bands:
-    """The cosine transform of segments, its rows in order of frequency and gathered in bands."""
+    """The cosine transform of segments, its rows in order of frequency and gathered in bands; the noise in each."""
 
     segment: np.ndarray
     """Number of the segment of each row, shape (n,), rows of a segment side by side and evenly spaced."""
+    longest: float | None = None
+    """Longest correlation time of the noise, as a share of all rows, and `times_down_from` it; else `times_from_one`."""
 
     @cached_property
     def pieces(self) -> list[slice]:
@@ -79,16 +84,30 @@ class Bands:
         return np.asarray(self.sums(self.angle[self.order]) / self.sizes)
 
     @cached_property
+    def times(self) -> np.ndarray:
+        """Correlation times of the wandering parts of the noise [rows], increasing."""
+        n = len(self.segment)
+        return times_from_one(n) if self.longest is None else times_down_from(self.longest * n)
+
+    @cached_property
     def parts(self) -> np.ndarray:
         """Power of each part of the noise in each band, shape (bands, parts): white first, unit variance each."""
-        n = len(self.segment)
-        count = max(0, int(np.log(LONGEST * n) / np.log(RATIO)) + 1)
-        return np.column_stack((np.ones(len(self.middle)), self.powers(RATIO ** np.arange(count))))
+        kept = np.exp(-1 / self.times)  # correlation of neighbouring rows
+        powers = (1 - kept**2) / (1 - 2 * kept * np.cos(self.middle)[:, None] + kept**2)
+        return np.column_stack((np.ones(len(self.middle)), powers))
 
-    def powers(self, correlation_times: np.ndarray) -> np.ndarray:
-        """Power of Ornstein-Uhlenbeck noises of unit variance in each band, shape (bands, times), times in rows."""
-        kept = np.exp(-1 / correlation_times)  # correlation of neighbouring rows
-        return np.asarray((1 - kept**2) / (1 - 2 * kept * np.cos(self.middle)[:, None] + kept**2))
+    @cached_property
+    def exact_parts(self) -> np.ndarray:
+        """`parts`, exact for the means of segments: other cosines hold the slowest noise well, these do not."""
+        parts, kept = self.parts.copy(), np.exp(-1 / self.times)
+        sizes = np.array([piece.stop - piece.start for piece in self.pieces], float)
+        lengths = np.concatenate([np.where(np.arange(size) == 0, size, 0.0) for size in sizes])[self.order]
+        means = self.sums((lengths > 0).astype(float)) == self.sizes  # bands of nothing but means
+        for band in np.flatnonzero(means):
+            n = lengths[self.starts[band] : self.starts[band] + self.sizes[band]].mean()
+            with np.errstate(under="ignore"):
+                parts[band, 1:] = (1 + kept) / (1 - kept) - 2 * kept * (1 - kept**n) / (n * (1 - kept) ** 2)
+        return parts
 
     def sums(self, rows: np.ndarray) -> np.ndarray:
         """Sums over each band of rows in order of frequency."""
@@ -114,6 +133,17 @@ class Bands:
     def each_row(self, of_bands: np.ndarray) -> np.ndarray:
         """A figure of each band at each of its rows, in order of frequency."""
         return np.repeat(of_bands, self.sizes)
+
+
+def times_from_one(n: int) -> np.ndarray:
+    """Correlation times of one row and more, up to `LONGEST` of n rows [rows]."""
+    return np.asarray(RATIO ** np.arange(max(0, int(np.log(LONGEST * n) / np.log(RATIO)) + 1)))
+
+
+def times_down_from(longest: float) -> np.ndarray:
+    """Correlation times from a longest one down to `SHORTEST` [rows], increasing."""
+    count = int(np.log(max(longest / SHORTEST, 1.0)) / np.log(RATIO)) + 1
+    return np.asarray(longest / RATIO ** np.arange(count - 1, -1, -1))
 
 
 def fitted_parts(parts: np.ndarray, share: np.ndarray, power: np.ndarray, start: np.ndarray) -> np.ndarray:
@@ -165,8 +195,16 @@ def spans(segment: np.ndarray, seconds: np.ndarray, runs: Sequence[object]) -> n
     return np.cumsum(ends)
 
 
-def inverse_kernel(theta: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """White part, sizes and ratios of the inverse covariance of a noise: white (1[k = 0] - sum of size ratio^|k|).
+class Kernel(NamedTuple):
+    """Inverse covariance of a noise k rows apart: white (1[k = 0] - sum of size ratio^|k|)."""
+
+    white: float
+    sizes: np.ndarray
+    ratios: np.ndarray
+
+
+def inverse_kernel(theta: np.ndarray, times: np.ndarray) -> Kernel:
+    """Inverse covariance of white noise under Ornstein-Uhlenbeck parts, far from the ends of a record.
 
     The inverse of white noise under Ornstein-Uhlenbeck parts is white noise less as many decaying exponentials: with
     s = 1 - cos(angle), each part is a/(b + s), so that the power is a rank-one matrix's resolvent, and its inverse
@@ -174,16 +212,18 @@ def inverse_kernel(theta: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
 
     Parameters
     ----------
-    theta : array of shape (parts,)
+    theta : array of shape (1 + parts,)
         Variances, the white part first.
+    times : array of shape (parts,)
+        Correlation times of the other parts, `Bands.times` [rows].
     """
-    kept = np.exp(-1 / RATIO ** np.arange(len(theta) - 1))
+    kept = np.exp(-1 / times)
     white = max(float(theta[0]), 1e-6 * float(np.sum(theta)))
     b, a = (1 - kept) ** 2 / (2 * kept), theta[1:] * (1 - kept**2) / (2 * kept)
     half = np.sqrt(a / white)
     z, vectors = np.linalg.eigh(np.diag(b) + np.outer(half, half))
     root = np.sqrt(z * (z + 2))
-    return 1 / white, (vectors.T @ half) ** 2 / root, 1 + z - root
+    return Kernel(1 / white, (vectors.T @ half) ** 2 / root, 1 + z - root)
 
 
 def decaying_sums(columns: np.ndarray, ratio: float) -> np.ndarray:

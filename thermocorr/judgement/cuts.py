@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..equations.noise import decaying_sums, inverse_kernel
+from ..equations.noise import Kernel, decaying_sums, inverse_kernel
 from .levels import FAINT, LEAST_OWN, TAKEN
 from .likelihood import Comparison
 
 
-def products_from(columns: np.ndarray, theta: np.ndarray, mirrored: bool = True) -> np.ndarray:
+def products_from(columns: np.ndarray, kernel: Kernel, mirrored: bool = True) -> np.ndarray:
     """Products ``columns[k:]' C^-1 columns[k:]`` at each row k of one span, C the covariance of the noise.
 
     Parameters
     ----------
     columns : array of shape (n, c)
-    theta : array of shape (parts,)
-        Variances of the parts of the noise.
+    kernel : Kernel
+        Inverse covariance of the noise.
     mirrored : bool
         Beyond its ends the span goes on as in a mirror, as the cosine transform has it. False: it is a part of a
         longer one.
@@ -30,7 +30,7 @@ def products_from(columns: np.ndarray, theta: np.ndarray, mirrored: bool = True)
     -------
     array of shape (n, c, c)
     """
-    white, sizes, ratios = inverse_kernel(theta)
+    white, sizes, ratios = kernel
     n = len(columns)
     later, own = columns.copy(), np.ones(n)
     for size, ratio in zip(sizes, ratios, strict=True):
@@ -55,9 +55,10 @@ def products_from(columns: np.ndarray, theta: np.ndarray, mirrored: bool = True)
 
 def cut_products(judged: Comparison, theta: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Products of columns, shape (n, c), that are nought before each row; noise of different spans is independent."""
+    kernel = inverse_kernel(theta, judged.bands.times)
     result, later = np.empty((judged.n, columns.shape[1], columns.shape[1])), 0.0
     for piece in reversed(judged.bands.pieces):
-        result[piece] = later + products_from(columns[piece], theta)
+        result[piece] = later + products_from(columns[piece], kernel)
         later = result[piece.start]
     return result
 

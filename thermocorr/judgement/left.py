@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from ..equations.noise import RATIO
 from .imitations import together
 from .levels import OF_THERMOMETER, PROVABLE, RANKED, STRUCTURE, TO_A_DECADE, WANDERS
 from .likelihood import Comparison
@@ -65,7 +64,7 @@ def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = (), cop
     total = float(np.average(judged.S(theta), weights=judged.bands.sizes))  # slow parts have not had their time
     wandering = float(np.sqrt(max(total - theta[0], 0.0))) * judged.unit
     floor = float(np.sqrt(innovation * counts)) * judged.unit
-    times = pool.spacing * RATIO ** np.arange(len(theta) - 1)
+    times = pool.spacing * judged.bands.times
     proven = judged.base.level - judged.white > STRUCTURE
     structured = bool(proven and not pool.rows.exact and wandering > WANDERS * floor)
     seconds = pool.data.seconds

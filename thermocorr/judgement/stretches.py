@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ..equations.noise import inverse_kernel
+from ..equations.noise import Kernel, inverse_kernel
 from .levels import LENGTHS, LEVEL, LONGEST_STRETCH, OUTSTANDING, ROBUST, SHORTEST_STRETCH, STRETCHES
 from .likelihood import Comparison
 
@@ -29,9 +29,9 @@ def lengths_of(n: int) -> np.ndarray:
     return np.unique((SHORTEST_STRETCH * LENGTHS ** np.arange(count)).astype(int)) if count > 0 else np.zeros(0, int)
 
 
-def squares_of(longest: int, theta: np.ndarray) -> np.ndarray:
+def squares_of(longest: int, kernel: Kernel) -> np.ndarray:
     """Sums over all pairs of rows of a stretch of the inverse covariance of the noise, for 0 to `longest` rows."""
-    white, sizes, r = inverse_kernel(theta)
+    white, sizes, r = kernel
     L = np.arange(longest + 1.0)[:, None]
     pairs = L * (1 + r) / (1 - r) - 2 * r * (1 - r**L) / (1 - r) ** 2  # of r^|i - j|, i and j in the stretch
     return np.asarray(white * (L[:, 0] - pairs @ sizes))
@@ -60,7 +60,7 @@ def best_stretch(judged: Comparison, theta: np.ndarray, weight: np.ndarray) -> S
     rows = bands.back(left / bands.each_row(judged.S(theta))[:, None])[:, 0]
     sums = np.concatenate(([0.0], np.cumsum(rows * weight)))
     squares = np.concatenate(([0.0], np.cumsum(weight**2)))
-    of_length = squares_of(2 * int(lengths[-1]), theta)
+    of_length = squares_of(2 * int(lengths[-1]), inverse_kernel(theta, bands.times))
     segment = judged.bands.segment
 
     def gains(start: np.ndarray, stop: np.ndarray) -> np.ndarray:

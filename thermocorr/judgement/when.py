@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..equations.noise import Kernel, inverse_kernel
 from .choice import Cause
 from .cuts import products_from
 from .dated import DATED
@@ -30,12 +31,13 @@ def intervals(pool: Pool, judged: Comparison, causes: Sequence[Cause]) -> list[t
     if not with_moments or np.any(np.diff(seconds) <= 0):  # runs that overlap: a time has several places
         return found
     heights, left = _heights(judged, [causes[k] for k in with_moments])
+    kernel = inverse_kernel(judged.base.theta, judged.bands.times)
     for k, height in zip(with_moments, heights, strict=True):
         effect = causes[k].tried.explanation.effect
         shift = pool.rows.weight * (height[0] + (height[1] * pool.temperature if len(height) > 1 else 0.0))
         ends = effect.seconds_ if isinstance(effect.seconds_, list) else [effect.seconds_]
         found[k] = tuple(
-            _interval(shift * sign, left, int(np.searchsorted(seconds, end)), judged.base.theta, seconds)
+            _interval(shift * sign, left, int(np.searchsorted(seconds, end)), kernel, seconds)
             for end, sign in zip(ends, (1.0, -1.0), strict=False)
         )
     return found
@@ -56,18 +58,18 @@ def _heights(judged: Comparison, causes: Sequence[Cause]) -> tuple[list[np.ndarr
     return [coef[a:b] for a, b in pairwise(edges)], left
 
 
-def _interval(shift: np.ndarray, left: np.ndarray, row: int, theta: np.ndarray, seconds: np.ndarray) -> Interval:
+def _interval(shift: np.ndarray, left: np.ndarray, row: int, kernel: Kernel, seconds: np.ndarray) -> Interval:
     """Where a shift that begins at a row may begin: times of the rows before and after."""
     reach, n = len(shift) // 4, len(shift)
     before, after = slice(max(row - reach, 1), row), slice(row, min(row + reach, n - 1))
-    earlier = _falls(shift[before][::-1], -left[before][::-1], theta) <= MOMENTS
-    later = _falls(shift[after], left[after], theta) <= MOMENTS
+    earlier = _falls(shift[before][::-1], -left[before][::-1], kernel) <= MOMENTS
+    later = _falls(shift[after], left[after], kernel) <= MOMENTS
     low = row - 1 - int(np.flatnonzero(earlier).max(initial=-1))
     high = row + 1 + int(np.flatnonzero(later).max(initial=-1))
     return float(seconds[max(low - 1, 0)]), float(seconds[min(high, n - 1)])
 
 
-def _falls(shift: np.ndarray, left: np.ndarray, theta: np.ndarray) -> np.ndarray:
+def _falls(shift: np.ndarray, left: np.ndarray, kernel: Kernel) -> np.ndarray:
     """How far the likelihood falls as the first one, two, ... rows lose their shift."""
-    own = products_from(shift[::-1, None], theta, mirrored=False)[::-1, 0, 0]
+    own = products_from(shift[::-1, None], kernel, mirrored=False)[::-1, 0, 0]
     return np.asarray(np.cumsum(shift * left) + 0.5 * own)

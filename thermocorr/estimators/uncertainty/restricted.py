@@ -23,8 +23,6 @@ uncertain as they are with 0.5, 1.4 times with 2 (time constants given):
 `python benchmarks/interval_coverage.py --first 600 --seeds 24`."""
 SLOPES = (-0.5, 0.0, 0.5)
 """Mixed kinds of wandering: variances of the parts go with this power of their correlation time; 0 is flicker noise."""
-SHORTEST = 0.7
-"""Shortest correlation time [rows]: less looks white."""
 TURNS = 8
 """Rounds of coefficients, noise and priors with all parts free, before the models are averaged."""
 AVERAGED_TURNS = 3
@@ -114,9 +112,8 @@ class BandSums:
         groups: Sequence[np.ndarray] = (),
         within: Within | None = None,
     ):
-        self.bands = Bands(span)
-        self.times = correlation_times(len(span))
-        self.parts = np.column_stack((np.ones(len(self.bands.sizes)), exact_powers(self.bands, self.times)))
+        self.bands = Bands(span, LONGEST)
+        self.times, self.parts = self.bands.times, self.bands.exact_parts
         A, z = self.bands.forward(columns), self.bands.forward(reading[:, None])[:, 0]
         self.columns, self.reading = A, z
         edges = [*self.bands.starts.tolist(), len(z)]
@@ -209,26 +206,6 @@ class BandSums:
             covariance=V,
             by_part=by_part,
         )
-
-
-def correlation_times(n: int) -> np.ndarray:
-    """Correlation times of the parts of the noise of n rows, down from `LONGEST` [rows], increasing."""
-    count = int(np.log(max(LONGEST * n / SHORTEST, 1.0)) / np.log(RATIO)) + 1
-    return np.asarray(LONGEST * n / RATIO ** np.arange(count - 1, -1, -1))
-
-
-def exact_powers(bands: Bands, times: np.ndarray) -> np.ndarray:
-    """`Bands.powers`, exact for the means of spans: other cosines hold the slowest noise well, these do not."""
-    powers = bands.powers(times)
-    sizes = np.array([piece.stop - piece.start for piece in bands.pieces], float)
-    lengths = np.concatenate([np.where(np.arange(size) == 0, size, 0.0) for size in sizes])[bands.order]
-    means = bands.sums((lengths > 0).astype(float)) == bands.sizes  # bands of nothing but means
-    kept = np.exp(-1 / times)
-    for band in np.flatnonzero(means):
-        n = lengths[bands.starts[band] : bands.starts[band] + bands.sizes[band]].mean()
-        with np.errstate(under="ignore"):
-            powers[band] = (1 + kept) / (1 - kept) - 2 * kept * (1 - kept**n) / (n * (1 - kept) ** 2)
-    return powers
 
 
 class AveragedModels:
