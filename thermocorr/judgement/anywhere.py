@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 
-from .levels import LEAST_OWN, NYQUIST
+from .levels import ALIVE, LEAST_OWN, NYQUIST
 from .likelihood import Comparison
 
 
@@ -30,7 +30,7 @@ def step_gains(judged: Comparison, theta: np.ndarray, weight: np.ndarray, rows: 
     sums = np.cumsum((rows * weight[:, None])[::-1], axis=0)[::-1]
     full = _squares(judged, W) * np.cumsum(weight[::-1] ** 2)[::-1] / np.arange(judged.n, 0, -1)
     own = full - judged.taken(theta, sums[:, 1:])
-    alive = own > 1e-8 * full
+    alive = own > ALIVE**2 * full
     gains = np.where(alive, 0.5 * sums[:, 0] ** 2 / np.where(alive, own, 1.0), 0.0)
     gains[0] = 0.0
     return gains

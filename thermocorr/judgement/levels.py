@@ -134,6 +134,10 @@ a slow column may. On measured records (gain 40, seeds 7 to 9), columns of other
 
 PIECES = 20
 """Pieces of equal numbers of rows that the record is cut into."""
+FIRST, AHEAD = 8, 3
+"""Pieces that the first forecast is learned from, and pieces that each foretells: four stretches of the later half."""
+BLOCK = 4
+"""Pieces of each of five blocks that are held out, as `HELD_OUT_BLOCKS` in a refinement."""
 RIDGE = 1e-6
 """Penalty in the forecasts, for columns of unit variance. At 1e-3 the lags of the base are bent so far on simulated
 devices that a true drift makes forecasts worse; on measured records any from 1e-6 to 1e-3 gives much the same."""
@@ -282,5 +286,9 @@ COLUMN_WEIGHT = 0.8
 """Weight of recorded columns in the order: a temperature or an hour is less easily right by chance."""
 PLACES_BEYOND = 3.0
 """Error beyond the noise, in standard deviations of what noise alone shows. Below this, no place is shown."""
+FEWEST_WITHIN = 3
+"""Averages in a place below which nothing is said of it: their rms could be that of a single one."""
+BAND = 4.0
+"""Highest over lowest frequency of a band."""
 FEWEST_AVERAGES = 64
 """Averages below which no bands of frequency are looked at: there would be two, a factor of four each."""

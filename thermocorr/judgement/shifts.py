@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from .levels import LATEST
+from .levels import ALIVE, LATEST
 from .likelihood import Comparison
 
 _TOGETHER = 32
@@ -67,5 +67,5 @@ class Shifts:
             moments[:, j] = together[1 : self.most + 1] - together[0]
         full = self.squares.T @ (1 / judged.S(theta))
         own = full - judged.taken(theta, moments[:, 1:])
-        alive = own > 1e-8 * full
+        alive = own > ALIVE**2 * full
         return np.asarray(np.where(alive, 0.5 * moments[:, 0] ** 2 / np.where(alive, own, 1.0), 0.0))

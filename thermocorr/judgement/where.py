@@ -17,10 +17,12 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record
 from .blocks import Averages, averaged
 from .levels import (
+    BAND,
     COLUMN_WEIGHT,
     DAYS,
     END_ROWS,
     FEWEST_AVERAGES,
+    FEWEST_WITHIN,
     HOUR_BINS,
     PLACES_BEYOND,
     STATES,
@@ -95,7 +97,7 @@ def _places(
     rows = [
         {**place, **_figures(data, excess, total, inside)}
         for place, inside in _bins(record, data, aspects, values)
-        if inside.sum() >= 3
+        if inside.sum() >= FEWEST_WITHIN
     ]
     for row in rows:
         row["concentration"] *= {"column": COLUMN_WEIGHT, "time": TIME_WEIGHT}.get(row["aspect"], 1.0)
@@ -198,12 +200,12 @@ def _frequencies(data: Averages, floor: float) -> list[dict[str, Any]]:
     total = float(np.sum(power - white))
     rows, low = [], frequency[0]
     while low < frequency[-1] and total > 0:
-        inside = (frequency >= low) & (frequency < 4 * low)
+        inside = (frequency >= low) & (frequency < BAND * low)
         share = float(np.sum(power[inside] - white) / total)
         rows.append(
             {
                 "aspect": "frequency",
-                "low": 1 / (4 * low),
+                "low": 1 / (BAND * low),
                 "high": 1 / low,
                 "unit": "s",
                 "n": int(data.counts[first].sum()),
@@ -213,5 +215,5 @@ def _frequencies(data: Averages, floor: float) -> list[dict[str, Any]]:
                 "concentration": 0.0,  # a band is another view of the same error, not a place where it is
             }
         )
-        low *= 4
+        low *= BAND
     return rows

@@ -14,11 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import cho_solve
 
-from .levels import PIECES, RIDGE, VARIES
+from .levels import AHEAD, BLOCK, FIRST, PIECES, RIDGE, VARIES
 
-LATER = tuple((range(stop), range(stop, stop + 3)) for stop in range(8, PIECES, 3))
+LATER = tuple((range(stop), range(stop, stop + AHEAD)) for stop in range(FIRST, PIECES, AHEAD))
 """Pieces to learn from, and later pieces to be foretold."""
-BLOCKS = tuple(([j for j in range(PIECES) if not i <= j < i + 4], range(i, i + 4)) for i in range(0, PIECES, 4))
+BLOCKS = tuple(
+    ([j for j in range(PIECES) if not i <= j < i + BLOCK], range(i, i + BLOCK)) for i in range(0, PIECES, BLOCK)
+)
 """Pieces to learn from, and blocks that are held out."""
 
 
