@@ -12,7 +12,7 @@ from thermocorr import DynamicBiasRegressor, ParquetLog, compare_variants, diagn
 from thermocorr.datasets import make_record
 from thermocorr.equations import lag_differences
 from thermocorr.equations.lags import bridge_error
-from thermocorr.estimators.gap_error import error_behind_gaps
+from thermocorr.estimators.gap_error import GapError, error_behind_gaps
 from thermocorr.estimators.input_law import InputLaw
 from thermocorr.records import Layout, read_record
 from thermocorr.records.gaps import Gaps
@@ -51,6 +51,72 @@ def test_no_variance_is_negative_whatever_the_structure():
     found = bridge_error(lambda lag: np.interp(lag, [0.0, 50.0, 400.0], [0.0, 1.0, 0.2]), 400.0, TAUS)  # of nothing
     assert np.linalg.eigvalsh(found).min() > -1e-12 * np.linalg.eigvalsh(found).max()
     np.testing.assert_allclose(found, found.T)
+
+
+def by_matrices(law, gaps, steps):
+    """The definition, row by row: matrices J x J; forgotten where all lags together err by no more than `least`."""
+    felt, said = None, []
+    for step in steps.tolist():
+        decay = np.diag(np.exp(-step / law.time_constants))
+        felt = None if felt is None else decay @ felt @ decay
+        if step > gaps.least:
+            bridge = bridge_error(gaps.structure(law.column), float(f"{step:.2g}"), law.time_constants)
+            felt = bridge if felt is None else felt + bridge
+        if felt is not None and np.abs(law.weights) @ np.sqrt(np.diag(felt)) <= law.least:
+            felt = None
+        said.append(0.0 if felt is None else law.weights @ felt @ law.weights)
+    return np.array(said)
+
+
+def laws_and_steps(seed):
+    """Two columns with lags, one of which forgets sooner; dense and sparse gaps, the first row behind one or not."""
+    rng, lags = np.random.default_rng(seed), np.concatenate(([0.0], np.geomspace(10, 1e5, 20)))
+    laws = [
+        InputLaw(column, (), np.sort(10 ** rng.uniform(1, 4, n_lags)), rng.uniform(0.2, 1, n_lags), least, True)
+        for column, n_lags, least in (("T", 4, 0.15), ("H", 2, 0.15))
+    ]
+    squares = {"T": np.minimum(1e-3 * lags**1.2, 4.0), "H": np.minimum(1e-2 * lags**0.6, 2.0)}
+    steps = rng.choice([10.0, 12.0, 15.3], 400)
+    behind = rng.random(400) < (0.3, 0.05, 0.02)[seed % 3]
+    behind[0] = seed % 2
+    steps[behind] += 10 ** rng.uniform(1.5, 4, behind.sum())
+    return laws, Gaps(least=30.0, lags=lags, squares=squares), steps
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_felt_of_gaps_fades_as_matrices_do(seed):
+    """Whole, in pieces, one by one and after a stop; the weights are of one sign, so sums lose no digits to 1e-12."""
+    laws, gaps, steps = laws_and_steps(seed)
+    error, rng, felt, parts, at = GapError(laws, gaps), np.random.default_rng(seed), (), [], 0
+    expected = sum(by_matrices(law, gaps, steps) for law in laws)
+    assert expected.any()
+    np.testing.assert_allclose(error.of_rows(steps)[0], expected, rtol=1e-12)
+    while at < len(steps):
+        stop = at + int(rng.integers(1, 50))
+        if rng.random() < 0.5:
+            said, felt = error.of_rows(steps[at:stop], felt)
+            parts.extend(said)
+        else:
+            for step in steps[at:stop].tolist():
+                said, felt = error.of_row(step, felt)
+                parts.append(said)
+        felt, at = error.taken_up(error.plain(felt)), stop
+    np.testing.assert_allclose(parts, expected, rtol=1e-12)
+
+
+def test_gaps_that_come_often_are_all_forgotten_or_none():
+    """Each gap beside what is left of those before it: a closed form for one lag and gaps of one length."""
+    law = InputLaw("T", (), np.array([600.0]), np.array([2.0]), 0.0, True)
+    gaps = Gaps(least=30.0, lags=np.array([0.0, 10.0, 1e4]), squares={"T": np.array([0.0, 10.0, 1e4])})
+    steps = np.tile([60.0, 20.0, 20.0], 400)
+    alone = 4.0 * bridge_error(gaps.structure("T"), 60.0, law.time_constants)[0, 0]
+    sum_of_all = alone / (1.0 - np.exp(-2 * 100.0 / 600.0))  # a geometric series: a period is 100 s
+    said = GapError([law], gaps).of_rows(steps)[0]
+    np.testing.assert_allclose(said[:3], alone * np.exp(-2 * np.array([0.0, 20.0, 40.0]) / 600.0))
+    np.testing.assert_allclose(said[-3:], sum_of_all * np.exp(-2 * np.array([0.0, 20.0, 40.0]) / 600.0))
+    least = np.sqrt(alone) * np.exp(-30.0 / 600.0)  # forgotten before the third row behind each gap
+    forgets = GapError([InputLaw("T", (), law.time_constants, law.weights, least, True)], gaps).of_rows(steps)[0]
+    np.testing.assert_allclose(forgets.reshape(-1, 3), np.tile([*said[:2], 0.0], (400, 1)))
 
 
 @pytest.mark.parametrize("power", [0.5, 1.0, 1.9])

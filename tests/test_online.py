@@ -136,6 +136,40 @@ def test_refused_samples_change_nothing(default):
     assert [s.flag for s in single] == got["flag"].tolist()
 
 
+@pytest.mark.parametrize("max_gap", [None, "10 min"])
+@pytest.mark.parametrize("late", [[], [0], [50], [99, 250], [120, 121], [-1]])
+def test_gaps_in_a_block_are_told_from_false_dates_as_one_by_one(late, max_gap):
+    """Gaps anywhere, two in a row, one before the last row; what is in doubt in the end is the same too."""
+    X, y = stream(1300, 8, holes=False)
+    model = DynamicBiasRegressor(time_constants=[120.0, 900.0], max_gap=max_gap).fit(X[:800], y[:800])
+    rows = np.setdiff1d(np.arange(800, 1300), np.r_[840:860, 861:875, 900:930, 1010:1040, 1270:1299])
+    X, y, dates = X.iloc[rows], y.iloc[rows], X.index[rows].to_numpy().copy()
+    dates[late] += np.timedelta64(1, "D")  # the first of two such dates is believed, as the second speaks for it
+    X = X.set_axis(pd.DatetimeIndex(dates))
+    single = OnlineCorrector(model, uncertainty=True, average=5)
+    samples = one_by_one(single, X, y)
+    expected, doubt = pd.DataFrame(samples), single.state()["doubt"]
+    for cuts in ([], [1], [41, 42, 300]):
+        live, edges = OnlineCorrector(model, uncertainty=True, average=5), [0, *cuts, len(X)]
+        got = pd.concat([live.update_many(X[low:high], y[low:high]) for low, high in itertools.pairwise(edges)])
+        assert got["flag"].tolist() == [sample.flag for sample in samples]
+        for column in ("corrected", "bias", "smoothed", "u"):
+            np.testing.assert_allclose(got[column], expected[column], rtol=1e-11)
+        in_doubt = live.state()["doubt"]
+        assert (in_doubt or {}).get("last") == (doubt or {}).get("last")
+
+
+def test_a_gap_that_the_next_row_confirms_does_not_cut_a_block(default, monkeypatch):
+    """A block costs as much as thousands of its rows: with a gap now and then a stream was half as fast."""
+    model, X, y = default
+    live, sizes = OnlineCorrector(model), []
+    inner = live._stream.advance_block
+    monkeypatch.setattr(live._stream, "advance_block", lambda *args: sizes.append(len(args[0])) or inner(*args))
+    live.update_many(X, y)
+    assert X.index.to_series().diff().max() > pd.Timedelta(model.max_gap)
+    assert sizes == [X["temperature"].notna().sum()]
+
+
 def test_rows_that_hardly_ever_follow_on_one_another(default):
     model, X, y = default
     X, y = X[900:1200].copy(), y[900:1200]

@@ -108,7 +108,7 @@ class Stream:
             filled_to=filled_to,
             filled_run=filled_run,
             filling=filling,
-            behind_gap=tuple(None if each is None else tuple(each.ravel().tolist()) for each in self._behind_gap),
+            behind_gap=self.gap_error.plain(self._behind_gap),
         )
 
     def put(self, state: StreamState) -> None:
@@ -118,10 +118,7 @@ class Stream:
         if self.filling is not None:
             self.filling.put(state.filled_to, state.filled_run, state.filling)
             self.filling.n_ended = max(self.filling.n_ended, state.n_ended)
-        self._behind_gap: Felt = tuple(
-            None if each is None else np.reshape(each, 2 * [len(law.weights)])
-            for each, law in zip(state.behind_gap, self.gap_error.laws, strict=False)
-        )
+        self._behind_gap: Felt = self.gap_error.taken_up(state.behind_gap)
         if state.open:
             self._take_up(state.key, state.segment_zero, state.states)
 
@@ -163,8 +160,7 @@ class Stream:
             step = since if step == math.inf else step
         unknown = 0.0
         if since > self.gap_error.least or self._behind_gap:
-            variance, self._behind_gap = self.gap_error.of_rows(np.array([since]), self._behind_gap)
-            unknown = float(variance[0])
+            unknown, self._behind_gap = self.gap_error.of_row(since, self._behind_gap)
         sample.temperature, sample.values, sample.stamp = T, values, stamp
         sample.seconds = clock.between(stamp, self.history.zero)
         sample.elapsed = elapsed = clock.between(stamp, sample.segment_zero)
@@ -257,14 +253,15 @@ class Stream:
         rows = np.flatnonzero(~late)
         if not len(rows):
             return out
-        here = stamps[rows]
-        values = {name: column[rows] for name, column in values.items()}
+        kept: Any = slice(None) if len(rows) == len(stamps) else rows
+        here = stamps[kept]
+        values = {name: column[kept] for name, column in values.items()}
         steps = np.empty(len(rows))
         steps[0] = self.step_to(here[0].item(), run)
         steps[1:] = self.clock.between(here[1:], here[:-1])
         fresh = steps > self._max_gap
         fresh[0] |= not (self._open and same_run)
-        fresh |= np.diff(felt[rows, 2], prepend=self._n_ended) > 0
+        fresh |= np.diff(felt[kept, 2], prepend=self._n_ended) > 0
         self._n_ended = int(felt[rows[-1], 2])
         self.last, self._run = here[-1].item(), run
         record, starts, states = self._record(here, steps, values, fresh, run)
@@ -275,7 +272,7 @@ class Stream:
                 walked[:] = [step]
                 yield step
 
-        measured, behind = reading[rows], {} if fresh[0] else {0: self._behind_gap}
+        measured, behind = reading[kept], {} if fresh[0] else {0: self._behind_gap}
         with np.errstate(over="ignore", invalid="ignore"):  # powers of a temperature far outside: a flag says it
             for block, parts in self.model.weighed(noted()):
                 into = rows[block.rows]
@@ -301,14 +298,19 @@ class Stream:
         self._take_up(walked[0].block.segment_key, walked[0].block.segment_zero, walked[0].states)
         return out
 
-    def next_jump(self, stamps: np.ndarray, run: Any) -> int:
-        """Number of the first row that comes after a gap; their count where none does."""
+    def next_doubt(self, stamps: np.ndarray, run: Any) -> int:
+        """Number of the first row after a gap whose time the next row does not confirm, by a later one.
+
+        The count of rows where there is none. The last row has none behind it.
+        """
         same_run = self.last is not None and run == self._run
         before = np.maximum.accumulate(stamps)[:-1]
         before = np.maximum(before, self.last) if same_run else before
         steps = np.concatenate(([self.step_to(stamps[0].item(), run)], self.clock.between(stamps[1:], before)))
         jumps = np.flatnonzero(steps > self.gap)
-        return int(jumps[0]) if len(jumps) else len(stamps)
+        confirmed = stamps[np.minimum(jumps + 1, len(stamps) - 1)] > stamps[jumps]
+        doubted = jumps[~confirmed]
+        return int(doubted[0]) if len(doubted) else len(stamps)
 
     def _record(
         self, here: Any, steps: Any, values: Any, fresh: Any, run: Any

@@ -317,12 +317,12 @@ class OnlineCorrector(Resumable):
         Stamps are None for a record without times. Stretches of less than `short` rows go one by one, which is faster,
         and equal to the last digit but one.
         """
-        out = Answers(len(reading))
         if stamps is None:
             frame = pd.DataFrame(values)
             if not self._placed and not self.place_block(
                 frame if runs is None else frame.assign(**{self.model.run: runs})
             ):
+                out = Answers(len(reading))
                 out.flags[:] = NO_TEMPERATURE
                 out.reference[:] = math.nan if self.track is None else self.track.value
                 self._stream.clock.next_rows(len(reading))
@@ -342,23 +342,22 @@ class OnlineCorrector(Resumable):
         self, stamps: np.ndarray, values: dict[Any, np.ndarray], reading: Any, runs: Any, short: int, felt: np.ndarray
     ) -> Answers:
         """`update_stamps` where missing cells have been filled as far as they can be, see `LiveFilling`."""
-        out = Answers(len(reading))
         why = refused_rows(self._screen.temperature, self._stream.temperature, stamps, values)
         if why is not None:
             return self._passed_over(why, stamps, values, reading, runs, short, felt)
+        out = Answers(len(reading))
         for low, high, run in stretches(runs, len(stamps)):
             at = low
             while at < high:
                 ahead = stamps[at : min(at + _PIECE, high)]
-                first = ahead[0].item()
-                jumps = self._doubt is not None or self._stream.step_to(first, run) > self._stream.gap
-                stop = at + (1 if jumps else self._stream.next_jump(ahead, run))
+                n_sure = 0 if self._doubt is not None else self._stream.next_doubt(ahead, run)
+                stop = at + max(n_sure, 1)
                 rows = slice(at, stop)
                 if stop - at < short:
                     self._singly(rows, stamps, run, values, reading, felt, out)
                 else:
-                    if jumps:
-                        self._consider(first, run)
+                    if not n_sure:
+                        self._consider(ahead[0].item(), run)
                     self._together(rows, stamps, run, values, reading, felt, out)
                 at = stop
         return out
