@@ -1,5 +1,6 @@
 """Long CSV files are read by pyarrow: what comes out is, cell by cell, what pandas makes of them."""
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -81,3 +82,40 @@ def test_dates_are_those_of_pandas(form, monkeypatch):
         monkeypatch.setattr(by_arrow, "MANY", 1)
         got = dates_once(text)
         pd.testing.assert_series_equal(got, want, check_exact=True)
+
+
+def table_to_write(n=12_000):
+    """Numbers of every size, whole ones, gaps, switches and text."""
+    rng = np.random.default_rng(0)
+    return pd.DataFrame(
+        {
+            "time": pd.Series([f"2024-01-01 00:{k // 60 % 60:02d}:{k % 60:02d}" for k in range(n)]),
+            "any, size": rng.integers(0, 2**64, n, dtype=np.uint64).view(float),
+            "whole": np.where(rng.uniform(size=n) < 0.1, np.nan, np.round(1e3 * rng.normal(size=n))),
+            "small": 1e-5 * rng.normal(size=n),
+            "count": np.arange(n) - 5,
+            "on": rng.uniform(size=n) < 0.5,
+            "flag": np.where(rng.uniform(size=n) < 0.1, "spike", ""),
+        }
+    )
+
+
+@pandas_3
+def test_what_is_written_reads_back_to_the_last_bit():
+    frame, file = table_to_write(), io.BytesIO()
+    assert by_arrow.written_by_arrow(frame, file)
+    again = pd.read_csv(io.BytesIO(file.getvalue()), keep_default_na=False, na_values=[""])
+    by_pandas = pd.read_csv(io.StringIO(frame.to_csv(index=False)), keep_default_na=False, na_values=[""])
+    pd.testing.assert_frame_equal(again, by_pandas, check_exact=True)
+    known = np.isfinite(frame["any, size"])
+    assert (again["any, size"] == frame["any, size"])[known].all()
+    assert file.getvalue().splitlines()[0] == b'time,"any, size",whole,small,count,on,flag'
+
+
+@pandas_3
+@pytest.mark.parametrize("cell", ["a,b", 'say "no"', "two\nlines"])
+def test_text_that_needs_quotes_is_left_to_pandas(cell):
+    frame, file = table_to_write(), io.BytesIO()
+    frame.loc[7, "flag"] = cell
+    assert not by_arrow.written_by_arrow(frame, file)
+    assert not file.getvalue()

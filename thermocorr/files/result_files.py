@@ -10,6 +10,7 @@ import pandas as pd
 
 from ..estimators import DynamicBiasRegressor
 from ..records import RecordError
+from ..records.by_arrow import written_by_arrow
 from ..records.text import printable
 from .marks import TEXT_MARK
 from .model_file import content_of
@@ -25,7 +26,8 @@ def write_corrected(outputs: Outputs, folder: Path, log: pd.DataFrame, evaluated
     path = folder / "corrected.csv"
     file = outputs.open(path)
     try:  # floats are written with all the digits that tell them apart
-        result.to_csv(file, mode="wb", index=index, lineterminator="\n")
+        if index or not written_by_arrow(result, file):
+            result.to_csv(file, mode="wb", index=index, lineterminator="\n")
     except (ValueError, ArithmeticError, NotImplementedError) as error:  # dates that no text of pandas' can show
         reason = " ".join(str(error).split())
         raise RecordError(f"{path} cannot be written: {reason}. Are dates of the log damaged?") from None

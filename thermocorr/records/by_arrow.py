@@ -1,11 +1,11 @@
 """Plain CSV and dates by pyarrow, where it is installed: faster than by pandas, and nothing is read differently.
 
-What pyarrow does not read, or would read in another way, is left to pandas.
+What pyarrow does not read or write, or would do in another way, is left to pandas.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,7 @@ _TEXT: Any = pd.Series(["text"]).dtype
 
 
 MANY = 10_000
-"""Dates from which on it is worth loading pyarrow."""
+"""Dates, or rows to be written, from which on it is worth loading pyarrow."""
 
 
 def table_by_arrow(content: bytes, start: int, end: int, head: pd.DataFrame, missing: list[str]) -> pd.DataFrame | None:
@@ -92,3 +92,37 @@ def dates_by_arrow(text: pd.Series[Any]) -> pd.Series[Any] | None:
             continue
         return pd.Series(parsed.to_pandas().array, index=text.index, name=text.name)
     return None
+
+
+def written_by_arrow(frame: pd.DataFrame, file: BinaryIO) -> bool:
+    """Write numbers, switches and plain text as CSV; False, and nothing written, where pandas has to do it.
+
+    Every number reads back to the last bit. A whole one is written without a point where others of its column are none.
+    """
+    kinds = (np.dtype(np.float64), np.dtype(np.int64), np.dtype(bool), _TEXT)
+    if len(frame) < MANY or not all(dtype in kinds for dtype in frame.dtypes):
+        return False
+    try:
+        import pyarrow as pa
+        from pyarrow import compute, csv
+    except ImportError:
+        return False
+    columns = []
+    for values in (frame.iloc[:, k] for k in range(frame.shape[1])):
+        column = pa.array(values, from_pandas=True)
+        if values.dtype == np.float64 and (np.isnan(values) | (values % 1 == 0)).all():
+            shown = compute.cast(column, pa.string())
+            whole = compute.match_substring_regex(shown, "^-?[0-9]+$")
+            column = compute.if_else(whole, compute.binary_join_element_wise(shown, "0", "."), shown)  # 23.0, not 23
+        elif values.dtype == bool:
+            column = compute.utf8_capitalize(compute.cast(column, pa.string()))
+        columns.append(column)
+    text = pa.BufferOutputStream()
+    try:
+        table = pa.Table.from_arrays(columns, [str(k) for k in range(len(columns))])
+        csv.write_csv(table, text, csv.WriteOptions(include_header=False, quoting_style="none"))
+    except pa.ArrowException:  # text with a comma, a quote or an end of line
+        return False
+    file.write(frame.iloc[:0].to_csv(index=False, lineterminator="\n").encode())
+    file.write(memoryview(text.getvalue()))
+    return True
