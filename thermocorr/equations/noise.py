@@ -47,7 +47,7 @@ class Bands:
     segment: np.ndarray
     """Number of the segment of each row, shape (n,), rows of a segment side by side and evenly spaced."""
     longest: float | None = None
-    """Longest correlation time of the noise, as a share of all rows, and `times_down_from` it; else `times_from_one`."""
+    """Longest correlation time of the noise, as a share of all rows, see `times_down_from`; None: `times_from_one`."""
 
     @cached_property
     def pieces(self) -> list[slice]:
@@ -114,13 +114,14 @@ class Bands:
         return np.asarray(np.add.reduceat(rows, self.starts, axis=0))
 
     def forward(self, columns: np.ndarray) -> np.ndarray:
-        """Orthonormal cosine transform of each segment, rows in order of frequency."""
+        """Orthonormal cosine transform of each segment, rows in order of frequency, in Fortran order."""
+        each = np.ascontiguousarray(columns.T)
         if len(self.pieces) == 1:  # stands in order
-            return np.asarray(dct(columns, axis=0, norm="ortho"))
-        result = np.empty(columns.shape)
+            return np.asarray(dct(each, axis=1, norm="ortho").T)
+        result = np.empty(each.shape)
         for piece in self.pieces:
-            result[piece] = dct(columns[piece], axis=0, norm="ortho")
-        return np.asarray(result[self.order])
+            result[:, piece] = dct(each[:, piece], axis=1, norm="ortho")
+        return np.asarray(result[:, self.order].T)
 
     def back(self, rows: np.ndarray) -> np.ndarray:
         """Undo `forward`."""

@@ -62,13 +62,14 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
         starts = np.arange(0, len(block), width)
         share = np.where(known, record.counts[block.rows] if isinstance(record, Thinned) else 1.0, 0.0)
         count = np.add.reduceat(share, starts)
-        kept = count > 0
+        kept: Any = count > 0
         even = bool((share == 1.0).all())
         single = even and width == 1
         readings.append((np.add.reduceat(np.where(known, reading, 0.0) * share, starts) / np.maximum(count, 1))[kept])
         seconds.append((np.add.reduceat(block.seconds * share, starts) / np.maximum(count, 1))[kept])
         counts.append(count[kept])
         segments.append(np.full(int(kept.sum()), block.segment))
+        share_of_one, kept = 1 / np.maximum(count, 1), slice(None) if kept.all() else kept
         for i, effect in enumerate(effects):
             if isinstance(record, Thinned) and said(effect) in record.exact:
                 columns = record.exact[said(effect)][block.rows]
@@ -78,8 +79,8 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
             if not even:
                 columns = columns * share[:, None]
             if width > 1:
-                columns = np.add.reduceat(columns, starts, axis=0)
-            parts[i].append(columns if single else (columns / np.maximum(count, 1)[:, None])[kept])
+                columns = sums_of(columns, width)
+            parts[i].append(columns if single else (columns.T * share_of_one).T[kept])
     return Averages(
         reading=np.concatenate(readings),
         columns=[np.concatenate(part) for part in parts],
@@ -87,6 +88,13 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
         segment=np.concatenate(segments),
         seconds=np.concatenate(seconds),
     )
+
+
+def sums_of(columns: np.ndarray, width: int) -> np.ndarray:
+    """Sums over stretches of `width` rows, shape (stretches, k); the last stretch may be shorter."""
+    if len(columns) % width:
+        return np.asarray(np.add.reduceat(columns, np.arange(0, len(columns), width), axis=0))
+    return np.asarray((columns.T.reshape(columns.shape[1], -1, width) @ np.ones(width)).T)
 
 
 def said(effect: Effect) -> str:

@@ -74,7 +74,7 @@ class Search:
         white = self.judged.innovation
         self.structured = max(self.judged.unexplained() - white, LEAST_STRUCTURE * white)
         """Mean square beside the base, beyond the noise that nothing foresees."""
-        self.held = HeldOut(pool.coarse(pool.reading)[:, None], pool.coarse(pool.base))
+        self.held = HeldOut(pool.coarse(pool.reading[:, None]), pool.coarse(pool.base))
         self.coarse = [pool.coarse(explanation.columns) for explanation in self.tried]
         keys = [explanation.key for explanation in self.tried]
         self.sizes = {key: keys.count(key) for key in dict.fromkeys(keys)}

@@ -10,7 +10,7 @@ import numpy as np
 from ..effects import Disturbance, SensitivityStep, Step
 from .anywhere import step_gains
 from .cuts import change_gains
-from .levels import STRETCHES
+from .levels import LEAST_RULE, STRETCHES
 from .likelihood import Comparison
 from .pool import Explanation, Key, Pool
 from .stretches import best_stretch
@@ -40,6 +40,8 @@ def dated(
         found.append(_from(pool, Step, int(steps.argmax())))
     if SensitivityStep.kind in kinds:
         changes = change_gains(judged, theta, pool.rows.weight, pool.temperature, rows)
+        few = int(LEAST_RULE * judged.n)
+        changes[:few] = changes[judged.n - few :] = 0.0
         if changes.max() > steps.max() + 0.5 * math.log(judged.n):
             found.append(_from(pool, SensitivityStep, int(changes.argmax())))
     if Disturbance.kind in kinds and (stretch := best_stretch(judged, theta, pool.rows.weight)) is not None:

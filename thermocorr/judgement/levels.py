@@ -60,6 +60,10 @@ FAINT = 1e-9
 TAKEN = 2_000
 """Rows at which it is computed what the base holds of a law that changes there; straight lines go between. With 250
 rows the gain of a change is wrong by up to 3 % on simulated devices, with 2 000 by less than 1 %."""
+LEAST_RULE = 0.05
+"""Share of the record before and after the moment at which another law begins: one that is learned from a few last rows
+is tested by none, and foretells all that comes. Of a heater's record, one in the last 3 % lowered the error on held-out
+blocks by 2 dB and made four times the error afterwards."""
 NYQUIST = 0.98
 """Fastest wave that is tried, over half the sampling frequency: at it, sine and cosine are one column."""
 LATEST = 0.01
@@ -97,6 +101,9 @@ ROUNDING = 1e-14
 
 ALIVE = 1e-4
 """Length of a column outside the base, over its whole length, below which it is nothing new."""
+BATCH = 24
+"""Explanations that are transformed at a time: their columns stay near the processor. Ten times as many take twice as
+long."""
 QUIET = 0.03
 """Wandering noise that a second start of the estimate has, over the first: a slow cause is invisible where the noise
 has taken it upon itself, so each explanation may also begin with hardly any."""
@@ -289,6 +296,6 @@ PLACES_BEYOND = 3.0
 FEWEST_WITHIN = 3
 """Averages in a place below which nothing is said of it: their rms could be that of a single one."""
 BAND = 4.0
-"""Highest over lowest frequency of a band."""
+"""Highest over lowest frequency of a band of the residual that is looked at."""
 FEWEST_AVERAGES = 64
 """Averages below which no bands of frequency are looked at: there would be two, a factor of four each."""

@@ -16,7 +16,7 @@ from scipy.linalg import cho_solve, lapack, solve_triangular
 
 from ..equations.noise import Bands, fitted_parts, whittle
 from .judged_rows import orthonormal
-from .levels import ALIVE, PIECES, QUIET, TURNS
+from .levels import ALIVE, BATCH, PIECES, QUIET, TURNS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,11 +36,11 @@ class ExplanationColumns:
     rows: np.ndarray
     """Shape (n, k)."""
     own: np.ndarray
-    """With one another, shape (bands, k, k)."""
+    """Cross products with one another, shape (bands, k, k)."""
     base: np.ndarray
-    """With the base, shape (bands, p, k)."""
+    """Cross products with the base, shape (bands, p, k)."""
     reading: np.ndarray
-    """With the reading, shape (bands, k)."""
+    """Cross products with the reading, shape (bands, k)."""
 
 
 class Comparison:
@@ -93,23 +93,30 @@ class Comparison:
         edges = [*self.bands.starts.tolist(), self.n]
         return np.stack([one[a:b].T @ other[a:b] for a, b in pairwise(edges)])
 
+    def _squares(self, columns: np.ndarray) -> np.ndarray:
+        """Sums of squares in each band, shape (bands, columns)."""
+        edges = [*self.bands.starts.tolist(), self.n]
+        return np.stack([_squares_of(columns[a:b]) for a, b in pairwise(edges)])
+
     def add(self, columns: Sequence[np.ndarray]) -> None:
         """More explanations, each of shape (n, k), in the order of the record."""
-        if not columns:
-            return
-        together = self.bands.forward(np.column_stack(columns))
-        full = np.linalg.norm(together, axis=0)
-        together -= self.Q @ (self.Q.T @ together)
-        left = np.linalg.norm(together, axis=0)
+        for first in range(0, len(columns), BATCH):  # of a size that memory near the processor holds
+            self._add(columns[first : first + BATCH])
+
+    def _add(self, columns: Sequence[np.ndarray]) -> None:
+        together = self.bands.forward(side_by_side(columns))
+        full = np.sqrt(_squares_of(together))
+        together.T[:] -= (together.T @ self.Q) @ self.Q.T
+        left = np.sqrt(_squares_of(together))
         alive = left > ALIVE * np.maximum(full, 1e-300)
         together /= np.where(alive, left, 1.0)
-        base = self._products(self.Q, together)
-        reading = self.bands.sums(together * self.z[:, None])
+        both = self._products(np.column_stack((self.Q, self.z)), together)
+        base, reading, squares = both[:, :-1], both[:, -1], self._squares(together)
         edges = list(accumulate((block.shape[1] for block in columns), initial=0))
         for low, high in pairwise(edges):
             kept = low + np.flatnonzero(alive[low:high])
-            rows = together[:, kept]
-            own = self.bands.sums(rows**2)[:, :, None] if len(kept) == 1 else self._products(rows, rows)
+            rows = together.T[low:high].T if len(kept) == high - low else together.T[kept].T
+            own = squares[:, kept, None] if len(kept) == 1 else self._products(rows, rows)
             found = ExplanationColumns(
                 rows=rows, own=own, base=np.ascontiguousarray(base[:, :, kept]), reading=reading[:, kept]
             )
@@ -128,19 +135,23 @@ class Comparison:
         self.causes.append(slice(self.Q.shape[1], self.Q.shape[1] + found.rows.shape[1]))
         self.QQ = np.block([[self.QQ, found.base], [found.base.transpose(0, 2, 1), found.own]])
         self.Qz = np.concatenate((self.Qz, found.reading), axis=1)
-        others = [other for other in self.explanations if other is not None]
-        cross = self._products(found.rows, np.column_stack([found.rows[:, :0], *(other.rows for other in others)]))
-        edges = list(accumulate((other.rows.shape[1] for other in others), initial=0))
-        parts = {id(o): cross[:, :, a:b] for o, a, b in zip(others, edges[:-1], edges[1:], strict=True)}
         self.explanations = [
-            o
+            other
             and ExplanationColumns(
-                rows=o.rows, own=o.own, base=np.concatenate((o.base, parts[id(o)]), axis=1), reading=o.reading
+                rows=other.rows,
+                own=other.own,
+                base=np.concatenate((other.base, self._crossed(found, other)), axis=1),
+                reading=other.reading,
             )
-            for o in self.explanations
+            for other in self.explanations
         ]
         self.Q = np.column_stack((self.Q, found.rows))
         self.base, self.white = fit, self._white()
+
+    def _crossed(self, one: ExplanationColumns, other: ExplanationColumns) -> np.ndarray:
+        """Cross products of two explanations in each band, without a copy of their columns."""
+        each = other.rows.T[:, None] * one.rows.T
+        return np.asarray(np.add.reduceat(each, self.bands.starts, axis=2).transpose(2, 1, 0))
 
     def S(self, theta: np.ndarray) -> np.ndarray:
         """Power of the noise in each band."""
@@ -160,7 +171,7 @@ class Comparison:
         return np.linalg.cholesky(A + 1e-12 * np.trace(A) / len(A) * np.eye(len(A)))
 
     def first_fit(self, *more: np.ndarray) -> Fit:
-        """The base alone."""
+        """Fit of the base alone."""
         parts = self.bands.parts.shape[1]
         starts = [np.full(parts, 1 / parts), np.concatenate(([1.0], np.full(parts - 1, QUIET))), *more]
         return max(self._fits([None] * len(starts), starts, TURNS + 1), key=lambda fit: fit.level)
@@ -324,6 +335,16 @@ def _weighted(weights: np.ndarray, products: np.ndarray) -> np.ndarray:
 def _forms(products: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """``left @ products[g] @ right`` in each band."""
     return np.asarray(products.reshape(len(products), -1) @ np.outer(left, right).ravel())
+
+
+def side_by_side(columns: Sequence[np.ndarray]) -> np.ndarray:
+    """Columns of several arrays in one, each in one piece of memory (Fortran order)."""
+    return np.concatenate([part.T for part in columns]).T
+
+
+def _squares_of(columns: np.ndarray) -> np.ndarray:
+    """Sum of squares of each column."""
+    return np.asarray(np.einsum("ij,ij->i", columns.T, columns.T))
 
 
 def solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from ..estimators.thermometer_errors import thermometer_errors
 from ..records import Record, RecordError
 from ..records.thinned import Thinned
 from .base import ThermalBase
-from .blocks import Averages, averaged, spans
+from .blocks import Averages, averaged, spans, sums_of
 from .judged_rows import JudgedRows, starts_of
 from .levels import COARSE, FEWEST, FINE, MOST_EMPTY
 
@@ -114,10 +114,9 @@ class Pool:
         return place if place.max() < MOST_EMPTY * len(place) else np.arange(len(place))
 
     def coarse(self, columns: np.ndarray) -> np.ndarray:
-        """Averages of some neighbouring rows, as data not learned from are judged on."""
+        """Averages of some neighbouring rows of columns, shape (n, k), as data not learned from are judged on."""
         size = max(1, len(columns) // COARSE)
-        rows = len(columns) // size
-        return np.asarray(columns[: rows * size].reshape(rows, size, *columns.shape[1:]).mean(axis=1))
+        return sums_of(columns[: len(columns) // size * size], size) / size
 
 
 def key_of(effect: Effect) -> Key:

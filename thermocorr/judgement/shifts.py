@@ -46,9 +46,7 @@ class Shifts:
         delays = np.arange(1, self.most + 1)
         parts = [delays[k : k + _TOGETHER] for k in range(0, self.most, _TOGETHER)]
         squares = [
-            judged.bands.sums(
-                judged.bands.forward((even[place[:, None] - part] - risen[:, None]) * weight[:, None]) ** 2
-            )
+            judged.bands.sums(judged.bands.forward(((even[place - part[:, None]] - risen) * weight).T) ** 2)
             for part in parts
         ]
         self.squares = np.concatenate([np.zeros((len(judged.zz), 0)), *squares], axis=1)
