@@ -165,7 +165,7 @@ class ScaledBasis:
 
     @classmethod
     def of(cls, basis: Basis) -> ScaledBasis:
-        """From columns and readings as they are."""
+        """Scale the columns and readings of a basis."""
         norms = np.linalg.norm(basis.columns, axis=0)
         norms[norms == 0] = 1.0
         columns, mean = basis.columns / norms, float(basis.reading.mean())
@@ -250,5 +250,5 @@ def _beyond(basis: Basis, scaled: ScaledBasis, sums: BandSums) -> Beyond | None:
     rest = column - static @ alike
     if not float(np.linalg.norm(rest)) > 1e-9 * float(np.linalg.norm(column)):
         return None
-    coef, variance = sums.beside(rest / scaled.size)
-    return Beyond(power=power, size=float(np.sqrt(coef**2 + variance)) * scaled.unit, alike=alike)
+    known = sums.beside(rest / scaled.size)
+    return known and Beyond(power=power, size=float(np.hypot(known[0], np.sqrt(known[1]))) * scaled.unit, alike=alike)

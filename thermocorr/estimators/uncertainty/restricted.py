@@ -35,6 +35,8 @@ DRAWS = 60
 """Records drawn from the noise found, by which the uncertainty of its variances is told."""
 EXACT = 1e-24
 """Variance of a reading that is exact, in units of its residuals'."""
+HELD = 1e-9
+"""Share of a column outside of the others below which it is rounding."""
 LEAST = 1e-12
 """Directions in which the columns have less than this share of the largest carry no information."""
 
@@ -162,12 +164,15 @@ class BandSums:
             known = float(np.sum(group > 0) - np.sum(group * np.diag(V)) / self.scales[i])
             self.scales[i] = max(float(np.sum(group * coef**2)) / max(known, 0.1), 1e-300)
 
-    def beside(self, column: np.ndarray) -> tuple[float, float]:
-        """Coefficient of one more column, shape (n,), and its variance."""
+    def beside(self, column: np.ndarray) -> tuple[float, float] | None:
+        """Coefficient of one more column, shape (n,), and its variance; None where the others hold all of it."""
         W = 1 / self.bands.each_row(self.parts @ self.theta)
         x, (coef, V) = self.bands.forward(column[:, None])[:, 0], self.solved()
         cross = self.columns.T @ (W * x)
-        left = float(x @ (W * x) - cross @ V @ cross)
+        own = float(x @ (W * x))
+        left = own - float(cross @ V @ cross)
+        if not left > HELD * own:
+            return None
         moment = float(x @ (W * self.reading) - cross @ coef)
         return moment / left, 1 / left
 
