@@ -218,11 +218,12 @@ def _powers(record: Record, column: Any) -> tuple[int, ...]:
 
 
 def swings(record: Record, column: Any) -> bool:
-    """Whether bent copies of a column are no copies: it swings by more than a tenth of its mean, and is not on or off.
-
-    A column that knows two values only is a copy of any function of it.
-    """
+    """Whether bent copies of a column are no copies: it swings by over a tenth of its mean, and is not on or off."""
     known = record.moments(column)
-    if not known.std > _CURVED * abs(known.mean):
-        return False
+    return known.std > _CURVED * abs(known.mean) and has_middle(record, column)
+
+
+def has_middle(record: Record, column: Any) -> bool:
+    """Whether a column knows more than two values: one that does not is a copy of any function of it."""
+    known = record.moments(column)
     return any(bool(((block[column] > known.low) & (block[column] < known.high)).any()) for block in record.blocks())

@@ -92,7 +92,7 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
 
 def sums_of(columns: np.ndarray, width: int) -> np.ndarray:
     """Sums over stretches of `width` rows, shape (stretches, k); the last stretch may be shorter."""
-    if len(columns) % width:
+    if len(columns) % width or not columns.size:
         return np.asarray(np.add.reduceat(columns, np.arange(0, len(columns), width), axis=0))
     return np.asarray((columns.T.reshape(columns.shape[1], -1, width) @ np.ones(width)).T)
 
