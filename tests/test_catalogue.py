@@ -59,6 +59,7 @@ def test_every_kind_says_what_it_is(kind):
         assert sentence[0].isupper() and sentence.endswith(".") and len(sentence) > 30
     assert info.formula
     assert set(info.parameters) <= set(inspect.signature(effect).parameters)
+    assert "learned" in vars(effect), "what `learn` fixes, by which model files are checked; {} for nothing"
     assert vars(effect)["__doc__"]
 
 

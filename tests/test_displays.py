@@ -250,6 +250,15 @@ def test_where_and_suspects_show_the_diagnosis(fitted, found):
     figure.canvas.draw()
 
 
+def test_an_effect_is_added_whatever_it_is_called(refined):
+    steps = pd.concat([refined.steps.iloc[:1]] * 4, ignore_index=True)
+    steps["effect"] = ["", "without load", "without drift", "parameters tuned together"]
+    steps["change"] = ["given", "added", "removed", "tuned"]
+    display = RefinementDisplay(steps, 0.1, "ppm", "missing").plot()
+    shown = [label.get_text().replace("\n", " ") for label in display.ax_.get_xticklabels()]
+    assert shown == ["given model", "+ without load", "without drift", "parameters tuned together"]
+
+
 def test_the_refinement_falls_to_the_noise_floor(refined):
     display = RefinementDisplay.from_refinement(refined).plot()
     frame = display.frame()

@@ -12,10 +12,13 @@ from pathlib import Path
 import pytest
 
 import thermocorr
+from thermocorr import pictures
 from thermocorr.effects import CATALOGUE
 
 DOCS = Path(__file__).parents[1] / "docs"
 PACKAGE = Path(thermocorr.__file__).parent
+DISPLAYS = [name for name in pictures.__all__ if name.endswith("Display")]
+"""All pictures; `thermocorr.__all__` may list them, and need not."""
 pytestmark = pytest.mark.skipif(not (DOCS / "making").is_dir(), reason="docs is not beside the tests")
 
 
@@ -113,5 +116,10 @@ def test_the_reference_of_the_command_line_has_every_command_and_option(making, 
 
 def test_every_picture_is_shown_somewhere_in_the_guide():
     shown = "".join(path.read_text(encoding="utf-8") for path in (DOCS / "guide").glob("*.md"))
-    missing = [name for name in thermocorr.__all__ if name.endswith("Display") and name not in shown]
-    assert missing == []
+    assert [name for name in DISPLAYS if name not in shown] == []
+
+
+@pytest.mark.parametrize("name", DISPLAYS)
+def test_every_picture_is_at_hand_and_in_the_reference(name, making):
+    assert getattr(thermocorr, name) is getattr(pictures, name)
+    assert f"thermocorr.{name}" in documented(making), f"docs/api/judgement.md has no autoclass of thermocorr.{name}"

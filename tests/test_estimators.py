@@ -17,7 +17,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge, TimeConstantSearch
 from thermocorr.datasets import make_record
-from thermocorr.effects import Covariate, Effect, LaggedCovariate
+from thermocorr.effects import Covariate, Effect, LaggedCovariate, StaticPolynomial
 from thermocorr.estimators import regressor
 
 TIME_ORDER = "rows are samples in time: shuffled rows are another record, with other lags"
@@ -71,6 +71,14 @@ def test_parts_add_up(lab):
     assert model.correct(X, y).index.equals(X.index)
     assert "humidity" in model.coef_table().index
     assert "humidity" in model.equation()
+
+
+def test_the_equation_has_the_reference_temperature_of_each_law(lab):
+    X, y = lab
+    curved = StaticPolynomial(3, reference_temperature=20.0, lowest_power=3)
+    model = DynamicBiasRegressor(time_constants=["5 min"], reference_temperature=23.0, effects=[curved]).fit(X, y)
+    said = model.equation()
+    assert "* (temperature - 23)^2\n" in said and "* (temperature - 20)^3\n" in said
 
 
 def test_following_rows_continue_and_repeated_rows_repeat(lab):

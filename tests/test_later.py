@@ -80,3 +80,10 @@ def test_variants_of_a_comparison_are_taken_as_they_are(device):
     found = later_errors(comparison.models, X, y, n_blocks=3, progress=told.append)
     assert list(found.table.index) == [BEFORE, *comparison.models]
     assert len(told) == 12 and told[-1] == "later block 3 of 3: dynamic nonlinear"
+
+
+def test_a_memory_is_in_the_model_and_not_in_its_name(device):
+    X, y = device
+    static, dynamic = variants(X, y).values()
+    found = later_errors({"dynamic in name alone": static, "mine": dynamic}, X, y)
+    assert found.dynamic == ("mine",) and found.helps("mine")

@@ -11,7 +11,8 @@ from firmware_runs import BOUNDS, PERIOD, ROWS, ambient, errors, fitted, needs_g
 
 from thermocorr import DynamicBiasRegressor, ModelFileError, OnlineCorrector, diagnose, load_model, save_model
 from thermocorr.datasets import make_record
-from thermocorr.effects import Effect
+from thermocorr.effects import CATALOGUE, Effect
+from thermocorr.effects.protocol import EffectInfo
 from thermocorr.effects.samples import stepper_of
 from thermocorr.effects.stream import own_starts, walk
 from thermocorr.records import Layout, read_record
@@ -90,6 +91,27 @@ def test_it_has_a_model_file_that_refuses_a_damaged_state(model, tmp_path):
     state["state"]["states"][-1] = 0.0
     with pytest.raises(ModelFileError, match="the state of 1 lags"):
         OnlineCorrector.from_state(fit, state)
+
+
+class Dry(Damp):
+    """A new kind of the catalogue that does not say what it learns."""
+
+    kind = "dry"
+    info = EffectInfo("", "", "")
+
+    def learn(self, record):
+        self.wettest_ = record.moments("humidity").high
+
+    def signals(self, x):
+        return [column / self.wettest_ for column in super().signals(x)]
+
+
+def test_a_kind_that_does_not_say_what_it_learns_is_loaded_all_the_same(tmp_path, monkeypatch):
+    monkeypatch.setitem(CATALOGUE, "dry", Dry)
+    fit, X = fitted([Dry()])
+    save_model(fit, tmp_path / "model.json")
+    assert '"import"' not in (tmp_path / "model.json").read_text()
+    np.testing.assert_array_equal(load_model(tmp_path / "model.json").predict(X), fit.predict(X))
 
 
 def test_a_diagnosis_names_it():

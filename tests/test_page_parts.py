@@ -13,8 +13,10 @@ import pytest
 import thermocorr.pages
 from thermocorr import DynamicBiasRegressor, ParquetLog
 from thermocorr.datasets import make_record
+from thermocorr.effects import Disturbance, Events, Hinge, Hysteresis, SeveralSteps, Step
 from thermocorr.pages import Findings, PageData, document
 from thermocorr.pages.html import number, plain, rendered, script_data, unit_text, units_of_axis, with_unit
+from thermocorr.pages.sections import Scales, parameters_text
 from thermocorr.pages.traces import Extremes
 from thermocorr.pictures.words import aspect_text, ends_text, interval_text, place_text
 from thermocorr.records.quantities import scale_of
@@ -186,3 +188,28 @@ def test_a_page_of_a_log_in_a_file_says_so_too(tmp_path):
     (left, louder), whole = PageData.of(model, log, log["reading"]).warnings, PageData.of(model, hot, hot["reading"])
     assert left == whole.warnings[0]
     assert louder == whole.warnings[1].split(", most of it")[0] + "."
+
+
+# ---- parameters of effects
+
+
+@pytest.mark.parametrize(
+    ("effect", "dated", "undated"),
+    [
+        (Step(5000.0), "time 2024-03-04 01:23:20", "time 1.39 h"),
+        (
+            Disturbance(5000.0, 9000.0),
+            "start 2024-03-04 01:23:20; end 2024-03-04 02:30:00",
+            "start 1.39 h; end 2.5 h",
+        ),
+        (SeveralSteps([60.0, 9000.0]), "times 2024-03-04 00:01:00, 2024-03-04 02:30:00", "times 1 min, 2.5 h"),
+        (Events([60.0]), "time 2024-03-04 00:01:00", "time 1 min"),
+        (Hinge(0.5, time_constants=[60.0]), "knee 0.500 °F; time constant 1 min", "knee 0.500 °F; time constant 1 min"),
+        (Hysteresis(0.5), "width 0.500 K", "width 0.500 K"),
+    ],
+    ids=lambda given: getattr(given, "kind", ""),
+)
+def test_moments_are_dates_and_temperatures_have_their_unit(effect, dated, undated):
+    start = pd.Timestamp("2024-03-04").timestamp()
+    assert parameters_text(effect, Scales(start, "degF")) == dated
+    assert parameters_text(effect, Scales(None, "degF")) == undated

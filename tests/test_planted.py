@@ -78,7 +78,7 @@ def test_effects_without_a_formula_are_planted_by_their_columns(effect, runs):
 
 
 def test_a_kind_without_a_formula_is_asked_for_as_an_effect():
-    with pytest.raises(ValueError, match="saturating_covariate"):
+    with pytest.raises(ValueError, match=r"the effect itself.* Got 'saturating_covariate' instead"):
         make_record(500, effects={"saturating_covariate": 1.0})
 
 

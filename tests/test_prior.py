@@ -11,6 +11,7 @@ from sklearn.base import clone
 
 from thermocorr import DynamicBiasRegressor, RecordError, RecordWarning, load_model, save_model
 from thermocorr.cluster.fleet import fit_fleet
+from thermocorr.effects import InitialTransient, LaggedCovariate
 from thermocorr.estimators.prior import LawPrior
 
 STEP, HOUR, TWO_WEEKS = 60.0, 60, 14 * 1440
@@ -198,6 +199,21 @@ def test_uncertainties_beside_a_fleet_are_refused(prior):
     model = DynamicBiasRegressor("temperature", prior=prior).fit(log[["temperature"]][:HOUR], log["reading"][:HOUR])
     with pytest.raises(ValueError, match="with a fleet as its prior"):
         model.correct(log[["temperature"]], log["reading"], return_std=True)
+
+
+def test_decays_of_the_device_are_not_measured_by_lags_of_another_column():
+    model = DynamicBiasRegressor("temperature", [400.0], effects=[LaggedCovariate("humidity", [600.0])])
+    records = [unit(seed, days=1)[0] for seed in range(3)]
+    for seed, log in enumerate(records):
+        log.insert(0, "humidity", np.random.default_rng(seed).normal(50, 5, len(log)).cumsum())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        fleet = [clone(model).fit(log[["temperature", "humidity"]], log["reading"]) for log in records]
+        new = DynamicBiasRegressor(
+            "temperature", prior=LawPrior.of(fleet), effects=[*model.effects, InitialTransient([600.0])]
+        )
+        with pytest.raises(ValueError, match=r"have no 'lag\[600 s\]' in their law"):
+            new.fit(records[0][["temperature", "humidity"]], records[0]["reading"])
 
 
 def test_what_the_fleet_has_seen_is_not_outside(prior, fleet):

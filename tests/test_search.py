@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -14,6 +16,8 @@ from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, RecordError, Rec
 from thermocorr.datasets import make_record
 from thermocorr.equations import lag_differences
 from thermocorr.estimators.time_constants.folds import folds_in_time
+from thermocorr.estimators.time_constants.methods import METHODS, SearchMethod
+from thermocorr.estimators.time_constants.search import search
 from thermocorr.records import read_record
 from thermocorr.records.read import Layout
 
@@ -83,6 +87,17 @@ def test_exhaustive_search_finds_the_least_error_of_all_sets(lab):
     assert one.best_score_ == pytest.approx(other.best_score_, rel=1e-10)
     greedy = TimeConstantSearch(candidates=pool, method="greedy", count=2, **common).fit(X, y)
     assert greedy.best_score_ >= one.best_score_ * 1.003  # scores are negative: within 0.3 % of the optimum
+
+
+def test_a_method_is_an_entry_of_one_table(lab, monkeypatch):
+    def two(features, X, y, settings):
+        return search(features, X, y, replace(settings, candidates=[["5 min", "2 h"]]))
+
+    monkeypatch.setitem(METHODS, "greedy", SearchMethod(search=two, refines=False))
+    found = TimeConstantSearch(method="greedy", refit=False).fit(*lab)
+    assert found.best_params_["time_constants"] == (300.0, 7200.0)
+    (said,) = TimeConstantSearch._parameter_constraints["method"]
+    assert said.options == set(METHODS) and all(f'"{name}"' in TimeConstantSearch.__doc__ for name in METHODS)
 
 
 def test_threads_and_progress_change_nothing(lab, capsys):

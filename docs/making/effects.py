@@ -9,14 +9,15 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
+from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
 from thermocorr.datasets._planted import PLANTS
 from thermocorr.effects import CATALOGUE, Covariate, Effect
+from thermocorr.effects.protocol import SINCE_START
+from thermocorr.records import Layout, read_record
 
 ROWS, SEED, STRENGTH = 7_200, 1, 2.0
 TIME_CONSTANTS = ["270 s", "5100 s"]
@@ -97,13 +98,7 @@ def title(kind: str) -> str:
 def planted(kind: str) -> tuple[pd.DataFrame, pd.DataFrame, Effect]:
     """Record and truth with the effect in it, and the effect with the planted parameters."""
     given = CATALOGUE[kind].info.example
-    if kind not in PLANTS:
-        record, truth = make_record(ROWS, seed=SEED, return_truth=True)
-        effect = CATALOGUE[kind](**given)
-        truth[kind] = STRENGTH * record.attrs["noise"] * unit_column(effect, record.drop(columns="reading"))
-        record["reading"] += truth[kind]
-        return record, truth, effect
-    effects = [(kind, STRENGTH, given)] if given else {kind: STRENGTH}
+    effects = [(kind, STRENGTH, given) if kind in PLANTS else (CATALOGUE[kind](**given), STRENGTH)]
     record, truth = make_record(ROWS, effects=effects, seed=SEED, return_truth=True)
     parameters = dict(truth.attrs["effects"][kind]["parameters"])
     parameters = {name: value for name, value in parameters.items() if value != []}
@@ -115,9 +110,9 @@ def planted(kind: str) -> tuple[pd.DataFrame, pd.DataFrame, Effect]:
 def example(kind: str, effect: Effect) -> str:
     """Code that plants the effect, fits without it and with it."""
     parameters = effect.info.example
-    if kind not in PLANTS:
-        return _own_example(effect)
     given = f'[("{kind}", {STRENGTH}, {json.dumps(parameters)})]' if parameters else f'{{"{kind}": {STRENGTH}}}'
+    if kind not in PLANTS:
+        given = f"[({shown(effect)}, {STRENGTH})]"
     return f"""\
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
@@ -127,33 +122,6 @@ record = make_record({ROWS}, effects={given}, seed={SEED})
 X, y = record.drop(columns="reading"), record["reading"]
 model = DynamicBiasRegressor("temperature", time_constants={json.dumps(TIME_CONSTANTS)}).fit(X, y)
 better = model.with_effect({shown(effect)}).fit(X, y)
-for name, fitted in (("without", model), ("with", better)):
-    print(f"residual {{name:7}} {{fitted.residual_std_:.2f}} ppm")
-print(f"noise            {{record.attrs['noise']:.2f}} ppm")"""
-
-
-def unit_column(effect: Effect, X: pd.DataFrame) -> np.ndarray:
-    """The effect's last column on a record, over its standard deviation."""
-    column = np.asarray(DiffusiveFeatures(temperature="temperature", effects=[effect]).fit_transform(X))[:, -1]
-    return column / column.std()
-
-
-def _own_example(effect: Effect) -> str:
-    """The same code for a kind that the simulation does not know: its own column is added to the readings."""
-    return f"""\
-import numpy as np
-
-from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
-from thermocorr.datasets import make_record
-from thermocorr.effects import {type(effect).__name__}
-
-record = make_record({ROWS}, seed={SEED})
-effect = {shown(effect)}
-X = record.drop(columns="reading")
-column = np.asarray(DiffusiveFeatures(temperature="temperature", effects=[effect]).fit_transform(X))[:, -1]
-y = record["reading"] + {STRENGTH} * record.attrs["noise"] * column / column.std()
-model = DynamicBiasRegressor("temperature", time_constants={json.dumps(TIME_CONSTANTS)}).fit(X, y)
-better = model.with_effect(effect).fit(X, y)
 for name, fitted in (("without", model), ("with", better)):
     print(f"residual {{name:7}} {{fitted.residual_std_:.2f}} ppm")
 print(f"noise            {{record.attrs['noise']:.2f}} ppm")"""
@@ -213,7 +181,7 @@ def write_page(kind: str, folder: Path) -> None:
             "printed": printed,
             "again": _found(kind, names["model"], record),
             "columns": _columns(effect, names["better"]),
-            "parameters": _parameters(type(effect)),
+            "parameters": _parameters(effect, record),
             "bench": info.bench_check,
             "cls": type(effect).__name__,
         },
@@ -241,18 +209,23 @@ def _columns(effect: Effect, model: DynamicBiasRegressor) -> str:
     return "\n".join(["| column of the example | unit |", "|---|---|", *rows])
 
 
-def _parameters(effect: type[Effect]) -> str:
-    units = effect.info.parameters
+def _parameters(effect: Effect, record: pd.DataFrame) -> str:
+    units, given = effect.info.parameters, effect.get_params()
+    around = effect.nearby(read_record(record, Layout("temperature"), needed=effect.inputs(), quiet=True))
+    moved = {name for other in around for name, value in other.get_params().items() if value != given[name]}
     rows = [
         f"| `{name}` | {'-' if value.default is inspect.Parameter.empty else f'`{value.default!r}`'} "
-        f"| {units.get(name, '')} | {'yes' if name in (*effect.info.tuned, 'knee', 'time') else ''} |"
-        for name, value in inspect.signature(effect).parameters.items()
+        f"| {units.get(name, '')} | {'yes' if name in {*effect.info.tuned, *moved} else ''} |"
+        for name, value in inspect.signature(type(effect)).parameters.items()
     ]
     if not rows:
         return "None."
     head = ["| parameter | default | unit | tuned by the diagnosis |", "|---|---|---|---|"]
-    spans = '\n\nTimes (unit "s") may also be written as spans, such as `"15 min"`.' if "s" in units.values() else ""
-    return "\n".join([*head, *rows]) + spans
+    notes = {
+        "s": 'Times (unit "s") may also be written as spans, such as `"15 min"`.',
+        SINCE_START: 'Moments may also be written as spans, such as `"3 days"`, or as dates.',
+    }
+    return "\n".join([*head, *rows, *(f"\n{note}" for unit, note in notes.items() if unit in units.values())])
 
 
 def _write(path: Path, text: str) -> None:

@@ -53,11 +53,11 @@ class Signal:
 
     effect: Effect
     number: int
-    """Which of the effect's words it is."""
+    """Number of the word among those of the effect's formula."""
 
     @classmethod
     def of(cls, effect: Effect) -> list[Signal]:
-        """Those of an effect; none where it has none, or where one of its words depends on more."""
+        """The words of an effect's formula; none where it has none, or where one of them depends on more."""
         try:
             expression = traced(effect)
         except TraceError:

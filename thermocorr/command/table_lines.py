@@ -170,4 +170,4 @@ def _is_native(path: Path, how: HowToRead, time: str | None) -> bool:
         read = head if column is None else with_times(head, column, how)
     except RecordError:  # the whole file may tell more
         return False
-    return all(said.startswith("Unix times in seconds") for said in read.said)
+    return not head.said and read.frame.equals(head.frame)

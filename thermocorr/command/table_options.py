@@ -10,7 +10,7 @@ from .spans import number_or_span
 
 
 def add_table_options(parser: argparse.ArgumentParser) -> None:
-    """Add them to a parser."""
+    """Add the options that say how a log's file is written."""
     group = parser.add_argument_group("the log's file (understood from its content where nothing is said)")
     group.add_argument("--sep", metavar="CHAR", help="between columns: , ; tab | blanks")
     group.add_argument("--decimal", metavar="CHAR", help="decimal sign: . or ,")
@@ -100,7 +100,7 @@ def add_learning_options(parser: argparse.ArgumentParser) -> None:
 
 
 def how_to_read(options: argparse.Namespace) -> HowToRead:
-    """What the user said."""
+    """What the user said of the log's file."""
     return HowToRead(
         separator=options.sep,
         decimal=options.decimal,

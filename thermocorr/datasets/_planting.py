@@ -49,7 +49,11 @@ def read_plantings(effects: Any, start: pd.Timestamp) -> list[Planting]:
         own = what if hasattr(what, "columns") and kind not in PLANTS else None
         occurrence = sum(planting.kind == kind for planting in plantings)
         if own is None:
-            check_choice(_WHO, "effects", kind, tuple(PLANTS))
+            if kind not in tuple(PLANTS):
+                raise ValueError(
+                    f"The 'effects' parameter of {_WHO} must be one of {', '.join(map(repr, PLANTS))}, or for another "
+                    f"kind the effect itself, [(FanNoise('rpm'), 2.0)]. Got {kind!r} instead."
+                )
             parameters = {name: _checked(kind, name, value, start) for name, value in {**parameters, **given}.items()}
         else:
             parameters = own.get_params(deep=False)

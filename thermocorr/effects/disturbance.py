@@ -10,7 +10,7 @@ from sklearn.base import clone
 from ..records import Record
 from .grids import time_quantiles
 from .moments import MOMENT, moment_text, shown, since_start
-from .protocol import Effect, EffectInfo
+from .protocol import SINCE_START, Effect, EffectInfo
 from .signals import Signals
 
 _STARTS = (0.2, 0.4, 0.6, 0.8)
@@ -47,7 +47,7 @@ class Disturbance(Effect):
         bench_check="Look in the laboratory's log book at that stretch; repeat what was done then and see the reading "
         "move and come back at constant temperature.",
         formula="disturbance[a, b] = 1 from a to b, else 0",
-        parameters={"start": "s", "end": "s"},
+        parameters={"start": SINCE_START, "end": SINCE_START},
         example={"start": "2 days", "end": "51 h"},
         place=3.36,
     )

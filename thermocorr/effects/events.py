@@ -9,7 +9,7 @@ import numpy as np
 
 from ..records import Record, RecordError
 from ..records.errors import quoted
-from .protocol import EffectInfo
+from .protocol import SINCE_START, EffectInfo
 from .several_steps import SeveralSteps
 
 MOST = 1000
@@ -58,7 +58,7 @@ class Events(SeveralSteps):
         bench_check="Look in the laboratory's log book at these moments; at constant temperature the reading stays at "
         "its new level.",
         formula="step[t] = 0 before t, 1 from t on, one for each event",
-        parameters={"times": "s"},
+        parameters={"times": SINCE_START},
         example={"times": ("2 h", "3 h")},
         place=3.36,
     )

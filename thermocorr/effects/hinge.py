@@ -13,7 +13,7 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from ..records import Record
 from ..records.quantities import span_text
 from .grids import temperature_quantiles, time_grid
-from .protocol import Effect, EffectInfo, time_text
+from .protocol import TEMPERATURE, Effect, EffectInfo, time_text
 from .signals import Signals
 from .thermal import seconds_array
 
@@ -50,7 +50,7 @@ class Hinge(Effect):
         bench_check="Ramp slowly through the knee: the slope of the reading changes there, in both directions, and "
         "nowhere else.",
         formula="max(T-knee) = T - knee above the knee and 0 below; min(T-knee) the other way round; with lags as T",
-        parameters={"knee": "K", "time_constants": "s"},
+        parameters={"knee": TEMPERATURE, "time_constants": "s"},
         tuned=("time_constants",),
         place=4.1,
     )

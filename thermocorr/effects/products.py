@@ -12,7 +12,7 @@ from sklearn.utils._param_validation import Options
 
 from ..records import Record
 from .grids import time_grid
-from .protocol import Effect, EffectInfo, time_text
+from .protocol import TEMPERATURE, Effect, EffectInfo, time_text
 from .signals import Signals
 from .thermal import HOLD, INITIAL_STATE, REFERENCE, column_text, lag_text, reference_of, seconds_array
 
@@ -39,7 +39,7 @@ class LagProducts(Effect):
         bench_check="Step the temperature up and down by the same amount, and by twice as much: the transients are not "
         "mirror images, and not twice as large.",
         formula="lag[a]*lag[b] = product of two lag differences; temperature*lag[a] = (T - T0) times one",
-        parameters={"time_constants": "s", "reference_temperature": "K"},
+        parameters={"time_constants": "s", "reference_temperature": TEMPERATURE},
         tuned=("time_constants",),
         place=1.3,
     )

@@ -15,6 +15,10 @@ from .signals import BlockSignals, Signals
 
 _WIDE = 64
 """Columns from which on most are zero: the start-up decays of other segments."""
+SINCE_START = "s since the start"
+"""Unit of a parameter that is a moment of the record, for which a date will do as well."""
+TEMPERATURE = "unit of the temperature"
+"""Unit of a parameter that is a temperature, and no difference of temperatures."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,8 @@ class EffectInfo:
     formula: str
     """What its columns are, in the words of their names."""
     parameters: Mapping[str, str] = field(default_factory=dict)
-    """Unit of each parameter of the constructor that has one; "s" for time spans."""
+    """Unit of each parameter of the constructor that has one: "s" for time spans, `SINCE_START` for moments,
+    `TEMPERATURE` for temperatures."""
     tuned: tuple[str, ...] = ()
     """Positive parameters (or lists of them) that a local search may scale."""
     example: Mapping[str, Any] = field(default_factory=dict)
@@ -67,8 +72,8 @@ class Effect(BaseEstimator):
     """What the catalogue says about it."""
     learned: ClassVar[Mapping[str, str] | None] = None
     """What `learn` fixes, in order: attribute -> "number", "temperature", "positive", "text", "column" (a name or
-    number), or "times" (those of the parameter `time_constants`). A model file that holds anything else is refused;
-    None: not checked."""
+    number), or "times" (those of the parameter `time_constants`). A model file that holds anything else is refused. A
+    class that does not say it itself is saved and loaded as well, and what a file says of it is not checked."""
     of_time_alone: ClassVar[bool] = False
     """True for what needs nothing but the clock: a noise that wanders can look like it."""
     is_product: ClassVar[bool] = False
@@ -136,6 +141,10 @@ class Effect(BaseEstimator):
     def names(self) -> list[str]:
         """Names of the columns, known after `learn`."""
         raise NotImplementedError
+
+    def terms(self) -> list[str]:
+        """The columns as a model's equation writes them: by their names, unless these leave something unsaid."""
+        return self.names()
 
     def units(self) -> list[str]:
         """Unit of each column; "" where it has none or where nobody knows."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..records import Record
-from .protocol import EffectInfo
+from .protocol import SINCE_START, EffectInfo
 from .signals import Signals
 from .thermal import column_text
 from .time import Step
@@ -40,7 +40,7 @@ class SensitivityStep(Step):
         bench_check="Look in the laboratory's log book at that moment; measure the temperature coefficient anew and "
         "compare it with that of the time before.",
         formula="change[t] = 0 before t, 1 from t on; change[t]*temperature = the same times (T less its mean)",
-        parameters={"time": "s"},
+        parameters={"time": SINCE_START},
         example={"time": "2 days"},
         place=3.4,
     )

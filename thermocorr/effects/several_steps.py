@@ -7,7 +7,7 @@ from typing import Any
 
 from ..records import Record
 from .grids import time_quantiles
-from .protocol import Effect, EffectInfo
+from .protocol import SINCE_START, Effect, EffectInfo
 from .signals import Signals
 from .time import Step
 
@@ -38,7 +38,7 @@ class SeveralSteps(Effect):
         bench_check="Log what switches in the room and in the instrument; tap contacts and cables; see whether the "
         "jumps go to and fro between the same levels.",
         formula="step[t] = 0 before t, 1 from t on, one for each moment",
-        parameters={"times": "s"},
+        parameters={"times": SINCE_START},
         example={"times": ("1 h", "3 h", "4 h")},
         place=3.35,
     )

@@ -13,7 +13,7 @@ from sklearn.utils._param_validation import Interval, StrOptions
 
 from ..records import Record, seconds_of
 from .grids import time_grid
-from .protocol import Effect, EffectInfo, time_text
+from .protocol import TEMPERATURE, Effect, EffectInfo, time_text
 from .signals import Signals
 
 REFERENCE = [Interval(Real, None, None, closed="neither"), StrOptions({"mean"})]
@@ -29,7 +29,10 @@ def seconds_array(time_constants: Any) -> np.ndarray:
     """
     if isinstance(time_constants, str) or np.ndim(time_constants) == 0:
         time_constants = [time_constants]
-    values = np.array([seconds_of(value, "time_constants") for value in time_constants], float)
+    plain = {*map(type, time_constants)} <= {float, int, np.float64}  # one by one, a thousand sets take long
+    values = np.array(time_constants if plain else [], float)
+    if not plain or not (np.isfinite(values) & (values > 0)).all():
+        values = np.array([seconds_of(value, "time_constants") for value in time_constants], float)
     values = np.sort(values)
     if (np.diff(values) == 0).any():
         twice = values[1:][np.diff(values) == 0][0]
@@ -67,7 +70,7 @@ class StaticPolynomial(Effect):
         bench_check="Hold the temperature at five or more levels until the reading has settled: the levels do not lie "
         "on the fitted curve.",
         formula="temperature^i = (T - T0)^i",
-        parameters={"reference_temperature": "K"},
+        parameters={"reference_temperature": TEMPERATURE},
         place=1.0,
     )
     _parameter_constraints = {
@@ -98,8 +101,14 @@ class StaticPolynomial(Effect):
 
     def names(self) -> list[str]:
         """``temperature``, ``temperature^2``, ..."""
-        name = column_text(self.temperature_name_)
-        return [name if i == 1 else f"{name}^{i}" for i in self.powers()]
+        return self._powers_of(column_text(self.temperature_name_))
+
+    def terms(self) -> list[str]:
+        """``(temperature - 23)``, ``(temperature - 23)^2``, ..."""
+        return self._powers_of(f"({column_text(self.temperature_name_)} - {self.reference_temperature_:.6g})")
+
+    def _powers_of(self, base: str) -> list[str]:
+        return [base if i == 1 else f"{base}^{i}" for i in self.powers()]
 
     def explained(self, temperature: str) -> str:
         """Nothing: the equation writes the powers of T - T0 out."""
@@ -144,7 +153,7 @@ class ThermalLag(Effect):
         physics="A part of the device follows the ambient temperature later (or earlier) than the model allows.",
         bench_check="Step the temperature and log the reading until it rests: fit the time constant of what is left.",
         formula="lag[tau] = lagged - T, where tau d(lagged)/dt = T - lagged",
-        parameters={"time_constants": "s", "reference_temperature": "K"},
+        parameters={"time_constants": "s", "reference_temperature": TEMPERATURE},
         tuned=("time_constants",),
         example={"time_constants": [1200.0]},
         place=1.1,

@@ -15,7 +15,7 @@ from sklearn.base import clone
 from ..records import Record, seconds_of
 from .grids import longest_segment, mean_seconds, time_grid, time_quantiles
 from .moments import MOMENT, moment_text, shown, since_start
-from .protocol import Effect, EffectInfo, time_text
+from .protocol import SINCE_START, Effect, EffectInfo, time_text
 from .signals import BlockSignals, Signals
 from .thermal import column_text
 
@@ -51,7 +51,7 @@ class Drift(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """The one there is."""
+        """A single one: no parameter has to be tried."""
         return [cls()]
 
     def learn(self, record: Record) -> None:
@@ -151,7 +151,7 @@ class SensitivityDrift(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """The one there is."""
+        """A single one: no parameter has to be tried."""
         return [cls()]
 
     def learn(self, record: Record) -> None:
@@ -199,7 +199,7 @@ class Step(Effect):
         bench_check="Look in the laboratory's log book at that moment; repeat the suspected action and see the reading "
         "jump at constant temperature.",
         formula="step[t] = 0 before t, 1 from t on",
-        parameters={"time": "s"},
+        parameters={"time": SINCE_START},
         place=3.3,
     )
     _parameter_constraints = {"time": MOMENT, "removed_by_correct": ["boolean"]}

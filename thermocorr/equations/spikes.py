@@ -72,11 +72,11 @@ class Usual:
         return self.high - self.low
 
     def overloads(self, values: Floats) -> Booleans:
-        """Which are too large for a number."""
+        """Whether values are too large for a number, shape (n,), booleans."""
         return np.asarray(np.abs(values) >= OVERLOAD)
 
     def outside(self, values: Floats, ranges: float = 1.0) -> Booleans:
-        """Which lie so many ranges beyond nine tenths of the readings."""
+        """Whether values lie so many ranges beyond nine tenths of the readings, shape (n,), booleans."""
         return np.asarray((values < self.low - ranges * self.range) | (values > self.high + ranges * self.range))
 
 
@@ -154,27 +154,27 @@ class Scanned:
     spikes: NDArray[np.intp]
     """Rows of peaks beyond the reach, alone or in pairs."""
     heights: Floats
-    """Their heights."""
+    """Heights of the peaks."""
     staying: Jumps
     """Jumps that do not return."""
     low: float = np.inf
     """The lowest value of what is left."""
     high: float = -np.inf
-    """The highest."""
+    """The highest value of what is left."""
 
     @classmethod
     def together(cls, parts: Iterable[Scanned]) -> Scanned:
-        """Those of several stretches of rows."""
+        """What was found in several stretches of rows, as one."""
         parts = list(parts)
         staying = Jumps(np.sum([part.staying.counts for part in parts], axis=0)) if parts else Jumps()
         none = np.zeros(0, np.intp)
         return cls(
-            np.concatenate([none, *(part.codes for part in parts)]),
-            np.concatenate([none, *(part.spikes for part in parts)]),
-            np.concatenate([np.zeros(0), *(part.heights for part in parts)]),
-            staying,
-            min((part.low for part in parts), default=np.inf),
-            max((part.high for part in parts), default=-np.inf),
+            codes=np.concatenate([none, *(part.codes for part in parts)]),
+            spikes=np.concatenate([none, *(part.spikes for part in parts)]),
+            heights=np.concatenate([np.zeros(0), *(part.heights for part in parts)]),
+            staying=staying,
+            low=min((part.low for part in parts), default=np.inf),
+            high=max((part.high for part in parts), default=-np.inf),
         )
 
     def moved(self, rows: int) -> Scanned:
@@ -250,7 +250,7 @@ def scan_stretch(
 
 
 def _coded(values: Floats, usual: Usual) -> Booleans:
-    """Which are codes: entered and left by jumps to readings that are usual, or to the end."""
+    """Whether readings are codes: entered and left by jumps to usual readings, or to the end; shape (n,), booleans."""
     found = np.zeros(len(values), bool)
     beyond = usual.outside(values)
     if not beyond.any():
@@ -306,7 +306,7 @@ def _returned(values: Floats, first: int, stop: int, usual: Usual) -> bool:
 
 
 def spikes(values: Floats, rounding: float = 0.0) -> Booleans:
-    """Which of some consecutive readings are codes or spikes; shape (n,), booleans.
+    """Whether consecutive readings are codes or spikes, shape (n,), booleans.
 
     Noise that is no more than `rounding` has no spikes.
 

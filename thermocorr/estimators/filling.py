@@ -99,7 +99,7 @@ class Filling:
         return replace(record, columns={**record.columns, **kept}, filled=gone) if gone else record
 
     def at_end_of(self, record: Record) -> Filling:
-        """These stand-ins, with what they remember at the end of a record whose rows lack nothing, or are filled."""
+        """The stand-ins with what they remember at the end of a record whose rows lack nothing, or are filled."""
         start, stop, _ = record.segments[-1]
         rows = record.kept(start, stop)
         given = {name: np.asarray(record.columns[name][rows], float) for name in self.columns}

@@ -106,13 +106,7 @@ class FittedModel(DoubtedInputs):
         """The fitted formula as text."""
         check_is_fitted(self, "pipeline_")
         temperature = column_text(self.features_.history_.record.temperature_name)
-        return equation_text(
-            self.features_.effect_list(),
-            self._all_coefficients(),
-            self.reading_,
-            temperature,
-            self.reference_temperature_,
-        )
+        return equation_text(self.features_.effect_list(), self._all_coefficients(), self.reading_, temperature)
 
     @property
     def features_(self) -> DiffusiveFeatures:

@@ -46,7 +46,7 @@ def flat_text(low: float, high: float, n_rows: int) -> str:
 
 
 def flat_effects(record: Record, effects: Sequence[Effect]) -> list[Any]:
-    """Those of some learned effects whose recorded column never changes beyond its rounding.
+    """Effects, of some learned ones, whose recorded column never changes beyond its rounding.
 
     They get no coefficient (`thermocorr.estimators.fitting.sweep_effects`). A user's own effects may make anything of a
     column and are not among them.

@@ -37,6 +37,8 @@ class LaterErrors:
     """Rms error, offset included, in the unit of the reading: a row for each variant, `BEFORE` first, a column for each
     block, and "all", which are the blocks that every variant could foretell."""
     unit: str
+    dynamic: tuple[str, ...]
+    """Variants with a memory, which the others are rivals of."""
 
     @property
     def best(self) -> str:
@@ -86,7 +88,7 @@ class LaterErrors:
 
     def _rival(self) -> str:
         """The best of what has no memory."""
-        return min((name for name in self._all if not name.startswith("dynamic")), key=self._all.__getitem__)
+        return min((name for name in self._all if name not in self.dynamic), key=self._all.__getitem__)
 
     def _wins(self, variant: str) -> float:
         return float(np.mean(self.blocks.loc[variant] < self.blocks.loc[self._rival()]))
@@ -115,8 +117,8 @@ def later_errors(
     Parameters
     ----------
     variants : mapping of str to DynamicBiasRegressor
-        Fitted, such as `VariantComparison.models`; cloned for each block. Names that begin with "dynamic" have a
-        memory, the others are their rivals.
+        Fitted, such as `VariantComparison.models`; cloned for each block. Those without time constants
+        are the rivals of those that have some.
     X, y : as for `DynamicBiasRegressor.fit`
     n_blocks : int, default 5
         Blocks of equal numbers of rows, in the order of time.
@@ -151,7 +153,8 @@ def later_errors(
     common = np.flatnonzero(blocks.notna().all())
     together = [rms(np.concatenate([np.zeros(0), *(parts[k] for k in common)])) for parts in missed.values()]
     table = blocks.set_axis(range(1, n_blocks + 1), axis=1).assign(all=together)
-    return LaterErrors(table=table, unit=next(iter(variants.values())).reading_.unit)
+    dynamic = tuple(name for name, each in variants.items() if any(map(len, each.thermometers_.values())))
+    return LaterErrors(table=table, unit=next(iter(variants.values())).reading_.unit, dynamic=dynamic)
 
 
 def later_rms(model: DynamicBiasRegressor, X: Any, y: Any, n_blocks: int = 5) -> np.ndarray:

@@ -7,7 +7,7 @@ are estimated by expectation and maximisation, each device weighing as much as i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from math import comb
 from numbers import Integral
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..effects import InitialTransient, SeveralSteps, StaticPolynomial
+from ..effects import InitialTransient, LaggedCovariate, SeveralSteps, StaticPolynomial, ThermalLag
 from ..effects.protocol import Effect, time_text
 from ..equations import RidgeSolution, TriangularFactor
 from ..records import RecordError
@@ -154,8 +154,14 @@ class LawPrior:
         lists = (np.ndarray, tuple)
         return {name: np.array(v).tolist() if isinstance(v, lists) else v for name, v in asdict(self).items()}
 
-    def rows(self, effects: Sequence[Effect]) -> TriangularFactor:
+    def rows(self, effects: Sequence[Effect], thermometers: Collection[Any] = ()) -> TriangularFactor:
         """Rows of ``[1 | Q | U]`` that say as much as the prior, for a model with these learned effects.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+        thermometers : collection of column names
+            Columns whose lags are those of a temperature.
 
         Raises
         ------
@@ -170,12 +176,12 @@ class LawPrior:
         rows = np.zeros((len(self.columns), len(names) + 2))
         rows[:, [1 + names.index(name) for name in self.columns]] = self.noise * root
         rows[:, -1] = self.noise * root @ self.mean
-        at = 1
+        at, lags = 1, self._lags(effects, thermometers)
         for effect in effects:
             width = len(effect.names())
             if isinstance(effect, InitialTransient):
                 starts = [
-                    self._starts(taus, at + effect.first_column_[key], rows.shape[1])
+                    self._starts(taus, lags, at + effect.first_column_[key], rows.shape[1])
                     for key, taus in effect.decays_.items()
                 ]
                 rows = np.vstack((rows, *starts))
@@ -184,15 +190,25 @@ class LawPrior:
         factor.n_rows = 0
         return factor
 
-    def _starts(self, time_constants: np.ndarray, at: int, width: int) -> np.ndarray:
+    def _lags(self, effects: Sequence[Effect], thermometers: Collection[Any]) -> dict[float, int]:
+        """Time constant -> the law's column that follows a temperature so late, the nearest thermometer first."""
+        found: dict[float, int] = {}
+        for effect in effects:
+            of_thermometer = isinstance(effect, LaggedCovariate) and effect.column in thermometers
+            if isinstance(effect, ThermalLag) or of_thermometer:
+                names = effect.names()[::-1]  # lags stand behind what they follow
+                for tau, name in zip(effect.time_constants_[::-1], names, strict=False):
+                    if name in self.columns:
+                        found.setdefault(tau, self.columns.index(name))
+        return found
+
+    def _starts(self, time_constants: np.ndarray, lags: Mapping[float, int], at: int, width: int) -> np.ndarray:
         """Rows on the start-up decays of a segment, from column `at` on: as large together as the lags usually are."""
-        which = []
         for tau in time_constants:
-            lag = f"lag[{time_text(tau)}]"
-            found = [k for k, name in enumerate(self.columns) if name.endswith(lag)]
-            if not found:
+            if tau not in lags:
+                lag = f"lag[{time_text(tau)}]"
                 raise ValueError(f"The fleet's devices have no {lag!r} in their law: {list(self.columns)}.")
-            which.append(found[0])
+        which = [lags[tau] for tau in time_constants]
         size = self.mean[which]
         covariance = self.spread[np.ix_(which, which)] * np.outer(size, size)
         covariance += np.diag(1e-6 * np.diag(covariance) + (1e-3 * self.noise) ** 2)

@@ -321,7 +321,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         """Learn the coefficients from a record; returns its factor."""
         self._swept = sweep_effects(record, features.effect_list(), equal_edges(record))
         if prior is not None:
-            self._swept.prior = prior.rows(features.effect_list())
+            self._swept.prior = prior.rows(features.effect_list(), features.thermometers().further)
         if prior is not None or record.weight is not None:  # the noise is not that of the bins
             self._swept.binned = None
         total: TriangularFactor = self._swept.total()

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from ..effects import StaticPolynomial
 from ..effects.protocol import Effect
 from ..records.text import printable
 from ..records.units import difference_unit
@@ -49,28 +48,16 @@ def _per(reading: Reading, unit: str) -> str:
     return f"{top}/({unit})" if set(unit) & {" ", "/"} else f"{top}/{unit}"
 
 
-def equation_text(
-    effects: Sequence[Effect], coefficients: np.ndarray, reading: Reading, temperature: str, reference: float
-) -> str:
+def equation_text(effects: Sequence[Effect], coefficients: np.ndarray, reading: Reading, temperature: str) -> str:
     """The fitted formula as text: what adds to the reading, and what the names mean."""
     unit = f" {printable(reading.unit)}" if reading.unit else ""
-    temperature = printable(temperature)
     lines = [f"{printable(reading.name)} = {coefficients[0]:.10g}{unit}"]
-    at = 1
-    for effect in effects:
-        for name in map(printable, effect.names()):
-            term = name.replace(temperature, f"({temperature} - {reference:.6g})", 1) if at_static(effect) else name
-            value = coefficients[at]
-            lines.append(f"    {'-' if value < 0 else '+'} {abs(value):.6g} * {term}")
-            at += 1
-    explained = [effect.explained(temperature) for effect in effects if effect.names()]
+    terms = [printable(term) for effect in effects for term in effect.terms()]
+    for value, term in zip(coefficients[1:], terms, strict=True):
+        lines.append(f"    {'-' if value < 0 else '+'} {abs(value):.6g} * {term}")
+    explained = [effect.explained(printable(temperature)) for effect in effects if effect.names()]
     lines += dict.fromkeys(filter(None, explained))
     return "\n".join(lines)
-
-
-def at_static(effect: Effect) -> bool:
-    """Whether an effect's columns are powers of T - T0."""
-    return isinstance(effect, StaticPolynomial)
 
 
 def distinct(labels: Sequence[str]) -> list[str]:

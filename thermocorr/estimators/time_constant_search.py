@@ -18,10 +18,10 @@ from .regressor import DynamicBiasRegressor
 from .thermometers import Thermometers
 from .threads import one_blas_thread
 from .time_constants.crossvalidation import SCORINGS
+from .time_constants.methods import METHODS
 from .time_constants.projection import refined, sensitivity
 from .time_constants.resolution import interval_table, spectrum_table
-from .time_constants.search import CandidateRow, SearchSettings, TimeConstantChoice, search
-from .time_constants.spectrum import MAX_COUNT
+from .time_constants.search import CandidateRow, SearchSettings, TimeConstantChoice
 from .weighing import learned_readings
 
 
@@ -103,7 +103,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     """
 
     _parameter_constraints: dict[str, Any] = {
-        "method": [StrOptions({"spectrum", "cross_validation", "exhaustive", "greedy"})],
+        "method": [StrOptions(set(METHODS))],
         "count": [Interval(Integral, 1, None, closed="left"), None],
         "max_count": [Interval(Integral, 1, None, closed="left")],
         "rule": [StrOptions({"one_standard_error", "best"})],
@@ -177,6 +177,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             )
         started = time.perf_counter()
         learned = learned_readings(X, y, model.unfitted_features(()).layout(), mask, weights)
+        search = METHODS[self.method].search
         with one_blas_thread():
             model.learn_levels(X, learned)
             choice = search(model.unfitted_features(()), X, learned, self._settings(model))
@@ -211,7 +212,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             candidates=self.candidates,
             method=self.method,
             count=self.count,
-            max_count=min(self.max_count, MAX_COUNT) if self.method == "spectrum" else self.max_count,
+            max_count=min(self.max_count, METHODS[self.method].most or self.max_count),
             alphas=self.alphas,
             cv=self.cv,
             washout=None if self.washout is None else self.washout and seconds_of(self.washout, "washout"),
@@ -230,7 +231,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         times = [tuple(choice.grid[list(line.members)].tolist()) for line in tried]
         best = next(i for i, line in enumerate(tried) if line is chosen or _same(line, chosen))
         pooled = isinstance(self.candidates, str) or np.ndim(self.candidates[0]) == 0
-        refine = self.refine is True or (self.refine == "auto" and pooled and self.method != "spectrum")
+        refine = self.refine is True or (self.refine == "auto" and pooled and METHODS[self.method].refines)
         if len(choice.time_constants) == 0:
             final = None
         elif refine:

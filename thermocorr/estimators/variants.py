@@ -32,6 +32,12 @@ _TITLES = {
     "held_out_reduction_db": "held-out reduction [dB]",
     "held_out_dynamic_vs_static_db": "held-out dynamic vs static [dB]",
 }
+_STATIC = {
+    "dynamic linear": "static linear",
+    "dynamic nonlinear": "static nonlinear",
+    "dynamic nonlinear with products": "static nonlinear",
+}
+"""Dynamic variant -> the static one that it is compared with."""
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -243,8 +249,8 @@ def _figures(
         "held_out_std_smoothed": held,
         "held_out_reduction_db": reduction_db(held, before),
     }
-    static = name.replace("dynamic", "static").removesuffix(" with products")
-    if static != name:
+    static = _STATIC.get(name)
+    if static is not None:
         figures["dynamic_vs_static_db"] = reduction_db(std, _std(smooth.whole(inside[static])))
         figures["held_out_dynamic_vs_static_db"] = reduction_db(held, _within(smooth.by_block(outside[static])))
     return figures

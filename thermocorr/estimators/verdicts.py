@@ -17,7 +17,7 @@ class Grounds:
     structure: bool
     """Whether what is left is more than noise."""
     spoiled: bool
-    """Whether readings that are none were learned from, which spoil any model."""
+    """Whether invalid readings were used in the fit."""
 
 
 @dataclass(frozen=True, kw_only=True)

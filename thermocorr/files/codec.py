@@ -47,6 +47,9 @@ _DTYPES = ("float64", "float32", "int64", "int32", "bool")
 class ModelFileError(ValueError):
     """A model file is damaged, foreign or of another version, or a model cannot be written as one."""
 
+    remedy = "Take an undamaged copy, or fit the model again and save it with thermocorr.save_model."
+    """What to do about a file that cannot be loaded."""
+
 
 def pack(value: Any, where: str, effect: Callable[[Any, str], Any] | None = None) -> Any:
     """A value as JSON: numbers with all their digits, everything that JSON does not know under a ``$`` name.

@@ -74,6 +74,12 @@ CHECKS: dict[str, Callable[[Any, str, Any], Any]] = {
 """Words of `Effect.learned` -> how such a value is checked; a check may look at what stands before it."""
 
 
+class ImportNotAllowedError(ModelFileError):
+    """A file needs an effect that its reader has not allowed to be imported."""
+
+    remedy = "Without that, nothing of the file was run."
+
+
 class EffectCodec:
     """Effects to JSON and back.
 
@@ -140,10 +146,9 @@ class EffectCodec:
         given = {
             key: unpack(value, f"{where}.parameters.{key}", self.unpack_nested) for key, value in parameters.items()
         }
-        own = "import" in node
         try:
             effect = cls(**given)
-            if not own:
+            if "import" not in node:
                 effect._validate_params()
                 _check_parameters(effect, f"{where}.parameters")
         except ModelFileError:
@@ -151,13 +156,13 @@ class EffectCodec:
         except Exception as error:
             raise ModelFileError(f"{where}.parameters are refused by {cls.__name__}: {error}") from None
         if learned:
-            self._teach(effect, node["learned"], f"{where}.learned", own)
+            self._teach(effect, node["learned"], f"{where}.learned")
         return effect
 
-    def _teach(self, effect: Effect, node: Any, where: str, own: bool) -> None:
+    def _teach(self, effect: Effect, node: Any, where: str) -> None:
         wanted = vars(type(effect)).get("learned")  # a subclass may learn more than it inherits
         if wanted is None:
-            if not own or not isinstance(node, dict) or any(not k.endswith("_") or k.startswith("_") for k in node):
+            if not isinstance(node, dict) or any(not k.endswith("_") or k.startswith("_") for k in node):
                 raise unexpected(where, "something", "names that end with an underscore")
             wanted = dict.fromkeys(node, "")
         node = fields(node, where, tuple(wanted))
@@ -181,7 +186,7 @@ class EffectCodec:
             return CATALOGUE[kind]
         path = text(path, f"{where}.import")
         if path not in self.allow_imports:
-            raise ModelFileError(
+            raise ImportNotAllowedError(
                 f"{where} is an effect of its own, {path!r}, which would be imported and run. If you trust it, load "
                 f"with allow_imports=[{path!r}]"
             )
@@ -216,8 +221,8 @@ def _check_parameters(effect: Any, where: str) -> None:
             raise ModelFileError(f"{where}.time_constants: {error}") from None
     if hasattr(effect, "column") and (effect.column is not None or None in effect.inputs()):
         name(effect.column, f"{where}.column")
-    for limited in ("width", "knee", "reference_temperature"):
-        value = getattr(effect, limited, None)
+    for limited in effect.info.parameters:
+        value = getattr(effect, limited)
         if isinstance(value, int | float):
             number(value, f"{where}.{limited}", -1e300, 1e300)
 

@@ -12,7 +12,7 @@ from .codec import ModelFileError, fields, items, name, number, pack, positive, 
 
 
 def pack_gaps(gaps: Gaps) -> dict[str, Any]:
-    """From which step on, and how far each column wanders."""
+    """What happens in gaps, as plain values: the least step of one, and how far each column wanders."""
     return {
         "least": gaps.least,
         "lags": gaps.lags.tolist(),

@@ -38,6 +38,12 @@ _HEAD = re.compile(rb'\{"format": "thermocorr model", "version": ([0-9]{1,9}), "
 """First line of a file since version 2; the digest is that of all bytes behind it."""
 
 
+class LaterVersionError(ModelFileError):
+    """A model file was written by a later version of thermocorr."""
+
+    remedy = "Update thermocorr: pip install -U thermocorr."
+
+
 def save(
     model: DynamicBiasRegressor,
     path: str | os.PathLike[str],
@@ -87,7 +93,7 @@ def content_of(
     history_rows: int | None = HISTORY_ROWS,
     data: tuple[Any, Any] | None = None,
 ) -> bytes:
-    """What `save` writes."""
+    """The bytes of the model file that `save` writes."""
     if not isinstance(model, DynamicBiasRegressor):
         raise TypeError(f"Only a DynamicBiasRegressor can be saved as a model file. Got {type(model).__name__}.")
     check_is_fitted(model, "pipeline_")
@@ -138,19 +144,11 @@ def load(path: str | os.PathLike[str], *, allow_imports: Collection[str] = ()) -
         raise ModelFileError(f"{path} cannot be read: {error.strerror}. Check its name and folder.") from None
     except ModelFileError as error:
         found = textwrap.shorten(str(error), LONGEST_MESSAGE, placeholder=" ...")
-        raise ModelFileError(f"{path} is no model that can be loaded: {found}. {_remedy(str(error))}") from None
+        raise ModelFileError(f"{path} is no model that can be loaded: {found}. {error.remedy}") from None
 
 
 save_model, load_model = save, load
 """`save` and `load` under the names that `thermocorr` shows."""
-
-
-def _remedy(found: str) -> str:
-    if "allow_imports" in found:
-        return "Without that, nothing of the file was run."
-    if "later version" in found:
-        return "Update thermocorr: pip install -U thermocorr."
-    return "Take an undamaged copy, or fit the model again and save it with thermocorr.save_model."
 
 
 def _model_of(content: bytes, codec: EffectCodec) -> DynamicBiasRegressor:
@@ -180,7 +178,7 @@ def _model_of(content: bytes, codec: EffectCodec) -> DynamicBiasRegressor:
 
 def _refuse_later(found: int) -> None:
     if found > VERSION:
-        raise ModelFileError(f"it was written by a later version (format {found}, this package reads up to {VERSION})")
+        raise LaterVersionError(f"it was written by a later version (format {found}, this one reads up to {VERSION})")
 
 
 def digest_of(content: dict[str, Any]) -> str:

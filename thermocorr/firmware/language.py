@@ -109,10 +109,10 @@ class Operations:
 
     @property
     def total(self) -> int:
-        """All of them."""
+        """Operations of every kind together."""
         return self.multiply_adds + self.adds + self.divisions + self.calls
 
     @classmethod
     def of(cls, products: int = 0, sums: int = 0, divisions: int = 0, calls: int = 0) -> Operations:
-        """Those of one statement: each product takes an addition with it, as long as there are any."""
+        """Operations of one statement: each product takes an addition with it, as long as there are any."""
         return cls(products, max(0, sums - products), divisions, calls)

@@ -57,6 +57,8 @@ class Understood(NamedTuple):
 
     times: pd.Series[Any]
     said: str = ""
+    unix: bool = False
+    """Whether they are Unix times, which are UTC."""
 
 
 def understood(values: pd.Series[Any], form: str | None = None, zone: str | None = None) -> Understood:
@@ -86,7 +88,7 @@ def understood(values: pd.Series[Any], form: str | None = None, zone: str | None
     read = _of_numbers(values, form) if kind_of(values) == "number" else _of_text(values, form)
     if zone is None:
         return read
-    if read.said.startswith("Unix"):
+    if read.unix:
         raise RecordError(f"{quoted(values.name)} has Unix times, which are UTC: leave out --timezone.")
     return Understood(in_zone(read.times, zone), f"{read.said + ', ' if read.said else ''}local time of {zone}")
 
@@ -126,8 +128,9 @@ def _of_numbers(values: pd.Series[Any], form: str | None) -> Understood:
     if unit not in ("s", *EPOCHS):
         raise _unknown_form(form)
     if unit == "s":
-        return Understood(values, "Unix times in seconds")
-    return Understood(_counted(values if unit == "ns" else values.astype(float), unit, values), f"Unix times in {unit}")
+        return Understood(values, "Unix times in seconds", unix=True)
+    dates = _counted(values if unit == "ns" else values.astype(float), unit, values)
+    return Understood(dates, f"Unix times in {unit}", unix=True)
 
 
 def _counted(numbers: Any, unit: Any, values: pd.Series[Any]) -> pd.Series[Any]:

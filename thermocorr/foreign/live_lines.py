@@ -21,8 +21,6 @@ from .values import CLOCK, is_number
 
 LINES = 40
 """Lines, those before the header included, from which a dialect is told: a damaged one behind them is left out."""
-NATIVE = ("", "Unix times in seconds")
-"""What is said of numbers that are seconds."""
 FEWEST_ROWS = 2
 """Rows that must be there before a dialect is told from them."""
 
@@ -76,7 +74,7 @@ class LineTranslator:
             raise RecordError("--time-format needs the whole log: leave it out, or leave out --follow.")
         if column is None:
             return None
-        if is_number(str(frame[column].iloc[0])) and understood(frame[column]).said not in NATIVE:
+        if is_number(str(frame[column].iloc[0])) and understood(frame[column]).times.dtype.kind == "M":
             raise RecordError("Dates as such numbers need the whole log: leave out --follow.")
         return date_form(frame[column] if pair is None else frame[pair[0]] + " " + frame[pair[1]])
 

@@ -33,7 +33,7 @@ class Columns:
     roles: Roles
 
     def on(self, before: Arrangement) -> Arrangement:
-        """The roles replace those there were."""
+        """The arrangement with these roles instead of its own."""
         return replace(before, roles=self.roles)
 
     def sentence(self) -> str:
@@ -41,7 +41,7 @@ class Columns:
         return f"{self.roles.reading} over {self.roles.temperature}"
 
     def node(self) -> dict[str, Any]:
-        """As a session file has it."""
+        """The step as a session file has it."""
         return {"do": "columns", **asdict(self.roles), "ignored": list(self.roles.ignored)}
 
 
@@ -54,7 +54,7 @@ class Shape:
     products: bool | int
 
     def on(self, before: Arrangement) -> Arrangement:
-        """These settings replace those there were."""
+        """The arrangement with other settings."""
         return replace(before, settings=replace(before.settings, **asdict(self)))
 
     def sentence(self) -> str:
@@ -64,7 +64,7 @@ class Shape:
         return f"{lags}, degree {self.degree}{PRODUCTS.get(int(self.products), '')}"
 
     def node(self) -> dict[str, Any]:
-        """As a session file has it."""
+        """The step as a session file has it."""
         return {"do": "shape", **asdict(self)}
 
 
@@ -77,7 +77,7 @@ class Add:
     """Where a lag of the temperature is added: those of the model with it [s]."""
 
     def on(self, before: Arrangement) -> Arrangement:
-        """One effect more, or one lag."""
+        """The arrangement with one effect more, or one lag."""
         if self.time_constants:
             return replace(before, settings=replace(before.settings, time_constants=self.time_constants))
         return before.with_effect(self.effect)
@@ -87,7 +87,7 @@ class Add:
         return f"added {self.effect.label}"
 
     def node(self) -> dict[str, Any]:
-        """As a session file has it."""
+        """The step as a session file has it."""
         added = {"do": "add", "effect": json.loads(self.effect.node), "label": self.effect.label}
         return {**added, "time_constants": list(self.time_constants)}
 
@@ -104,7 +104,7 @@ class Mark:
     """When the measurand changes, for such a mark."""
 
     def on(self, before: Arrangement) -> Arrangement:
-        """The marks join those there are."""
+        """The arrangement with more marks."""
         if self.what == "left out":
             return replace(before, left_out=tuple(sorted({*before.left_out, *self.rows})))
         if self.what == "own run":
@@ -119,7 +119,7 @@ class Mark:
         return f"{MARKS[self.what].lower()}: {self.where}"
 
     def node(self) -> dict[str, Any]:
-        """As a session file has it."""
+        """The step as a session file has it."""
         return {
             "do": "mark",
             "what": self.what,
@@ -222,6 +222,6 @@ class Past(NamedTuple):
         return self.versions[self.at]
 
     def followed_by(self, acts: tuple[Act, ...]) -> Past:
-        """With these steps instead; what was undone before is forgotten, and what is very long ago."""
+        """The past that goes on with other steps; what was undone before is forgotten, and what is very long ago."""
         versions = (*self.versions[: self.at + 1], acts)[-MOST_VERSIONS:]
         return Past(versions, len(versions) - 1)

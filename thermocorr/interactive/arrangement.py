@@ -36,7 +36,7 @@ class AddedEffect(NamedTuple):
 
     @classmethod
     def of(cls, node: dict[str, Any], label: str) -> AddedEffect:
-        """From a node of `EffectCodec.pack`."""
+        """Make one of a node of `EffectCodec.pack`."""
         return cls(json.dumps(node, sort_keys=True), label)
 
 
@@ -62,7 +62,7 @@ class Arrangement:
         return hashlib.sha256(json.dumps(asdict(self), sort_keys=True, default=list).encode()).hexdigest()[:24]
 
     def with_effect(self, effect: AddedEffect) -> Arrangement:
-        """With one effect more; lags of one column are one effect with several time constants."""
+        """The arrangement with one effect more; lags of one column are one effect with several time constants."""
         for place, other in enumerate(self.effects):
             merged = _merged(json.loads(other.node), json.loads(effect.node))
             if merged is not None:

@@ -111,7 +111,7 @@ def _temperature(names: list[str], frame: pd.DataFrame) -> str | None:
 
 
 def _reading(names: list[str], frame: pd.DataFrame) -> str | None:
-    """The one that is called so; else the only one that could be."""
+    """The column that is called a reading; else the only one that could be."""
     plain = {name: name_and_unit(name)[0].strip() for name in names}
     exact = [name for name in names if plain[name].lower() == "reading"]
     called = [name for name in names if READINGS.search(plain[name])]

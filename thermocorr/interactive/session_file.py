@@ -10,6 +10,7 @@ from typing import Any
 
 from ..effects.protocol import Effect
 from ..files.codec import ModelFileError, fields, integer, items, parse, read_bytes, render, text
+from ..files.effect_nodes import ImportNotAllowedError
 from ..files.model_file import content_of
 from ..foreign import HowToRead
 from ..records import RecordError
@@ -57,8 +58,8 @@ def with_past(bench: Bench, node: Any) -> Bench:
     def label(effect: Any, where: str) -> str:
         try:
             return bench.codec.unpack(effect, where, learned=False).label()
-        except ModelFileError as error:
-            raise ModelFileError(OWN if "allow_imports" in str(error) else str(error)) from None
+        except ImportNotAllowedError:
+            raise ModelFileError(OWN) from None
 
     acts = [act_of(act, f"$.past.acts[{i}]", label) for i, act in enumerate(items(node["acts"], "$.past.acts"))]
     versions = tuple(

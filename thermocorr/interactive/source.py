@@ -54,7 +54,7 @@ class ReadLog:
         return frame, table.said
 
     def node(self) -> dict[str, Any]:
-        """As a session file has it."""
+        """The log as a session file names it."""
         if not self.files:
             return {"built_in": self.name}
         said = {key: value for key, value in asdict(self.how).items() if value not in (None, False)}

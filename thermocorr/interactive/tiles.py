@@ -51,7 +51,7 @@ class Store:
         return np.asarray(np.load(path, mmap_mode="r"))
 
     def keep(self, names: Collection[str]) -> None:
-        """Remove all arrays but these."""
+        """Remove all arrays but some."""
         wanted = set(names)
         for path in self.folder.glob("*.npy"):
             if path.stem not in wanted:

@@ -159,5 +159,5 @@ def candidates_of(record: Record, exclude: Collection[str], further: Any) -> lis
 
 
 def given_effects(further: Any) -> list[Effect]:
-    """Those of a user's own suspects that are effects already."""
+    """A user's own suspects, as far as they are effects already."""
     return [as_effects([item])[0][1] for item in further if not isinstance(item, type)]

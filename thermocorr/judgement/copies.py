@@ -35,7 +35,7 @@ class Copies:
     """What copies of an effect's columns make of a record, beside the effect itself."""
 
     inflation: float
-    """Their gain in log likelihood over what noise that is as it seems would give them."""
+    """Gain of the copies in log likelihood over what noise that is as it seems would give them."""
     help: float
     """The most that one of them helps, on later stretches and on held-out blocks alike [dB]."""
 

@@ -92,12 +92,11 @@ def diagnose(
         missing = [cause for cause in causes if not cause.tried.explanation.in_model]
         missing = missing or lacking(model, search, exclude)
         missing.sort(key=_worth_to_the_user)
-        return _conclude(model, X, y, seen, read, search, missing, last)
+        return _conclude(model, y, seen, read, search, missing, last)
 
 
 def _conclude(
     model: DynamicBiasRegressor,
-    X: Any,
     y: Any,
     seen: Any,
     read: Record,

@@ -41,7 +41,7 @@ class OwnStart(Effect):
         self.transient_.learn(record)
 
     def names(self) -> list[str]:
-        """As many as the segment with most decays has."""
+        """Names of the columns, as many as the segment with most decays has."""
         return [f"start {k}" for k in range(max(map(len, self.transient_.decays_.values()), default=0))]
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
@@ -106,7 +106,7 @@ class JudgedRows:
         self.spikes = spikes(data.reading, rounding)
         """Rows that are no readings, shape (n,), booleans."""
         self.left_out = self.spikes
-        """These, and rows that stand out as nothing but a glitch does, shape (n,), booleans."""
+        """Spikes, and rows that stand out as nothing but a glitch does, shape (n,), booleans."""
         self.weight = np.ones(len(self.spikes))
         """Less than 1 where the noise is larger than usual; readings and columns are multiplied by it, shape (n,)."""
         self.starts = self._starts(decays)

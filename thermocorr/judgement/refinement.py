@@ -31,9 +31,9 @@ class Refinement(RefinementPage):
     """What `refine` did, step by step. Prints as a table."""
 
     steps: pd.DataFrame
-    """One row a step: step, effect, rms (in sample), held_out_rms, later_rms (on blocks of the later half, each
-    foretold from everything before it), db (held out, against step 0), verdict (of the diagnosis of that step's model).
-    Step 0 is the given model."""
+    """One row a step: step, effect, change ("given", "added", "removed", "tuned"), rms (in sample), held_out_rms,
+    later_rms (on blocks of the later half, each foretold from everything before it), db (held out, against step 0),
+    verdict (of the diagnosis of that step's model). Step 0 is the given model."""
     model_: DynamicBiasRegressor
     """The final model, fitted."""
     diagnoses: tuple[Diagnosis, ...] = field(repr=False)
@@ -44,6 +44,7 @@ class Refinement(RefinementPage):
         scale = scale_of(self.steps[errors], self.diagnoses[-1].unit)
         heads = {name: f"{name.replace('_', ' ')} [{scale.unit}]" if scale.unit else name for name in errors}
         steps = self.steps.assign(**{name: scale.factor * self.steps[name] for name in errors}).rename(columns=heads)
+        steps = steps.drop(columns="change")
         lines = [
             steps.to_string(index=False, float_format=lambda value: number_text(value, 4), na_rep="-"),
             f"Verdict on the last model: {self.diagnoses[-1].verdict}",
@@ -154,7 +155,7 @@ def _refined(
     say("measuring the error on held-out and on later blocks")
     start = best = Errors.of(current, X, y)
     diagnoses, unit = [first], first.unit
-    rows = [_step(0, "", current, best, start, diagnoses[0], X, y)]
+    rows = [_step(0, "", "given", best, start, diagnoses[0])]
     try:
         for number in range(1, max_steps + 1):
             added: Effect | None = None
@@ -171,9 +172,9 @@ def _refined(
                 break
             current, best, gone = _without_superfluous(extended, X, y, errors)
             diagnoses.append(diagnose(current, X, y, **wanted))
-            rows.append(_step(number, added.label(), current, best, start, diagnoses[-1], X, y))
+            rows.append(_step(number, added.label(), "added", best, start, diagnoses[-1]))
             for label in gone:
-                rows.append(_step(number, f"without {label}", current, best, start, diagnoses[-1], X, y))
+                rows.append(_step(number, f"without {label}", "removed", best, start, diagnoses[-1]))
         current, best = _simpler(current, X, y, best)
         if len(diagnoses) > 1:
             say("tuning the effects' parameters together")
@@ -182,7 +183,7 @@ def _refined(
             if errors.better_than(best):
                 current = tuned
                 diagnoses.append(diagnose(current, X, y, **wanted))
-                rows.append(_step(len(rows), "parameters tuned together", current, errors, start, diagnoses[-1], X, y))
+                rows.append(_step(len(rows), "parameters tuned together", "tuned", errors, start, diagnoses[-1]))
     except KeyboardInterrupt:
         say("stopped")
     return Refinement(pd.DataFrame(rows), current, tuple(diagnoses))
@@ -194,19 +195,11 @@ def worth_trying(found: Diagnosis) -> list[Effect]:
     return [cause.effect for cause in ranked[:TRIES]]
 
 
-def _step(
-    number: int,
-    effect: str,
-    model: DynamicBiasRegressor,
-    errors: Errors,
-    start: Errors,
-    found: Diagnosis,
-    X: Any,
-    y: Any,
-) -> dict[str, Any]:
+def _step(number: int, effect: str, change: str, errors: Errors, start: Errors, found: Diagnosis) -> dict[str, Any]:
     return {
         "step": number,
         "effect": effect,
+        "change": change,
         "rms": found.residual_rms,
         "held_out_rms": errors.held_out,
         "later_rms": errors.later,

@@ -29,18 +29,18 @@ class Worth:
     """Fall of the squared error [dB]; positive is good."""
 
     later: float
-    """On later stretches."""
+    """Fall on later stretches."""
     blocks: float
-    """On blocks of time held out."""
+    """Fall on blocks of time held out."""
 
     @property
     def both(self) -> float:
-        """The lesser of the two."""
+        """The lesser of the falls on later stretches and on held-out blocks."""
         return min(self.later, self.blocks)
 
     @property
     def mean(self) -> float:
-        """The mean of the two."""
+        """The mean of the falls on later stretches and on held-out blocks."""
         return (self.later + self.blocks) / 2
 
 
@@ -101,9 +101,9 @@ class Products(NamedTuple):
     """Cross products of some columns in each piece."""
 
     base: np.ndarray
-    """With the columns of the base."""
+    """Cross products with the columns of the base."""
     reading: np.ndarray
-    """With the readings."""
+    """Cross products with the readings."""
     squares: np.ndarray
     """Squares of the readings, if the columns are the base; else products of the columns of each explanation."""
 

@@ -66,7 +66,7 @@ def write_report(
 
 
 def report_text(model: DynamicBiasRegressor, X: Any, y: Any, findings: Findings) -> str:
-    """What `write_report` writes."""
+    """The page that `write_report` writes."""
     kept = findings.last
     data = kept.data if kept is not None and kept.data is not None else PageData.of(model, X, y)
     return page(data, findings)

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from ..effects.protocol import SINCE_START, TEMPERATURE
 from ..estimators.verdicts import VERDICTS
 from ..pictures.protocols import DiagnosisLike
 from ..pictures.words import each_row, effect_text, left_sentences
@@ -128,14 +129,13 @@ def parameters_text(effect: Any, data: PageData | Scales) -> str:
             continue
         if not numbers:
             continue
-        if name == "time" and data.start is not None:
+        if unit == SINCE_START and data.start is not None:
             shown = [str(pd.Timestamp(data.start + number, unit="s").round("s")) for number in numbers]
-        elif unit == "s":
+        elif unit in ("s", SINCE_START):
             shown = [span_text(number) for number in numbers]
         else:
-            if name in ("knee", "reference_temperature"):
-                unit = data.temperature_unit
-            shown = [f"{plain(v, 3)} {unit_text(unit)}" for v in numbers]
+            unit = unit_text(data.temperature_unit if unit == TEMPERATURE else unit)
+            shown = [f"{plain(v, 3)} {unit}" for v in numbers]
         parts.append(f"{name.replace('_', ' ').removesuffix('s' if len(several) == 1 else '')} {', '.join(shown)}")
     return "; ".join(parts)
 

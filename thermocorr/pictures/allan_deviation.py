@@ -52,7 +52,7 @@ class AllanDisplay:
     def from_estimator(
         cls, model: Any, X: Any, y: Any, *, averaging_times: str = "octave", confidence: float = 0.95
     ) -> AllanDisplay:
-        """From a fitted model and a record of any length, in one pass and bounded memory.
+        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
 
         Parameters
         ----------

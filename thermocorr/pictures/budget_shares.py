@@ -30,7 +30,7 @@ class BudgetDisplay:
 
     @classmethod
     def from_budget(cls, budget: Budget) -> BudgetDisplay:
-        """From what `Uncertainty.budget` or `Uncertainty.mean` gives."""
+        """Create it from what `Uncertainty.budget` or `Uncertainty.mean` gives."""
         return cls(budget)
 
     def frame(self) -> pd.DataFrame:

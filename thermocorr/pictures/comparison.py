@@ -50,7 +50,7 @@ class VariantsDisplay:
 
     @classmethod
     def from_comparison(cls, comparison: VariantComparison) -> VariantsDisplay:
-        """From what `compare_variants` found."""
+        """Create it from what `compare_variants` found."""
         record = comparison.record
         if record is None or record.reading is None:
             raise ValueError("The comparison does not hold its record. Make it with compare_variants(X, y).")

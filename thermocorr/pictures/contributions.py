@@ -36,7 +36,7 @@ class ContributionsDisplay:
 
     @classmethod
     def from_estimator(cls, model: Any, X: Any) -> ContributionsDisplay:
-        """From a fitted model and a record of any length, in one pass and bounded memory.
+        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
 
         Parameters
         ----------

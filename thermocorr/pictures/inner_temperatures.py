@@ -39,7 +39,7 @@ class InnerTemperaturesDisplay:
 
     @classmethod
     def from_estimator(cls, model: Any, X: Any) -> InnerTemperaturesDisplay:
-        """From a fitted model and a record of any length, in one pass and bounded memory.
+        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
 
         Parameters
         ----------

@@ -40,7 +40,7 @@ class WhereDisplay:
 
     @classmethod
     def from_diagnosis(cls, diagnosis: DiagnosisLike, X: Any = None) -> WhereDisplay:
-        """From what `diagnose` found; `X`, the record, tells the units of its columns."""
+        """Create it from what `diagnose` found; `X`, the record, tells the units of its columns."""
         units = {} if X is None else {str(name): unit_of(name, X) for name in getattr(X, "columns", ())}
         return cls(diagnosis.where, units)
 

@@ -54,7 +54,7 @@ class ResidualLoopDisplay:
 
     @classmethod
     def from_estimator(cls, model: Any, X: Any, y: Any) -> ResidualLoopDisplay:
-        """From a fitted model and a record of any length, in one pass and bounded memory.
+        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
 
         Parameters
         ----------

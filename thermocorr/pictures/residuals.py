@@ -75,7 +75,7 @@ class ResidualsDisplay:
     def from_estimator(
         cls, model: Any, X: Any, y: Any, diagnosis: DiagnosisLike | None = None, *, uncertainty: bool = False
     ) -> ResidualsDisplay:
-        """From a fitted model and a record of any length, in one pass and bounded memory.
+        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
 
         Parameters
         ----------
@@ -117,7 +117,7 @@ class ResidualsDisplay:
     def from_predictions(
         cls, time: Any, measured: Any, modelled: Any, *, name: Any = None, unit: str | None = None
     ) -> ResidualsDisplay:
-        """From readings and predictions of any model.
+        """Create it from readings and predictions of any model.
 
         Parameters
         ----------

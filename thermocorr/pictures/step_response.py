@@ -50,7 +50,7 @@ class StepResponseDisplay:
 
     @classmethod
     def from_estimator(cls, model: Any, *, step: float = 1.0) -> StepResponseDisplay:
-        """From a fitted model.
+        """Create it from a fitted model.
 
         Parameters
         ----------

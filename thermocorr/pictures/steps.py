@@ -32,12 +32,12 @@ class RefinementDisplay:
 
     @classmethod
     def from_refinement(cls, refinement: RefinementLike) -> RefinementDisplay:
-        """From what `refine` did."""
+        """Create it from what `refine` did."""
         last = refinement.diagnoses[-1]
         return cls(refinement.steps, last.noise_floor, last.unit, last.verdict)
 
     def frame(self) -> pd.DataFrame:
-        """Step, effect, rms (in sample), held_out_rms, later_rms, db, verdict, noise_floor."""
+        """Step, effect, change, rms (in sample), held_out_rms, later_rms, db, verdict, noise_floor."""
         return self.steps.assign(noise_floor=self.noise_floor)
 
     def plot(self, ax: Any = None) -> RefinementDisplay:
@@ -60,9 +60,7 @@ class RefinementDisplay:
         else:
             only.set_ylim(0.0, 1.15 * float(values.max(initial=0.0)) or 1.0)
             label_values(only.yaxis, "rms error", self.unit)
-        names = ["given model", *(f"+ {effect}" for effect in self.steps["effect"][1:])]
-        names = [name.replace("+ without", "without").replace("+ parameters", "parameters") for name in names]
-        only.set_xticks(x, [wrapped(name, 16) for name in names], fontsize=9)
+        only.set_xticks(x, [wrapped(_name(step), 16) for step in each_row(self.steps)], fontsize=9)
         only.set_xlim(-0.4, n - 0.6)
         for i, step in enumerate(each_row(self.steps)):
             if i:
@@ -77,3 +75,8 @@ class RefinementDisplay:
         legend_above(only)
         self.axes_, self.ax_, self.figure_ = axes, only, only.figure
         return self
+
+
+def _name(step: Any) -> str:
+    """A step below its place on the axis."""
+    return f"+ {step.effect}" if step.change == "added" else step.effect or "given model"

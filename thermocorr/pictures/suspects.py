@@ -39,7 +39,7 @@ class SuspectsDisplay:
 
     @classmethod
     def from_diagnosis(cls, diagnosis: DiagnosisLike) -> SuspectsDisplay:
-        """From what `diagnose` found."""
+        """Create it from what `diagnose` found."""
         return cls(diagnosis.ranking, diagnosis.verdict, diagnosis.best is not None, diagnosis.level)
 
     def frame(self) -> pd.DataFrame:

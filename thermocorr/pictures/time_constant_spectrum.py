@@ -35,7 +35,7 @@ class SpectrumDisplay:
 
     @classmethod
     def from_estimator(cls, model: Any) -> SpectrumDisplay:
-        """From a fitted model, or from a fitted `TimeConstantSearch`.
+        """Create it from a fitted model, or from a fitted `TimeConstantSearch`.
 
         A search knows intervals of its time constants, and the spectrum; a model that chose its own time constants
         keeps the spectrum; given time constants have neither.

@@ -66,7 +66,7 @@ def interval_text(row: Any) -> str:
 
 
 def place_text(row: Any) -> str:
-    """Where it fails, as part of a sentence."""
+    """A place where a model fails, as part of a sentence."""
     return f"from {interval_text(row)}" if row.aspect == "time" else f"where {aspect_text(row)} is {interval_text(row)}"
 
 

@@ -45,7 +45,7 @@ class Flags:
         return np.array([self.names.index(name) for name in names], np.int8)
 
     def are(self, *flags: str) -> np.ndarray:
-        """Which rows have one of these flags, shape (n,)."""
+        """Whether each row has one of these flags, shape (n,)."""
         found = np.zeros(len(self), bool)
         for flag in flags:
             if flag in self.names:

@@ -47,7 +47,7 @@ class RecordLog(Log):
         return self.record.columns[name]
 
     def with_columns(self, names: Collection[Any]) -> RecordLog:
-        """Those of some columns that it has, and the temperature."""
+        """The log with some of its columns, and the temperature."""
         wanted = {*names, self.record.temperature_name}
         columns = {name: column for name, column in self.record.columns.items() if name in wanted}
         return RecordLog(replace(self.record, columns=columns), self.attrs)

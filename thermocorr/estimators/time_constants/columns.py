@@ -73,7 +73,10 @@ class LagColumns:
                 owned[int(np.searchsorted(time_constants, tau))].append(column)
                 decays.append((column, key, float(tau)))
         deviations = [record.moments(name).std or 1.0 for name in (record.temperature_name, *columns)]
-        return cls(lag, further, transient, starts, share, GridLayout(grid, span, n_free, owned, deviations), decays)
+        layout = GridLayout(grid, span, n_free, owned, deviations)
+        return cls(
+            lag=lag, further=further, transient=transient, starts=starts, share=share, layout=layout, decays=decays
+        )
 
     def dead(self, record: Record, folds: TimeFolds) -> list[list[int]]:
         """Decays too slow for what each fold learns from: columns that it must not use."""

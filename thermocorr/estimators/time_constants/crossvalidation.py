@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from math import comb
 from typing import Any
 
@@ -10,8 +11,8 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from ...equations import TriangularFactor
-from ...equations.subsets import Fold, all_set_errors, set_errors
-from .folds import TimeFolds
+from ...equations.subsets import Fold, all_set_errors, fold_of, set_errors
+from .folds import Sides, TimeFolds
 from .spectrum import GridLayout, grown
 
 Set = tuple[int, ...]
@@ -37,7 +38,7 @@ class CrossValidation:
     layout : GridLayout
         Which column is what.
     dead : list of lists of int
-        Columns that a fold must not use, see `TimeFolds.prepared`.
+        ``dead[f]`` are columns that fold f must not use.
     scoring : str
         One of `SCORINGS`.
     """
@@ -73,10 +74,16 @@ class CrossValidation:
             self.losses.update(((alpha, members), loss) for members, loss in zip(group, losses, strict=True))
         return np.array([self.losses[alpha, members] for members in sets])
 
+    @cached_property
+    def sides(self) -> list[Sides]:
+        """What each fold learns from and tests on."""
+        return self.folds.sides(self.chunks, self.layout.n_free)
+
     def prepared(self, alpha: float) -> list[Fold]:
         """The folds for one ridge penalty."""
         if alpha not in self._prepared:
-            self._prepared[alpha] = self.folds.prepared(self.chunks, self.layout.n_free, alpha, self.dead)
+            n_free = self.layout.n_free
+            self._prepared[alpha] = [fold_of(s.learned, s.tested, n_free, alpha, self.dead[s.fold]) for s in self.sides]
         return self._prepared[alpha]
 
     def greedy(self, candidates: Sequence[int], max_count: int, alpha: float, say: Callable[[str], None]) -> list[Set]:

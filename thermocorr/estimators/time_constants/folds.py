@@ -7,12 +7,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from numbers import Integral
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...equations import TriangularFactor
-from ...equations.subsets import Fold, fold_of
 from ...records import Record, Segment
 from ..fitting import equal_edges
 
@@ -22,6 +21,14 @@ WASHOUT_SHARE = 0.01
 """Default washout between training and test, as a share of the record."""
 
 Ranges = list[tuple[int, int]]
+
+
+class Sides(NamedTuple):
+    """A fold's number, and the factors of its two sides."""
+
+    fold: int
+    learned: TriangularFactor
+    tested: TriangularFactor
 
 
 @dataclass(frozen=True)
@@ -37,25 +44,25 @@ class TimeFolds:
     def __len__(self) -> int:
         return len(self.learned)
 
-    def prepared(
-        self,
-        chunks: Sequence[TriangularFactor],
-        n_free: int,
-        alpha: float = 0.0,
-        dead: Sequence[Sequence[int]] | None = None,
-    ) -> list[Fold]:
-        """Folds for `thermocorr.equations.subsets`; those without readings on a side are left out.
+    def sides(self, chunks: Sequence[TriangularFactor], n_free: int) -> list[Sides]:
+        """Factors of what each fold learns from and tests on; folds without readings on a side are left out.
 
-        ``dead[f]`` are columns that fold f must not use.
+        What one fold learns from and the next one too, as in forward chaining, is merged once.
         """
-        prepared = []
-        for f, sides in enumerate(zip(self.learned, self.tested, strict=True)):
-            if not (sides[0] and sides[1]):
+        found: list[Sides] = []
+        before, so_far = list[int](), TriangularFactor(chunks[0].r.shape[1])
+        for f, (learn, test) in enumerate(zip(self.learned, self.tested, strict=True)):
+            if not (learn and test):
                 continue
-            learned, tested = (TriangularFactor.merged([chunks[i] for i in side]) for side in sides)
+            longer = learn[: len(before)] == before
+            learned = TriangularFactor.merged(
+                [so_far, *(chunks[i] for i in learn[len(before) :])] if longer else [chunks[i] for i in learn]
+            )
+            before, so_far = learn, learned
+            tested = TriangularFactor.merged([chunks[i] for i in test])
             if learned.n_rows > n_free and tested.n_rows:
-                prepared.append(fold_of(learned, tested, n_free, alpha, () if dead is None else dead[f]))
-        return prepared
+                found.append(Sides(f, learned, tested))
+        return found
 
     def learned_duration(self, fold: int, record: Record, segment: Segment) -> float:
         """First to last learned row of a segment [s], 0 where there is none."""

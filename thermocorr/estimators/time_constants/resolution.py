@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from ...equations import RidgeSolution, TriangularFactor
+from ...equations import RidgeSolution
 from ...records import Record
 from ...records.quantities import span_texts
 from .search import Factored
@@ -29,7 +29,7 @@ def spectrum_table(factored: Factored, reference: GridRidge) -> pd.DataFrame:
         alike_next: correlation with the next longer time constant, after the same projection: near 1 where the record
         cannot tell the two apart.
     """
-    layout, whole = factored.layout, TriangularFactor.merged(factored.chunks)
+    layout, whole = factored.layout, factored.whole
     grid = layout.grid[layout.owner == 0]
     lags = whole.r[layout.n_free :, layout.n_free : layout.n_free + len(grid)]
     norms = np.linalg.norm(lags, axis=0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from numbers import Integral
 from typing import Any
 
@@ -78,6 +79,11 @@ class CandidateRow:
     losses: np.ndarray
     """Shape (n_folds,)."""
 
+    @cached_property
+    def loss(self) -> float:
+        """Mean over the folds."""
+        return float(self.losses.sum()) / len(self.losses)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Factored:
@@ -92,6 +98,11 @@ class Factored:
     """One for each stretch of `folds`."""
     folds: TimeFolds
 
+    @cached_property
+    def whole(self) -> TriangularFactor:
+        """One factor of all stretches."""
+        return TriangularFactor.merged(self.chunks)
+
     @property
     def layout(self) -> GridLayout:
         """Which column is what."""
@@ -99,7 +110,7 @@ class Factored:
 
     def projected(self, reference: GridRidge) -> Projected:
         """What `project` needs."""
-        return Projected(TriangularFactor.merged(self.chunks), self.layout, reference)
+        return Projected(self.whole, self.layout, reference)
 
     def cross_validation(self, scoring: str) -> CrossValidation:
         """Errors of sets in the folds."""
@@ -164,7 +175,7 @@ def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings
         grid = log_grid(record.usual_step(), span, POOL_SIZE)
     factored = factors_of(features, record, reading, grid, settings)
     cross = factored.cross_validation(settings.scoring)
-    if not cross.prepared(0.0):
+    if not cross.sides:
         raise RecordError("No fold has readings both to learn from and to test. Choose other folds with cv=...")
     if settings.method == "spectrum" and explicit is None:
         return _by_spectrum(factored, cross, settings)
@@ -219,12 +230,12 @@ def _without_idle_ones(members: Set, factored: Factored, alpha: float) -> Set:
     A slow lag is nearly a straight line, and shares the static law with it: one that is there for nothing costs the
     gain some digits. A thermometer with noise brings such lags in.
     """
-    layout, whole = factored.layout, TriangularFactor.merged(factored.chunks)
+    layout = factored.layout
     slow = [i for i in members if layout.grid[i] > SLOW_SHARE * layout.span]
 
     def left(some: Set) -> float:
-        columns = [*range(layout.n_free), *layout.columns(some), whole.r.shape[1] - 1]
-        return solve_ridge(whole.select(columns), alpha).residual_sum_of_squares
+        columns = [*range(layout.n_free), *layout.columns(some), factored.whole.r.shape[1] - 1]
+        return solve_ridge(factored.whole.select(columns), alpha).residual_sum_of_squares
 
     now = left(members)
     while slow and len(members) > 1:
@@ -283,7 +294,7 @@ def _best_of_each_size(cross: CrossValidation, sets: Sequence[Set], alphas: Sequ
         for alpha in alphas:
             line = CandidateRow(members, alpha, cross.losses[alpha, members])
             known = best.get(len(members))
-            if known is None or line.losses.mean() < known.losses.mean():
+            if known is None or line.loss < known.loss:
                 best[len(members)] = line
     return [best[size] for size in sorted(best)]
 
@@ -292,7 +303,7 @@ def _choice(
     factored: Factored, tried: Sequence[CandidateRow], chosen: CandidateRow, reference: GridRidge | None
 ) -> TimeConstantChoice:
     grid = factored.layout.grid
-    ordered = sorted(tried, key=lambda line: float(line.losses.mean()))
+    ordered = sorted(tried, key=lambda line: line.loss)
     members = np.array(chosen.members, np.intp)
     own = [grid[members[factored.layout.owner[members] == i]] for i in range(len(factored.layout.deviations))]
     return TimeConstantChoice(
@@ -328,7 +339,7 @@ def _evenly_spread(
     factored = factors_of(features, record, reading, grid, settings)
     cross = factored.cross_validation(settings.scoring)
     members, alpha = tuple(range(len(factored.layout.grid))), PENALTIES[2] * reading.n_readings
-    losses = cross.score_sets([members], alpha)[0] if cross.prepared(alpha) else np.full(1, np.nan)
+    losses = cross.score_sets([members], alpha)[0] if cross.sides else np.full(1, np.nan)
     chosen = CandidateRow(members, alpha, losses)
     return _choice(factored, [chosen], chosen, None)
 

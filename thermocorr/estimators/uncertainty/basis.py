@@ -27,7 +27,7 @@ SPECTRUM_SHARE = 1 / 8
 twice the share, the bias in white noise is stated 1.76 times its error instead of 1.36 times, with half of it 1.26
 times (searched time constants): `python benchmarks/interval_coverage.py --first 600 --seeds 24`."""
 BEYOND_CHOSEN = 1.3
-"""It is at least this many times the longest one chosen."""
+"""The slowest body that may be there is at least this many times slower than the longest time constant chosen."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -62,6 +62,6 @@ def _template(name: str) -> str:
 
 @cache
 def asset_text(name: str) -> str:
-    """One of `ASSETS`."""
+    """Text of a file of `ASSETS`."""
     package = "thermocorr.pages" if name in SHARED else __package__
     return files(package).joinpath("assets", name).read_text(encoding="utf-8")

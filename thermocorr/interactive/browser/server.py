@@ -66,7 +66,7 @@ class Workbench:
         self.ended = asyncio.Event()
 
     def app(self) -> Starlette:
-        """All of them."""
+        """The application, with all routes."""
         return Starlette(
             routes=[
                 Route("/", self.page),
