@@ -9,7 +9,9 @@ import pytest
 
 from thermocorr.effects import (
     Covariate,
+    Drift,
     Hinge,
+    Hysteresis,
     Interaction,
     LaggedCovariate,
     LaggedModulation,
@@ -37,8 +39,8 @@ def tried(effect, score, later, blocks, number=0, full=None, p_value=1e-6, scatt
     )
 
 
-def best_of(*explanations, by_chance=False):
-    best, _ = chosen(explanations, lambda t: by_chance)
+def best_of(*explanations, by_chance=False, settles=False):
+    best, _ = chosen(explanations, lambda t: by_chance, lambda t: settles)
     return best and best.explanation.effect.kind
 
 
@@ -214,3 +216,13 @@ def test_a_column_that_is_added_comes_before_a_product_that_says_the_same():
     assert plainer_than(product, [tried(Interaction("meter"), 8.9, 2.8, 6.0)]) is None
     assert plainer_than(room, [weak]) is None  # nothing to be made plainer
     assert plainer_than(tried(LagProducts(["1 h"]), 9.0, 2.8, 6.0), [room]) is None  # of the temperature alone
+
+
+def test_a_slow_effect_that_settles_what_wanders_is_named_though_not_proven():
+    """A drift that is far likelier than noise as slow, leaves none of it, and is not contradicted by later data."""
+    drift = tried(Drift(), 6.0, 0.6, 0.5, p_value=0.004)
+    assert best_of(drift, settles=True) == "drift"
+    assert best_of(drift) is None
+    assert best_of(tried(Drift(), 4.0, 0.6, 0.5, p_value=0.02), settles=True) is None
+    assert best_of(tried(Drift(), 6.0, -0.6, 0.5, p_value=0.004), settles=True) is None
+    assert best_of(tried(Hysteresis(0.5), 6.0, 0.6, 0.5, p_value=0.004), settles=True) is None

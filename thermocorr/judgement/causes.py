@@ -39,6 +39,7 @@ from .levels import (
     MOST_STEPS,
     OF_PRODUCTS,
     SCATTER,
+    SETTLED,
     SHARES,
     TIE,
     TUNED,
@@ -127,7 +128,7 @@ class Search:
         """
         tried = list(tried)
         while True:
-            best, rivals = chosen(tried, self.by_chance)
+            best, rivals = chosen(tried, self.by_chance, lambda t: self.share(t) >= SETTLED)
             if best is None:
                 return tried, None, []
             best = self._likelier(best, rivals, [t for t in tried if t.key == best.key])

@@ -9,7 +9,21 @@ import numpy as np
 
 from ..effects import Periodic
 from .dated import MANY
-from .levels import CLEAR, EVEN, GAIN, LATE, LEVEL, MOST_STEPS, MOST_WAVES, NEAR, SPEAKS, STRONG, TIE
+from .levels import (
+    CLEAR,
+    EVEN,
+    EVIDENT,
+    GAIN,
+    LATE,
+    LEAST,
+    LEVEL,
+    MOST_STEPS,
+    MOST_WAVES,
+    NEAR,
+    SPEAKS,
+    STRONG,
+    TIE,
+)
 from .pool import Explanation, Key
 from .worth import Worth
 
@@ -98,7 +112,9 @@ def still_sought(tried: Sequence[Tried], found: Sequence[Cause], steps: int) -> 
     return [t for t in tried if t.key not in enough and (t.sure or not late or t.key[1] is None)]
 
 
-def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[Tried | None, list[Tried]]:
+def chosen(
+    tried: Sequence[Tried], by_chance: Callable[[Tried], bool], settles: Callable[[Tried], bool]
+) -> tuple[Tried | None, list[Tried]]:
     """The cause to take in, if there is one, and its rivals: what is as good, or nearly.
 
     What is proven comes before what only helps; of what is proven, what helps on later data comes first. Among what
@@ -106,13 +122,15 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
     evenly its evidence lies is a question to the column, not to its law. A recorded column that does harm on later
     stretches and on held-out blocks alike is accused only where its evidence is strong and even, lest the noise is not
     what it is thought to be; a product with a column that is worth nothing on either, where it is strong.
+
+    Where nothing is proven and nothing helps much, what depends on time alone may be what wanders: see `_settling`.
     """
     proven = [t for t in tried if t.named and not _harms(t)]
     helpful = [t for t in proven if t.worth.both >= GAIN]
     if not proven:
         helpful = [t for t in tried if t.worth.both >= _enough(t) and _spoken_for(t) and not by_chance(t)]
     if not proven and not helpful:
-        return None, []
+        return _settling(tried, settles)
     least = NEAR * max((t.worth.both for t in helpful), default=-np.inf)
     near = [t for t in helpful if t.worth.both >= least] or proven
     best = max(near, key=lambda t: t.score)
@@ -132,6 +150,17 @@ def chosen(tried: Sequence[Tried], by_chance: Callable[[Tried], bool]) -> tuple[
         or (best in helpful and _spoken_for(t) and t.worth.both >= NEAR * best.worth.both)
     ]
     return best, rivals
+
+
+def _settling(tried: Sequence[Tried], settles: Callable[[Tried], bool]) -> tuple[Tried | None, list[Tried]]:
+    """What depends on time alone and leaves nothing that wanders, and what is as likely; None where there is none.
+
+    A weak drift is not proven beside noise that may wander as slowly. Where it is far likelier than such noise, settles
+    all of it, and later data do not speak against it, it is what a user has to know.
+    """
+    slow = [t for t in tried if t.explanation.effect.of_time_alone and t.worth.both >= LEAST and t.score >= EVIDENT]
+    best = max((t for t in slow if settles(t)), key=lambda t: t.score, default=None)
+    return best, [] if best is None else [t for t in tried if t.score >= max(best.score - TIE, 0.0)]
 
 
 def bent(t: Tried, plain: Tried) -> bool:

@@ -179,6 +179,10 @@ SPEAKS = -6.0
 
 LEVEL = 0.001
 """Error probability of the whole family below which a cause is proven."""
+EVIDENT, SETTLED = 5.0, 0.9
+"""Score (odds of 150 to 1), and share of the structured variance, from which what depends on time alone is named though
+it is not proven, where it also helps by `LEAST`. None was named so in 200 records of slow noise with nothing hidden
+(`benchmarks/null_records.py --records 40 --first 7000`, five kinds)."""
 LOOKS = 3.0
 """Factor on the number of tests: parameters are tuned beyond their list, and the noise is an estimate."""
 DIFFERENT = 12
