@@ -87,7 +87,7 @@ class Search:
             self.sizes[late] = self.sizes.get(late, 0) + 2 * self.shifts.most  # and between rows
         self.anywhere, self.small = anywhere, small
         self.imitations = Imitations(pool)
-        self.tests = {key: max(tests, float(size)) for key, size in self.sizes.items()}
+        self.tests = {key: max(tests, LOOKS * size) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
 
         self.copies: dict[Key, Copies] = {}
