@@ -197,6 +197,12 @@ def test_a_burst_of_loud_noise_is_no_disturbance(louder, rows, seed):
     y = quiet + loud * (noisy - quiet)
     found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
     assert not {"disturbance", "several_steps", "step"} & {cause.effect.kind for cause in found.causes}
+    assert found.left.loud, "a burst is said, though it is no effect"
+    step = (X.index[1] - X.index[0]).total_seconds()
+    ends = np.array(found.left.loud[0][:2]) / step
+    assert ends == pytest.approx([2100, 2100 + rows], abs=65)  # half of the rows over which the noise is measured
+    assert "times as large as usual" in str(found)
+    assert found.explainable < 0.2
 
 
 def test_units_names_and_order_change_no_verdict():

@@ -28,7 +28,7 @@ from .lacking import lacking
 from .left import what_is_left
 from .levels import GAIN, RANKED
 from .pool import Pool
-from .residual import residuals_of
+from .residual import quiet_share, residuals_of
 from .together import as_one
 from .when import Interval, intervals
 from .where import where_it_fails
@@ -111,6 +111,7 @@ def _conclude(
     rest = what_is_left(search.pool, search.judged, *labels)
     floor = rms if search.pool.rows.exact else min(rest.floor, rms)
     moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, causes)]
+    quiet = rms * quiet_share(residual, search.pool.record, [(loud.start, loud.end) for loud in rest.loud])
     found = as_one([_cause(cause, when) for cause, when in zip(causes, moments, strict=True)], search.pool.record)
     named = {cause.tried.key for cause in causes}
     others = causes[0].others if causes else last
@@ -128,7 +129,7 @@ def _conclude(
     return Diagnosis(
         verdict=verdict_on(grounds).word,
         noise_floor=floor,
-        explainable=float(np.clip(1 - floor**2 / rms**2, 0.0, 1.0)) if rms > 0 else 0.0,
+        explainable=float(np.clip(1 - (floor / quiet) ** 2, 0.0, 1.0)) if quiet > 0 else 0.0,
         where=where,
         allan=allan,
         suspects=tuple(ranked),

@@ -4,14 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from ..estimators.evenness import BURST
 from .imitations import together
 from .levels import OF_THERMOMETER, PROVABLE, RANKED, STRUCTURE, TO_A_DECADE, WANDERS
 from .likelihood import Comparison
 from .pool import Pool
+
+
+class Loud(NamedTuple):
+    """A stretch in which the noise is much larger than usual."""
+
+    start: float
+    """Since the record began [s]."""
+    end: float
+    size: float
+    """Its largest size over the usual one."""
+    readings: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +48,8 @@ class Left:
     columns moved in time: a few slow swings."""
     spikes: tuple[float, ...]
     """Times since the record began at which readings jump far out of the noise [s], at most ten: left out."""
+    loud: tuple[Loud, ...]
+    """Stretches of loud noise, the largest first, at most ten: their readings count less."""
     thermometers: pd.DataFrame = field(compare=False)
     """What the errors of the thermometers make in the reading, see `thermocorr.thermometer_errors`; empty where
     nothing wanders, and where the record was judged by averages."""
@@ -79,6 +94,7 @@ def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = (), cop
         uneven=tuple(uneven),
         copied=tuple(copied),
         spikes=_spikes(pool),
+        loud=_loud(pool),
         thermometers=pool.thermometers if structured else pd.DataFrame(),
         smallest_drift=judged.smallest(drift, PROVABLE),
         smallest_step=judged.smallest(middle, PROVABLE),
@@ -105,6 +121,22 @@ def _spectrum(pool: Pool, judged: Comparison) -> pd.DataFrame:
     densities = means[["residual", "noise", "white"]] * (2 * pool.spacing)  # one-sided
     means[["residual", "noise", "white"]] = judged.unit * np.sqrt(densities)
     return means
+
+
+def _loud(pool: Pool) -> tuple[Loud, ...]:
+    """Stretches of rows that are weighted as a burst of noise."""
+    data, size = pool.data, 1 / pool.rows.weight
+    edges = np.flatnonzero(np.diff(size > BURST, prepend=False, append=False)).reshape(-1, 2)
+    found = [
+        Loud(
+            start=float(data.seconds[low]),
+            end=float(data.seconds[high - 1]),
+            size=float(size[low:high].max()),
+            readings=int(data.counts[low:high].sum()),
+        )
+        for low, high in edges.tolist()
+    ]
+    return tuple(sorted(found, key=lambda loud: -loud.size)[:RANKED])
 
 
 def _spikes(pool: Pool) -> tuple[float, ...]:

@@ -184,8 +184,8 @@ EVIDENT, SETTLED = 5.0, 0.9
 it is not proven, where it also helps by `LEAST`. None was named so in 200 records of slow noise with nothing hidden
 (`benchmarks/null_records.py --records 40 --first 7000`, five kinds)."""
 LOOKS = 3.0
-"""Factor on the number of tests: parameters are tuned beyond their list, and the noise is an estimate. Without it for what
-is looked for at every row, 13 of 480 records of coloured noise had an error probability of .01 or less, four of .001."""
+"""Factor on the number of tests: parameters are tuned beyond their list, and the noise is an estimate. Without it for
+what is looked for at every row, 13 of 480 records of coloured noise had an error probability of .01 or less."""
 DIFFERENT = 12
 """Most tests that the candidates of one kind and column count for: neighbours on a grid say nearly the same."""
 MOMENTS = 3.68

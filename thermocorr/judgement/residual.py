@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -61,6 +61,15 @@ def _added(record: Thinned, rows: np.ndarray, values: np.ndarray, sums: np.ndarr
         low, high = int(place.min()), int(place.max()) + 1
         sums[low:high] += np.bincount(place - low, values[inside], high - low)
         counts[low:high] += np.bincount(place - low, minlength=high - low)
+
+
+def quiet_share(residual: np.ndarray, record: Record, loud: Sequence[tuple[float, float]]) -> float:
+    """Rms residual outside of stretches of loud noise, first and last time [s], over that of all rows."""
+    if not loud:
+        return 1.0
+    seconds = record.times.seconds(np.arange(len(residual)), record.first_stamp())
+    quiet = np.all([(seconds < start) | (seconds > end) for start, end in loud], axis=0)
+    return rms(residual[quiet]) / max(rms(residual), 1e-300) if np.isfinite(residual[quiet]).any() else 1.0
 
 
 def single_rms(residual: np.ndarray, record: Thinned) -> float:

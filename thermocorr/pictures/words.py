@@ -188,6 +188,13 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
             f"{'one reading jumps' if len(left.spikes) == 1 else f'{len(left.spikes)} readings jump'} far out of the "
             f"noise, the highest {span_text(left.spikes[0])} after the record began: left out of the judgement."
         )
+    if left.loud:
+        loud, more = left.loud[0], len(left.loud) - 1
+        said.append(
+            f"The noise is up to {loud.size:.2g} times as large as usual from {span_text(loud.start)} to "
+            f"{span_text(loud.end)} after the record began{f', and in {more} more stretches' if more else ''}: these "
+            "readings count less. If something happened then, leave them out of the fit (mask=...)."
+        )
     sizes = {"a drift": left.smallest_drift, "a step": left.smallest_step}
     known = {what: size for what, size in sizes.items() if np.isfinite(size)}
     seen = [f"{what} of {text}" for what, text in zip(known, quantity_texts([*known.values()], unit, 2), strict=True)]
