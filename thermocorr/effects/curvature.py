@@ -26,6 +26,7 @@ class QuadraticCovariate(Effect):
     """
 
     kind = "quadratic_covariate"
+    is_product = True
     learned = {"mean_": "number", "variance_": "number"}
     info = EffectInfo(
         physics="The reading depends on another recorded quantity along a curve: it moves the same way whether that "

@@ -362,8 +362,10 @@ class Search:
         """
         least = WITHIN * max((t.score for t in found), default=0.0)
         able = [t for t in found if (t.score > max(least, 0.0) or len(found) == 1) and not t.explanation.in_model]
-        best = first_of_each(sorted(able, key=lambda t: -t.score))
-        moved = [self._moved(tried, shares) for tried in best[:TUNED]]
+        able.sort(key=lambda t: -t.score)
+        kinds = [t.key for t in first_of_each(able)[:TUNED]]
+        laws = {t.explanation.law: t for t in reversed(able) if t.key in kinds}
+        moved = [self._moved(tried, shares) for tried in laws.values()]
         which = [i for i in moved if i is not None]
         worths = self.held.worth([self.coarse[i] for i in which])
         return self._weighed(which, dict(zip(which, worths, strict=True))) if which else []

@@ -40,6 +40,13 @@ class Explanation:
         """Kind and column; what the model has already is a kind of its own."""
         return ("in the model", None) if self.in_model else key_of(self.effect)
 
+    @cached_property
+    def law(self) -> tuple[Key, str]:
+        """Kind and column, and every parameter that is not tuned: a column late and its square late are two laws."""
+        tuned = self.effect.info.tuned if self.effect.info else ()
+        given = self.effect.get_params(deep=False)
+        return self.key, str(sorted((k, v) for k, v in given.items() if k not in tuned))
+
 
 class Pool:
     """A record, the base that explanations are judged beside, and the explanations."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,12 +17,13 @@ from ..effects.wrap import as_effects
 from ..estimators.progress import Progress, told
 from ..estimators.regressor import DynamicBiasRegressor
 from ..pages import RefinementPage
+from ..pictures.words import effect_text
 from ..records.errors import said_once
 from ..records.quantities import number_text, scale_of
 from ..records.text import printable
 from .adding import Errors, with_missing
 from .diagnosis import diagnose
-from .found import Diagnosis
+from .found import WIDTH, Diagnosis
 from .levels import JOINTLY, LOWER, TRIES
 from .shorter import shorter
 
@@ -49,6 +51,11 @@ class Refinement(RefinementPage):
             steps.to_string(index=False, float_format=lambda value: number_text(value, 4), na_rep="-"),
             f"Verdict on the last model: {self.diagnoses[-1].verdict}",
         ]
+        named = [f"{effect_text(cause.effect)} ({cause.standing})" for cause in self.diagnoses[-1].causes]
+        if named:
+            why = "Data that were not learned from speak against it, or no step was left."
+            said = f"Named there, and not added: {', '.join(named)}. {why}"
+            lines += textwrap.wrap(said, WIDTH, subsequent_indent="    ")
         return printable("\n".join(lines), "\n")
 
     __repr__ = __str__

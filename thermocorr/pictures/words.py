@@ -170,7 +170,8 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
             to_log = next(text for limit, text in _TO_LOG if left.correlation_time <= limit)
             said.append(f"To learn its cause, log what changes as slowly: {to_log}.")
     elif not left.uneven:
-        said.append("What is left looks like white noise.")
+        beside = "" if VERDICTS[verdict].calm or VERDICTS[verdict].unknown else "Beside these causes, w"
+        said.append(f"{beside or 'W'}hat is left looks like white noise.")
     said += thermometer_sentences(left, unit)
     if left.uneven and VERDICTS[verdict].unknown:
         said.append(
