@@ -28,7 +28,10 @@ SHOWN = 15.0
 """Log likelihood; a diagnosis proves nothing that gains less than about 12."""
 TUNING_SEEDS = range(500, 510)
 """Those that the choice among causes was bettered on; report on others."""
-NOT_PLANTED = ("lead", "thermometer_noise", "sensitivity_step", "thermal_lag", "delay", "rate", "initial_transient")
+NOT_PLANTED = (
+    "lead", "thermometer_noise", "sensitivity_step", "thermal_lag", "delay", "rate", "initial_transient",
+    "quadratic_covariate",
+)  # fmt: skip
 """Not planted by `make_record`, or taken up by the base model's own lags and decays."""
 
 

@@ -302,14 +302,14 @@ def test_unix_times_have_no_zone_and_cells_that_are_words_are_said(written):
         understood(written(GOOD["Unix times in ms"]), timezone="Europe/Berlin")
     rows = "".join(f"{60 * k},{T[k]},{'wet' if k == 5 else 40 + k},{U[k]}\n" for k in range(N))
     table = understood(written("time,temperature,humidity,reading\n" + rows))[0]
-    assert table.said == ("'humidity' is not used: 1 of its cells are no numbers, such as 'wet'",)
+    assert table.said == ("'humidity' as text, for 1 cell without a number, such as 'wet'",)
 
 
 def test_words_in_a_long_column_are_counted_all_of_them():
     cells = {"a": ["wet", "1"], "b": ["wet", "OL", "2"], "c": ["on", "off"], "d": ["1", "2"]}
     frame = pd.DataFrame({name: (some * SOME)[: 2 * SOME] for name, some in cells.items()})
     same, said = nearly_numbers(frame)
-    assert same is frame and said == [f"'a' is not used: {SOME} of its cells are no numbers, such as 'wet'"]
+    assert same is frame and said == [f"'a' as text, for {SOME} cells without a number, such as 'wet'"]
 
 
 def test_files_in_other_units_or_at_other_times_are_not_put_together(written):

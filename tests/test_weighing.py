@@ -116,7 +116,7 @@ def test_searches_take_weights_and_masks(lab, weight):
         ({"mask": ["2024-01-01"]}, r"or a list of \(start, end\)"),
         ({"mask": [("2 h", "1 h")]}, "ends before it starts"),
         ({"mask": [("soon", "later")]}, "The 'mask' parameter of fit must be seconds since the record began"),
-        ({"mask": np.ones(4000, bool)}, "All 4000 readings are missing"),
+        ({"mask": np.ones(4000, bool)}, "The mask leaves out all readings of the 4000 rows"),
     ],
 )
 def test_what_is_no_weight_and_no_mask(lab, given, said):

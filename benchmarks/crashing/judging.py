@@ -35,7 +35,7 @@ PACKAGE = os.path.dirname(thermocorr.__file__)
 STOPPED = re.compile(r"thermocorr: stopped( after row (\d+), \S.*| before the first line; nothing was written)?\n")
 ALLOWED = re.compile(
     r"thermocorr: (\d+ (line was|lines were) corrected before, by the saved state"
-    r"|\d+ of \d+ lines? got no result: \d+ (no|backward) .*)\n"
+    r"|\d+ of \d+ lines? got no result: \d+ (no|backward) .*|\d+ of \d+ lines are flagged.*)\n"
 )
 
 

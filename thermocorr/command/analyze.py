@@ -26,7 +26,7 @@ from ..records.errors import quoted
 from ..records.quantities import number_text, quantity_texts, scale_of, span_text
 from ..records.text import printable
 from ..records.units import unit_of
-from .loading import load_log, readings_to_learn
+from .loading import check_numbers, load_log, note_events_outside, readings_to_learn
 from .table_options import add_column_options, add_learning_options, add_model_options, add_table_options
 
 RESULTS = ("corrected.csv", "model.json", "model.txt")
@@ -73,6 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> None:
     """Do it: `say` prints results, `progress` shows what is being done."""
+    check_numbers(options)
     shown: Progress = None if options.quiet else True if has_bars() and sys.stderr.isatty() else progress
     with Outputs(options.log, options.force) as outputs:
         _run(options, say, shown, outputs)
@@ -91,6 +92,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         loaded = load_log(options)
         X, read = loaded.columns()
         y = readings_to_learn(loaded, X, read, options.mask)
+        note_events_outside(loaded, X, options.event)
         comparison = compare_variants(
             X,
             y,

@@ -7,8 +7,10 @@ import contextlib
 import os
 import shlex
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
 from importlib import import_module
+from typing import Any
 
 from .._version import __version__
 from .stopping import Endings, Stopped, Terminated, held_back
@@ -72,7 +74,8 @@ def _options(given: list[str]) -> argparse.Namespace:
 def _executed(options: argparse.Namespace) -> int:
     """Run a command; whatever ends it is one sentence on standard error, and an exit status."""
     try:
-        status = options.execute(options, _say, show_progress) or 0
+        with _warnings_as_notes():
+            status = options.execute(options, _say, show_progress) or 0
         sys.stdout.flush()
         clear_progress()
         return int(status)
@@ -104,6 +107,25 @@ def _ended(text: str, status: int) -> int:
     clear_progress()
     print(f"thermocorr: {text}", file=sys.stderr)
     return status
+
+
+@contextlib.contextmanager
+def _warnings_as_notes() -> Iterator[None]:
+    """Python's warnings as notes on standard error, each once: no paths of source files."""
+    said: set[str] = set()
+
+    def show(message: Any, *_: Any, **__: Any) -> None:
+        from ..records.text import printable
+
+        text = printable(" ".join(str(message).split()))
+        if text not in said:
+            said.add(text)
+            clear_progress()
+            print(f"thermocorr: note: {text}", file=sys.stderr)
+
+    with warnings.catch_warnings():
+        warnings.showwarning = show
+        yield
 
 
 def _say(text: str) -> None:

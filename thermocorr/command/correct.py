@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 from ..files import Outputs
 from ..files.model_file import load
 from ..live.corrector import OnlineCorrector
-from ..records import RecordError
+from ..records import RecordError, RecordWarning
 from ..records.csvlines import CUT
 from ..records.text import printable
 from .lines import Lines
@@ -77,6 +78,12 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
 
     Returns 1 where lines were left out or refused for their time, else 0.
     """
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", RecordWarning)
+        return _run(options)
+
+
+def _run(options: argparse.Namespace) -> int:
     model = load(options.model)
     live = OnlineCorrector(model, average=options.average, track=options.track, uncertainty=options.uncertainty)
     saved = None
@@ -122,8 +129,10 @@ def _pump(
     if lines.rest:
         rows.number += 1
         rows.leave_out(CUT)
-    if summary := rows.summary():
-        _complain(summary)
+    whole = options.out is not None and not options.follow and stop.number is None
+    for summary in (rows.summary(), rows.trust.summary() if whole else ""):
+        if summary:
+            _complain(summary)
     if stop.number is not None:
         raise Stopped(stop.number, f"stopped after row {rows.done}, {kept}")
 

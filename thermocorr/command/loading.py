@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import argparse
+import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import pandas as pd
 
 from ..effects.events import Events
+from ..effects.moments import since_start
 from ..estimators import DynamicBiasRegressor
 from ..estimators.weighing import masked_readings
-from ..foreign import RUN, read_logs, with_times
-from ..records import RecordError
+from ..foreign import RUN, ForeignTable, HowToRead, read_logs, with_times
+from ..records import RecordError, RecordWarning, read_record
+from ..records.errors import quoted
 from ..records.files import TIME_NAMES, require_column
-from ..records.times import dates_once
+from ..records.times import dates_once, seconds_of
+from ..records.types import kind_of
+from ..records.units import DEGREES, unit_of
 from .spans import number_or_span
 from .table_options import how_to_read
+
+RANGES = (("degree", 0, 9), ("blocks", 2, 0), ("window", 1, 0))
+"""Options that are whole numbers, with their least value and their greatest, 0 for none."""
 
 
 class Loaded(NamedTuple):
@@ -70,13 +78,13 @@ def load_log(options: argparse.Namespace) -> Loaded:
     of_files = RUN if len(options.log) > 1 and not options.join else None
     run = of_files if options.run is None else require_column(log.columns, options.run, "run")
     stamped = isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex)
-    time = None
-    if options.sampling_period is None and not (stamped and options.time is None):
-        time = require_column(
-            log.columns, options.time, "time", tuple(n for n in TIME_NAMES if n not in (reading, *thermometers))
-        )
-    elif options.time is not None:
-        raise RecordError("Give --time or --sampling-period, not both.")
+    time = _time_column(options, table, how, (reading, *thermometers), stamped)
+    timed = stamped or time is not None
+    if timed and options.sampling_period is not None:
+        _note("The data have times of their own: --sampling-period is not used.")
+    for name in thermometers:
+        if (unit := unit_of(name, log)) and unit not in DEGREES:
+            _note(f"The unit of {quoted(name)} is {unit}, no temperature. Is it the right column?")
     if len(options.log) == 1:
         table = with_times(table, time, how)
     if options.events is not None:
@@ -84,13 +92,61 @@ def load_log(options: argparse.Namespace) -> Loaded:
     layout: dict[str, Any] = {
         "time": time,
         "run": run,
-        "sampling_period": options.sampling_period,
+        "sampling_period": None if timed else options.sampling_period,
         "max_gap": options.max_gap,
         "fill": fill_rules(options.fill, log.columns),
     }
     temperature = thermometers if len(thermometers) > 1 else thermometers[0]
     model = DynamicBiasRegressor(temperature, time_constants, options.degree, **layout, **learned)
     return Loaded(table.frame, stamped, model, reading, table.said)
+
+
+def _time_column(
+    options: argparse.Namespace, table: ForeignTable, how: HowToRead, others: tuple[str, ...], stamped: bool
+) -> str | None:
+    """The column of times; None where the index has them, or the rows are --sampling-period apart."""
+    if options.time is not None and options.sampling_period is not None:
+        raise RecordError("Give --time or --sampling-period, not both.")
+    if stamped and options.time is None:
+        return None
+    names = tuple(n for n in TIME_NAMES if n not in others)
+    if options.sampling_period is None:
+        return require_column(table.frame.columns, options.time, "time", names)
+    try:
+        column = require_column(table.frame.columns, None, "time", names)
+    except RecordError:
+        return None
+    if _goes_forward(table, column, how):
+        return column
+    _note(f"{quoted(column)} does not go forward from row to row: rows are taken as --sampling-period apart.")
+    return None
+
+
+def _goes_forward(table: ForeignTable, column: str, how: HowToRead) -> bool:
+    """Whether a column has times, each after the one before."""
+    try:
+        times = dates_once(with_times(table, column, how).frame[column])
+    except RecordError:
+        return False
+    return kind_of(times) != "text" and bool(times.is_monotonic_increasing and times.is_unique)
+
+
+def _note(text: str) -> None:
+    warnings.warn(text, RecordWarning, stacklevel=3)
+
+
+def check_numbers(options: argparse.Namespace) -> None:
+    """Refuse options out of their range before any work is done."""
+    for name, low, high in RANGES:
+        value = getattr(options, name, None)
+        if value is not None and not low <= value <= (high or value):
+            within = f"{low} to {high}" if high else f"{low} at least"
+            raise RecordError(f"The '{name}' parameter must be {within}. Got --{name} {value}.")
+    taus = parse_time_constants(options.time_constants)
+    for tau in taus if isinstance(taus, list) else ():
+        seconds_of(tau, "time_constants")
+    if taus == []:
+        raise RecordError("--time-constants names none. Say how many to choose, auto, or a list: 60,15min,2h.")
 
 
 def parse_time_constants(text: str) -> Any:
@@ -127,6 +183,17 @@ def readings_to_learn(loaded: Loaded, X: pd.DataFrame, y: Any, given: Sequence[s
         stretches.append((number_or_span(start), number_or_span(end)))
     layout = loaded.model.unfitted_features(()).layout()
     return masked_readings(X, y, layout, stretches) if stretches else y
+
+
+def note_events_outside(loaded: Loaded, X: pd.DataFrame, given: Sequence[str] | None) -> None:
+    """Warn of events that lie outside of the record: they change nothing."""
+    if not given:
+        return
+    record = read_record(X, loaded.model.unfitted_features(()).layout(), quiet=True)
+    seconds = record.times.seconds(slice(0, record.n_rows), record.first_stamp())
+    for moment in given:
+        if not seconds.min() < since_start(number_or_span(moment), record, "event", "analyze") <= seconds.max():
+            _note(f"--event {moment} is not within the record: it is not used.")
 
 
 def _events(options: argparse.Namespace) -> list[Events]:

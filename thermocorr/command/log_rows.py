@@ -24,6 +24,8 @@ from ..records.errors import listing, quoted, times_word
 from ..records.files import TIME_NAMES
 from ..records.grammar import is_missing, label, number
 from ..records.states import parted_state
+from ..records.times import date_of_text
+from .trust import RowTrust
 
 REFUSED = ("stale time", "backward time")
 """Flags of rows that get no result for their time."""
@@ -72,6 +74,8 @@ class LogRows:
         """Rows that the corrector has seen, in this run of the command and those before."""
         self.without_result: Counter[str] = Counter()
         self.left_out = 0
+        self.trust = RowTrust(live.model)
+        self._accepted = False
         history = live.model.features_.history_
         self._timed, self._temperature_name = history.kind != "rows", history.record.temperature_name
         self._seconds = history.kind == "seconds"
@@ -107,16 +111,43 @@ class LogRows:
         """A row; None for an empty line, a header that comes again, and a line that is left out and complained of."""
         self.number += 1
         assert self.header is not None
+        fields: list[str] = []
         try:
             fields = fields_of(line)
             if not fields or fields == self.header or is_comment(fields[0], len(fields), len(self.header)):
                 return None
             if len(fields) != len(self.header):
                 raise RecordError(miscounted(len(fields), len(self.header)))
-            return self._sample(fields)
+            sample = self._sample(fields)
         except (RecordError, TypeError) as error:
+            if not self._accepted and len(fields) == len(self.header):
+                self._refuse_other_zone(fields)
             self.leave_out(str(error))
             return None
+        self._accepted = True
+        return sample
+
+    def _refuse_other_zone(self, fields: list[str]) -> None:
+        """Refuse a log whose first times have no zone where the model's have one, or the other way round."""
+        kind = self.live.model.features_.history_.kind
+        if self._time is None or not kind.startswith("datetime"):
+            return
+        try:
+            date = date_of_text(fields[self._time].strip())
+        except RecordError:
+            return
+        zoned = kind == "datetime with time zone"
+        if pd.isna(date) or (date.tzinfo is not None) == zoned:
+            return
+        name = quoted(self.header[self._time]) if self.header else ""
+        raise RecordError(
+            f"The times in {name} have no zone, and those that the model was fitted to have one: pass --timezone with "
+            "the logger's, such as --timezone Europe/Berlin, for a log that is read as a whole, or write them as "
+            "2024-05-31T14:00:00+02:00."
+            if zoned
+            else f"The times in {name} have a zone, and those that the model was fitted to have none: write them as "
+            "the fitted log has them, or fit the model to times with their zone (--timezone)."
+        )
 
     def leave_out(self, why: str) -> None:
         """Count a line that is no row, and say so."""
@@ -128,6 +159,7 @@ class LogRows:
 
     def one(self, sample: LogRow) -> list[str]:
         """Correct a row; returns the cells of its results."""
+        self.trust.look(sample.values)
         result = self.live.update_stamp(sample.stamp, sample.run, sample.values, sample.reading)
         cells = {**result._asdict(), "flag": result.flag}
         self._count(cells["flag"], result.corrected)
@@ -142,6 +174,7 @@ class LogRows:
         names = samples[0].values
         values = {name: np.array([sample.values[name] for sample in samples]) for name in names}
         reading = np.array([sample.reading for sample in samples])
+        self.trust.look(values)
         stamps = np.array([sample.stamp for sample in samples]) if self._timed else None
         runs = None if self.live.model.run is None else pd.Series([sample.run for sample in samples], dtype=object)
         out = self.live.update_stamps(stamps, values, reading, runs)
@@ -165,6 +198,7 @@ class LogRows:
 
     def _count(self, flag: str, corrected: float) -> None:
         self.done += 1
+        self.trust.count([flag])
         if math.isnan(corrected):
             self.without_result[flag] += 1
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from ..records import RecordError
 from ..records.files import existing_file
-from .loading import parse_time_constants
+from .loading import check_numbers, parse_time_constants
 from .table_options import add_column_options, add_model_options, add_table_options, how_to_read
 
 NEEDS = "The workbench needs the packages starlette and uvicorn: pip install 'thermocorr[workbench]'."
@@ -46,6 +46,7 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
     from ..interactive.browser.worker import Opening
     from ..interactive.session_file import is_session
 
+    check_numbers(options)
     for path in (*options.log, *([options.effects] if options.effects else [])):
         existing_file(path)
     if len(options.temperature or ()) > 1:

@@ -20,6 +20,8 @@ USUAL_STDS = 10.0
 
 KELVIN_FROM = 150.0
 """Temperatures of no unit that are all above it are taken for kelvin, others for degC."""
+FAHRENHEIT_BEYOND = 10.0
+"""Temperatures so far beyond the fitted ones, that are among them if they are degF, may be so [K]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +95,11 @@ def check_range(record: Record, thermometer: Any, low: float, high: float) -> No
     """Refuse a temperature in another unit than the fitted one, which had this range."""
     first = record.segments[0]
     rows = record.kept(first.start, min(first.stop, first.start + (1 << 16)))
-    median = float(np.nanmedian(record.columns[thermometer][rows]))
+    check_median(float(np.nanmedian(record.columns[thermometer][rows])), thermometer, low, high)
+
+
+def check_median(median: float, thermometer: Any, low: float, high: float) -> None:
+    """Refuse a temperature, the median of several rows, in another unit than the fitted one; warn of likely degF."""
     span = high - low
     for offset, said in ((273.15, "kelvin where degC was fitted"), (-273.15, "degC where kelvin was fitted")):
         if abs(median - offset - (low + high) / 2) < span + 20.0 and not low - span <= median <= high + span:
@@ -101,6 +107,13 @@ def check_range(record: Record, thermometer: Any, low: float, high: float) -> No
                 f"The temperature is about {median:.6g} here and was {low:.6g} to {high:.6g} in the fitted record: "
                 f"that looks like {said}. Convert {quoted(thermometer)} first."
             )
+    if low <= (median - 32.0) / 1.8 <= high and median > high + span + FAHRENHEIT_BEYOND:
+        warnings.warn(
+            f"The temperature is about {median:.4g} here and was {low:.4g} to {high:.4g} in the fitted record: if "
+            f"{quoted(thermometer)} is in degF, convert it first.",
+            RecordWarning,
+            stacklevel=3,
+        )
 
 
 def check_corrected(

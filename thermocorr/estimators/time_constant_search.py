@@ -169,6 +169,8 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
                 "The 'candidates' parameter must be 'auto', a list of times, or a list of lists of times. "
                 f"Got {self.candidates!r} instead."
             )
+        if not isinstance(self.candidates, str) and len(self.candidates) == 0:
+            raise ValueError("The 'candidates' parameter is empty: name time constants to choose from, or 'auto'.")
         model = DynamicBiasRegressor() if self.estimator is None else clone(self.estimator)
         if Thermometers.of(model.temperature).further:
             raise ValueError(

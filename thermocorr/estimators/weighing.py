@@ -13,7 +13,8 @@ import pandas as pd
 from ..effects.moments import since_start
 from ..records import Layout, Log, RecordError, RecordWarning, read_record
 from ..records.errors import times_word
-from ..records.numbers import as_pandas, check_same_rows, numeric_reading
+from ..records.labels import refuse_labels_of_rows
+from ..records.numbers import as_pandas, check_same_rows, is_frame, numeric_reading
 from ..records.record_log import as_data
 from ..records.weighted import WeightedReading
 
@@ -43,6 +44,7 @@ def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weights: Mapping
     unknown = set(weights) - {"sample_weight"}
     if unknown:
         raise TypeError(f"fit() got an unexpected keyword argument {sorted(unknown)[0]!r}")
+    _refuse_short_runs(X, layout)
     if mask is not None:
         y = masked_readings(X, y, layout, mask)
     weight = weights.get("sample_weight")
@@ -52,6 +54,16 @@ def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weights: Mapping
     return WeightedReading(y, _checked(weight, len(X)))
 
 
+def _refuse_short_runs(X: Any, layout: Layout) -> None:
+    """Refuse a column of runs that has other things than labels of runs, before it costs minutes."""
+    X = X if isinstance(X, Log) else as_data(X)
+    if layout.run is None or not is_frame(X) or layout.run not in X.columns:
+        return  # the record says what is wrong with it
+    labels = X[str(layout.run)][:] if isinstance(X, Log) else X[layout.run]
+    if np.ndim(labels) == 1:
+        refuse_labels_of_rows(pd.Series(labels), layout.run)
+
+
 def masked_readings(X: Any, y: Any, layout: Layout, mask: Any) -> Any:
     """The readings with NaN where they are masked."""
     if isinstance(X, Log):
@@ -59,7 +71,12 @@ def masked_readings(X: Any, y: Any, layout: Layout, mask: Any) -> Any:
     X, y = as_data(X), as_pandas(y)
     check_same_rows(as_pandas(mask), X, "mask")
     values = np.array(numeric_reading(y, X), float)
+    known = np.isfinite(values).any()
     values[_rows(X, layout, mask, len(values))] = np.nan
+    if known and not np.isfinite(values).any():
+        raise RecordError(
+            f"The mask leaves out all readings of the {len(values)} rows: nothing is left to learn from. Mask less."
+        )
     if isinstance(y, pd.DataFrame):
         y = y.iloc[:, 0]
     if not isinstance(y, pd.Series):

@@ -37,10 +37,8 @@ def nearly_numbers(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
             continue
         words = Counter(others[[not says_no_value(str(cell)) for cell in others]])
         if words:
-            count = sum(words.values())
-            said.append(
-                f"{quoted(name)} is not used: {count} of its cells are no numbers, such as {next(iter(words))!r}"
-            )
+            cells = times_word(sum(words.values()), "cell")
+            said.append(f"{quoted(name)} as text, for {cells} without a number, such as {next(iter(words))!r}")
             continue
         if pd.to_numeric(frame[name], errors="coerce").notna().equals(frame[name].notna()):
             continue  # numbers as text, which the reader had a reason for

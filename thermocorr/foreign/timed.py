@@ -12,7 +12,7 @@ import pandas as pd
 from ..records import RecordError
 from ..records.errors import quoted
 from ..records.files import TIME_NAMES, require_column
-from ..records.times import dates_once
+from ..records.times import dates_once, steps_back_an_hour, summer_time_text
 from ..records.types import kind_of
 from ..records.units import name_and_unit, unit_of
 from .clocks import SPANS, Understood, understood
@@ -133,8 +133,29 @@ def _sorted(table: ForeignTable, column: str) -> ForeignTable:
     times = dates_once(table.frame[column])
     if kind_of(times) == "text":  # the record says what is wrong with it
         return table
+    _refuse_summer_time(times)
     order = np.argsort(times.to_numpy(), kind="stable")
     moved = int((order != np.arange(len(order))).sum())
     if not moved:
         return table
     return table.with_said(table.frame.iloc[order].reset_index(drop=True), f"sorted by time: {moved} rows moved")
+
+
+def _refuse_summer_time(times: pd.Series[Any]) -> None:
+    """Refuse to sort local times whose only steps back are those of the end of summer time: two hours would mix."""
+    if not pd.api.types.is_datetime64_dtype(times.dtype) or times.isna().any():
+        return
+    steps = times.diff().dt.total_seconds().to_numpy()[1:]
+    back, usual = np.flatnonzero(steps < 0), float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    if len(back) and all(_is_put_back(times, k + 1, -steps[k], usual) for k in back.tolist()):
+        row = int(back[0]) + 1
+        raise RecordError(summer_time_text(row, times.iloc[row], times.iloc[row - 1]))
+
+
+def _is_put_back(times: pd.Series[Any], row: int, back: float, usual: float) -> bool:
+    """Whether a row steps back by an hour and those behind it go on, not one or a few that came late."""
+    ahead = times.iloc[row:].to_numpy()
+    behind = ahead > times.iloc[row - 1].to_datetime64()
+    last = int(behind.argmax()) - 1 if behind.any() else 0
+    jump = (ahead[last + 1] - ahead[last]) / np.timedelta64(1, "s") if behind.any() else 0.0
+    return steps_back_an_hour(back, usual) and jump <= back / 2

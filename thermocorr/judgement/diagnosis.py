@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from sklearn.base import clone
+from sklearn.utils.validation import check_is_fitted
 
 from ..effects import CATALOGUE
 from ..estimators.regressor import DynamicBiasRegressor
@@ -78,6 +79,9 @@ def diagnose(
     >>> diagnosis.verdict, diagnosis.best.kind
     ('missing', 'hysteresis')
     """
+    if not isinstance(model, DynamicBiasRegressor):
+        raise TypeError(f"diagnose judges a fitted DynamicBiasRegressor. Got {type(model).__name__}.")
+    check_is_fitted(model, "pipeline_")
     unknown = set(exclude) - set(CATALOGUE)
     if unknown:
         raise ValueError(f"The 'exclude' parameter names {sorted(unknown)}, which are no kinds: {sorted(CATALOGUE)}.")

@@ -23,7 +23,7 @@ class Loud(NamedTuple):
     """Since the record began [s]."""
     end: float
     size: float
-    """Its largest size over the usual one."""
+    """Largest size over the usual one."""
     readings: int
 
 

@@ -76,8 +76,15 @@ class Answers:
 
 
 def one_number(value: Any) -> float:
-    """A float; NaN for None."""
-    return math.nan if value is None else float(value)
+    """A float; NaN for None. RecordError for text, TypeError for what is of another type."""
+    try:
+        return math.nan if value is None else float(value)
+    except (TypeError, ValueError) as error:
+        kind = TypeError if isinstance(error, TypeError) else RecordError
+        raise kind(
+            "A sample's temperature, reading and columns must be numbers, None or NaN where there is none. "
+            f"Got {value!r:.60} instead."
+        ) from None
 
 
 def _floats(values: Any) -> np.ndarray:

@@ -10,11 +10,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .errors import RecordError
+from .errors import RecordError, quoted
 from .times import BEYOND, UNITS
 
 LABELS = (str, bool, int, float, Decimal, np.number, np.bool_, date, timedelta, np.datetime64, np.timedelta64)
 """What may label a run: dates and spans of pandas are dates and spans of Python too."""
+FEW_ROWS = 8
+"""Rows of a run, on average, below which labels are no labels of runs: something else is in their column."""
+FEW_RUNS = 20
+"""So many runs may be as short as they are."""
 _NS = 1_000_000_000
 _FARTHEST = (1 << 63) - 1 - 86_400 * _NS
 """Nanoseconds from 1970: a day before the last date, so that it is one in any zone."""
@@ -40,6 +44,19 @@ def factorized(labels: pd.Series[Any], what: str) -> tuple[NDArray[np.intp], pd.
     codes, names = pd.factorize(labels)
     check_dates(codes, names, what)
     return codes, names
+
+
+def refuse_labels_of_rows(labels: pd.Series[Any], column: object) -> None:
+    """Refuse labels of which (nearly) every row has another: a column of times, say, of which a fit would take ages."""
+    try:
+        count = labels.nunique()
+    except (TypeError, ArithmeticError, ValueError):  # what can be no label: the record says so
+        return
+    if count > FEW_RUNS and len(labels) < FEW_ROWS * count:
+        raise RecordError(
+            f"{quoted(column)} has {count} different values in {len(labels)} rows: each run needs many rows. Is it the "
+            "right column for the runs?"
+        )
 
 
 def check_dates(codes: NDArray[np.intp], names: pd.Index[Any], what: str) -> None:

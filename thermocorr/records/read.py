@@ -19,7 +19,7 @@ from .numbers import is_frame, numeric_column
 from .quantities import span_text, span_texts
 from .record import Record, Segment, holes
 from .record_log import as_data
-from .times import Times, seconds_of, times_from
+from .times import Times, seconds_of, steps_back_an_hour, summer_time_text, times_from
 from .weighted import reading_of
 
 GAP_STEPS = 10.0
@@ -283,7 +283,8 @@ def _check_steps(
         bad = inside & (steps <= 0)
         if bad.any():
             shuffled = bad.sum() > SHUFFLED * inside.sum() and not bad.all()
-            _refuse_order(times, order, start + 1 + int(bad.argmax()), layout, shuffled)
+            usual = float(np.median(steps[inside & (steps > 0)])) if (inside & (steps > 0)).any() else 0.0
+            _refuse_order(times, order, start + 1 + int(bad.argmax()), layout, shuffled, usual)
         if usual is None:
             usual = float(np.median(steps[inside])) if inside.any() else None
         if usual is not None:
@@ -303,8 +304,13 @@ def _check_steps(
     return np.zeros(0, np.intp)
 
 
-def _refuse_order(times: Times, order: NDArray[np.intp] | None, k: int, layout: Layout, shuffled: bool = False) -> None:
+def _refuse_order(
+    times: Times, order: NDArray[np.intp] | None, k: int, layout: Layout, shuffled: bool, usual: float
+) -> None:
     row, before = (k, k - 1) if order is None else (int(order[k]), int(order[k - 1]))
+    back = times.between(times.stamp(before), times.stamp(row))
+    if times.kind == "datetime" and not shuffled and steps_back_an_hour(back, usual):
+        raise RecordError(summer_time_text(row, times.label(row), times.label(before)))
     hint = (
         "The rows are shuffled: split with shuffle=False or TimeSeriesSplit; a search that draws rows at random, such "
         "as HalvingGridSearchCV, cannot be used (GridSearchCV can)."

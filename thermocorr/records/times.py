@@ -132,6 +132,35 @@ class Times:
         return str(pd.Timestamp(int(self.stamp(row))))
 
 
+PUT_BACK = (3600.0, 1800.0)
+"""How far clocks are put back when summer time ends [s]: by half an hour on Lord Howe Island."""
+
+
+def steps_back_an_hour(back: float, usual: float) -> bool:
+    """Whether local times step back because summer time ends: by an hour less the step between rows, or by an hour.
+
+    Parameters
+    ----------
+    back, usual : float
+        The step back, positive, and the usual step between rows [s].
+    """
+    return any(
+        back == hour - usual or (hour - 1.5 * usual <= back <= hour + 0.5 * usual and usual <= hour / 4)
+        for hour in PUT_BACK
+        if back > 0
+    )
+
+
+def summer_time_text(row: int, time: object, before: object) -> str:
+    """What is wrong with local times that step back by an hour, and what to do."""
+    return (
+        f"Time goes backward at row {row}: {time} follows {before}, as local times do when summer time ends. If so, "
+        "name the zone: --timezone Europe/Berlin on the command line, in Python times that have it, as by "
+        "X.index.tz_localize('Europe/Berlin', ambiguous='infer'). Sorting would mix two hours. If the log holds "
+        "several runs, name their column with run=..."
+    )
+
+
 def difference(later: Any, earlier: Any) -> Any:
     """`later` less `earlier`; as floats where integers would wrap: dates may lie 584 years apart."""
     apart = later - earlier

@@ -1,0 +1,203 @@
+"""What the commands say before a wrong number leaves them: other units, other clocks, rows that deserve no trust."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.exceptions import NotFittedError
+from sklearn.linear_model import Ridge
+
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError, TimeConstantSearch, diagnose, save_model
+from thermocorr.command.cli import main
+from thermocorr.datasets import make_record
+
+ROWS = 1500
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """Folder with log.csv, whose times are local ones of winter, and model.json, and the log as a frame."""
+    folder = tmp_path_factory.mktemp("bench")
+    log = make_record(ROWS, sampling_period=30.0, seed=3).reset_index()[["time", "temperature", "humidity", "reading"]]
+    log["time"] = log["time"].dt.strftime("%Y-%m-%dT%H:%M:%S")
+    model = DynamicBiasRegressor(time="time", time_constants=["10 min", "2 h"])
+    save_model(model.fit(log, log["reading"]), folder / "model.json")
+    log.to_csv(folder / "log.csv", index=False)
+    return folder, log
+
+
+def written(tmp_path, log, **columns):
+    path = tmp_path / "changed.csv"
+    log.assign(**columns).to_csv(path, index=False)
+    return str(path)
+
+
+def correct(bench, *more):
+    return main(["correct", "--model", str(bench[0] / "model.json"), *map(str, more)])
+
+
+def analyze(path, *more):
+    return main(["analyze", str(path), "--time-constants", "10min", "--quiet", *map(str, more)])
+
+
+@pytest.mark.parametrize("way", ["whole", "followed", "short"])
+def test_a_log_in_kelvin_is_refused(bench, tmp_path, capsys, way):
+    log = bench[1][: 7 if way == "short" else ROWS]
+    path = written(tmp_path, log, temperature=log["temperature"] + 273.15)
+    more = ("--follow", "--idle", "0.1") if way == "followed" else ()
+    assert correct(bench, path, *more, "--out", tmp_path / "out.csv") == 2
+    assert "looks like kelvin where degC was fitted. Convert 'temperature' first." in capsys.readouterr().err
+    assert way == "followed" or not (tmp_path / "out.csv").exists()
+
+
+def test_a_single_row_in_another_unit_is_flagged(bench, tmp_path, capsys):
+    log = bench[1][:100].copy()
+    log.loc[50, "temperature"] += 273.15
+    assert correct(bench, written(tmp_path, log)) == 0
+    assert "outside fitted range" in capsys.readouterr().out
+
+
+def test_degrees_fahrenheit_are_asked_back(bench, tmp_path, capsys):
+    path = written(tmp_path, bench[1], temperature=1.8 * bench[1]["temperature"] + 32.0)
+    assert correct(bench, path, "--out", tmp_path / "out.csv") == 0
+    said = capsys.readouterr().err
+    assert said.count("if 'temperature' is in degF, convert it first") == 1
+    assert f"{ROWS} of {ROWS} lines are flagged" in said and "outside fitted range: the model was fitted to" in said
+
+
+def test_rows_that_deserve_no_trust_are_counted(bench, tmp_path, capsys):
+    later = bench[1].assign(time=bench[1]["time"].str.replace("2024", "2023", n=1))[:600]
+    assert correct(bench, written(tmp_path, later), "--out", tmp_path / "out.csv") == 0
+    said = capsys.readouterr().err
+    assert "600 of 600 lines are flagged washout: the log lacks the time before them" in said
+    assert "Go on from a saved state (--state)" in said
+    assert correct(bench, bench[0] / "log.csv", "--out", tmp_path / "out.csv") == 0
+    assert capsys.readouterr().err == ""
+
+
+@pytest.fixture
+def autumn(bench, tmp_path):
+    """A log of local times over the end of summer time."""
+    times = pd.date_range("2024-10-26T20:00", periods=ROWS, freq="30s", tz="UTC").tz_convert("Europe/Berlin")
+    return written(tmp_path, bench[1], time=times.strftime("%Y-%m-%dT%H:%M:%S"))
+
+
+def test_the_end_of_summer_time_is_named_before_sorting(autumn, capsys):
+    for more in ((), ("--sort",)):
+        assert analyze(autumn, *more) == 2
+        said = capsys.readouterr().err
+        assert "2024-10-27 02:00:00 follows 2024-10-27 02:59:30" in said and "--timezone Europe/Berlin" in said
+    assert analyze(autumn, "--timezone", "Europe/Berlin") == 0
+
+
+def test_rows_that_came_an_hour_late_are_sorted(bench, tmp_path, capsys):
+    log = bench[1]
+    path = written(tmp_path, pd.concat([log[:100], log[101:220], log[100:101], log[220:]]))
+    assert analyze(path, "--sort") == 0
+    assert "sorted by time: 120 rows moved" in capsys.readouterr().out
+
+
+def test_labels_of_which_each_row_has_another_are_refused_at_once(bench, capsys):
+    log = bench[1]
+    assert analyze(bench[0] / "log.csv", "--run", "humidity") == 2
+    assert f"'humidity' has {ROWS} different values in {ROWS} rows: each run needs many rows" in capsys.readouterr().err
+    for model in (DynamicBiasRegressor(run="time"), TimeConstantSearch(DynamicBiasRegressor(run="time"))):
+        with pytest.raises(RecordError, match="'time' has 1500 different values in 1500 rows"):
+            model.fit(log, log["reading"])
+
+
+@pytest.mark.parametrize("candidates", [[], ()])
+def test_a_search_among_nothing_is_refused(bench, candidates):
+    with pytest.raises(ValueError, match="'candidates' parameter is empty"):
+        TimeConstantSearch(candidates=candidates).fit(bench[1][["temperature"]], bench[1]["reading"])
+
+
+def test_times_of_the_log_count_beside_a_sampling_period(bench, tmp_path, capsys):
+    assert analyze(bench[0] / "log.csv", "--sampling-period", "5s") == 0
+    said = capsys.readouterr().out
+    assert "have times of their own: --sampling-period is not used" in said and "a row every 30 s" in said
+    assert analyze(written(tmp_path, bench[1].drop(columns="time")), "--sampling-period", "5s") == 0
+    assert "a row every 5 s" in capsys.readouterr().out
+    stopped = written(tmp_path, bench[1], time="2024-03-04T00:00:00")
+    assert analyze(stopped, "--sampling-period", "5s") == 0
+    said = capsys.readouterr().out
+    assert "'time' does not go forward" in said and "a row every 5 s" in said
+
+
+def test_a_text_cell_and_a_cut_line_are_said_as_they_are(bench, tmp_path):
+    """As notes, in a process of its own: no warning of Python with a path of a source file."""
+    text = bench[1][:300].astype(object)
+    text.loc[20, "temperature"] = "abc"
+    path = tmp_path / "text.csv"
+    path.write_text(text.to_csv(index=False, sep=";") + "2024-03-06T10:00:00;2")
+    command = [sys.executable, "-m", "thermocorr", "correct", str(path), "--model", str(bench[0] / "model.json")]
+    said = subprocess.run([*command, "--out", str(tmp_path / "out.csv")], capture_output=True, text=True).stderr
+    assert "thermocorr: note: The last line of" in said and "Warning" not in said and ".py" not in said
+    assert "is not used" not in said and "'temperature' as text, for 1 cell without a number, such as 'abc'" in said
+    assert "line 22 is left out: the temperature is 'abc', no number" in said
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--blocks", 1), "'blocks' parameter must be 2 at least. Got --blocks 1"),
+        (("--window", 0), "'window' parameter must be 1 at least"),
+        (("--degree", 12), "'degree' parameter must be 0 to 9"),
+        (("--time-constants", "10min,foo"), "Got 'foo' instead"),
+        (("--time-constants", ","), "--time-constants names none"),
+    ],
+)
+def test_options_out_of_range_are_refused_before_the_log_is_read(options, said, capsys):
+    assert analyze("there is no such log.csv", *options) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_events_and_masks_that_miss_the_record(bench, capsys):
+    assert analyze(bench[0] / "log.csv", "--event", "2030-01-01", "--event", "2024-03-04T06:00") == 0
+    said = capsys.readouterr().out
+    assert "--event 2030-01-01 is not within the record: it is not used" in said and said.count("--event") == 1
+    assert analyze(bench[0] / "log.csv", "--mask", "0..9days") == 2
+    assert "The mask leaves out all readings of the 1500 rows" in capsys.readouterr().err
+
+
+def test_a_temperature_in_a_unit_of_none(bench, tmp_path, capsys):
+    path = written(tmp_path, bench[1].rename(columns={"humidity": "Feuchte [%rH]"}))
+    assert analyze(path, "--temperature", "Feuchte [%rH]") == 0
+    assert "The unit of 'Feuchte [%rH]' is %, no temperature" in capsys.readouterr().out
+
+
+def test_times_without_the_zone_of_the_model_are_refused_once(bench, autumn, tmp_path, capsys):
+    assert analyze(autumn, "--timezone", "Europe/Berlin", "--out", tmp_path / "zoned") == 0
+    command = ["correct", "--model", str(tmp_path / "zoned" / "model.json")]
+    capsys.readouterr()
+    assert main([*command, autumn, "--out", str(tmp_path / "out.csv")]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "'time' have no zone" in said and "--timezone Europe/Berlin" in said
+    assert main([*command, autumn, "--timezone", "Europe/Berlin", "--out", str(tmp_path / "out.csv")]) == 0
+    zoned = bench[1].assign(time=bench[1]["time"] + "Z")
+    assert correct(bench, written(tmp_path, zoned)) == 2
+    assert "have a zone, and those that the model was fitted to have none" in capsys.readouterr().err
+
+
+def test_a_sample_that_is_no_number_is_refused_in_a_sentence(bench):
+    log = bench[1]
+    live = OnlineCorrector(
+        DynamicBiasRegressor(time="time", time_constants=["10 min"]).fit(log, log["reading"]), continues=False
+    )
+    with pytest.raises(RecordError, match=r"None or NaN where there is none\. Got 'warm' instead"):
+        live.update("2024-03-05T00:00:00", "warm", 10.0)
+    with pytest.raises(TypeError, match="must be numbers"):
+        live.update("2024-03-05T00:00:00", [1.0, 2.0], 10.0)
+    assert np.isfinite(live.update("2024-03-05T00:00:00", 21.0, 10.0).corrected)
+
+
+def test_only_fitted_models_are_judged():
+    X, y = pd.DataFrame({"temperature": np.arange(9.0)}), np.arange(9.0)
+    with pytest.raises(TypeError, match=r"judges a fitted DynamicBiasRegressor\. Got Ridge\."):
+        diagnose(Ridge().fit(X, y), X, y)
+    with pytest.raises(NotFittedError):
+        diagnose(DynamicBiasRegressor(), X, y)
