@@ -201,3 +201,10 @@ def test_only_fitted_models_are_judged():
         diagnose(Ridge().fit(X, y), X, y)
     with pytest.raises(NotFittedError):
         diagnose(DynamicBiasRegressor(), X, y)
+
+
+def test_a_refined_model_is_said_to_be_another_than_the_one_that_the_first_line_speaks_of(capsys):
+    assert main(["analyze", "--refine", "--quiet"]) == 0
+    said = capsys.readouterr().out
+    kept = next(line for line in said.splitlines() if line.startswith("The model to use from here"))
+    assert "has lagged covariate: humidity: it misses later blocks by 58." in kept

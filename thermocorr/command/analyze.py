@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
+from ..effects.wrap import as_effects
 from ..estimators import DynamicBiasRegressor, compare_variants, later_errors
 from ..estimators.other_thermometer import better_thermometer
 from ..estimators.progress import Progress, has_bars, told
@@ -20,7 +21,7 @@ from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..pages import Findings
 from ..pages.report import report_text
 from ..pictures.added_noise import added_noise
-from ..pictures.words import aspect_text, each_row, interval_text
+from ..pictures.words import aspect_text, each_row, effect_text, interval_text
 from ..records import RecordError, RecordWarning
 from ..records.errors import quoted
 from ..records.quantities import number_text, quantity_texts, scale_of, span_text
@@ -210,7 +211,19 @@ def _judge(
     say(f"{first}\n\n{places(first)}\n\nThe error, step by step (held out: blocks of time that the fit did not see;")
     say("later: blocks foretold from everything before):\n")
     say(f"{refinement}\n")
+    if kept := _kept(refinement, first.unit):
+        say(f"{kept}\n")
     return Judged(refinement.model_, first, refinement)
+
+
+def _kept(refinement: Refinement, unit: str) -> str:
+    """Which model is kept, and what it is worth on later blocks; empty where these gain nothing."""
+    effects = [effect_text(effect) for _, effect in as_effects(refinement.model_.effects)]
+    later = refinement.steps["later_rms"].to_numpy(float)
+    if not effects or not later[-1] < later[0]:
+        return ""
+    now, before = quantity_texts((later[-1], later[0]), unit)
+    return f"The model to use from here has {', '.join(effects)}: it misses later blocks by {now} rms, not {before}."
 
 
 def places(found: Diagnosis) -> str:
