@@ -93,11 +93,6 @@ class Comparison:
         edges = [*self.bands.starts.tolist(), self.n]
         return np.stack([one[a:b].T @ other[a:b] for a, b in pairwise(edges)])
 
-    def _squares(self, columns: np.ndarray) -> np.ndarray:
-        """Sums of squares in each band, shape (bands, columns)."""
-        edges = [*self.bands.starts.tolist(), self.n]
-        return np.stack([_squares_of(columns[a:b]) for a, b in pairwise(edges)])
-
     def add(self, columns: Sequence[np.ndarray]) -> None:
         """More explanations, each of shape (n, k), in the order of the record."""
         for first in range(0, len(columns), BATCH):  # of a size that memory near the processor holds
@@ -111,14 +106,16 @@ class Comparison:
         alive = left > ALIVE * np.maximum(full, 1e-300)
         together /= np.where(alive, left, 1.0)
         both = self._products(np.column_stack((self.Q, self.z)), together)
-        base, reading, squares = both[:, :-1], both[:, -1], self._squares(together)
+        base, reading = both[:, :-1], both[:, -1]
         edges = list(accumulate((block.shape[1] for block in columns), initial=0))
         for low, high in pairwise(edges):
             kept = low + np.flatnonzero(alive[low:high])
             rows = together.T[low:high].T if len(kept) == high - low else together.T[kept].T
-            own = squares[:, kept, None] if len(kept) == 1 else self._products(rows, rows)
             found = ExplanationColumns(
-                rows=rows, own=own, base=np.ascontiguousarray(base[:, :, kept]), reading=reading[:, kept]
+                rows=rows,
+                own=self._crossed(rows, rows),
+                base=np.ascontiguousarray(base[:, :, kept]),
+                reading=reading[:, kept],
             )
             self.explanations.append(found if len(kept) else None)
 
@@ -140,7 +137,7 @@ class Comparison:
             and ExplanationColumns(
                 rows=other.rows,
                 own=other.own,
-                base=np.concatenate((other.base, self._crossed(found, other)), axis=1),
+                base=np.concatenate((other.base, self._crossed(found.rows, other.rows)), axis=1),
                 reading=other.reading,
             )
             for other in self.explanations
@@ -148,9 +145,9 @@ class Comparison:
         self.Q = np.column_stack((self.Q, found.rows))
         self.base, self.white = fit, self._white()
 
-    def _crossed(self, one: ExplanationColumns, other: ExplanationColumns) -> np.ndarray:
-        """Cross products of two explanations in each band, without a copy of their columns."""
-        each = other.rows.T[:, None] * one.rows.T
+    def _crossed(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """`_products` of a few columns each: one sum over all bands instead of a matrix product in each."""
+        each = other.T[:, None] * one.T
         return np.asarray(np.add.reduceat(each, self.bands.starts, axis=2).transpose(2, 1, 0))
 
     def S(self, theta: np.ndarray) -> np.ndarray:
