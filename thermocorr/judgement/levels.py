@@ -61,9 +61,9 @@ TAKEN = 2_000
 """Rows at which it is computed what the base holds of a law that changes there; straight lines go between. With 250
 rows the gain of a change is wrong by up to 3 % on simulated devices, with 2 000 by less than 1 %."""
 LEAST_RULE = 0.05
-"""Share of the record, a piece, before and after the moment at which another law begins: one that is learned from a few last rows
-is tested by none, and foretells all that comes. Of a heater's record, one in the last 3 % lowered the error on held-out
-blocks by 2 dB and made four times the error afterwards."""
+"""Share of the record, a piece, before and after the moment at which another law begins: one that is learned from a few
+last rows is tested by none, and foretells all that comes. Of a heater's record, one in the last 3 % lowered the error
+on held-out blocks by 2 dB and made four times the error afterwards."""
 NYQUIST = 0.98
 """Fastest wave that is tried, over half the sampling frequency: at it, sine and cosine are one column."""
 LATEST = 0.01
