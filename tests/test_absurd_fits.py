@@ -13,7 +13,8 @@ from thermocorr import DynamicBiasRegressor, RecordError, RecordWarning, TimeCon
 from thermocorr.datasets import load_real_record, make_record
 from thermocorr.effects import Covariate, Interaction, LaggedCovariate, Periodic
 from thermocorr.estimators.cancellation import FURTHEST_REACH, Cancellation
-from thermocorr.estimators.fitting import equal_edges, sweep_effects
+from thermocorr.estimators.cutting import equal_edges
+from thermocorr.estimators.fitting import sweep_effects
 from thermocorr.records import Layout, read_record
 
 N = 1200

@@ -11,7 +11,8 @@ from thermocorr.effects import InitialTransient, StaticPolynomial, ThermalLag
 from thermocorr.effects.stream import own_starts, walk
 from thermocorr.equations import TriangularFactor
 from thermocorr.equations.leastsquares import solve_ridge
-from thermocorr.estimators.fitting import equal_edges, sweep_effects
+from thermocorr.estimators.cutting import equal_edges
+from thermocorr.estimators.fitting import sweep_effects
 from thermocorr.judgement.judged_rows import Starts
 from thermocorr.records import Layout, read_record
 

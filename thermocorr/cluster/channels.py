@@ -14,7 +14,8 @@ import pandas as pd
 
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts, walk
-from ..estimators.fitting import Swept, block_rows, decays_first, reading_offset, sweep_readings
+from ..estimators.cutting import block_rows
+from ..estimators.fitting import Swept, decays_first, reading_offset, sweep_readings
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Layout, Log, Record, RecordError, RecordWarning, read_record
 from ..records.numbers import as_pandas, numeric_reading

@@ -22,6 +22,10 @@ HOLD = [StrOptions({"first_order", "zero_order"})]
 INITIAL_STATE = [StrOptions({"equilibrium", "zero", "fit"})]
 
 
+PLAIN = frozenset({float, int, np.float64})
+"""Types of numbers that are read as seconds at once: one by one, a thousand sets of time constants take long."""
+
+
 def seconds_array(time_constants: Any) -> np.ndarray:
     """Time constants in seconds, from numbers or anything that pandas reads as spans; increasing and distinct.
 
@@ -29,7 +33,7 @@ def seconds_array(time_constants: Any) -> np.ndarray:
     """
     if isinstance(time_constants, str) or np.ndim(time_constants) == 0:
         time_constants = [time_constants]
-    plain = {*map(type, time_constants)} <= {float, int, np.float64}  # one by one, a thousand sets take long
+    plain = PLAIN.issuperset(map(type, time_constants))
     values = np.array(time_constants if plain else [], float)
     if not plain or not (np.isfinite(values) & (values > 0)).all():
         values = np.array([seconds_of(value, "time_constants") for value in time_constants], float)

@@ -49,15 +49,34 @@ def _compiled_play() -> Play | None:
     return compiled
 
 
-def _compiled(function: Any) -> Any:
-    if os.environ.get("THERMOCORR_COMPILED", "1") == "0" or find_spec("numba") is None:
-        return None
+def is_compiled() -> bool:
+    """Whether there is compiled code: numba is installed, and the environment does not forbid it."""
+    return os.environ.get("THERMOCORR_COMPILED", "1") != "0" and find_spec("numba") is not None
+
+
+def jitted(*, cache: bool = False, **options: Any) -> Callable[[Any], Any]:
+    """Decorator that compiles a function when it is first called; without numba the function stays as it is.
+
+    With `cache` the code is kept beside the source for other processes. Functions that it calls are decorated with
+    ``inline="always"``: compiled apart, they may round otherwise in the process that compiles them.
+    """
+    if find_spec("numba") is None:
+        return lambda function: function
     from numba import njit
 
+    plain = njit(nogil=True, **options)
+    return (lambda function: _kept(function, plain, njit(nogil=True, cache=True, **options))) if cache else plain
+
+
+def _compiled(function: Any) -> Any:
+    return jitted(cache=True)(function) if is_compiled() else None
+
+
+def _kept(function: Any, plain: Any, keeping: Any) -> Any:
     try:
-        kept = njit(cache=True, nogil=True)(function)
+        kept = keeping(function)
     except RuntimeError:  # numba finds no folder to keep the code in: it is compiled by each process
-        return njit(nogil=True)(function)
+        return plain(function)
 
     def called(*arguments: Any) -> None:
         try:

@@ -157,7 +157,7 @@ def lag_differences(
     recursion = compiled_recursion()
     if recursion is not None:
         if regular:
-            decay, gain = _factors_of_two_steps(*steps[:2].tolist(), tuple(time_constants.tolist()), hold)
+            decay, gain = factors_of_two_steps(*steps[:2].tolist(), tuple(time_constants.tolist()), hold)
         else:
             decay, gain = (np.empty((n, n_lags), order="F") for _ in range(2))
             for j, time_constant in enumerate(time_constants):
@@ -170,7 +170,7 @@ def lag_differences(
 
 
 @lru_cache(maxsize=64)
-def _factors_of_two_steps(
+def factors_of_two_steps(
     first: float, later: float, time_constants: tuple[float, ...], hold: Hold
 ) -> tuple[Floats, Floats]:
     """Factors of the first step of a block and of all others, shape (2, J), Fortran order; not to be written to."""

@@ -31,7 +31,7 @@ def triangle(matrix: Floats) -> Floats:
     return np.asarray(np.triu(factored[: matrix.shape[1]]), np.float64)
 
 
-def _swept(part: Floats, rows: Floats) -> Floats:
+def swept_in(part: Floats, rows: Floats) -> Floats:
     """R of a triangle and more rows, shape of the triangle; rows in Fortran order are overwritten."""
     part = np.asfortranarray(part)
     if not len(rows):
@@ -64,6 +64,11 @@ class TriangularFactor:
         self.n_rows += len(rows)
         return self
 
+    def merge_rows(self, matrix: Floats) -> TriangularFactor:
+        """Take in a matrix F, Fortran order, that stands for rows already counted: ``F'F`` are their cross products."""
+        self._sweep(matrix)
+        return self
+
     def merge(self, *others: TriangularFactor) -> TriangularFactor:
         """Take in all that the other factors have seen; they stay as they are."""
         for other in others:
@@ -78,13 +83,13 @@ class TriangularFactor:
             touched = self._touched(rows)
             if len(touched) < rows.shape[1]:
                 part, rows = self.r[np.ix_(touched, touched)], np.asfortranarray(rows[:, touched])
-                self.r[np.ix_(touched, touched)] = _swept(part, rows[rows.any(axis=1)])
+                self.r[np.ix_(touched, touched)] = swept_in(part, rows[rows.any(axis=1)])
                 return
         zero = 0  # leading columns of zeros leave their part of R as it is: start-up decays that are over
         while zero < rows.shape[1] and not rows[0, zero] and not rows[:, zero].any():
             zero += 1
         if zero < rows.shape[1]:
-            self.r[zero:, zero:] = _swept(self.r[zero:, zero:], rows[:, zero:])
+            self.r[zero:, zero:] = swept_in(self.r[zero:, zero:], rows[:, zero:])
 
     def _touched(self, rows: Floats) -> NDArray[np.intp]:
         """Numbers of the rows and columns of R that sweeping in these rows may change, in order.
@@ -210,7 +215,7 @@ def _triangular_solution(unit: Floats, target: Floats, penalty: float) -> tuple[
     joined = np.zeros((p + 1, p + 1), order="F")
     joined[:p, :p], joined[: len(target), p] = unit[:p], target[: p + 1]
     if penalty > 0:
-        joined = _swept(joined, np.asfortranarray(np.column_stack((penalty * np.eye(p), np.zeros(p)))))
+        joined = swept_in(joined, np.asfortranarray(np.column_stack((penalty * np.eye(p), np.zeros(p)))))
     triangle_ = np.asfortranarray(joined[:p, :p])
     inverse, failed = lapack.dtrtri(triangle_)
     if failed or np.linalg.norm(triangle_, 1) * np.linalg.norm(inverse, 1) > 1 / WELL_CONDITIONED:

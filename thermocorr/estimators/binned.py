@@ -60,20 +60,38 @@ class Binning:
 
     def take(self, block: Block, columns: np.ndarray, reading: np.ndarray) -> None:
         """Columns of the model and readings of a block's rows, NaN where there is no reading."""
-        bins, at = self._bins(block)
+        bins, at = self.bins(block)
         known = np.isfinite(reading)
         all_known = bool(known.all())
-        self.sums[bins] += np.add.reduceat(reading if all_known else np.where(known, reading, 0.0), at)
-        self.count[bins] += np.diff(at, append=len(block)) if all_known else np.add.reduceat(known.astype(float), at)
+        sums = np.add.reduceat(reading if all_known else np.where(known, reading, 0.0), at)
+        means = None
+        if not self.whole:
+            means = np.add.reduceat(columns if all_known else columns * known[:, None], at, axis=0)
+        self.add(block, bins, at, None if all_known else known, sums, means)
+
+    def add(
+        self,
+        block: Block,
+        bins: np.ndarray,
+        at: np.ndarray,
+        known: np.ndarray | None,
+        readings: np.ndarray,
+        columns: np.ndarray | None,
+    ) -> None:
+        """Sums over the bins of a block, which begin at its rows `at`; `known` says which rows have a reading."""
+        self.sums[bins] += readings
+        self.count[bins] += (
+            np.diff(at, append=len(block)) if known is None else np.add.reduceat(known.astype(float), at)
+        )
         self.begins[bins] = np.minimum(self.begins[bins], block.seconds_at(at))
-        if self.whole and not all_known:
+        if self.whole and known is not None:
             self.known[self.before[block.segment] + block.places - self.starts[block.segment]] = known
-        elif not self.whole:
+        elif columns is not None:
             if self.columns is None:
                 self.columns = np.zeros((len(self.sums), columns.shape[1]))
-            self.columns[bins] += np.add.reduceat(columns if all_known else columns * known[:, None], at, axis=0)
+            self.columns[bins] += columns
 
-    def _bins(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
+    def bins(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of the bins that a block's rows fall into, and the first of its rows in each."""
         first, low = self.first[block.segment], block.start - self.starts[block.segment]
         if len(block) == block.stop - block.start:  # no row is passed over

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,10 +14,9 @@ from ..effects.stream import Walked, own_starts, walk
 from ..equations import RidgeSolution, TriangularFactor, solve_ridge
 from ..records import BLOCK_ROWS, Record, RecordError
 from .binned import Binned, Binning
+from .cutting import block_rows, pieces
 from .flat import flat_effects
-
-N_CHUNKS = 20
-"""Stretches of time whose factors are kept apart for standard errors."""
+from .fused import FusedColumns, FusedSweep, can_be_fused
 
 
 @dataclass
@@ -49,20 +47,6 @@ class Swept:
     def total(self) -> TriangularFactor:
         """One factor of all rows."""
         return TriangularFactor.merged([*self.chunks, *([] if self.prior is None else [self.prior])])
-
-
-def block_rows(n_used: int, n_chunks: int = N_CHUNKS) -> int:
-    """Rows of a block such that a record has about `n_chunks` of them, or full blocks where it is long."""
-    return int(np.clip(-(-n_used // n_chunks), 2048, BLOCK_ROWS))
-
-
-def equal_edges(record: Record, n_chunks: int = N_CHUNKS) -> np.ndarray:
-    """Positions in time order that cut a record into stretches of equal numbers of used rows, ends included."""
-    starts = np.array([segment.start for segment in record.segments])
-    before = np.cumsum([0, *(segment.n_rows for segment in record.segments)])
-    wanted = np.unique(np.arange(1, n_chunks) * record.n_used // n_chunks)
-    segment = np.searchsorted(before, wanted, side="right") - 1
-    return np.unique(np.concatenate(([0], starts[segment] + wanted - before[segment], [record.n_rows])))
 
 
 def reading_offset(record: Record) -> float:
@@ -113,6 +97,10 @@ def _by_itself(record: Any, effects: Sequence[Effect], edges: np.ndarray, starts
 def _swept(
     record: Record, effects: Sequence[Effect], edges: np.ndarray, starts: InitialTransient | None = None
 ) -> Swept:
+    if can_be_fused(effects, starts):
+        offset = reading_offset(record)
+        fused = FusedSweep(record, FusedColumns(effects, starts), edges, offset)
+        return Swept(fused.chunks, fused.end_states, offset, fused.binning.binned())
     order, columns = decays_first(effects)
     walked = [effects[i] for i in order]
     steps = walk(walked, record, starts=own_starts(record), size=block_rows(record.n_used), extra=2)
@@ -178,7 +166,7 @@ def sweep_readings(
         if record.weight is not None:
             rows = rows * np.sqrt(record.weight[block.rows])[:, None]
         known = np.isfinite(reading) if np.isnan(reading.sum()) else None
-        for chunk, part in _pieces(edges, block.places):
+        for chunk, part in pieces(edges, block.places):
             piece = np.asfortranarray(rows[part] if known is None else rows[part][known[part]])
             if starts is None:
                 chunks[chunk].update(piece)
@@ -193,15 +181,6 @@ def sweep_readings(
         Swept([chunk.select([*shared, len(shared) + k]) for chunk in chunks], ends, offset, binning.binned())
         for k, (offset, binning) in enumerate(zip(offsets, binnings, strict=True))
     ]
-
-
-def _pieces(edges: np.ndarray, places: np.ndarray) -> Iterator[tuple[int, slice]]:
-    """The stretches that rows at increasing places fall into, and which of the rows each has."""
-    first, last = np.searchsorted(edges, (places[0], places[-1]), side="right") - 1
-    ends = np.searchsorted(places, edges[first : last + 2])
-    for chunk, (low, high) in enumerate(pairwise(ends.tolist()), start=int(first)):
-        if low < high:
-            yield chunk, slice(low, high)
 
 
 def require_rows(n_readings: int, n_columns: int, what: str = "model") -> None:

@@ -20,9 +20,10 @@ from ..records.flags import Flags
 from ..records.numbers import numeric_reading
 from .aligned import like, no_flags
 from .choosing import choose, choose_again, count_to_choose, penalty
+from .cutting import equal_edges
 from .doubts import doubts_of
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
-from .fitting import equal_edges, require_rows, sweep_effects
+from .fitting import require_rows, sweep_effects
 from .gap_error import readings_left_out
 from .prior import LawPrior, known_before
 from .progress import printed

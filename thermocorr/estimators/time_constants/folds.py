@@ -13,7 +13,7 @@ import numpy as np
 
 from ...equations import TriangularFactor
 from ...records import Record, Segment
-from ..fitting import equal_edges
+from ..cutting import equal_edges
 
 MAX_STRETCHES = 400
 """More stretches than this are not blocks in time but shuffled rows."""
@@ -155,8 +155,12 @@ def _run_labels(record: Record) -> np.ndarray | None:
 
 def _ranges(rows: np.ndarray) -> Ranges:
     """Row numbers as stretches start:stop."""
-    rows = np.sort(np.flatnonzero(rows) if rows.dtype == bool else rows)
-    cuts = np.flatnonzero(np.diff(rows) != 1) + 1
+    rows = np.flatnonzero(rows) if rows.dtype == bool else rows
+    steps = np.diff(rows)
+    if (steps < 0).any():
+        rows = np.sort(rows)
+        steps = np.diff(rows)
+    cuts = np.flatnonzero(steps != 1) + 1
     return [(int(rows[low]), int(rows[high - 1]) + 1) for low, high in pairwise([0, *cuts, len(rows)]) if low < high]
 
 

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from ...effects.thermal import seconds_array
+from ...effects.thermal import PLAIN, seconds_array
 from ...equations import TriangularFactor, solve_ridge
 from ...records import Record, RecordError
+from ..cutting import equal_edges
 from ..features import DiffusiveFeatures
-from ..fitting import equal_edges, require_rows
+from ..fitting import require_rows
 from ..reading import Reading, check_plausible
 from .columns import LagColumns
 from .crossvalidation import NEGLIGIBLE, CrossValidation, Set, count_sets, fewest
@@ -323,6 +324,13 @@ def _explicit_sets(candidates: Any) -> list[np.ndarray] | None:
     """Sets of time constants [s], where the user lists them; None where one pool is given."""
     if isinstance(candidates, str) or not len(candidates) or np.ndim(candidates[0]) == 0:
         return None
+    if all(PLAIN.issuperset(map(type, times)) for times in candidates):
+        known = {}
+        for n in {len(times) for times in candidates}:
+            known[n] = np.sort(np.array([times for times in candidates if len(times) == n], float), axis=1)
+        if all((np.isfinite(k) & (k > 0)).all() and (np.diff(k, axis=1) > 0).all() for k in known.values()):
+            rows = {n: iter(k) for n, k in known.items()}
+            return [next(rows[len(times)]) for times in candidates]
     return [seconds_array(times) for times in candidates]
 
 

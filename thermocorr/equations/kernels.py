@@ -1,0 +1,340 @@
+"""One pass over rows, tile by tile: decays, lags, averages, cross products; compiled by numba, where it is installed.
+
+The columns of a tile of some hundred rows stay in the processor's nearest cache from the recursion, eq. (25), to the
+cross products. Columns of a tile are the rows of `z`: start-up decays, the 1, lags, columns that others have made, the
+reading. Imported by whoever has asked `thermocorr.equations.compiled` for it, for numba takes half a second.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .compiled import jitted
+from .lags import FELT
+
+Floats = NDArray[np.float64]
+TILE = 256
+"""Rows of a tile."""
+_GONE = math.exp(-FELT)
+"""What is left of a start-up decay when it counts as over."""
+_inline: Callable[[Any], Any] = jitted(inline="always")
+
+
+class Rows(NamedTuple):
+    """Consecutive rows of one segment."""
+
+    temperature: Floats
+    """Shape (n,)."""
+    steps: Floats
+    """Time since the row before [s], shape (n,)."""
+    reading: Floats
+    """Less an offset; NaN where there is none, so that the row does not count. Shape (n,)."""
+    root_weight: Floats
+    """Shape (n,), or (0,) where all rows count alike."""
+    ready: Floats
+    """Columns that others have made, shape (K, n)."""
+    bins: NDArray[np.int64]
+    """First row of each stretch over which columns are summed up."""
+
+
+class Bodies(NamedTuple):
+    """First-order bodies: the D start-up decays of a segment, and J lags."""
+
+    rates: Floats
+    """1/tau [1/s] of decays and lags, shape (D + J,)."""
+    first_order: bool
+    """Temperature between samples: a straight line, or the earlier value."""
+    regular: bool
+    """Whether all steps but the first are alike; then `factors` hold what the first and all others do."""
+    factors: Floats
+    """Decay and gain of the first step, decay and gain of all others, shape (4, D + J)."""
+    decays: Floats
+    """Start-up decays at the first row, then behind the last one, shape (D,); written to."""
+    lags: Floats
+    """Lag differences before the first row, then at the last one, shape (J,); written to."""
+    temperature: Floats
+    """Temperature before the first row, then at the last one, shape (1,); written to."""
+
+
+@_inline
+def _factors_of_steps(steps, n, rate, first_order, decay, gain):  # type: ignore[no-untyped-def]
+    """exp(-r) and (1 - exp(-r))/r of r = step * rate: exp(f) - 1 by its series, r = -2^s f, and doubled s times."""
+    longest = 0.0
+    for k in range(n):
+        longest = max(longest, steps[k])
+    doublings, scaled = 0, rate
+    while longest * scaled > 0.25 and doublings < 13:
+        scaled *= 0.5
+        doublings += 1
+    for k in range(n):
+        f = max(-steps[k] * scaled, -0.5)
+        p = 1.0 / 39916800.0 + f * (1.0 / 479001600.0 + f / 6227020800.0)
+        p = 1.0 / 40320.0 + f * (1.0 / 362880.0 + f * (1.0 / 3628800.0 + f * p))
+        p = 1.0 / 120.0 + f * (1.0 / 720.0 + f * (1.0 / 5040.0 + f * p))
+        p = 1.0 + f * (0.5 + f * (1.0 / 6.0 + f * (1.0 / 24.0 + f * p)))
+        gain[k] = p
+        decay[k] = f * p
+    for _ in range(doublings):
+        for k in range(n):
+            decay[k] *= 2.0 + decay[k]
+    for k in range(n):
+        if doublings:
+            gain[k] = -decay[k] / (steps[k] * rate)
+        decay[k] += 1.0
+    if not first_order:
+        gain[:n] = 1.0
+
+
+@_inline
+def _follow(change, n, decay, gain, lags, out):  # type: ignore[no-untyped-def]
+    """The recursion of eq. (25), six bodies side by side: the processor works on five while it waits for one."""
+    j = 0
+    while len(lags) - j >= 6:
+        d0, d1, d2, d3, d4, d5 = lags[j], lags[j + 1], lags[j + 2], lags[j + 3], lags[j + 4], lags[j + 5]
+        for k in range(n):
+            step = change[k]
+            d0 = decay[j, k] * d0 - gain[j, k] * step
+            d1 = decay[j + 1, k] * d1 - gain[j + 1, k] * step
+            d2 = decay[j + 2, k] * d2 - gain[j + 2, k] * step
+            d3 = decay[j + 3, k] * d3 - gain[j + 3, k] * step
+            d4 = decay[j + 4, k] * d4 - gain[j + 4, k] * step
+            d5 = decay[j + 5, k] * d5 - gain[j + 5, k] * step
+            out[j, k], out[j + 1, k], out[j + 2, k] = d0, d1, d2
+            out[j + 3, k], out[j + 4, k], out[j + 5, k] = d3, d4, d5
+        lags[j], lags[j + 1], lags[j + 2], lags[j + 3], lags[j + 4], lags[j + 5] = d0, d1, d2, d3, d4, d5
+        j += 6
+    while len(lags) - j >= 2:
+        d0, d1 = lags[j], lags[j + 1]
+        for k in range(n):
+            step = change[k]
+            d0 = decay[j, k] * d0 - gain[j, k] * step
+            d1 = decay[j + 1, k] * d1 - gain[j + 1, k] * step
+            out[j, k], out[j + 1, k] = d0, d1
+        lags[j], lags[j + 1] = d0, d1
+        j += 2
+    if j < len(lags):
+        d0 = lags[j]
+        for k in range(n):
+            d0 = decay[j, k] * d0 - gain[j, k] * change[k]
+            out[j, k] = d0
+        lags[j] = d0
+
+
+@_inline
+def _sum_up(z, n, at, bins, sums):  # type: ignore[no-untyped-def]
+    """Add the columns of a tile, whose first row is number `at`, to those of the last columns that `sums` asks for."""
+    if not len(bins):
+        return
+    first = len(z) - sums.shape[1]
+    b = np.searchsorted(bins, at, side="right") - 1
+    k = 0
+    while k < n:
+        end = n if b + 1 == len(bins) else min(n, bins[b + 1] - at)
+        for j in range(first, len(z)):
+            total = 0.0
+            for i in range(k, end):
+                total += z[j, i]
+            sums[b, j - first] += total
+        k = end
+        b += 1
+
+
+@_inline
+def _substitute(z, n, triangle, inverse):  # type: ignore[no-untyped-def]
+    """Rows by the inverse of a triangle: the columns of a tile, each less its share in those before it."""
+    for j in range(len(z)):
+        i = 0
+        while j - i >= 4:
+            r0, r1, r2, r3 = triangle[i, j], triangle[i + 1, j], triangle[i + 2, j], triangle[i + 3, j]
+            for k in range(n):
+                z[j, k] -= (r0 * z[i, k] + r1 * z[i + 1, k]) + (r2 * z[i + 2, k] + r3 * z[i + 3, k])
+            i += 4
+        while i < j:
+            r0 = triangle[i, j]
+            for k in range(n):
+                z[j, k] -= r0 * z[i, k]
+            i += 1
+        scale = inverse[j]
+        for k in range(n):
+            z[j, k] *= scale
+
+
+@_inline
+def _cross(z, n, product):  # type: ignore[no-untyped-def]
+    """Add the cross products of a tile's columns to the upper triangle of `product`; three by three in registers."""
+    q, i = len(z), 0
+    while q - i >= 3:
+        j = 0
+        while j < i:
+            s00 = s01 = s02 = s10 = s11 = s12 = s20 = s21 = s22 = 0.0
+            for k in range(n):
+                x0, x1, x2 = z[i, k], z[i + 1, k], z[i + 2, k]
+                y0, y1, y2 = z[j, k], z[j + 1, k], z[j + 2, k]
+                s00 += x0 * y0
+                s01 += x0 * y1
+                s02 += x0 * y2
+                s10 += x1 * y0
+                s11 += x1 * y1
+                s12 += x1 * y2
+                s20 += x2 * y0
+                s21 += x2 * y1
+                s22 += x2 * y2
+            product[j, i] += s00
+            product[j + 1, i] += s01
+            product[j + 2, i] += s02
+            product[j, i + 1] += s10
+            product[j + 1, i + 1] += s11
+            product[j + 2, i + 1] += s12
+            product[j, i + 2] += s20
+            product[j + 1, i + 2] += s21
+            product[j + 2, i + 2] += s22
+            j += 3
+        s00 = s01 = s02 = s11 = s12 = s22 = 0.0
+        for k in range(n):
+            x0, x1, x2 = z[i, k], z[i + 1, k], z[i + 2, k]
+            s00 += x0 * x0
+            s01 += x0 * x1
+            s02 += x0 * x2
+            s11 += x1 * x1
+            s12 += x1 * x2
+            s22 += x2 * x2
+        product[i, i] += s00
+        product[i, i + 1] += s01
+        product[i, i + 2] += s02
+        product[i + 1, i + 1] += s11
+        product[i + 1, i + 2] += s12
+        product[i + 2, i + 2] += s22
+        i += 3
+    while i < q:
+        for j in range(i + 1):
+            s00 = 0.0
+            for k in range(n):
+                s00 += z[i, k] * z[j, k]
+            product[j, i] += s00
+        i += 1
+
+
+@_inline
+def _fill(rows, bodies, at, n, z, change, decay, gain):  # type: ignore[no-untyped-def]
+    """Columns of the tile of `n` rows from row `at` on; `decay` and `gain` hold the factors of each body and row."""
+    D, J = len(bodies.decays), len(bodies.lags)
+    T = rows.temperature
+    change[0] = T[at] - bodies.temperature[0]
+    for k in range(1, n):
+        change[k] = T[at + k] - T[at + k - 1]
+    bodies.temperature[0] = T[at + n - 1]
+    if not bodies.regular:
+        for j in range(D + J):
+            if j >= D or bodies.decays[j] > 0.0:
+                _factors_of_steps(rows.steps[at:], n, bodies.rates[j], bodies.first_order, decay[j], gain[j])
+    for j in range(D):  # eq. (18)
+        left = bodies.decays[j] if at == 0 else bodies.decays[j] * decay[j, 0]
+        for k in range(n):
+            if k:
+                left *= decay[j, k]
+            z[j, k] = left if left > _GONE else 0.0
+        bodies.decays[j] = left if left > _GONE else 0.0
+    z[D, :n] = 1.0
+    _follow(change, n, decay[D:], gain[D:], bodies.lags, z[D + 1 :])
+    for j in range(len(rows.ready)):
+        for k in range(n):
+            z[D + 1 + J + j, k] = rows.ready[j, at + k]
+    for k in range(n):
+        z[len(z) - 1, k] = rows.reading[at + k]
+
+
+@_inline
+def _leave_out(z, n):  # type: ignore[no-untyped-def]
+    """Rows without a reading become zeros."""
+    missing = 0
+    for k in range(n):
+        missing += z[len(z) - 1, k] != z[len(z) - 1, k]
+    if missing:
+        for k in range(n):
+            if z[len(z) - 1, k] != z[len(z) - 1, k]:
+                z[:, k] = 0.0
+
+
+def _sweep(rows, bodies, triangle, inverse, product, sums, out):  # type: ignore[no-untyped-def]
+    q = len(bodies.decays) + 1 + len(bodies.lags) + len(rows.ready) + 1
+    z, change = np.empty((q, TILE)), np.empty(TILE)
+    decay, gain = np.empty((len(bodies.rates), TILE)), np.empty((len(bodies.rates), TILE))
+    if bodies.regular:
+        for j in range(len(bodies.rates)):
+            decay[j], gain[j] = bodies.factors[2, j], bodies.factors[3, j]
+            decay[j, 0], gain[j, 0] = bodies.factors[0, j], bodies.factors[1, j]
+    for at in range(0, len(rows.temperature), TILE):
+        n = min(TILE, len(rows.temperature) - at)
+        _fill(rows, bodies, at, n, z, change, decay, gain)
+        if bodies.regular and at == 0:
+            decay[:, 0], gain[:, 0] = bodies.factors[2], bodies.factors[3]
+        _leave_out(z, n)
+        _sum_up(z, n, at, rows.bins, sums)
+        if len(rows.root_weight):
+            for j in range(q):
+                for k in range(n):
+                    z[j, k] *= rows.root_weight[at + k]
+        if len(out):
+            for j in range(q):
+                for k in range(n):
+                    out[j, at + k] = z[j, k]
+        else:
+            _substitute(z, n, triangle, inverse)
+            _cross(z, n, product)
+
+
+sweep_tiles: Callable[[Rows, Bodies, Floats, Floats, Floats, Floats, Floats], None] = jitted(
+    cache=True, fastmath={"reassoc", "contract", "nsz"}, error_model="numpy"
+)(_sweep)
+"""Function ``(rows, bodies, triangle, inverse, product, sums, out)`` that carries `bodies` on through `rows`.
+
+Where `out`, shape (q, n), has rows, it gets the columns; else their cross products are added to `product`, shape
+(q, q), in the coordinates of `triangle`: of ``columns @ inv(triangle)``, `inverse` being one over its diagonal. `sums`,
+shape (bins, r), gets the sums of the last r columns. All arrays are contiguous in C's order, so that there is one
+function to compile.
+"""
+
+
+class Pass:
+    """The pass over some rows, from the same bodies as often as it is asked for.
+
+    Parameters
+    ----------
+    rows : Rows
+    bodies : Bodies
+        Before the rows; not written to.
+    n_summed : int
+        How many of the last columns are summed up over the bins; 0 for all.
+    """
+
+    def __init__(self, rows: Rows, bodies: Bodies, n_summed: int):
+        self._rows, self._before = rows, bodies
+        self.n_columns = len(bodies.decays) + 1 + len(bodies.lags) + len(rows.ready) + 1
+        self._n_summed = n_summed or self.n_columns
+        self.bodies = bodies
+        """Behind the rows, after the first pass."""
+        self.sums: Floats = np.zeros((0, self._n_summed))
+        """Sums over the bins, shape (bins, n_summed)."""
+
+    def crossed(self, triangle: Floats, inverse: Floats) -> Floats:
+        """Upper triangle of the cross products of ``columns @ inv(triangle)``, shape (q, q)."""
+        product = np.zeros((self.n_columns, self.n_columns))
+        self._run(np.ascontiguousarray(triangle), inverse, product, np.zeros((0, 0)))
+        return product
+
+    def columns(self) -> Floats:
+        """The columns, shape (n, q), Fortran order."""
+        out = np.empty((self.n_columns, len(self._rows.temperature)))
+        self._run(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)), out)
+        return out.T
+
+    def _run(self, triangle: Floats, inverse: Floats, product: Floats, out: Floats) -> None:
+        b = self._before
+        self.bodies = b._replace(decays=b.decays.copy(), lags=b.lags.copy(), temperature=b.temperature.copy())
+        self.sums = np.zeros((len(self._rows.bins), self._n_summed))
+        sweep_tiles(self._rows, self.bodies, triangle, inverse, product, self.sums, out)

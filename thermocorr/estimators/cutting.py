@@ -1,0 +1,36 @@
+"""Where a record is cut: blocks that fit the cache, stretches of time whose factors are kept apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from ..records import BLOCK_ROWS, Record
+
+N_CHUNKS = 20
+"""Stretches of time whose factors are kept apart for standard errors."""
+
+
+def block_rows(n_used: int, n_chunks: int = N_CHUNKS) -> int:
+    """Rows of a block such that a record has about `n_chunks` of them, or full blocks where it is long."""
+    return int(np.clip(-(-n_used // n_chunks), 2048, BLOCK_ROWS))
+
+
+def equal_edges(record: Record, n_chunks: int = N_CHUNKS) -> np.ndarray:
+    """Positions in time order that cut a record into stretches of equal numbers of used rows, ends included."""
+    starts = np.array([segment.start for segment in record.segments])
+    before = np.cumsum([0, *(segment.n_rows for segment in record.segments)])
+    wanted = np.unique(np.arange(1, n_chunks) * record.n_used // n_chunks)
+    segment = np.searchsorted(before, wanted, side="right") - 1
+    return np.unique(np.concatenate(([0], starts[segment] + wanted - before[segment], [record.n_rows])))
+
+
+def pieces(edges: np.ndarray, places: np.ndarray) -> Iterator[tuple[int, slice]]:
+    """The stretches that rows at increasing places fall into, and which of the rows each has."""
+    first, last = np.searchsorted(edges, (places[0], places[-1]), side="right") - 1
+    ends = np.searchsorted(places, edges[first : last + 2])
+    for chunk, (low, high) in enumerate(pairwise(ends.tolist()), start=int(first)):
+        if low < high:
+            yield chunk, slice(low, high)

@@ -1,0 +1,246 @@
+"""A record swept in one compiled pass: lags and start-up decays are never written down, only their cross products.
+
+What `thermocorr.estimators.fitting.sweep_effects` gives, to rounding, where numba is installed. Columns of all other
+effects are made block by block as ever, and read by the same pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import accumulate, groupby
+from typing import Any
+
+import numpy as np
+
+from ..effects import InitialTransient, ThermalLag
+from ..effects.protocol import Effect
+from ..effects.stream import own_starts
+from ..equations import LagState, TriangularFactor
+from ..equations.compiled import is_compiled
+from ..equations.lags import FELT, factors_of_two_steps
+from ..equations.preconditioned import Crossed, Preconditioned
+from ..records import Block, Record
+from .binned import Binning
+from .cutting import pieces
+
+WIDEST = 256
+"""Columns up to which one pass is the faster way: beyond them the blocks of LAPACK are."""
+_NUMBERS = 1 << 18
+"""Numbers that a block of rows may hold, inputs and columns made for the pass: 2 MiB."""
+_NOTHING = np.zeros(0)
+
+
+class FusedColumns:
+    """Columns of ``[1 | Q | U]``: which of them the pass makes, and in which order it has them all.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+    starts : InitialTransient, optional
+        Decays that are taken out of all columns, and get none; `effects` have none then.
+    """
+
+    def __init__(self, effects: Sequence[Effect], starts: InitialTransient | None):
+        self.effects = effects
+        self.first = list(accumulate((len(effect.names()) for effect in effects), initial=1))
+        """Where the columns of each effect begin, and the place of the reading behind them all."""
+        self.lags = [i for i, effect in enumerate(effects) if _is_lag(effect)]
+        self.ready = [i for i, effect in enumerate(effects) if not (_is_lag(effect) or _is_decay(effect))]
+        lags: list[Any] = [effects[i] for i in self.lags]
+        self.time_constants = np.concatenate([lag.time_constants_ for lag in lags])
+        """Time constants of all lags [s]."""
+        self.hold = lags[0].hold
+        self.hidden = starts is not None
+        """Whether start-up decays have no column."""
+        own = [(effect, self.first[i]) for i, effect in enumerate(effects) if _is_decay(effect)]
+        self._decays: dict[int, list[np.ndarray]] = {}
+        self._places: dict[int, list[int]] = {}
+        transients: list[tuple[Any, int]] = own if starts is None else [(starts, 0)]
+        for transient, first in transients:
+            for segment, taus in transient.decays_.items():
+                self._decays.setdefault(segment, []).append(taus)
+                self._places.setdefault(segment, []).extend(range(first, first + len(taus)))
+                first += len(taus)
+
+    def block_rows(self) -> int:
+        """Rows of a block: as many as leave the memory small."""
+        return max(_NUMBERS // (6 + sum(self.first[i + 1] - self.first[i] for i in self.ready)), 256)
+
+    def shared(self) -> list[int]:
+        """Columns that every segment has, in the order of the pass: the 1, lags, those made for it, the reading."""
+        both = [*self.lags, *self.ready]
+        return [0, *(c for i in both for c in range(self.first[i], self.first[i + 1])), self.first[-1]]
+
+    def decays(self, segment: int) -> tuple[np.ndarray, list[int]]:
+        """Decays of a segment, the fastest first [s], and their columns, where they have any."""
+        taus = np.concatenate([*self._decays.get(segment, []), _NOTHING])
+        order = np.argsort(taus, kind="stable")
+        return taus[order], [] if self.hidden else [self._places[segment][k] for k in order.tolist()]
+
+
+def _is_lag(effect: Any) -> bool:
+    return type(effect) is ThermalLag and effect.form == "unit_gain" and effect.initial_state != "zero"
+
+
+def _is_decay(effect: Effect) -> bool:
+    return type(effect) is InitialTransient
+
+
+def can_be_fused(effects: Sequence[Effect], starts: InitialTransient | None) -> bool:
+    """Whether there is compiled code, and it has something to do: lags, all with one rule between samples."""
+    if not is_compiled() or sum(len(effect.names()) for effect in effects) > WIDEST:
+        return False
+    lags: list[Any] = [effect for effect in effects if _is_lag(effect)]
+    both = starts is not None and any(_is_decay(effect) for effect in effects)
+    return len({lag.hold for lag in lags}) == 1 and not both
+
+
+class FusedSweep:
+    """One pass through a record that is being fitted.
+
+    Parameters
+    ----------
+    record : Record
+    columns : FusedColumns
+    edges : array of int
+        Positions in time order that cut the record into stretches, ends included.
+    offset : float
+        Subtracted from every reading.
+    """
+
+    def __init__(self, record: Record, columns: FusedColumns, edges: np.ndarray, offset: float):
+        from ..equations import kernels
+
+        self.chunks = [TriangularFactor(columns.first[-1] + 1) for _ in edges[1:]]
+        """Factors of ``[1 | Q | U]``, one for each stretch."""
+        self.end_states: list[list[Any]] = []
+        """States of the effects at the end of each segment."""
+        self.binning = Binning(record)
+        self._kernels, self._record, self._columns, self._edges, self._offset = kernels, record, columns, edges, offset
+        self._shared = columns.shared()
+        self._coordinates = Preconditioned(len(self._shared))
+        self._decays, self._places = columns.decays(-1)
+        self._gathered: list[tuple[int, Crossed]] = []
+        for block in record.blocks(columns.block_rows(), starts=own_starts(record)):
+            if block.start == record.segments[block.segment].start:
+                self._begin(block)
+            self._take(block)
+            if block.stop == record.segments[block.segment].stop:
+                self._end()
+
+    def _begin(self, block: Block) -> None:
+        """A new segment: bodies at rest, decays of its own."""
+        n_old = len(self._decays)
+        self._decays, self._places = self._columns.decays(block.segment)
+        self._coordinates.begin(len(self._decays), n_old)
+        self._states: list[Any] = [None] * len(self._columns.effects)
+        self._lags, self._temperature = np.zeros(len(self._columns.time_constants)), block.temperature[:1].copy()
+
+    def _take(self, block: Block) -> None:
+        assert self._record.reading is not None
+        reading = np.asarray(self._record.reading[block.rows], float) - self._offset
+        known = np.isfinite(reading) if np.isnan(reading.sum()) else None
+        weight = _NOTHING if self._record.weight is None else np.sqrt(self._record.weight[block.rows])
+        bins, begins = self.binning.bins(block)
+        rows = self._kernels.Rows(
+            temperature=block.temperature.copy(),
+            steps=block.steps,
+            reading=reading,
+            root_weight=weight,
+            ready=self._ready(block).T,
+            bins=begins,
+        )
+        sums = np.zeros((len(bins), len(self._decays) + len(self._shared)))
+        for chunk, part in pieces(self._edges, block.places):
+            n = part.stop - part.start
+            self.chunks[chunk].n_rows += n if known is None else int(known[part].sum())
+            self._gathered.append((chunk, self._crossed(block, rows, part, sums)))
+        self.binning.add(block, bins, begins, known, sums[:, -1], self._binned(sums))
+
+    def _ready(self, block: Block) -> np.ndarray:
+        """Columns of all effects but lags and decays, shape (n, K)."""
+        first, ready = self._columns.first, self._columns.ready
+        widths = [first[i + 1] - first[i] for i in ready]
+        columns, at = np.empty((len(block), sum(widths)), order="F"), 0
+        for i, width in zip(ready, widths, strict=True):
+            effect = self._columns.effects[i]
+            self._states[i] = effect.fill(block, self._states[i], columns[:, at : at + width])
+            at += width
+        return columns
+
+    def _crossed(self, block: Block, rows: Any, part: slice, sums: np.ndarray) -> Crossed:
+        """Cross products of a part of a block; the lags go on, and `sums` over the block's bins grow."""
+        elapsed = self._record.times.between(self._record.stamp(int(block.places[part.start])), block.segment_zero)
+        dead = int(np.searchsorted(self._decays, elapsed / FELT))
+        low, high = np.searchsorted(rows.bins, (part.start, part.stop - 1), side="right").tolist()
+        low -= 1
+        if part.stop - part.start < len(block):
+            bins = np.maximum(rows.bins[low:high] - part.start, 0)
+            rows = rows._replace(
+                temperature=rows.temperature[part],
+                steps=rows.steps[part],
+                reading=rows.reading[part],
+                root_weight=rows.root_weight[part],
+                ready=rows.ready[:, part].copy(),
+                bins=bins,
+            )
+        bodies = self._bodies(rows.steps, self._decays[dead:], elapsed)
+        one_pass = self._kernels.Pass(rows, bodies, 1 if self.binning.whole else 0)
+        crossed = self._coordinates.take(dead, one_pass.crossed, one_pass.columns)
+        self._lags, self._temperature = one_pass.bodies.lags, one_pass.bodies.temperature
+        sums[low:high, -one_pass.sums.shape[1] :] += one_pass.sums
+        return crossed
+
+    def _bodies(self, steps: np.ndarray, decays: np.ndarray, elapsed: float) -> Any:
+        taus = np.concatenate((decays, self._columns.time_constants))
+        hold = self._columns.hold
+        decay, gain = factors_of_two_steps(float(steps[0]), float(steps[-1]), tuple(taus.tolist()), hold)
+        return self._kernels.Bodies(
+            rates=1.0 / taus,
+            first_order=hold == "first_order",
+            regular=len(steps) < 2 or bool((steps[1:] == steps[1]).all()),
+            factors=np.stack((decay[0], gain[0], decay[1], gain[1])),
+            decays=np.exp(-elapsed / decays),
+            lags=self._lags,
+            temperature=self._temperature,
+        )
+
+    def _binned(self, sums: np.ndarray) -> np.ndarray | None:
+        """Sums of the model's columns in the order of its effects; None where nobody asks for them."""
+        if self.binning.whole:
+            return None
+        columns = np.zeros((len(sums), self._columns.first[-1] + 1))
+        columns[:, self._places] = sums[:, : len(self._places)]
+        columns[:, self._shared] = sums[:, len(self._decays) :]
+        return columns[:, 1:-1]
+
+    def _end(self) -> None:
+        """Keep the states at the end of a segment; add what it has given to the factors of its stretches."""
+        states, at = list(self._states), 0
+        for i in self._columns.lags:
+            n_lags = self._columns.first[i + 1] - self._columns.first[i]
+            states[i] = LagState(self._lags[at : at + n_lags].copy(), float(self._temperature[0]))
+            at += n_lags
+        self.end_states.append(states)
+        hidden = len(self._decays) - len(self._places)
+        columns = [*range(hidden), *(hidden + place for place in (*self._places, *self._shared))]
+        width = hidden + self._columns.first[-1] + 1
+        for chunk, gathered in groupby(self._gathered, key=lambda one: one[0]):
+            factors = [crossed.factor() for crossed in _joined(c for _, c in gathered)]
+            placed, at = np.zeros((sum(map(len, factors)), width), order="F"), 0
+            for factor in factors:
+                placed[at : at + len(factor), columns[len(columns) - factor.shape[1] :]] = factor
+                at += len(factor)
+            if hidden:  # what the decays can explain is left out
+                self.chunks[chunk].merge(TriangularFactor(width).merge_rows(placed).behind(hidden))
+            else:
+                self.chunks[chunk].merge_rows(placed)
+        self._gathered = []
+
+
+def _joined(parts: Iterator[Crossed]) -> Iterator[Crossed]:
+    """Cross products in the coordinates of one triangle are added up."""
+    for _, alike in groupby(parts, key=lambda part: id(part.triangle)):
+        first, *others = alike
+        products = [part.product for part in (first, *others) if part.product is not None]
+        yield first._replace(product=sum(products[1:], products[0])) if products else first
