@@ -225,9 +225,9 @@ def taken(coordinates, rows):
             Z = np.zeros_like(rows)
             for j in range(rows.shape[1]):
                 Z[:, j] = (rows[:, j] - Z[:, :j] @ triangle[:j, j]) * inverse[j]
-            return np.triu(Z.T @ Z)
+            return np.triu(Z.T @ Z)[None]
 
-    return coordinates.take(0, crossed, lambda: np.asfortranarray(rows))
+    return (coordinates.take(0, crossed) or [coordinates.reflect(0, np.asfortranarray(rows))])[0]
 
 
 def test_rows_unlike_those_before_are_swept_in_by_reflections():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -42,7 +43,16 @@ class EffectInfo:
     """In the catalogue: thermal kinds from 1, recorded columns from 2, time from 3, history and place from 4."""
 
 
-class Effect(BaseEstimator):
+class ParametersOnce(BaseEstimator):
+    """Names of a constructor's parameters, read once for a class: scikit-learn parses its signature time and again."""
+
+    @classmethod
+    @cache
+    def _get_param_names(cls) -> list[str]:
+        return super()._get_param_names()  # type: ignore[no-any-return]
+
+
+class Effect(ParametersOnce):
     """A cause that moves the reading: base class of the catalogue and of a user's own effects.
 
     An own effect needs a constructor that stores its parameters, `names`, and its formula, `signals`::

@@ -10,7 +10,7 @@ from sklearn.base import clone
 from sklearn.utils.metaestimators import _BaseComposition
 
 from ..records import Block, Record
-from .protocol import Effect
+from .protocol import Effect, ParametersOnce
 
 
 class TransformerEffect(Effect):
@@ -109,7 +109,7 @@ def as_effects(given: Any) -> list[tuple[str, Effect]]:
     return named
 
 
-class EffectsParameters(_BaseComposition):
+class EffectsParameters(_BaseComposition, ParametersOnce):
     """`get_params` / `set_params` that reach into named effects: ``effects__humidity__time_constants``-style search.
 
     Parts are addressed by name: ``model.set_params(humidity__time_constants=[3600])``.

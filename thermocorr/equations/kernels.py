@@ -38,6 +38,8 @@ class Rows(NamedTuple):
     """Shape (n,), or (0,) where all rows count alike."""
     ready: Floats
     """Columns that others have made, shape (K, n)."""
+    parts: NDArray[np.int64]
+    """First row of each part whose cross products are kept apart."""
     bins: NDArray[np.int64]
     """First row of each stretch over which columns are summed up."""
 
@@ -268,24 +270,26 @@ def _sweep(rows, bodies, triangle, inverse, product, sums, out):  # type: ignore
         for j in range(len(bodies.rates)):
             decay[j], gain[j] = bodies.factors[2, j], bodies.factors[3, j]
             decay[j, 0], gain[j, 0] = bodies.factors[0, j], bodies.factors[1, j]
-    for at in range(0, len(rows.temperature), TILE):
-        n = min(TILE, len(rows.temperature) - at)
-        _fill(rows, bodies, at, n, z, change, decay, gain)
-        if bodies.regular and at == 0:
-            decay[:, 0], gain[:, 0] = bodies.factors[2], bodies.factors[3]
-        _leave_out(z, n)
-        _sum_up(z, n, at, rows.bins, sums)
-        if len(rows.root_weight):
-            for j in range(q):
-                for k in range(n):
-                    z[j, k] *= rows.root_weight[at + k]
-        if len(out):
-            for j in range(q):
-                for k in range(n):
-                    out[j, at + k] = z[j, k]
-        else:
-            _substitute(z, n, triangle, inverse)
-            _cross(z, n, product)
+    for part in range(len(rows.parts)):
+        end = rows.parts[part + 1] if part + 1 < len(rows.parts) else len(rows.temperature)
+        for at in range(rows.parts[part], end, TILE):
+            n = min(TILE, end - at)
+            _fill(rows, bodies, at, n, z, change, decay, gain)
+            if bodies.regular and at == 0:
+                decay[:, 0], gain[:, 0] = bodies.factors[2], bodies.factors[3]
+            _leave_out(z, n)
+            _sum_up(z, n, at, rows.bins, sums)
+            if len(rows.root_weight):
+                for j in range(q):
+                    for k in range(n):
+                        z[j, k] *= rows.root_weight[at + k]
+            if len(out):
+                for j in range(q):
+                    for k in range(n):
+                        out[j, at + k] = z[j, k]
+            else:
+                _substitute(z, n, triangle, inverse)
+                _cross(z, n, product[part])
 
 
 sweep_tiles: Callable[[Rows, Bodies, Floats, Floats, Floats, Floats, Floats], None] = jitted(
@@ -294,9 +298,9 @@ sweep_tiles: Callable[[Rows, Bodies, Floats, Floats, Floats, Floats, Floats], No
 """Function ``(rows, bodies, triangle, inverse, product, sums, out)`` that carries `bodies` on through `rows`.
 
 Where `out`, shape (q, n), has rows, it gets the columns; else their cross products are added to `product`, shape
-(q, q), in the coordinates of `triangle`: of ``columns @ inv(triangle)``, `inverse` being one over its diagonal. `sums`,
-shape (bins, r), gets the sums of the last r columns. All arrays are contiguous in C's order, so that there is one
-function to compile.
+(parts, q, q), in the coordinates of `triangle`: of ``columns @ inv(triangle)``, `inverse` being one over its diagonal.
+`sums`, shape (bins, r), gets the sums of the last r columns. All arrays are contiguous in C's order, so that there is
+one function to compile.
 """
 
 
@@ -322,15 +326,15 @@ class Pass:
         """Sums over the bins, shape (bins, n_summed)."""
 
     def crossed(self, triangle: Floats, inverse: Floats) -> Floats:
-        """Upper triangle of the cross products of ``columns @ inv(triangle)``, shape (q, q)."""
-        product = np.zeros((self.n_columns, self.n_columns))
+        """Upper triangles of each part's cross products of ``columns @ inv(triangle)``, shape (parts, q, q)."""
+        product = np.zeros((len(self._rows.parts), self.n_columns, self.n_columns))
         self._run(np.ascontiguousarray(triangle), inverse, product, np.zeros((0, 0)))
         return product
 
     def columns(self) -> Floats:
         """The columns, shape (n, q), Fortran order."""
         out = np.empty((self.n_columns, len(self._rows.temperature)))
-        self._run(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)), out)
+        self._run(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0, 0)), out)
         return out.T
 
     def _run(self, triangle: Floats, inverse: Floats, product: Floats, out: Floats) -> None:

@@ -64,11 +64,6 @@ class TriangularFactor:
         self.n_rows += len(rows)
         return self
 
-    def merge_rows(self, matrix: Floats) -> TriangularFactor:
-        """Take in a matrix F, Fortran order, that stands for rows already counted: ``F'F`` are their cross products."""
-        self._sweep(matrix)
-        return self
-
     def merge(self, *others: TriangularFactor) -> TriangularFactor:
         """Take in all that the other factors have seen; they stay as they are."""
         for other in others:
@@ -105,7 +100,7 @@ class TriangularFactor:
 
     def select(self, columns: Iterable[int]) -> TriangularFactor:
         """Factor of some of the columns, in the order given, without another look at the data."""
-        return self._of(self.r[:, list(columns)])
+        return self.standing_for(self.r[:, list(columns)], self.n_rows)
 
     def behind(self, n: int) -> TriangularFactor:
         """Factor of the columns behind the first `n`, less their fit by these: of what these cannot explain."""
@@ -115,15 +110,16 @@ class TriangularFactor:
 
     def combined(self, combination: Floats) -> TriangularFactor:
         """Factor of linear combinations of the columns: of ``rows @ combination``."""
-        return self._of(self.r @ combination)
+        return self.standing_for(self.r @ combination, self.n_rows)
 
-    def _of(self, matrix: Floats) -> TriangularFactor:
-        """Factor of a matrix that stands for the same rows."""
-        part = TriangularFactor(matrix.shape[1])
+    @classmethod
+    def standing_for(cls, matrix: Floats, n_rows: int) -> TriangularFactor:
+        """Factor of a small matrix F that stands for `n_rows` rows: ``F'F`` are their cross products."""
+        part = cls(matrix.shape[1])
         columns = np.flatnonzero(matrix.any(axis=0)) if matrix.shape[1] > _WIDE else np.arange(matrix.shape[1])
         r = triangle(matrix[:, columns])
         part.r[columns[: len(r), None], columns] = r
-        part.n_rows = self.n_rows
+        part.n_rows = n_rows
         return part
 
     @classmethod

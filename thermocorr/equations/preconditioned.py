@@ -19,7 +19,7 @@ from scipy.linalg import lapack
 from .leastsquares import swept_in
 
 Floats = NDArray[np.float64]
-LARGEST = 1e6
+LARGEST = 1e8
 """Largest mean square, relative to all rows before, of a direction in rows that are not swept in by reflections."""
 GROWN = 1e3
 """Growth of the cross products from which on R is brought up to date."""
@@ -61,7 +61,8 @@ class Preconditioned:
         self._triangle: Floats = np.zeros((n_columns, n_columns), order="F")
         self._grown: Floats = np.eye(n_columns)
         self._parts: dict[int, tuple[Floats, Floats]] = {}
-        self._knows_nothing = True
+        self.knows_nothing = True
+        """Whether no row has been taken in since some column was new."""
 
     def begin(self, n_new: int, n_old: int) -> None:
         """Replace the first `n_old` columns by `n_new` others, which nobody has seen so far."""
@@ -69,38 +70,37 @@ class Preconditioned:
         triangle = np.zeros((n_new + len(kept),) * 2, order="F")
         triangle[n_new:, n_new:] = kept
         self._count_from(triangle)
-        self._knows_nothing = True
+        self.knows_nothing = True
 
-    def take(
-        self,
-        first: int,
-        crossed: Callable[[Floats, Floats], Floats],
-        rows: Callable[[], Floats],
-    ) -> Crossed:
-        """Take rows in, of which the first `first` columns are zero.
+    def take(self, first: int, crossed: Callable[[Floats, Floats], Floats]) -> list[Crossed]:
+        """Take parts of rows in by their cross products; an empty list, and nothing is taken, where these will not do.
 
         Parameters
         ----------
         first : int
+            How many of the first columns are zero in all rows.
         crossed : callable
-            Given R of the other columns and one over its diagonal, the upper triangle of their B.
-        rows : callable
-            Gives the rows of the other columns, shape (n, q - first), Fortran order, which may be overwritten.
+            Given R of the other columns and one over its diagonal, upper triangles of B, shape (parts, q - first,
+            q - first).
         """
-        later = slice(first, None)
-        if not self._knows_nothing:
-            triangle, inverse = self._part(first)
-            product = crossed(triangle, inverse)
-            if product.diagonal().max() <= LARGEST:  # false for NaN
-                self._grown[later, later] += product
-                if self._grown.diagonal().max() > GROWN:
-                    self._count_from(self._up_to_date())
-                return Crossed(triangle, product)
-        own = swept_in(np.zeros((len(self._triangle) - first,) * 2, order="F"), rows())
+        if self.knows_nothing:
+            return []
+        triangle, inverse = self._part(first)
+        products = crossed(triangle, inverse)
+        if not np.einsum("pii->pi", products).max() <= LARGEST:  # or NaN
+            return []
+        self._grown[first:, first:] += products.sum(axis=0)
+        if self._grown.diagonal().max() > GROWN:
+            self._count_from(self._up_to_date())
+        return [Crossed(triangle, product) for product in products]
+
+    def reflect(self, first: int, rows: Floats) -> Crossed:
+        """Take in any rows by reflections: shape (n, q - first), Fortran order, overwritten."""
+        own = swept_in(np.zeros((len(self._triangle) - first,) * 2, order="F"), rows)
         triangle = self._up_to_date()
-        triangle[later, later] = swept_in(triangle[later, later], own.copy(order="F"))
+        triangle[first:, first:] = swept_in(triangle[first:, first:], own.copy(order="F"))
         self._count_from(triangle)
-        self._knows_nothing = False
+        self.knows_nothing = False
         return Crossed(own, None)
 
     def _part(self, first: int) -> tuple[Floats, Floats]:
@@ -117,7 +117,7 @@ class Preconditioned:
 
     def _up_to_date(self) -> Floats:
         """R of all rows so far."""
-        if self._knows_nothing:
+        if self.knows_nothing:
             return self._triangle
         upper = lapack.dpotrf(self._grown, lower=0, clean=1)[0]
         return np.asfortranarray(np.triu(upper @ self._triangle))

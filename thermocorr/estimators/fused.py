@@ -23,8 +23,8 @@ from ..records import Block, Record
 from .binned import Binning
 from .cutting import pieces
 
-WIDEST = 256
-"""Columns up to which one pass is the faster way: beyond them the blocks of LAPACK are."""
+WIDEST = 32
+"""Columns of all segments up to which one pass is the faster way: beyond them the blocks of LAPACK are."""
 _NUMBERS = 1 << 18
 """Numbers that a block of rows may hold, inputs and columns made for the pass: 2 MiB."""
 _NOTHING = np.zeros(0)
@@ -88,7 +88,8 @@ def _is_decay(effect: Effect) -> bool:
 
 def can_be_fused(effects: Sequence[Effect], starts: InitialTransient | None) -> bool:
     """Whether there is compiled code, and it has something to do: lags, all with one rule between samples."""
-    if not is_compiled() or sum(len(effect.names()) for effect in effects) > WIDEST:
+    shared = sum(len(effect.names()) for effect in effects if not _is_decay(effect))
+    if not is_compiled() or shared > WIDEST:
         return False
     lags: list[Any] = [effect for effect in effects if _is_lag(effect)]
     both = starts is not None and any(_is_decay(effect) for effect in effects)
@@ -111,8 +112,6 @@ class FusedSweep:
     def __init__(self, record: Record, columns: FusedColumns, edges: np.ndarray, offset: float):
         from ..equations import kernels
 
-        self.chunks = [TriangularFactor(columns.first[-1] + 1) for _ in edges[1:]]
-        """Factors of ``[1 | Q | U]``, one for each stretch."""
         self.end_states: list[list[Any]] = []
         """States of the effects at the end of each segment."""
         self.binning = Binning(record)
@@ -121,12 +120,20 @@ class FusedSweep:
         self._coordinates = Preconditioned(len(self._shared))
         self._decays, self._places = columns.decays(-1)
         self._gathered: list[tuple[int, Crossed]] = []
+        self._of_chunks: list[list[tuple[list[int], np.ndarray]]] = [[] for _ in edges[1:]]
+        self._n_rows = [0 for _ in edges[1:]]
         for block in record.blocks(columns.block_rows(), starts=own_starts(record)):
             if block.start == record.segments[block.segment].start:
                 self._begin(block)
             self._take(block)
             if block.stop == record.segments[block.segment].stop:
                 self._end()
+        width = columns.first[-1] + 1
+        self.chunks = [
+            TriangularFactor.standing_for(_stacked(width, parts), n)
+            for parts, n in zip(self._of_chunks, self._n_rows, strict=True)
+        ]
+        """Factors of ``[1 | Q | U]``, one for each stretch."""
 
     def _begin(self, block: Block) -> None:
         """A new segment: bodies at rest, decays of its own."""
@@ -148,13 +155,20 @@ class FusedSweep:
             reading=reading,
             root_weight=weight,
             ready=self._ready(block).T,
+            parts=begins,
             bins=begins,
         )
         sums = np.zeros((len(bins), len(self._decays) + len(self._shared)))
+        waiting = list(pieces(self._edges, block.places))
+        together = True
+        while waiting:
+            some = waiting if together and not self._coordinates.knows_nothing else waiting[:1]
+            crossed = self._crossed(block, rows, [part for _, part in some], sums)
+            together = together and bool(crossed)
+            self._gathered += zip((chunk for chunk, _ in some), crossed, strict=False)
+            waiting = waiting[len(crossed) :]
         for chunk, part in pieces(self._edges, block.places):
-            n = part.stop - part.start
-            self.chunks[chunk].n_rows += n if known is None else int(known[part].sum())
-            self._gathered.append((chunk, self._crossed(block, rows, part, sums)))
+            self._n_rows[chunk] += part.stop - part.start if known is None else int(known[part].sum())
         self.binning.add(block, bins, begins, known, sums[:, -1], self._binned(sums))
 
     def _ready(self, block: Block) -> np.ndarray:
@@ -168,27 +182,33 @@ class FusedSweep:
             at += width
         return columns
 
-    def _crossed(self, block: Block, rows: Any, part: slice, sums: np.ndarray) -> Crossed:
-        """Cross products of a part of a block; the lags go on, and `sums` over the block's bins grow."""
-        elapsed = self._record.times.between(self._record.stamp(int(block.places[part.start])), block.segment_zero)
+    def _crossed(self, block: Block, rows: Any, parts: list[slice], sums: np.ndarray) -> list[Crossed]:
+        """Cross products of parts of a block; the lags go on, and `sums` over the block's bins grow.
+
+        An empty list, and nothing has happened, where several parts cannot be taken together.
+        """
+        some = slice(parts[0].start, parts[-1].stop)
+        elapsed = self._record.times.between(self._record.stamp(int(block.places[some.start])), block.segment_zero)
         dead = int(np.searchsorted(self._decays, elapsed / FELT))
-        low, high = np.searchsorted(rows.bins, (part.start, part.stop - 1), side="right").tolist()
-        low -= 1
-        if part.stop - part.start < len(block):
-            bins = np.maximum(rows.bins[low:high] - part.start, 0)
+        first, last = np.searchsorted(rows.bins, (some.start, some.stop - 1), side="right").tolist()
+        rows = rows._replace(parts=np.array([part.start - some.start for part in parts]))
+        if some.stop - some.start < len(block):
             rows = rows._replace(
-                temperature=rows.temperature[part],
-                steps=rows.steps[part],
-                reading=rows.reading[part],
-                root_weight=rows.root_weight[part],
-                ready=rows.ready[:, part].copy(),
-                bins=bins,
+                temperature=rows.temperature[some],
+                steps=rows.steps[some],
+                reading=rows.reading[some],
+                root_weight=rows.root_weight[some],
+                ready=rows.ready[:, some].copy(),
+                bins=np.maximum(rows.bins[first - 1 : last] - some.start, 0),
             )
         bodies = self._bodies(rows.steps, self._decays[dead:], elapsed)
         one_pass = self._kernels.Pass(rows, bodies, 1 if self.binning.whole else 0)
-        crossed = self._coordinates.take(dead, one_pass.crossed, one_pass.columns)
+        crossed = self._coordinates.take(dead, one_pass.crossed)
+        if not crossed and len(parts) > 1:
+            return []
+        crossed = crossed or [self._coordinates.reflect(dead, one_pass.columns())]
         self._lags, self._temperature = one_pass.bodies.lags, one_pass.bodies.temperature
-        sums[low:high, -one_pass.sums.shape[1] :] += one_pass.sums
+        sums[first - 1 : last, -one_pass.sums.shape[1] :] += one_pass.sums
         return crossed
 
     def _bodies(self, steps: np.ndarray, decays: np.ndarray, elapsed: float) -> Any:
@@ -222,20 +242,25 @@ class FusedSweep:
             states[i] = LagState(self._lags[at : at + n_lags].copy(), float(self._temperature[0]))
             at += n_lags
         self.end_states.append(states)
-        hidden = len(self._decays) - len(self._places)
-        columns = [*range(hidden), *(hidden + place for place in (*self._places, *self._shared))]
-        width = hidden + self._columns.first[-1] + 1
+        n_hidden = len(self._decays) - len(self._places)
+        columns = [*self._places, *self._shared]
         for chunk, gathered in groupby(self._gathered, key=lambda one: one[0]):
             factors = [crossed.factor() for crossed in _joined(c for _, c in gathered)]
-            placed, at = np.zeros((sum(map(len, factors)), width), order="F"), 0
-            for factor in factors:
-                placed[at : at + len(factor), columns[len(columns) - factor.shape[1] :]] = factor
-                at += len(factor)
-            if hidden:  # what the decays can explain is left out
-                self.chunks[chunk].merge(TriangularFactor(width).merge_rows(placed).behind(hidden))
-            else:
-                self.chunks[chunk].merge_rows(placed)
+            if n_hidden:  # what the decays can explain is left out
+                n_columns = n_hidden + len(columns)
+                wide = _stacked(n_columns, [(range(n_columns)[-factor.shape[1] :], factor) for factor in factors])
+                factors = [TriangularFactor(n_columns).update(wide).behind(n_hidden).r]
+            self._of_chunks[chunk] += [(columns[len(columns) - factor.shape[1] :], factor) for factor in factors]
         self._gathered = []
+
+
+def _stacked(n_columns: int, parts: Sequence[tuple[Sequence[int], np.ndarray]]) -> np.ndarray:
+    """Matrices, each of some of the columns, one above the other."""
+    rows, at = np.zeros((sum(len(part) for _, part in parts), n_columns), order="F"), 0
+    for columns, part in parts:
+        rows[at : at + len(part), columns] = part
+        at += len(part)
+    return rows
 
 
 def _joined(parts: Iterator[Crossed]) -> Iterator[Crossed]:

@@ -57,11 +57,13 @@ class Moments(NamedTuple):
     @classmethod
     def of(cls, values: Floats) -> Moments:
         """Moments of an array, without its NaN."""
-        if np.isnan(values.sum()):
+        total = values.sum()
+        if np.isnan(total):
             values = values[np.isfinite(values)]
+            total = values.sum()
         if not len(values):
             return cls()
-        mean = float(values.mean())
+        mean = float(total / len(values))
         centred = values - mean
         return cls(len(values), mean, float(centred @ centred), float(values.min()), float(values.max()))
 
@@ -284,7 +286,8 @@ class Record:
         for segment in self.segments:
             for start in range(segment.start, segment.stop, BLOCK_ROWS):
                 rows = self.kept(start, min(start + BLOCK_ROWS, segment.stop))
-                result = result.merged(Moments.of(np.asarray(column[rows], float) ** power))
+                values = np.asarray(column[rows], float)
+                result = result.merged(Moments.of(values if power == 1 else values**power))
         return result
 
     def scanned(self, what: str, usual: Usual) -> Scanned:
