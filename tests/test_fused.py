@@ -131,6 +131,17 @@ def test_blocks_may_end_anywhere(both, rows, monkeypatch):
     assert_same(*both(*with_gaps(*room(jitter=0.3)), effects, layout))
 
 
+def test_a_stretch_without_readings_has_an_empty_factor(both, capfd):
+    """As where a fit learns from the rows before a date: LAPACK prints what it refuses."""
+    X, y = room()
+    y[4000:] = np.nan
+    effects, layout = EFFECTS["plain"]
+    compiled, walked = both(X.iloc[:6000], y[:6000], effects, layout)
+    assert_same(compiled, walked)
+    swept(X, y, [*effects[:2], Drift()], layout)
+    assert "illegal" not in "".join(capfd.readouterr())
+
+
 def test_what_starts_of_many_runs_hold_is_taken_out(both):
     record = make_record(6000, seed=3)
     X, y = record[["temperature"]].assign(run=np.arange(6000) // 400), record["reading"]

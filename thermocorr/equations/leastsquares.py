@@ -116,6 +116,8 @@ class TriangularFactor:
     def standing_for(cls, matrix: Floats, n_rows: int) -> TriangularFactor:
         """Factor of a small matrix F that stands for `n_rows` rows: ``F'F`` are their cross products."""
         part = cls(matrix.shape[1])
+        if not len(matrix):
+            return part
         columns = np.flatnonzero(matrix.any(axis=0)) if matrix.shape[1] > _WIDE else np.arange(matrix.shape[1])
         r = triangle(matrix[:, columns])
         part.r[columns[: len(r), None], columns] = r
