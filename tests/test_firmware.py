@@ -21,7 +21,7 @@ from firmware_runs import (
 
 from thermocorr.effects import CATALOGUE, Covariate, Drift, Effect, LagProducts, Rate, Step
 from thermocorr.firmware import export_c
-from thermocorr.firmware.language import Operations
+from thermocorr.firmware.operations import Operations
 
 
 @pytest.fixture(scope="module")

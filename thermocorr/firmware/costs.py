@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from ..records.text import printable
-from .language import Operations
+from .operations import Operations
 
 
 @dataclass(frozen=True)
