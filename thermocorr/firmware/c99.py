@@ -6,14 +6,14 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from . import formulas
+from . import formulas, statements
 from .finished import Firmware
 from .formulas import Formula, Kind
 from .frame import starting, updating
 from .names import one_line
 from .program import Constant
 from .selftest import SAMPLES, Trial
-from .statements import Answer, Assign, Declare, Help, Helper, If, Local, Loop, Raise, Scope, Statement
+from .statements import Helper, Statement
 from .target import Dtype
 
 _SIGNS = {"or": "||", "not": "!"}
@@ -149,43 +149,43 @@ class CText:
     def statement(self, s: Statement) -> list[str]:
         """A statement as lines of C."""
         match s:
-            case Local(name, value, kind, note):
+            case statements.Local(name, value, kind, note):
                 return [f"const {self.kind(kind)} {name} = {self.formula(value)};{_noted(note)}"]
-            case Declare(name, length):
+            case statements.Declare(name, length):
                 return [f"{self.T} {name}{_length(length)};"]
-            case Assign(place, formulas.Whole(1), "+" | "-" as sign):
+            case statements.Assign(place, formulas.Whole(1), "+" | "-" as sign):
                 return [f"{2 * sign}{self.formula(place)};"]
-            case Assign(place, value, sign, note):
+            case statements.Assign(place, value, sign, note):
                 return [f"{self.formula(place)} {sign}= {self.formula(value)};{_noted(note)}"]
-            case If():
+            case statements.If():
                 return self.branch(s)
-            case Loop(times, body):
+            case statements.Loop(times, body):
                 return [f"for (int j = 0; j < {times}; ++j) {{", *self.inside(body), "}"]
-            case Scope(body):
+            case statements.Scope(body):
                 return ["{", *self.inside(body), "}"]
-            case Raise(flag, unless):
+            case statements.Raise(flag, unless):
                 other = f"{self.formula(formulas.Raised((unless,)))} ? 0u : " if unless else ""
                 return [f"result.flags |= {other}{self.macro(flag)};"]
-            case Answer(bias, corrected):
+            case statements.Answer(bias, corrected):
                 given = [f"result.bias = {self.formula(bias)};", f"result.corrected = {self.formula(corrected)};"]
                 return [*given, "return result;"]
-            case Help(helper, arguments, used):
+            case statements.CallHelper(helper, arguments, used):
                 call = f"{helper.name}({', '.join(map(self.formula, arguments))}, &{helper.second});"
                 result = f"const {self.T} {helper.gives} = " if used else "(void)"
                 return [f"{self.T} {helper.second};", result + call]
         raise TypeError(f"{s!r} has no place in C")
 
-    def branch(self, s: If) -> list[str]:
+    def branch(self, s: statements.If) -> list[str]:
         """An if statement."""
         head = [f"if ({self.formula(s.condition)}) {{{_noted(s.note)}", *self.inside(s.then)]
-        if isinstance(s.otherwise, If):
+        if isinstance(s.otherwise, statements.If):
             first, *rest = self.branch(s.otherwise)
             return [*head, f"}} else {first}", *rest]
         return [*head, *(["} else {", *self.inside(s.otherwise)] if s.otherwise else []), "}"]
 
-    def inside(self, statements: Iterable[Statement]) -> list[str]:
+    def inside(self, body: Iterable[Statement]) -> list[str]:
         """Statements within brackets."""
-        return [f"    {line}" for statement in statements for line in self.statement(statement)]
+        return [f"    {line}" for statement in body for line in self.statement(statement)]
 
     # ----------------------------------------------------------------------------------------------------- the source
 

@@ -14,7 +14,7 @@ from ..equations.lags import Hold, decay_and_gain
 from .formulas import Bracketed, Formula, Number, Output, Variable
 from .operations import NOTHING, Operations
 from .program import Program
-from .statements import Assign, Declare, Help, Helper, If, Local, Statement
+from .statements import Assign, CallHelper, Declare, Helper, If, Local, Statement
 
 Form = Literal["loss", "decay"]
 _COST = Operations(multiply_adds=6, adds=1, divisions=2, calls=1)
@@ -55,7 +55,7 @@ def _of_steps(program: Program, taus: Variable, driven: bool, form: Form) -> Fac
     helper, step = _helper(program, form), program.step()
 
     def before(j: Formula) -> list[Statement]:
-        return [Help(helper, (step, taus[j]), used=driven)]
+        return [CallHelper(helper, (step, taus[j]), used=driven)]
 
     return Factors(before, lambda _: Variable(form), (lambda _: Variable("gain")) if driven else None, _COST)
 

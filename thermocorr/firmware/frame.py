@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from .finished import Firmware
 from .formulas import (
@@ -42,10 +41,11 @@ def starting(firmware: Firmware) -> list[Statement]:
     """Statements of `init`, which has the argument ``start`` if `Firmware.asks_start`."""
     steps: list[Statement] = []
     for member in firmware.members():
-        zero = Number(0.0) if member.kind == "number" else Whole(0)
-        place = Kept(member.name)
-        one = member.length is None
-        steps.append(Assign(place, zero) if one else Loop(member.length or 0, [Assign(place[TURN], zero)]))
+        place, zero = Kept(member.name), Number(0.0) if member.kind == "number" else Whole(0)
+        if member.length is None:
+            steps.append(Assign(place, zero))
+        else:
+            steps.append(Loop(member.length, [Assign(place[TURN], zero)]))
     if firmware.asks_start:
         steps.append(Assign(firmware.clock.count(), Variable("start")))
     steps += firmware.program.init
@@ -58,15 +58,14 @@ def updating(firmware: Firmware) -> list[list[Statement]]:
     Arguments: ``step_us`` where the period is not fixed, ``temperature``, ``reading``, and ``columns`` where there are.
     """
     p = firmware.program
-    first: list[Statement] = []
+    first = [_first(firmware)]
     if p.asks_first or any(stage.begin or stage.advance for stage in p.stages):
-        first.append(Local("first", binary(_STARTED, "==", Whole(0)), "truth"))
-    first.append(_first(firmware))
+        first.insert(0, Local("first", binary(_STARTED, "==", Whole(0)), "truth"))
+    stages = [statement for stage in p.stages for statement in _stage(stage)]
     low, high = map(Number, firmware.limits)
     outside = binary(binary(_TEMPERATURE, "<", low), "or", binary(_TEMPERATURE, ">", high))
-    last: list[Statement] = [If(outside, [Raise("OUTSIDE_RANGE")]), *p.store, *_remember(firmware), *_tick(firmware)]
-    last.append(Answer(_BIAS, _READING - _BIAS))
-    stages = [statement for stage in p.stages for statement in _stage(stage)]
+    beyond, answer = If(outside, [Raise("OUTSIDE_RANGE")]), Answer(_BIAS, _READING - _BIAS)
+    last = [beyond, *p.store, *_remember(firmware), *_tick(firmware), answer]
     return [_inputs(firmware), first, stages, list(p.output), last]
 
 
@@ -101,6 +100,7 @@ def _absurd(firmware: Firmware, value: Formula, power: int, largest: float) -> F
 
 
 def _inputs(firmware: Firmware) -> list[Statement]:
+    """The last good value stands in for an input that is missing."""
     t, p = firmware.target, firmware.program
     low, high = firmware.limits
     hottest = abs(t.reference_temperature) + max(_SPANS * (high - low), _KELVINS)
@@ -110,11 +110,8 @@ def _inputs(firmware: Firmware) -> list[Statement]:
     if p.columns:
         absurd = _absurd(firmware, _COLUMN, p.highest_power, _LARGEST_INPUT)
         bad = absurd if t.fixed else binary(absurd, "or", Raised(("BAD_STEP",)))
-        missing: Sequence[Statement] = [
-            Raise("NO_COLUMN", unless="" if t.fixed else "BAD_STEP"),
-            Assign(_COLUMN, _LAST_COLUMN),
-        ]
-        take = [Assign(_COLUMN, Variable("columns")[TURN]), If(bad, missing)]
+        missing = Raise("NO_COLUMN", unless="" if t.fixed else "BAD_STEP")
+        take = [Assign(_COLUMN, Variable("columns")[TURN]), If(bad, [missing, Assign(_COLUMN, _LAST_COLUMN)])]
         steps += [Declare("column", len(p.columns)), Loop(len(p.columns), take)]
     not_finite = Unary("not", Call("is_within", (_READING, Largest("number"))))
     return [*steps, If(not_finite, [Raise("NO_READING")])]

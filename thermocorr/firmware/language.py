@@ -1,4 +1,4 @@
-"""What a language has to say for itself; all that stands beside it in this room is common to all languages."""
+"""What a language has to say for itself; all else in this room is common to all languages, but for C in `c99`."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from .selftest import Trial
 
 
 class Language(Protocol):
-    """A language that a program can be printed in: one file, which `export` is given.
+    """A language that `export_to` can write: one file, with a rule for each kind of `formulas` and of `statements`.
 
-    It prints the statements and formulas of `statements` and `formulas`, each kind by a rule of its own, the two
-    functions that `frame` has the statements of, and what stands around them.
+    It writes the flags, constants, helpers and members of the program, the functions ``init`` and ``update`` around the
+    statements that `frame` has for them, and the self-test.
     """
 
     title: str
@@ -26,8 +26,8 @@ class Language(Protocol):
     """Names that an export may not have, in small letters."""
 
     def files(self, firmware: Firmware, provenance: Sequence[str], trial: Trial) -> dict[str, str]:
-        """ASCII texts of the files by their endings, one of which runs the self-test.
+        """Texts of the files, in ASCII, by their endings; ValueError for a number that has no place in the language.
 
-        `provenance` are lines for the comment that heads the first. ValueError for a number that has no place.
+        `provenance` are the lines of the comment that heads the first.
         """
         ...

@@ -39,7 +39,9 @@ class Trial:
 
     given: Inputs
     bias: np.ndarray
+    """As Python computes it, shape (SAMPLES,)."""
     flags: np.ndarray
+    """Expected flags of each sample."""
     tolerance: float
     """Largest allowed error of the bias."""
 

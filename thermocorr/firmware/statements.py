@@ -96,7 +96,7 @@ class Helper:
 
 
 @dataclass(frozen=True)
-class Help(Statement):
+class CallHelper(Statement):
     """Declare the results of a helper as local variables; the first only where it is `used`."""
 
     helper: Helper
