@@ -30,9 +30,12 @@ COMPENSATED_FROM = 16.0
 class LagInput:
     """What a lag follows."""
 
-    key: str
+    value: Formula | None
+    """The input, which tells lags of equal input; None: a decay, which follows nothing."""
+    said: str
+    """For comments."""
     change: Callable[[], Formula] | None
-    """Reads the local variable: change of the input since the sample before; None: a decay, which follows nothing."""
+    """Reads the local variable: change of the input since the sample before; None for a decay."""
     unit: str
 
 
@@ -60,7 +63,7 @@ class LagBank:
 
     def __init__(self, program: Program):
         self.program = program
-        self.groups: dict[tuple[str, str, Formula | None], Group] = {}
+        self.groups: dict[tuple[Formula | None, str, Formula | None], Group] = {}
 
     def request(
         self,
@@ -77,7 +80,7 @@ class LagBank:
         The device rounds the last input, which the code counts from `counted_from`. The lagged value must not move by
         that, so the lag differences take it up.
         """
-        group = self.groups.setdefault((source.key, hold, start), Group(source, hold, start, stage))
+        group = self.groups.setdefault((source.value, hold, start), Group(source, hold, start, stage))
         last = 0.0 if end is None else end.temperature - counted_from
         rounded_off = last - self.program.target.held(last)
         for j, tau in enumerate(time_constants):
@@ -95,7 +98,7 @@ class LagBank:
         program, target, n = self.program, self.program.target, len(taus)
         name = "lag" if group.source.change else "decay"
         times = ", ".join(f"{tau:.6g}" for tau in taus)
-        comment = f"{group.source.key}: tau = {times} s [{group.source.unit}]"
+        comment = f"{group.source.said}: tau = {times} s [{group.source.unit}]"
         lag = group.array = program.member(f"{name}{suffix}", comment, n)
         if target.continues:
             ended = program.constant(f"{name}_at_end{suffix}", [group.ends[t] for t in taus], group.source.unit)

@@ -100,7 +100,7 @@ class Words:
             shift = word.start - p.constant
             begins = self.program.shared("starts_from", shift, "where bodies start, less what is usual")
             start = begins - self.composer.said(self.composer.as_one(p, name, stage).moving).value
-        source, taus = LagInput(given.said, given.change, given.unit or "1"), word.time_constants
+        source, taus = LagInput(given.value, given.said, given.change, given.unit or "1"), word.time_constants
         group = self.composer.lags.request(source, taus, word.hold, start, state, given.counted_from, stage)
 
         def later(_: int) -> list[Polynomial]:
@@ -187,7 +187,7 @@ class Words:
         taus = np.array(dict(word.of_segments).get(last, ()))
         left = decays(np.array([target.segment_elapsed]), taus)[0]
         felt = left > (_FORGOTTEN if target.single else 0.0)
-        source = LagInput("decay of the start", None, "1")
+        source = LagInput(None, "decay of the start", None, "1")
         group = self.composer.lags.request(source, taus[felt], end=LagState(left[felt], 0.0))
 
         def later(_: int) -> list[Polynomial]:
