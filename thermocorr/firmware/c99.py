@@ -197,7 +197,7 @@ class CText:
         checks, *sections = updating(self.firmware)
         return _text(
             [f"/* Made by thermocorr; see {name}.h. */", f'#include "{name}.h"'],
-            ["#include <float.h>", *(["#include <math.h>"] if self.program.calls_libm else [])],
+            ["#include <float.h>", *(["#include <math.h>"] if self.program.calls_functions else [])],
             _FAST,
             map(self.constant, self.program.constants),
             [within, "{", "    return value >= -limit && value <= limit; /* false for NaN */", "}"],

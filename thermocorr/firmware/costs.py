@@ -16,7 +16,7 @@ class FirmwareExport:
     """Files of an export and what the code needs: memory in bytes, operations for one sample."""
 
     name: str
-    """Prefix of the names in C."""
+    """Prefix of the names that the code shows."""
     dtype: str
     sampling_period: float | None
     """[s]; None where each update is told its step."""

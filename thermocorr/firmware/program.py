@@ -99,7 +99,7 @@ class Program:
     flags_washout: bool = False
     asks_first: bool = False
     """Whether a formula reads ``first``."""
-    calls_libm: bool = False
+    calls_functions: bool = False
     """Whether it calls an elementary function."""
     columns: dict[Any, str] = field(default_factory=dict)
     """Recorded columns in the order in which `update` takes them -> identifier."""
@@ -163,7 +163,7 @@ class Program:
 
     def call(self, function: str, value: Formula) -> Call:
         """The call of an elementary function."""
-        self.calls_libm = True
+        self.calls_functions = True
         return Call(function, (value,))
 
     def weigh(self, name: str, weights: Numbers, values: Sequence[Formula], comment: str) -> None:
