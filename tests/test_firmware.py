@@ -10,6 +10,7 @@ from firmware_runs import (
     KINDS,
     PERIOD,
     ROWS,
+    ambient,
     compile_c,
     errors,
     fitted,
@@ -19,9 +20,10 @@ from firmware_runs import (
     start_of,
 )
 
-from thermocorr.effects import CATALOGUE, Covariate, Drift, Effect, LagProducts, Rate, Step
+from thermocorr import DynamicBiasRegressor
+from thermocorr.effects import CATALOGUE, Covariate, Drift, Effect, LaggedCovariate, LagProducts, Rate, Step
 from thermocorr.firmware import export_c
-from thermocorr.firmware.language import Operations
+from thermocorr.firmware.operations import Operations
 
 
 @pytest.fixture(scope="module")
@@ -99,6 +101,35 @@ def test_any_formula_becomes_c(effect, follows, tmp_path):
                 continue  # refused by name
             error, *_ = errors(model, X, tmp_path, dtype, ROWS, variable, follows, command=("gcc", "-O1"))
             assert error < BOUNDS[dtype], (dtype, variable, error)
+
+
+class Conditions(Effect):
+    """Lags of two conditions: inputs that have no name of their own."""
+
+    kind = "conditions"
+
+    def inputs(self):
+        return ["T"]
+
+    def names(self):
+        return ["warm", "dry"]
+
+    def signals(self, x):
+        return [x.lag(x.where(warm, 1, 0), [300.0])[0] for warm in (x.T > 23.0, x["T"] < 45.0)]
+
+
+@needs_gcc
+@pytest.mark.parametrize("effect", [Conditions(), LaggedCovariate("T", [200.0])], ids=["conditions", "column"])
+def test_lags_of_different_inputs_are_not_one(effect, tmp_path):
+    """Neither where comments call the inputs alike, such as a column with the name "T"."""
+    X = ambient(6000).rename(columns={"humidity": "T"})
+    model = DynamicBiasRegressor("temperature", [200.0], effects=[effect], max_gap="1 h")
+    model.fit(X, X["temperature"].ewm(20).mean() + X["T"].ewm(30).mean() + (X["T"] < 45.0).ewm(30).mean())
+    export = export_c(model, tmp_path / "bias", "double")
+    new = X.set_axis(X.index + pd.Timedelta(10, "D"))
+    run = run_c(compile_c(export), new, np.ones(len(X)), export.columns)
+    expected = model.bias(new).to_numpy()
+    assert np.abs(run.bias - expected).max() < BOUNDS["double"] * np.ptp(expected)
 
 
 def test_every_kind_of_the_catalogue_is_among_them():

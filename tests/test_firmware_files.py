@@ -31,7 +31,8 @@ from thermocorr import DynamicBiasRegressor, RecordError, RecordWarning
 from thermocorr.command import cli
 from thermocorr.effects import Covariate, Delay, Drift, Effect, Rate, ThermalLag
 from thermocorr.firmware import export_c
-from thermocorr.firmware.language import comment, identifier, number
+from thermocorr.firmware.c99 import C99, comment, number
+from thermocorr.firmware.names import identifier
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +120,8 @@ def test_names_of_the_user_stay_inside_their_comments():
     assert said.isascii() and said.isprintable()
     taken = set()
     names = [
-        identifier(text, taken) for text in ("Température (°C)", "temperature c", "TEMPERATURE_C", "int", "9 V", "")
+        identifier(text, C99.keywords, taken)
+        for text in ("Température (°C)", "temperature c", "TEMPERATURE_C", "int", "9 V", "")
     ]
     assert len({name.lower() for name in names}) == 6
     assert all(name.isidentifier() and name.isascii() for name in names)

@@ -1,4 +1,4 @@
-"""Export of a fitted model to C99 for microcontrollers."""
+"""Export of a fitted model to C99 for microcontrollers, or to any `Language`."""
 
 from .costs import FirmwareExport
 from .export import export_c

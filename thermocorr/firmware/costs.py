@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from ..records.text import printable
-from .language import Operations
+from .operations import Operations
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,7 @@ class FirmwareExport:
     """Files of an export and what the code needs: memory in bytes, operations for one sample."""
 
     name: str
-    """Prefix of the names in C."""
+    """Prefix of the names that the code shows."""
     dtype: str
     sampling_period: float | None
     """[s]; None where each update is told its step."""

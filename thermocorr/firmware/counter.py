@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
-from .language import Operations
-from .program import Member, Place, Program
-from .statements import CLine
+from .formulas import Choice, Converted, Formula, Kept, Kind, Number, Variable, Whole, binary
+from .operations import Costed, Operations
+from .program import Program
+from .statements import Assign, If, Raise, Statement
 from .target import MICROSECONDS
 
 YEARS_OF_A_COUNTER = 100
@@ -21,7 +22,7 @@ class TimeCounter:
     def __init__(self, program: Program):
         self.program = program
         self.target = program.target
-        self.counter: Member | None = None
+        self.counter: Kept | None = None
 
     @property
     def used(self) -> bool:
@@ -35,44 +36,44 @@ class TimeCounter:
         return 32 if fits else 64
 
     @property
-    def counter_type(self) -> str:
-        """C type of the counter."""
-        return f"int{self.bits}_t"
+    def kind(self) -> Kind:
+        """Kind of the counter."""
+        return "int32" if self.bits == 32 else "int64"
 
-    def count(self) -> Member:
+    def count(self) -> Kept:
         """Read the counter: samples, or microseconds, since the origin."""
         if self.counter is None:
             what = "number of the next sample" if self.target.fixed else "microseconds"
             after_end = self.target.continues and self.target.fixed
             since = "since the last fitted row" if after_end else "since the first fitted row"
             name = "sample" if self.target.fixed else "microseconds"
-            self.counter = self.program.member(name, f"{what} {since}", ctype=self.counter_type)
+            self.counter = self.program.member(name, f"{what} {since}", kind=self.kind)
             if self.target.first_count:
-                self.program.init.add(f"{self.counter} = INT64_C({self.target.first_count});")
+                self.program.init.add(Assign(self.counter, Whole(self.target.first_count, "int64")))
         return self.counter
 
-    def seconds(self) -> Place:
+    def seconds(self) -> Variable:
         """Read the local variable: time since the first fitted row [s]."""
         return self.program.local("seconds", self._seconds)
 
-    def _seconds(self) -> CLine:
-        target, now = self.target, f"({self.target.dtype}){self.count()}"
+    def _seconds(self) -> Costed:
+        target, now = self.target, Converted("number", self.count())
         if target.period is not None:
             cost = Operations(1)
-            expression = f"{now} * {self.program.shared('period', target.period, 's, sampling period')}"
+            seconds = now * self.program.shared("period", target.period, "s, sampling period")
         else:
             cost = Operations(divisions=1)
-            expression = f"{now} / {target.number(MICROSECONDS)}"
+            seconds = now / Number(MICROSECONDS)
         if origin := target.origin:
-            expression += f" + {self.program.shared('origin', origin, 's, first sample since the first fitted row')}"
-        return CLine(expression, cost)
+            seconds += self.program.shared("origin", origin, "s, first sample since the first fitted row")
+        return Costed(seconds, cost)
 
-    def reached(self, moment: float) -> str:
-        """C condition: the time since the first fitted row is at least `moment` [s]."""
+    def reached(self, moment: float) -> Formula:
+        """Condition: the time since the first fitted row is at least `moment` [s]."""
         tick = self.target.period or 1 / MICROSECONDS
         count = math.ceil((moment - self.target.origin) / tick - _ALMOST[self.target.fixed])
         limit = 2**31 - 1 if self.bits == 32 else 2**62
-        return f"{self.count()} >= INT{self.bits}_C({min(max(count, -limit), limit)})"
+        return binary(self.count(), ">=", Whole(min(max(count, -limit), limit), self.kind))
 
 
 def settling(program: Program, washout: float) -> None:
@@ -81,15 +82,17 @@ def settling(program: Program, washout: float) -> None:
     if washout <= 0 or not target.begins:
         return
     program.flags_washout = True
+    stage = program.stage(0)
     if target.period is None:
         count = math.ceil(washout * MICROSECONDS - _ALMOST[False])
-        left = program.member("settling", "microseconds until the start is forgotten", ctype="uint64_t")
-        program.stage(0).begin.add(f"{left} = UINT64_C({count});")
-        program.stage(0).advance.add(f"{left} -= step_us < {left} ? step_us : {left};")
-        program.store.add(f"if ({left} > 0) {{")
+        left = program.member("settling", "microseconds until the start is forgotten", kind="uint64")
+        stage.begin.add(Assign(left, Whole(count, "uint64")))
+        step = Variable("step_us")
+        stage.advance.add(Assign(left, Choice(step < left, step, left), "-"))
+        then: list[Statement] = []
     else:
         count = min(math.ceil(washout / target.period - _ALMOST[True]), 2**32 - 1)
-        left = program.member("settling", "samples until the start is forgotten", ctype="uint32_t")
-        program.stage(0).begin.add(f"{left} = UINT32_C({count});")
-        program.store.add(f"if ({left} > 0) {{", f"    --{left};")
-    program.store.add(f"    result.flags |= {target.macro('WASHOUT')};", "}")
+        left = program.member("settling", "samples until the start is forgotten", kind="uint32")
+        stage.begin.add(Assign(left, Whole(count, "uint32")))
+        then = [Assign(left, Whole(1), "-")]
+    program.store.add(If(left > Whole(0), [*then, Raise("WASHOUT")]))

@@ -1,9 +1,9 @@
-"""`export_c`: a fitted model as C99 source for a microcontroller."""
+"""A fitted model as source for a microcontroller: `export_c`, and `export_to` for any language."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,19 +14,21 @@ from ..effects import StaticPolynomial
 from ..estimators.cancellation import Cancellation
 from ..files import Outputs
 from ..records import RecordWarning, seconds_of
-from .body import source
+from .c99 import C99
+from .composer import Composer, refuse
 from .costs import FirmwareExport
 from .counter import TimeCounter, settling
 from .finished import Firmware
-from .header import header
-from .language import DEFAULT_PREFIX, Dtype, prefix
-from .printer import Printer, refuse
+from .formulas import Kept, Whole
+from .language import Language
+from .names import DEFAULT_PREFIX, prefix
 from .program import Program
 from .provenance import fitted_range, provenance
 from .reference import reference_bias
-from .selftest import TOLERANCE, expected_flags, test_program
+from .selftest import TOLERANCE, Trial, expected_flags, tolerance
 from .selftest import inputs as test_inputs
-from .target import Target
+from .statements import Assign
+from .target import Dtype, Target
 
 _ROUNDINGS = 4.0
 """Roundings of each contribution that may add up: of its coefficient, its column, their product and the sum."""
@@ -87,17 +89,41 @@ def export_c(
     OutputError
         An OSError and a RecordError: the files cannot be written, or must not be; none of them is.
     """
+    return export_to(
+        C99(),
+        model,
+        path,
+        dtype,
+        sampling_period=sampling_period,
+        name=name,
+        continue_from_fit=continue_from_fit,
+        outputs=Outputs(inputs, force),
+    )
+
+
+def export_to(
+    language: Language,
+    model: Any,
+    path: str | Path,
+    dtype: Dtype,
+    *,
+    sampling_period: Any = "fitted",
+    name: str | None = None,
+    continue_from_fit: bool = False,
+    outputs: Outputs | None = None,
+) -> FirmwareExport:
+    """Write a fitted model in a language; parameters, result and errors are those of `export_c`."""
     if dtype not in ("float", "double"):
         raise ValueError(f"The 'dtype' parameter of export_c must be 'float' or 'double'. Got {dtype!r} instead.")
     effects = model.features_.effect_list()
     removed = [i for i, effect in enumerate(effects) if effect.removed_by_correct]
-    refuse([effects[i] for i in removed])
-    folder, stem = _place(path)
+    refuse([effects[i] for i in removed], language.title)
+    folder, stem = _place(path, language)
     static = next(effect for effect in effects if isinstance(effect, StaticPolynomial))
     history = getattr(model.features_, "history_", None)
     T0 = float(static.reference_temperature_)
     target = Target(
-        name=prefix(name or stem),
+        name=prefix(name or stem, language.keywords, language.unfit),
         dtype=dtype,
         period=_period(sampling_period, history),
         reference_temperature=float(np.float32(T0)) if dtype == "float" else T0,
@@ -108,23 +134,12 @@ def export_c(
     edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
     weights = [np.asarray(model.coef_[low:high], float) for low, high in pairwise(edges)]
     states = [None] * len(effects) if not continue_from_fit else list(target.fitted_history.end_states[-1])
-    program, clock = _compose(model, target, effects, removed, weights, states)
-    firmware = Firmware(program, clock, fitted_range(model))
-    step = target.period or (history.usual_step if history is not None else 1.0)
-    given = test_inputs(firmware, _recorded(program, history), step)
-    seconds = _seconds(target, given.steps)
     parts = [(effects[i], weights[i], states[i]) for i in removed]
-    bias, size = reference_bias(target, parts, given.temperature, given.columns, seconds, given.steps)
-    spread = max(float(np.ptp(bias)), getattr(getattr(model, "reading_", None), "std", 0.0))
-    if dtype == "float":
-        _warn_of_lost_digits(Cancellation(size, spread))
-    flags = expected_flags(firmware, given, float(model.washout_))
-    texts = {
-        ".h": header(firmware, provenance(model, target, effects)),
-        ".c": source(firmware),
-        "_test.c": test_program(firmware, given, bias, flags, size),
-    }
-    paths = _write(folder, target.name, texts, Outputs(inputs, force))
+    program, clock = _compose(model, Program(target, language.keywords), parts)
+    firmware = Firmware(program, clock, fitted_range(model))
+    trial = _trial(model, firmware, parts)
+    texts = language.files(firmware, provenance(model, target, effects), trial)
+    paths = _write(folder, target.name, texts, outputs or Outputs())
     return FirmwareExport(
         name=target.name,
         dtype=dtype,
@@ -133,9 +148,23 @@ def export_c(
         columns=tuple(program.columns),
         state_bytes=firmware.state_bytes,
         constant_bytes=firmware.constant_bytes,
-        operations=program.operations,
+        operations=firmware.operations,
         kept=tuple(effect.label() for effect in effects if not effect.removed_by_correct),
     )
+
+
+def _trial(model: Any, firmware: Firmware, parts: Sequence[tuple[Any, np.ndarray, Any]]) -> Trial:
+    """The self-test, by the effects themselves."""
+    target, history = firmware.target, firmware.target.history
+    step = target.period or (history.usual_step if history is not None else 1.0)
+    given = test_inputs(firmware, _recorded(firmware.program, history), step)
+    seconds = _seconds(target, given.steps)
+    bias, size = reference_bias(target, parts, given.temperature, given.columns, seconds, given.steps)
+    spread = max(float(np.ptp(bias)), getattr(getattr(model, "reading_", None), "std", 0.0))
+    if target.single:
+        _warn_of_lost_digits(Cancellation(size, spread))
+    flags = expected_flags(firmware, given, float(model.washout_))
+    return Trial(given, bias, flags, tolerance(firmware, bias, size))
 
 
 def _warn_of_lost_digits(found: Cancellation) -> None:
@@ -146,34 +175,32 @@ def _warn_of_lost_digits(found: Cancellation) -> None:
             f"{found} Single precision may be wrong by {rounding * found.reach:.1g}. Export with dtype='double', or "
             "fit fewer time constants (or with a ridge penalty, alpha).",
             RecordWarning,
-            stacklevel=3,
+            stacklevel=5,  # whoever calls export_c
         )
 
 
-def _compose(
-    model: Any, target: Target, effects: list[Any], removed: list[int], weights: list[np.ndarray], states: list[Any]
-) -> tuple[Program, TimeCounter]:
+def _compose(model: Any, program: Program, parts: Sequence[tuple[Any, np.ndarray, Any]]) -> tuple[Program, TimeCounter]:
     """Let every effect write its part."""
-    program = Program(target)
+    target = program.target
     if target.continues:
         kept = target.fitted_history.record
         last = target.last_row
         ended = program.constant("temperature_at_end", kept.columns[target.temperature_name][last], "of the fit")
-        program.init.add(f"s->temperature = {ended};")
-    printer = Printer(program, model.reading_.unit if hasattr(model, "reading_") else "")
-    printer.write([effects[i] for i in removed], [weights[i] for i in removed], [states[i] for i in removed])
+        program.init.add(Assign(Kept("temperature"), ended))
+    composer = Composer(program, model.reading_.unit if hasattr(model, "reading_") else "")
+    composer.write(*zip(*parts, strict=True))
     if target.continues:
         for number, column in enumerate(program.columns):
             ended = program.constant(f"column_at_end_{number}", kept.columns[column][last], "of the fit")
-            program.init.add(f"s->column[{number}] = {ended};")
+            program.init.add(Assign(Kept("column")[Whole(number)], ended))
     settling(program, float(model.washout_))
-    return program, printer.clock
+    return program, composer.clock
 
 
-def _place(path: str | Path) -> tuple[Path, str]:
-    """Folder and name: a path that ends in .c or .h names the files, any other is a folder."""
+def _place(path: str | Path, language: Language) -> tuple[Path, str]:
+    """Folder and name: a path with an ending of the language names the files, any other is a folder."""
     path = Path(path)
-    return (path.parent, path.stem) if path.suffix in (".c", ".h") else (path, DEFAULT_PREFIX)
+    return (path.parent, path.stem) if path.suffix in language.suffixes else (path, DEFAULT_PREFIX)
 
 
 def _period(given: Any, history: Any) -> float | None:

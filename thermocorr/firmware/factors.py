@@ -1,4 +1,4 @@
-"""Decay and gain of a lag, as `thermocorr.equations.lags` has them: tables, or a C helper for steps not known before.
+"""Decay and gain of a lag, as `thermocorr.equations.lags` has them: tables, or a helper for steps not known before.
 
 A recursion has the decay ``a`` or the loss ``1 - a`` as its factor.
 """
@@ -11,41 +11,23 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ..equations.lags import Hold, decay_and_gain
-from .language import Operations
+from .formulas import Bracketed, Formula, Number, Output, Variable
+from .operations import NOTHING, Operations
 from .program import Program
-from .statements import NOTHING, CLine, Index
+from .statements import Assign, CallHelper, Declare, Helper, If, Local, Statement
 
 Form = Literal["loss", "decay"]
-_LOSS = """\
-static {T} lag_{form}({T} step, {T} tau, {T} *{form})
-{{
-    const {T} ratio = step / tau;
-    {T} gain;
-
-    if (ratio < {tenth}) {{ /* tanh(x)/x as a continued fraction, Abramowitz & Stegun 4.5.70 */
-        const {T} half = {half} * ratio;
-        const {T} square = half * half;
-        const {T} above = {ten} * square + {big};
-        gain = above / (((square + {mid}) * square + {big}) + half * above);
-        *{form} = {small_form};
-    }} else {{
-        *{form} = {large_form};
-        gain = {large_gain};
-    }}
-    return gain;
-}}
-"""
 _COST = Operations(multiply_adds=6, adds=1, divisions=2, calls=1)
 """The larger number of each kind of the two ways."""
 
 
 class Factors(NamedTuple):
-    """C expressions for a turn of the loop over lags."""
+    """What a turn of the loop over lags reads."""
 
-    before: Callable[[Index], list[str]]
+    before: Callable[[Formula], list[Statement]]
     """Statements that a turn begins with."""
-    factor: Callable[[Index], str]
-    gain: Callable[[Index], str] | None
+    factor: Callable[[Formula], Formula]
+    gain: Callable[[Formula], Formula] | None
     """What the change of the input is multiplied by; None: 1."""
     cost: Operations
 
@@ -63,36 +45,41 @@ def lag_factors(program: Program, taus: np.ndarray, hold: str, form: Form, part:
         gain = loss * taus / period
     else:
         factor = program.constant(f"decay{part}", decay, "exp(-dt/tau)")
-    table = program.constant(f"gain{part}", gain, "(1 - exp(-dt/tau)) tau/dt") if driven else ""
-    return Factors(lambda _: [], lambda j: f"{factor}[{j}]", (lambda j: f"{table}[{j}]") if driven else None, NOTHING)
+    if not driven:
+        return Factors(lambda _: [], lambda j: factor[j], None, NOTHING)
+    table = program.constant(f"gain{part}", gain, "(1 - exp(-dt/tau)) tau/dt")
+    return Factors(lambda _: [], lambda j: factor[j], lambda j: table[j], NOTHING)
 
 
-def _of_steps(program: Program, taus: str, driven: bool, form: Form) -> Factors:
-    helper, T, step = _helper(program, form), program.target.dtype, program.step()
+def _of_steps(program: Program, taus: Variable, driven: bool, form: Form) -> Factors:
+    helper, step = _helper(program, form), program.step()
 
-    def before(j: Index) -> list[str]:
-        call = f"{helper}({step}, {taus}[{j}], &{form});"
-        return [f"{T} {form};", f"const {T} gain = {call}" if driven else f"(void){call}"]
+    def before(j: Formula) -> list[Statement]:
+        return [CallHelper(helper, (step, taus[j]), used=driven)]
 
-    return Factors(before, lambda _: form, (lambda _: "gain") if driven else None, _COST)
+    return Factors(before, lambda _: Variable(form), (lambda _: Variable("gain")) if driven else None, _COST)
 
 
-def _helper(program: Program, form: Form) -> str:
-    """The C function that computes the factors of a step; returns its name."""
+def _helper(program: Program, form: Form) -> Helper:
+    """The function that computes the factors of a step."""
     name = f"lag_{form}"
     if name not in program.helpers:
-        n, loss = program.target.number, form == "loss"
-        text = _LOSS.format(
-            T=program.target.dtype,
-            form=form,
-            tenth=n(0.1),
-            half=n(0.5),
-            ten=n(10.0),
-            big=n(105.0),
-            mid=n(45.0),
-            small_form="ratio * gain" if loss else f"{n(1.0)} - ratio * gain",
-            large_form=f"-{program.call('expm1')}(-ratio)" if loss else f"{program.call('exp')}(-ratio)",
-            large_gain="(*loss) / ratio" if loss else f"({n(1.0)} - *decay) / ratio",
-        )
-        program.helpers[name] = CLine(text, _COST)
-    return name
+        ratio, gain, half, square, above = map(Variable, ("ratio", "gain", "half", "square", "above"))
+        one, factor, loss = Number(1.0), Output(form), form == "loss"
+        exact = -program.call("expm1", -ratio) if loss else program.call("exp", -ratio)
+        below = Bracketed((square + Number(45.0)) * square + Number(105.0)) + half * above
+        small = [
+            Local("half", Number(0.5) * ratio),
+            Local("square", half * half),
+            Local("above", Number(10.0) * square + Number(105.0)),
+            Assign(gain, above / below),
+            Assign(factor, ratio * gain if loss else one - ratio * gain),
+        ]
+        large = [Assign(factor, exact), Assign(gain, (Bracketed(factor) if loss else one - factor) / ratio)]
+        note = "tanh(x)/x as a continued fraction, Abramowitz & Stegun 4.5.70"
+        body: list[list[Statement]] = [
+            [Local("ratio", Variable("step") / Variable("tau")), Declare("gain")],
+            [If(ratio < Number(0.1), small, large, note)],
+        ]
+        program.helpers[name] = Helper(name, ("step", "tau"), gives="gain", second=form, body=body)
+    return program.helpers[name]

@@ -1,10 +1,10 @@
-"""What the texts of a finished program share: state, flags, signatures, costs."""
+"""A program that all effects have written to: its state, flags and costs, which every language prints."""
 
 from __future__ import annotations
 
 from .counter import TimeCounter
-from .language import Operations
-from .program import BYTES, Member, Program
+from .operations import Operations
+from .program import Member, Program
 
 FLAGS = (
     ("NO_TEMPERATURE", "temperature missing or absurd: the last good one was taken"),
@@ -18,35 +18,41 @@ FLAGS = (
 
 
 class Firmware:
-    """A program that all effects have written to, ready to become text."""
+    """A program that is ready to become text."""
 
     def __init__(self, program: Program, clock: TimeCounter, limits: tuple[float, float]):
         self.program, self.clock, self.target = program, clock, program.target
         self.limits = limits
         """Lowest and highest fitted temperature."""
         self.bias_constant = program.constant("bias_at_reference", program.bias_constant, "sum of all constant terms")
-        program.close.add("result.corrected = reading - bias;", cost=Operations(adds=1))
 
     def members(self) -> list[Member]:
         """Members of the state, those of eight bytes first, so that nothing is lost between them."""
-        program, T = self.program, self.target.dtype
-        members = [Member(T, "temperature", None, "at the last sample"), *program.members]
+        program = self.program
+        members = [Member("number", "temperature", None, "at the last sample"), *program.members]
         if program.columns:
-            members.insert(1, Member(T, "column", len(program.columns), "recorded columns at the last sample"))
-        members.append(Member("uint32_t", "started", None, "0 until the first usable sample"))
-        return sorted(members, key=lambda member: -BYTES[member.ctype])
+            members.insert(1, Member("number", "column", len(program.columns), "recorded columns at the last sample"))
+        members.append(Member("uint32", "started", None, "0 until the first usable sample"))
+        return sorted(members, key=lambda member: -self.target.bytes_of(member.kind))
 
     @property
     def state_bytes(self) -> int:
         """Size of the state, padded at its end."""
-        members = self.members()
-        widest = max(BYTES[member.ctype] for member in members)
-        return -(-sum(member.size for member in members) // widest) * widest
+        sizes = [(self.target.bytes_of(member.kind), member.length or 1) for member in self.members()]
+        widest = max(size for size, _ in sizes)
+        return -(-sum(size * length for size, length in sizes) // widest) * widest
 
     @property
     def constant_bytes(self) -> int:
         """Constants and tables; small helpers and code come on top."""
-        return BYTES[self.target.dtype] * sum(len(constant.values) for constant in self.program.constants)
+        return self.target.bytes_of("number") * sum(len(constant.values) for constant in self.program.constants)
+
+    @property
+    def operations(self) -> Operations:
+        """Operations of one update, the larger number of each kind where there are two branches."""
+        staged = [block for stage in self.program.stages for block in (stage.locals, stage.advance)]
+        blocks = [*staged, self.program.output, self.program.store]
+        return sum((block.cost for block in blocks), Operations(adds=1))  # reading - bias
 
     def flags(self) -> list[tuple[str, int, str]]:
         """Flags that this program can raise: name, bit, meaning."""
@@ -57,14 +63,7 @@ class Firmware:
             absent.add("BAD_STEP")
         return [(name, 1 << i, text) for i, (name, text) in enumerate(FLAGS) if name not in absent]
 
-    def init_signature(self) -> str:
-        """Signature of the function that starts a device."""
-        start = f", {self.clock.counter_type} start" if self.clock.used and not self.target.continues else ""
-        return f"void {self.target.name}_init({self.target.name}_state *s{start})"
-
-    def update_signature(self) -> str:
-        """Signature of the function that takes a sample."""
-        name, T = self.target.name, self.target.dtype
-        step = "" if self.target.fixed else "uint64_t step_us, "
-        columns = f", const {T} *columns" if self.program.columns else ""
-        return f"{name}_result {name}_update({name}_state *s, {step}{T} temperature, {T} reading{columns})"
+    @property
+    def asks_start(self) -> bool:
+        """Whether `init` must be told when the first sample is: samples or microseconds from the first fitted row."""
+        return self.clock.used and not self.target.continues

@@ -16,9 +16,10 @@ import numpy as np
 
 from ..equations import LagState
 from .factors import Form, lag_factors
-from .language import Operations
-from .program import Member, Place, Program
-from .statements import Index
+from .formulas import Bracketed, Formula, Item, Kept, Number, Variable, Whole, behind
+from .operations import Operations
+from .program import Program
+from .statements import Assign, Local, Statement
 from .target import Target
 
 COMPENSATED_FROM = 16.0
@@ -29,9 +30,12 @@ COMPENSATED_FROM = 16.0
 class LagInput:
     """What a lag follows."""
 
-    key: str
-    change: Callable[[], Place] | None
-    """Reads the local variable: change of the input since the sample before; None: a decay, which follows nothing."""
+    value: Formula | None
+    """The input, which tells lags of equal input; None: a decay, which follows nothing."""
+    said: str
+    """For comments."""
+    change: Callable[[], Formula] | None
+    """Reads the local variable: change of the input since the sample before; None for a decay."""
     unit: str
 
 
@@ -41,17 +45,17 @@ class Group:
 
     source: LagInput
     hold: str
-    start: str
-    """"rest", or the C expression with which each lag difference starts."""
+    start: Formula | None
+    """What each lag difference starts with; None: at rest."""
     stage: int
     ends: dict[float, float] = field(default_factory=dict)
     """Time constant [s] -> lag difference at the end of the fit."""
-    array: Member = field(init=False)
+    array: Kept = field(init=False)
 
-    def columns(self, time_constants: Sequence[float]) -> list[Place]:
+    def columns(self, time_constants: Sequence[float]) -> list[Item]:
         """Where lag differences stand, after the bank has been emitted."""
         order = sorted(self.ends)
-        return [Place(str(self.array), order.index(float(tau))) for tau in time_constants]
+        return [self.array[Whole(order.index(float(tau)))] for tau in time_constants]
 
 
 class LagBank:
@@ -59,24 +63,24 @@ class LagBank:
 
     def __init__(self, program: Program):
         self.program = program
-        self.groups: dict[tuple[str, str, str], Group] = {}
+        self.groups: dict[tuple[Formula | None, str, Formula | None], Group] = {}
 
     def request(
         self,
         source: LagInput,
         time_constants: Sequence[float],
         hold: str = "first_order",
-        start: str = "rest",
+        start: Formula | None = None,
         end: LagState | None = None,
         counted_from: float = 0.0,
         stage: int = 0,
     ) -> Group:
         """Ask for lags; `end` is their state at the end of the fit, for a program that continues it.
 
-        The C type rounds the last input, which the code counts from `counted_from`. The lagged value must not move by
+        The device rounds the last input, which the code counts from `counted_from`. The lagged value must not move by
         that, so the lag differences take it up.
         """
-        group = self.groups.setdefault((source.key, hold, start), Group(source, hold, start, stage))
+        group = self.groups.setdefault((source.value, hold, start), Group(source, hold, start, stage))
         last = 0.0 if end is None else end.temperature - counted_from
         rounded_off = last - self.program.target.held(last)
         for j, tau in enumerate(time_constants):
@@ -94,16 +98,15 @@ class LagBank:
         program, target, n = self.program, self.program.target, len(taus)
         name = "lag" if group.source.change else "decay"
         times = ", ".join(f"{tau:.6g}" for tau in taus)
-        comment = f"{group.source.key}: tau = {times} s [{group.source.unit}]"
+        comment = f"{group.source.said}: tau = {times} s [{group.source.unit}]"
         lag = group.array = program.member(f"{name}{suffix}", comment, n)
         if target.continues:
             ended = program.constant(f"{name}_at_end{suffix}", [group.ends[t] for t in taus], group.source.unit)
-            program.init.loop(n, lambda j: f"{lag}[{j}] = {ended}[{j}];")
+            program.init.loop(n, lambda j: [Assign(lag[j], ended[j])])
         begin = program.stage(group.stage).begin
-        if target.begins and group.start != "rest":
-            begin.loop(n, lambda j: f"{lag}[{j}] = {group.start};")
-        elif target.longest_step is not None:  # what `init` does before the first sample
-            begin.loop(n, lambda j: f"{lag}[{j}] = {target.number(0.0)};")
+        start = group.start if target.begins else None
+        if start or target.longest_step is not None:  # rest: what `init` does before the first sample
+            begin.loop(n, lambda j: [Assign(lag[j], start or Number(0.0))])
         fast = n_plain(group, taus, target)
         self._recursion(group, taus, suffix, 0, fast)
         self._recursion(group, taus, suffix, fast, n)
@@ -124,25 +127,26 @@ class LagBank:
         cost = Operations.of(1 + (factors.gain is not None), sums) + factors.cost
         rest = program.member(f"rest{part}", f"what rounding took from {array.name}", n) if compensated else None
         if rest is not None and target.longest_step is not None:
-            stage.begin.loop(n, lambda j: f"{rest}[{j}] = {target.number(0.0)};")
+            stage.begin.loop(n, lambda j: [Assign(rest[j], Number(0.0))])
 
-        def turn(j: Index) -> list[str]:
-            lag, kept = f"{array}[{j + low}]", f"{factors.factor(j)} * {array}[{j + low}]"
-            driven = f"{factors.gain(j)} * {change}" if factors.gain else change
-            taken = kept if change is None else f"{kept} + {driven}"
+        def turn(j: Formula) -> list[Statement]:
+            lag, note = array[behind(j, low)], "eq. (25)"
+            kept = factors.factor(j) * lag
+            driven = factors.gain(j) * change if factors.gain and change else change
             if rest is not None:
-                lines = [
-                    f"const {target.dtype} increment = {rest}[{j}] + {taken}; /* eq. (25) */",
-                    f"const {target.dtype} next = {lag} - increment;",
-                    f"{rest}[{j}] = (next - {lag}) + increment;",
-                    f"{lag} = next;",
+                increment, following = Variable("increment"), Variable("next")
+                taken = rest[j] + kept if driven is None else rest[j] + kept + driven
+                recursion: list[Statement] = [
+                    Local("increment", taken, note=note),
+                    Local("next", lag - increment),
+                    Assign(rest[j], Bracketed(following - lag) + increment),
+                    Assign(lag, following),
                 ]
-            elif form == "loss":
-                lines = [f"{lag} -= {taken}; /* eq. (25) */"]
-            else:  # driven: what follows nothing is compensated
-                lines = [f"{lag} = {kept} - {driven}; /* eq. (25) */"]
-            lines = [*factors.before(j), *lines]
-            return lines if n > 1 or len(lines) == 1 else ["{", *(f"    {line}" for line in lines), "}"]
+            elif driven is None or form == "loss":
+                recursion = [Assign(lag, kept if driven is None else kept + driven, "-", note)]
+            else:
+                recursion = [Assign(lag, kept - driven, note=note)]
+            return [*factors.before(j), *recursion]
 
         stage.advance.loop(n, turn, cost + Operations(adds=3) if compensated else cost)
 

@@ -1,4 +1,4 @@
-"""One effect in C: its expression, node by node, as polynomials, local variables and words that remember.
+"""One effect in a program: its expression, node by node, as polynomials, local variables and words that remember.
 
 A sum or product of values is a polynomial, and costs nothing until it is needed. Two things are not multiplied out. A
 difference of two values stays a difference, whose digits single precision would lose otherwise. A product with a factor
@@ -14,9 +14,9 @@ from typing import Any
 from ..effects import Effect
 from ..effects.expressions import Decays, Node, Previous, Traced, traced
 from ..effects.signals import parted
-from .language import Operations
+from .formulas import Bracketed, Choice, Converted, Formula, Kind, Number, Unary, Whole, binary
+from .operations import Costed, Operations
 from .polynomial import Polynomial
-from .statements import CLine
 from .target import MICROSECONDS
 
 _TURN = 2**64
@@ -26,8 +26,8 @@ _CALLS = ("exp", "log1p", "sin", "cos")
 class Part:
     """One effect of a program: its expression, node by node."""
 
-    def __init__(self, printer: Any, effect: Effect, state: Any):
-        self.printer, self.program, self.target = printer, printer.program, printer.target
+    def __init__(self, composer: Any, effect: Effect, state: Any):
+        self.composer, self.program, self.target = composer, composer.program, composer.target
         self.expression: Traced = traced(effect)
         self.name = effect.kind
         self.states = parted(state) or [None] * len(self.expression.words)
@@ -70,19 +70,19 @@ class Part:
     def _follow(self, node: Node, stage: int) -> None:
         """Let a word follow a value of this stage; what it then says belongs to the next."""
         number, word = node.detail
-        words, state = self.printer.words, self.states[number - 1] if self.states and number else None
+        words, state = self.composer.words, self.states[number - 1] if self.states and number else None
         p = None if isinstance(word, Decays) else self.value(node.arguments[0] if node.arguments else word.value)
         self.values[-1 - node.number] = words.follow(word, p, state, self.name, stage)
 
     def _value(self, node: Node, stage: int) -> Any:
-        op, printer = node.operator, self.printer
+        op, composer = node.operator, self.composer
         if op in ("T", "column", "seconds", "elapsed", "step", "angle"):
             return self._input(node)
         if op == "word":
             number, word = node.detail
             if isinstance(word, Previous):
                 state = self.states[number - 1]
-                return printer.words.previous(self.value(node.arguments[0]), state, self.name, stage)
+                return composer.words.previous(self.value(node.arguments[0]), state, self.name, stage)
             said = self.values[-1 - node.number]
             return said(stage)
         if op == "item":
@@ -111,11 +111,11 @@ class Part:
         return self._condition(op, args[0], args[1])
 
     def _input(self, node: Node) -> Polynomial:
-        printer, program = self.printer, self.program
+        composer, program = self.composer, self.program
         if node.operator in ("T", "column"):
             given = program.temperature() if node.operator == "T" else program.column(node.detail, self._near(node))
-            p = printer.atom(given.centred, lambda: program.centred(given), given.said, given.unit)
-            printer.inputs[p.alone()] = given
+            p = composer.atom(given.centred, lambda: program.centred(given), given.said, given.unit)
+            composer.inputs[p.alone()] = given
             return p + given.reference
         if node.operator == "seconds":
             return self._seconds()
@@ -126,10 +126,10 @@ class Part:
         return self._step()
 
     def _seconds(self) -> Polynomial:
-        return self.printer.atom("seconds", self.printer.clock.seconds, "time", "s")
+        return self.composer.atom("seconds", self.composer.clock.seconds, "time", "s")
 
     def _step(self) -> Polynomial:
-        return self.printer.atom("step", self.program.step, "step", "s")
+        return self.composer.atom("step", self.program.step, "step", "s")
 
     def _near(self, node: Node) -> float:
         """A usual value of a column: what the formula subtracts from it, or else its mean over the fitted rows."""
@@ -149,32 +149,33 @@ class Part:
         program, target = self.program, self.target
         began = target.absolute_zero() % period
 
-        def angle() -> CLine:
+        def angle() -> Costed:
             turn = program.shared("omega", 2.0 * math.pi / period, "rad/s")
             zero = program.shared("began", began, "s, phase of the first fitted row")
-            return CLine(f"{turn} * ({zero} + {self.printer.clock.seconds()})", Operations(1))
+            return Costed(turn * (zero + self.composer.clock.seconds()), Operations(1))
 
-        def exact_angle() -> CLine:
+        def exact_angle() -> Costed:
             phase, unit = self._phase(period, began)
-            ctype = "uint32_t" if target.fixed else "int64_t"
-            counted = program.local(program.name("phase"), lambda: CLine(phase), ctype=ctype)
-            return CLine(f"({target.dtype}){counted} * {unit}", Operations(1))
+            kind: Kind = "uint32" if target.fixed else "int64"
+            counted = program.local(program.name("phase"), lambda: Costed(phase), kind=kind)
+            return Costed(Converted("number", counted) * unit, Operations(1))
 
-        return self.printer.local(("angle", period), "angle", 0, exact_angle if target.single else angle)
+        return self.composer.local(("angle", period), "angle", 0, exact_angle if target.single else angle)
 
-    def _phase(self, period: float, began: float) -> tuple[str, str]:
-        """A whole number as a C expression, and the constant of the angle that is one of it."""
-        program, target, clock = self.program, self.target, self.printer.clock
+    def _phase(self, period: float, began: float) -> tuple[Formula, Formula]:
+        """A whole number, and the constant of the angle that is one of it."""
+        program, target, clock = self.program, self.target, self.composer.clock
         if target.period is not None:
             stride = round(target.period / period * _TURN) % _TURN
             start = round((began + target.origin) / period * _TURN) % _TURN
-            count = f"(uint64_t)(int64_t){clock.count()}"
-            phase = f"(uint32_t)(({count} * UINT64_C({stride}) + UINT64_C({start})) >> 32)"
+            count = Converted("uint64", Converted("int64", clock.count()))
+            share = Bracketed(count * Whole(stride, "uint64") + Whole(start, "uint64"))
+            phase = Converted("uint32", Bracketed(binary(share, ">>", Whole(32))))
             return phase, program.shared("turn", 2.0 * math.pi / 2**32, "rad, turn/2^32")
         whole = round(period * MICROSECONDS)
         start = round((began + target.origin) * MICROSECONDS) % whole
-        length, ahead = f"INT64_C({whole})", f"INT64_C({whole + start})"  # never negative, before the fit too
-        phase = f"({clock.count()} % {length} + {ahead}) % {length}"
+        length, ahead = Whole(whole, "int64"), Whole(whole + start, "int64")  # never negative, before the fit too
+        phase = (clock.count() % length + ahead) % length
         return phase, program.shared("radians", 2.0 * math.pi / whole, "rad/us")
 
     # ------------------------------------------------------------------------------------------------------ operations
@@ -192,88 +193,90 @@ class Part:
         return factors[0] * factors[1]
 
     def _call(self, function: str, p: Polynomial, stage: int) -> Polynomial:
-        def write() -> CLine:
-            said = self.printer.said(p)
-            return CLine(f"{self.program.call(function)}({said.text})", said.cost() + Operations(calls=1))
+        def write() -> Costed:
+            said = self.composer.said(p)
+            return Costed(self.program.call(function, said.value), said.cost() + Operations(calls=1))
 
-        return self.printer.local((function, p.key()), self.name, stage, write)
+        return self.composer.local((function, p.key()), self.name, stage, write)
 
     def _quotient(self, a: Polynomial, b: Polynomial, stage: int) -> Polynomial:
         if not b.atoms:
             return a * (1.0 / b.constant)
 
-        def write() -> CLine:
-            above, below = self.printer.said(a), self.printer.said(b)
-            text = f"({above.text}) / ({below.text})"
+        def write() -> Costed:
+            above, below = self.composer.said(a), self.composer.said(b)
+            value: Formula = Bracketed(above.value) / Bracketed(below.value)
             if b.key() == self._step().key():
-                zero = self.target.number(0.0)
-                text = f"{below.text} > {zero} ? {text} : {zero}"
+                zero = Number(0.0)
+                value = Choice(below.value > zero, value, zero)
             cost = Operations.of(above.products + below.products, above.sums + below.sums, divisions=1)
-            return CLine(text, cost)
+            return Costed(value, cost)
 
-        return self.printer.local(("/", a.key(), b.key()), self.name, stage, write)
+        return self.composer.local(("/", a.key(), b.key()), self.name, stage, write)
 
     def _extreme(self, a: Polynomial, b: Polynomial, sign: str, stage: int) -> Polynomial:
         """``max(a, b) = a0 + max(a - a0, b - a0)``, the constants apart."""
         if not a.atoms:
             a, b = b, a
-        one, printer = self._as_one(a, stage), self.printer
+        one, composer = self._as_one(a, stage), self.composer
         constant, other = one.constant, b - one.constant
         if other.atoms:
             other = self._as_one(other, stage)
 
-        def larger() -> CLine:
-            left, right = printer.said(one.moving), printer.said(other)
-            return CLine(f"{left.text} {sign} {right.text} ? {left.text} : {right.text}", right.cost())
+        def larger() -> Costed:
+            left, right = composer.said(one.moving), composer.said(other)
+            larger = binary(left.value, sign, right.value)
+            return Costed(Choice(larger, left.value, right.value), right.cost())
 
-        def beyond_edge() -> CLine:
-            value, zero, apart = printer.said(one.moving).text, self.target.number(0.0), other.constant
+        def beyond_edge() -> Costed:
+            value, zero, apart = composer.said(one.moving).value, Number(0.0), other.constant
             if not apart:
-                return CLine(f"{value} {sign} {zero} ? {value} : {zero}")
+                return Costed(Choice(binary(value, sign, zero), value, zero))
             edge = self.program.shared(f"{self.name}_edge", apart, "less what is usual")
-            return CLine(f"{value} {sign} {edge} ? {value} - {edge} : {zero}", Operations(adds=1))
+            return Costed(Choice(binary(value, sign, edge), value - edge, zero), Operations(adds=1))
 
         key = (sign, one.key(), other.key())
         if other.atoms:
-            return printer.local(key, self.name, stage, larger) + constant
-        return printer.local(key, self.name, stage, beyond_edge, self._unit(one)) + b.constant
+            return composer.local(key, self.name, stage, larger) + constant
+        return composer.local(key, self.name, stage, beyond_edge, self._unit(one)) + b.constant
 
     def _as_one(self, p: Polynomial, stage: int) -> Polynomial:
         """A polynomial as one value and a constant."""
-        return self.printer.as_one(p, self.name, stage)
+        return self.composer.as_one(p, self.name, stage)
 
     def _unit(self, p: Polynomial) -> str:
         alone = p.alone()
-        return "" if alone is None else self.printer.atoms[alone].unit
+        return "" if alone is None else self.composer.atoms[alone].unit
 
     def _condition(self, op: str, a: Polynomial, b: Polynomial) -> Polynomial:
         """A comparison; one of the time with a number counts whole samples or microseconds."""
-        clock, of_time = self.printer.clock, a.moving.key() == self._seconds().key()
+        clock, of_time = self.composer.clock, a.moving.key() == self._seconds().key()
         if of_time and not b.atoms and op in (">=", "<"):
             moment = b.constant - a.constant
 
-            def reached() -> str:
-                return clock.reached(moment) if op == ">=" else f"!({clock.reached(moment)})"
+            def reached() -> Formula:
+                later = clock.reached(moment)
+                return later if op == ">=" else Unary("not", Bracketed(later))
 
-            return self.printer.condition((op, "time", moment), reached)
+            return self.composer.condition((op, "time", moment), reached)
 
-        def compared() -> str:
-            return f"{self.printer.said((a - b).moving).text} {op} {self.target.number((b - a).constant)}"
+        def compared() -> Formula:
+            return binary(self.composer.said((a - b).moving).value, op, Number((b - a).constant))
 
-        return self.printer.condition((op, (a - b).key()), compared)
+        return self.composer.condition((op, (a - b).key()), compared)
 
     def _choice(self, truth: Polynomial, a: Polynomial, b: Polynomial, stage: int) -> Polynomial:
         """``condition ? a : b``; of two numbers it is ``b + (a - b) [condition]``."""
         if not truth.atoms:
             return a if truth.constant else b
-        if self.printer.condition_of(truth) is None:
+        if self.composer.condition_of(truth) is None:
             truth = self._condition("!=", truth, Polynomial({}))
         if not a.atoms and not b.atoms:
             return truth * (a.constant - b.constant) + b.constant
 
-        def write() -> CLine:
-            one, other = self.printer.said(a), self.printer.said(b)
+        def write() -> Costed:
+            one, other = self.composer.said(a), self.composer.said(b)
             cost = Operations.of(one.products + other.products, one.sums + other.sums)
-            return CLine(f"{self.printer.condition_of(truth)()} ? {one.text} : {other.text}", cost)
+            return Costed(Choice(self.composer.condition_of(truth)(), one.value, other.value), cost)
 
-        return self.printer.local(("?", truth.key(), a.key(), b.key()), self.name, stage, write)
+        return self.composer.local(("?", truth.key(), a.key(), b.key()), self.name, stage, write)

@@ -1,4 +1,4 @@
-"""Polynomials of what the C code knows at a sample: constants are folded in double precision, before they are written.
+"""Polynomials of what the code knows at a sample: constants are folded in double precision, before they are written.
 
 `x.T` is ``deviation + near_t0`` to the code, a column its own deviation and a usual value, the play its lead over what
 it follows and that. So T - T0, squares of a pressure, or the paper's form of a lag lose no digit in single precision,
@@ -12,23 +12,23 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from .language import Operations
-from .program import Place
+from .formulas import Formula
+from .operations import Operations
 
 
 @dataclass(frozen=True)
 class Atom:
     """A value that the code computes or is given, as polynomials see it."""
 
-    read: Callable[[], Place]
+    read: Callable[[], Formula]
     """Reads it: declares what the code lacks for it, and returns where it stands."""
     said: str
     """For comments."""
     unit: str
     degree: int = 1
     """Highest power of an input in it."""
-    condition: Callable[[], str] | None = None
-    """Reads a C condition, for an atom that is 1 where it holds and else 0."""
+    condition: Callable[[], Formula] | None = None
+    """Reads a condition, for an atom that is 1 where it holds and else 0."""
 
 
 Monomial = tuple[int, ...]
@@ -96,9 +96,9 @@ class Polynomial:
 
 
 class Said(NamedTuple):
-    """A C expression and what it costs, statement aside."""
+    """A formula and what it costs, statement aside."""
 
-    text: str
+    value: Formula
     products: int = 0
     sums: int = 0
 

@@ -1,4 +1,4 @@
-"""The parts of a C program while effects write them: constants, state, and lines of the two functions."""
+"""The parts of a program while effects write them: constants, state, and statements of the two functions."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects.thermal import column_text
-from .language import Operations, identifier
-from .statements import NOTHING, CLine, Statements
+from .formulas import Call, Converted, Formula, Item, Kept, Kind, Number, Variable, Whole, behind
+from .names import identifier
+from .operations import Costed, Operations
+from .statements import Assign, Helper, Local, Statement, Statements
 from .target import MICROSECONDS, Target
 
 Numbers = Sequence[float] | NDArray[np.float64]
@@ -22,11 +24,10 @@ RESERVED = frozenset(
     """.split()  # noqa: SIM905
 )
 """Names that the frame of `update` uses itself."""
-BYTES = {"float": 4, "double": 8, "uint32_t": 4, "int32_t": 4, "uint64_t": 8, "int64_t": 8}
 
 
 class Constant(NamedTuple):
-    """A named constant or table of the type of the target."""
+    """A named constant or table of numbers."""
 
     name: str
     values: tuple[float, ...]
@@ -35,40 +36,21 @@ class Constant(NamedTuple):
 
 
 class Member(NamedTuple):
-    """A member of the state."""
+    """What is known of a member of the state."""
 
-    ctype: str
+    kind: Kind
     name: str
     length: int | None
     comment: str
 
-    def __str__(self) -> str:
-        return f"s->{self.name}"
-
-    @property
-    def size(self) -> int:
-        """Bytes."""
-        return BYTES[self.ctype] * (self.length or 1)
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where a value stands: a variable (no index) or an element of an array."""
-
-    array: str
-    index: int | None = None
-
-    def __str__(self) -> str:
-        return self.array if self.index is None else f"{self.array}[{self.index}]"
-
 
 @dataclass(frozen=True)
 class Input:
-    """An input as the code sees it: C expressions, and the value from which `centred` counts."""
+    """An input as the code sees it, and the value from which `centred` counts."""
 
-    value: str
-    before: str
-    """C expression: the value at the sample before."""
+    value: Formula
+    before: Formula
+    """The value at the sample before."""
     centred: str
     """Local variable: the input less its reference."""
     near: str
@@ -95,12 +77,14 @@ class Stage:
 
 @dataclass
 class Program:
-    """Collects what the effects of a model need: `update` runs the stages, then `output`, `store` and `close`.
+    """Collects what the effects of a model need: `update` runs the stages, then `output` and `store`.
 
     A local variable is declared by whoever reads it first, so that the code holds none that nothing reads.
     """
 
     target: Target
+    keywords: frozenset[str] = frozenset()
+    """Names that the language has taken."""
     constants: list[Constant] = field(default_factory=list)
     members: list[Member] = field(default_factory=list)
     init: Statements = field(default_factory=Statements)
@@ -110,16 +94,15 @@ class Program:
     """What adds to `bias`."""
     store: Statements = field(default_factory=Statements)
     """What is kept for the next sample."""
-    close: Statements = field(default_factory=Statements)
-    helpers: dict[str, CLine] = field(default_factory=dict)
-    """Static functions: name -> text, and operations of its dearest way."""
+    helpers: dict[str, Helper] = field(default_factory=dict)
     bias_constant: float = 0.0
     flags_washout: bool = False
     asks_first: bool = False
-    """Whether an expression reads ``first``."""
-    calls_libm: bool = False
+    """Whether a formula reads ``first``."""
+    calls_functions: bool = False
+    """Whether it calls an elementary function."""
     columns: dict[Any, str] = field(default_factory=dict)
-    """Recorded columns in the order of their C array -> identifier."""
+    """Recorded columns in the order in which `update` takes them -> identifier."""
     highest_power: int = 2
     """Highest power of inputs, which bounds the inputs that cannot overflow."""
     references: dict[Any, float] = field(default_factory=dict)
@@ -128,29 +111,28 @@ class Program:
     _columns_taken: set[str] = field(default_factory=lambda: {"s"})
     _declared: set[str] = field(default_factory=set)
 
-    def constant(self, name: str, values: float | Numbers, comment: str) -> str:
-        """Declare a constant (a number) or a table (a sequence); returns its name."""
+    def constant(self, name: str, values: float | Numbers, comment: str) -> Variable:
+        """Declare a constant (a number) or a table (a sequence)."""
         table = not isinstance(values, float | int)
         taken = (float(values),) if isinstance(values, float | int) else tuple(float(v) for v in values)
-        name = identifier(name, self._taken)
-        self.constants.append(Constant(name, taken, comment, table))
-        return name
+        self.constants.append(Constant(self.name(name), taken, comment, table))
+        return Variable(self.constants[-1].name)
 
-    def shared(self, name: str, value: float, comment: str) -> str:
+    def shared(self, name: str, value: float, comment: str) -> Variable:
         """A constant that several effects need: declared by whoever asks first."""
         for constant in self.constants:
             if constant.values == (float(value),) and constant.comment == comment and not constant.table:
-                return constant.name
+                return Variable(constant.name)
         return self.constant(name, value, comment)
 
-    def member(self, name: str, comment: str, length: int | None = None, ctype: str | None = None) -> Member:
-        """Declare a member of the state, which as text is the expression for it."""
-        self.members.append(Member(ctype or self.target.dtype, identifier(name, self._taken), length, comment))
-        return self.members[-1]
+    def member(self, name: str, comment: str, length: int | None = None, kind: Kind = "number") -> Kept:
+        """Declare a member of the state."""
+        self.members.append(Member(kind, self.name(name), length, comment))
+        return Kept(self.members[-1].name)
 
     def name(self, text: str) -> str:
         """A name of the code's own that nothing else has."""
-        return identifier(text, self._taken)
+        return identifier(text, self.keywords, self._taken)
 
     def stage(self, number: int) -> Stage:
         """A stage, and those before it."""
@@ -158,66 +140,64 @@ class Program:
             self.stages.append(Stage())
         return self.stages[number]
 
-    def local(self, name: str, write: Callable[[], CLine], stage: int = 0, ctype: str = "") -> Place:
-        """Read a local variable: whoever reads it first declares it, behind all that its expression reads."""
+    def local(self, name: str, write: Callable[[], Costed], stage: int = 0, kind: Kind = "number") -> Variable:
+        """Read a local variable: whoever reads it first declares it, behind all that its formula reads."""
         if name not in self._declared:
             self._declared.add(name)
-            expression, cost = write()
-            text = f"const {ctype or self.target.dtype} {name} = {expression};"
-            self.stage(stage).locals.add(text, cost=cost)
-        return Place(name)
+            value, cost = write()
+            self.stage(stage).locals.add(Local(name, value, kind), cost=cost)
+        return Variable(name)
 
-    def step(self) -> Place:
+    def step(self) -> Variable:
         """Read the time since the sample before [s], where it is known only at run time."""
         if "step" not in self._declared:
             self._declared.add("step")
-            T = self.target.dtype
-            text = f"const {T} step = ({T})step_us / {self.target.number(MICROSECONDS)};"
-            self.stage(0).locals.lines.insert(0, CLine(text, Operations(divisions=1)))
-        return Place("step")
+            seconds = Converted("number", Variable("step_us")) / Number(MICROSECONDS)
+            self.stage(0).locals.add_first(Local("step", seconds), Operations(divisions=1))
+        return Variable("step")
 
-    def first(self) -> str:
+    def first(self) -> Variable:
         """Read whether the sample is the first of a segment."""
         self.asks_first = True
-        return "first"
+        return Variable("first")
 
-    def call(self, function: str) -> str:
-        """Name of a libm function that the code calls."""
-        self.calls_libm = True
-        return self.target.call(function)
+    def call(self, function: str, value: Formula) -> Call:
+        """The call of an elementary function."""
+        self.calls_functions = True
+        return Call(function, (value,))
 
-    @property
-    def operations(self) -> Operations:
-        """Operations of one update, the larger number of each kind where there are two branches."""
-        staged = [line for stage in self.stages for block in (stage.locals, stage.advance) for line in block]
-        lines = [*staged, *self.output, *self.store, *self.close]
-        return sum((line.operations for line in lines), NOTHING)
-
-    def weigh(self, name: str, weights: Numbers, values: Sequence[Place], comment: str) -> None:
+    def weigh(self, name: str, weights: Numbers, values: Sequence[Formula], comment: str) -> None:
         """Add ``weight * value`` to the bias for each; values that follow one another in an array share a loop."""
         at = 0
         while at < len(values):
-            array, index, run = values[at].array, values[at].index, 1
-            while index is not None and at + run < len(values) and values[at + run] == Place(array, index + run):
-                run += 1
-            if index is not None and run > 1:
-                table = self.constant(name, list(weights[at : at + run]), comment)
-                self._add_products(table, array, index, run)
-            else:
-                constant = self.constant(name, float(weights[at]), comment)
-                self.output.add(f"bias += {constant} * {values[at]};", cost=Operations(1))
+            value, run = values[at], 1
+            if isinstance(value, Item) and isinstance(value.index, Whole):
+                while values[at + run : at + run + 1] == [value.array[behind(value.index, run)]]:
+                    run += 1
+                if run > 1:
+                    table = self.constant(name, list(weights[at : at + run]), comment)
+                    self._add_products(table, value.array, value.index.value, run)
+            if run == 1:
+                self.add_to_bias(self.constant(name, float(weights[at]), comment) * value, Operations(1))
             at += run
 
-    def _add_products(self, table: str, array: str, begin: int, length: int) -> None:
-        self.output.loop(length, lambda j: f"bias += {table}[{j}] * {array}[{j + begin}];", Operations(1))
+    def _add_products(self, table: Formula, array: Formula, begin: int, length: int) -> None:
+        def turn(j: Formula) -> list[Statement]:
+            return [Assign(Variable("bias"), table[j] * array[behind(j, begin)], "+")]
+
+        self.output.loop(length, turn, Operations(1))
+
+    def add_to_bias(self, value: Formula, cost: Operations) -> None:
+        """Add a value to the bias."""
+        self.output.add(Assign(Variable("bias"), value, "+"), cost=cost)
 
     # What effects read: the temperature and recorded columns, counted from a value nearby so that no digit is lost.
 
     def temperature(self) -> Input:
         """The temperature less `Target.reference_temperature` [K]."""
         return Input(
-            value="temperature",
-            before="s->temperature",
+            value=Variable("temperature"),
+            before=Kept("temperature"),
             centred="deviation",
             near="near_t0",
             change="change",
@@ -231,12 +211,12 @@ class Program:
         if name == self.target.temperature_name:
             return self.temperature()
         if name not in self.columns:
-            self.columns[name] = identifier(name, self._columns_taken, "column")
+            self.columns[name] = identifier(name, self.keywords, self._columns_taken, "column")
             self.references[name] = self.target.held(near)
         k, said = list(self.columns).index(name), column_text(name)
         return Input(
-            value=f"column[{k}]",
-            before=f"s->column[{k}]",
+            value=Variable("column")[Whole(k)],
+            before=Kept("column")[Whole(k)],
             centred=f"centred_{k}",
             near=f"near_{k}",
             change=f"change_{k}",
@@ -245,15 +225,15 @@ class Program:
             unit=f"({said})",
         )
 
-    def centred(self, given: Input) -> Place:
+    def centred(self, given: Input) -> Variable:
         """Read an input less its reference, a local variable."""
 
-        def write() -> CLine:
+        def write() -> Costed:
             near = self.shared(given.near, given.reference, f"a usual value of {given.said}")
-            return CLine(f"{given.value} - {near}", Operations.of(sums=1))
+            return Costed(given.value - near, Operations.of(sums=1))
 
         return self.local(given.centred, write)
 
-    def change(self, given: Input) -> Place:
+    def change(self, given: Input) -> Variable:
         """Read the change of an input since the sample before, a local variable."""
-        return self.local(given.change, lambda: CLine(f"{given.value} - {given.before}", Operations.of(sums=1)))
+        return self.local(given.change, lambda: Costed(given.value - given.before, Operations.of(sums=1)))

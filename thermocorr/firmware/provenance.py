@@ -1,4 +1,4 @@
-"""Where the numbers of an export come from, for the comment that heads its C files."""
+"""Where the numbers of an export come from, for the comment that heads its files."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from .language import comment
 from .target import Target
 
 
@@ -53,4 +52,4 @@ def provenance(model: Any, target: Target, effects: list[Any]) -> list[str]:
     lines.append(f"State after init: {start}")
     if not target.continues:
         lines.append(f"Flagged after it, while the lags forget: {float(model.washout_):.6g} s")
-    return [comment(line) for line in lines]
+    return lines

@@ -1,4 +1,4 @@
-"""What the C code has to reproduce: the bias by the effects themselves, for a sequence of samples."""
+"""What the code has to reproduce: the bias by the effects themselves, for a sequence of samples."""
 
 from __future__ import annotations
 

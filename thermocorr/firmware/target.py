@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from ..records import History
-from .language import Dtype, number
+from .formulas import Kind
 
+Dtype = Literal["float", "double"]
+"""Precision of the numbers on the device: single or double."""
 MICROSECONDS = 1_000_000
 
 
@@ -18,12 +20,12 @@ class Target:
     """Choices of an export that every part of the code depends on."""
 
     name: str
-    """Prefix of every name in the C files."""
+    """Prefix of every name that the code shows outside."""
     dtype: Dtype
     period: float | None
     """Fixed time between samples [s]; None where each update is told its step."""
     reference_temperature: float
-    """Temperature from which the C code counts, exact in `dtype`."""
+    """Temperature from which the code counts, exact in `dtype`."""
     temperature_name: Any
     history: History | None = None
     """Fitted record, where the model still has it."""
@@ -51,25 +53,14 @@ class Target:
         return self.period is not None
 
     def held(self, value: float) -> float:
-        """A number as the C type holds it."""
+        """A number as the device holds it."""
         return float(np.float32(value)) if self.single else float(value)
 
-    def number(self, value: float) -> str:
-        """A literal."""
-        return number(value, self.dtype)
-
-    def call(self, function: str) -> str:
-        """Name of a libm function for this type."""
-        return function + ("f" if self.single else "")
-
-    @property
-    def largest(self) -> str:
-        """Largest number of this type, as float.h calls it."""
-        return "FLT_MAX" if self.single else "DBL_MAX"
-
-    def macro(self, name: str) -> str:
-        """A name in capitals with the prefix."""
-        return f"{self.name}_{name}".upper()
+    def bytes_of(self, kind: Kind) -> int:
+        """Size of a value on the device."""
+        if kind == "number":
+            return 4 if self.single else 8
+        return 8 if kind in ("int64", "uint64") else 4
 
     # Time: seconds since the first fitted row are `origin` and what the clock shows.
 

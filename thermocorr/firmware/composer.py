@@ -1,4 +1,4 @@
-"""C of any effects: the bias is one polynomial of what the code knows at a sample, written by Horner's rule."""
+"""The program of any effects: the bias is one polynomial of what is known at a sample, by Horner's rule."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from ..effects import CATALOGUE, Effect
 from ..effects.expressions import TraceError, traced
 from ..effects.protocol import refuse_foresight
 from .counter import TimeCounter
+from .formulas import Bracketed, Choice, Formula, Item, Number, Whole
 from .lagbank import LagBank
-from .language import Operations
+from .operations import Costed, Operations
 from .part import Part
 from .polynomial import Atom, Polynomial, Said, most_common, without
-from .program import Input, Numbers, Place, Program
+from .program import Input, Numbers, Program
 from .recursions import Words
-from .statements import CLine
 
 
-def refuse(effects: Sequence[Effect]) -> None:
-    """Raise ValueError that names the first effect that cannot be written in C."""
+def refuse(effects: Sequence[Effect], language: str) -> None:
+    """Raise ValueError that names the first effect that cannot be written in a language."""
     refuse_foresight(effects, "a device")
     for effect in effects:
         reason = ""
@@ -32,13 +32,13 @@ def refuse(effects: Sequence[Effect]) -> None:
         if reason:
             known = [kind for kind, effect in CATALOGUE.items() if not effect.foresees]
             raise ValueError(
-                f"The effect {effect.label()!r} ({type(effect).__name__}) cannot be exported to C: {reason}. It "
-                f"knows {', '.join(known)}, and effects of your own that say their formula in `signals`. Leave the "
+                f"The effect {effect.label()!r} ({type(effect).__name__}) cannot be exported to {language}: {reason}. "
+                f"It knows {', '.join(known)}, and effects of your own that say their formula in `signals`. Leave the "
                 "effect out and fit again, or correct with the model itself."
             )
 
 
-class Printer:
+class Composer:
     """Writes effects into a program, those that follow others later.
 
     Parameters
@@ -80,20 +80,20 @@ class Printer:
             atom = most_common(products)
             inside = {without(m, atom): c for m, c in left.items() if atom in m}
             said = self.said(Polynomial(inside), of_bias=[atom])
-            program.output.add(f"bias += {self.read(atom)} * ({said.text});", cost=said.cost(1, 1))
+            program.add_to_bias(self.read(atom) * Bracketed(said.value), said.cost(1, 1))
             left = {monomial: c for monomial, c in left.items() if atom not in monomial}
         alone = [monomial[0] for monomial in left]
         places = {atom: self.read(atom) for atom in alone if self.atoms[atom].condition is None}
         by_array: dict[tuple[str, str], list[int]] = {}
-        for atom in sorted(places, key=lambda atom: (places[atom].array, places[atom].index or 0)):
-            by_array.setdefault((places[atom].array, self.atoms[atom].unit), []).append(atom)
+        for atom in sorted(places, key=lambda atom: _located(places[atom])):
+            by_array.setdefault((_located(places[atom])[0], self.atoms[atom].unit), []).append(atom)
         for (_, unit), atoms in by_array.items():
             comment = f"{self.per(unit)}, of {self.atoms[atoms[0]].said}"
             program.weigh("weight", [left[atom,] for atom in atoms], [places[atom] for atom in atoms], comment)
         for atom in alone:
             if (condition := self.atoms[atom].condition) is not None:
-                name, zero = self._number(left[atom,], [atom]), self.target.number(0.0)
-                program.output.add(f"bias += {condition()} ? {name} : {zero};", cost=Operations(adds=1))
+                weight = self._number(left[atom,], [atom])
+                program.add_to_bias(Choice(condition(), weight, Number(0.0)), Operations(adds=1))
 
     def per(self, unit: str) -> str:
         """Unit of a coefficient."""
@@ -104,7 +104,7 @@ class Printer:
         return sum(self.atoms[atom].degree for atom in monomial)
 
     def said(self, p: Polynomial, of_bias: Sequence[int] | None = None) -> Said:
-        """A polynomial in C, by Horner's rule; `of_bias`: it stands in the bias, times these atoms."""
+        """A polynomial as a formula, by Horner's rule; `of_bias`: it stands in the bias, times these atoms."""
         terms, parts = dict(p.terms), []
         while moving := {monomial: c for monomial, c in terms.items() if monomial}:
             atom = most_common(moving)
@@ -113,23 +113,26 @@ class Printer:
         if terms or not parts:
             parts.append(("+", Said(self._number(p.constant, of_bias))))
         (sign, first), *more = parts
-        text = ("-" if sign == "-" else "") + first.text + "".join(f" {sign} {part.text}" for sign, part in more)
-        return Said(text, sum(s.products for _, s in parts), sum(s.sums for _, s in parts) + len(parts) - 1)
+        value = -first.value if sign == "-" else first.value
+        for sign, part in more:
+            value = value - part.value if sign == "-" else value + part.value
+        return Said(value, sum(s.products for _, s in parts), sum(s.sums for _, s in parts) + len(parts) - 1)
 
     def _factored(self, atom: int, inside: dict[Any, float], of_bias: Sequence[int] | None) -> tuple[str, Said]:
-        """Sign and text of ``atom * (inside)``."""
-        text, within = str(self.read(atom)), None if of_bias is None else (*of_bias, atom)
+        """Sign and value of ``atom * (inside)``."""
+        value, within = self.read(atom), None if of_bias is None else (*of_bias, atom)
         if len(inside) == 1 and within is None and abs(next(iter(inside.values()))) == 1.0:
             ((monomial, c),) = inside.items()
-            factors = [text, *(str(self.read(atom)) for atom in monomial)]
-            return "+" if c > 0 else "-", Said(" * ".join(factors), len(monomial))
+            for atom in monomial:
+                value = value * self.read(atom)
+            return "+" if c > 0 else "-", Said(value, len(monomial))
         if set(inside) == {()}:
-            return "+", Said(f"{self._number(inside[()], within)} * {text}", 1)
+            return "+", Said(self._number(inside[()], within) * value, 1)
         inner = self.said(Polynomial(inside), within)
-        return "+", Said(f"{text} * ({inner.text})", inner.products + 1, inner.sums)
+        return "+", Said(value * Bracketed(inner.value), inner.products + 1, inner.sums)
 
-    def _number(self, value: float, of_bias: Sequence[int] | None) -> str:
-        """The name of a constant: of a formula, or a coefficient of these atoms in the bias."""
+    def _number(self, value: float, of_bias: Sequence[int] | None) -> Formula:
+        """A constant: of a formula, or a coefficient of these atoms in the bias."""
         if of_bias is None:
             return self.program.shared("number", value, "of a formula")
         unit = " ".join(filter(None, (self.atoms[atom].unit for atom in of_bias)))
@@ -139,28 +142,31 @@ class Printer:
 
     # ----------------------------------------------------------------------------------------------- atoms and locals
 
-    def read(self, atom: int) -> Place:
-        """Where an atom stands, once what it needs is declared."""
+    def read(self, atom: int) -> Formula:
+        """An atom, once what it needs is declared."""
         return self.atoms[atom].read()
 
-    def atom(self, key: Hashable, read: Callable[[], Place], said: str, unit: str = "") -> Polynomial:
+    def atom(self, key: Hashable, read: Callable[[], Formula], said: str, unit: str = "") -> Polynomial:
         """The polynomial of a value; one for each key, which says what it is."""
         return self._one(key, lambda: Atom(read, said, unit))
 
-    def condition(self, key: Hashable, read: Callable[[], str]) -> Polynomial:
-        """The polynomial of a C condition: 1 where it holds, else 0."""
-        one, zero = self.target.number(1.0), self.target.number(0.0)
-        return self._one(key, lambda: Atom(lambda: Place(f"({read()} ? {one} : {zero})"), "a condition", "", 1, read))
+    def condition(self, key: Hashable, read: Callable[[], Formula]) -> Polynomial:
+        """The polynomial of a condition: 1 where it holds, else 0."""
 
-    def condition_of(self, p: Polynomial) -> Callable[[], str] | None:
+        def value() -> Formula:
+            return Bracketed(Choice(read(), Number(1.0), Number(0.0)))
+
+        return self._one(key, lambda: Atom(value, "a condition", "", 1, read))
+
+    def condition_of(self, p: Polynomial) -> Callable[[], Formula] | None:
         """Reads the condition that a polynomial is; None where it is none."""
         alone = p.alone()
         return None if alone is None or p.constant else self.atoms[alone].condition
 
     def local(
-        self, key: Hashable, name: str, stage: int, write: Callable[[], CLine], unit: str = "", degree: int = 1
+        self, key: Hashable, name: str, stage: int, write: Callable[[], Costed], unit: str = "", degree: int = 1
     ) -> Polynomial:
-        """A local variable, which `write` gives its expression where something reads it; one for each key."""
+        """A local variable, which `write` gives its formula where something reads it; one for each key."""
 
         def atom() -> Atom:
             variable = self.program.name(name)
@@ -183,9 +189,9 @@ class Printer:
         units = {self.atoms[m[0]].unit if len(m) == 1 else "" for m in moving.terms}
         unit = units.pop() if len(units) == 1 else ""
 
-        def write() -> CLine:
+        def write() -> Costed:
             said = self.said(moving)
-            return CLine(said.text, said.cost())
+            return Costed(said.value, said.cost())
 
         return self.local(("sum", moving.key()), name, stage, write, unit, degree) + p.constant
 
@@ -193,3 +199,10 @@ class Printer:
         """The input that a polynomial is, beside a constant; None where it is none."""
         alone = p.alone()
         return None if alone is None else self.inputs.get(alone)
+
+
+def _located(place: Formula) -> tuple[str, int]:
+    """Array (or variable) and index of a value, by which values are sorted."""
+    if isinstance(place, Item) and isinstance(place.index, Whole):
+        return str(place.array), place.index.value
+    return str(place), 0
