@@ -20,10 +20,10 @@ from ..effects.protocol import Effect
 from ..effects.signals import joined
 from ..equations import LagState, TriangularFactor, lag_differences
 from ..equations.spikes import HALO, Scanned, Usual
+from ..equations.statistics import Moments
 from ..estimators.fitting import Swept, decays_first
 from ..records import Layout, Log, ParquetLog, Record, RecordError, Segment, SegmentStart
 from ..records.errors import listing, quoted
-from ..records.record import Moments
 from ..records.times import Times
 from .parts import (
     Look,

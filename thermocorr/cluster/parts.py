@@ -18,11 +18,11 @@ from ..effects.signals import BlockSignals
 from ..effects.stream import walk
 from ..equations import LagState, TriangularFactor, lags_at_end
 from ..equations.spikes import Scanned, Usual, scan_stretch
+from ..equations.statistics import Moments
 from ..estimators.cutting import block_rows
 from ..estimators.fitting import reading_offset, sweep
 from ..estimators.threads import one_blas_thread
 from ..records import BLOCK_ROWS, Block, Layout, ParquetLog, Record, RecordError, Segment, SegmentStart, read_record
-from ..records.record import Moments
 from ..records.screen import LeftOut
 
 Part = Any

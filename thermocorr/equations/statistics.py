@@ -1,9 +1,10 @@
-"""What is said about a series: moving average, eqs. (9) (26), reduction in dB, and how much of it is white."""
+"""What is said about a series: moments, moving average, eqs. (9) (26), reduction in dB, and how much of it is white."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,3 +88,45 @@ def white_part(series: Sequence[Floats]) -> float:
     growth = min(max((four_times - twice) / (twice - once), 2.0), 4.0**order)  # 2^p
     white = once - (twice - once) / (growth - 1)
     return white if white > _LEAST_WHITE * once else 0.0
+
+
+class Moments(NamedTuple):
+    """Number, mean, sum of squared deviations and range of some values."""
+
+    n: int = 0
+    mean: float = 0.0
+    squares: float = 0.0
+    low: float = np.inf
+    high: float = -np.inf
+
+    @classmethod
+    def of(cls, values: Floats) -> Moments:
+        """Moments of an array, without its NaN."""
+        total = values.sum()
+        if np.isnan(total):
+            values = values[np.isfinite(values)]
+            total = values.sum()
+        if not len(values):
+            return cls()
+        mean = float(total / len(values))
+        centred = values - mean
+        return cls(len(values), mean, float(centred @ centred), float(values.min()), float(values.max()))
+
+    def merged(self, other: Moments) -> Moments:
+        """Moments of two sets of values together (Chan, Golub & LeVeque 1983, American Statistician 37, 242)."""
+        n = self.n + other.n
+        if not n:
+            return self
+        shift = other.mean - self.mean
+        return Moments(
+            n,
+            self.mean + shift * other.n / n,
+            self.squares + other.squares + shift**2 * self.n * other.n / n,
+            min(self.low, other.low),
+            max(self.high, other.high),
+        )
+
+    @property
+    def std(self) -> float:
+        """Standard deviation."""
+        return float(np.sqrt(self.squares / max(self.n, 1)))

@@ -16,9 +16,12 @@ import numpy as np
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts, walk
 from ..equations import noise
-from ..records import BLOCK_ROWS, Record
+from ..records import BLOCK_ROWS, Block, Record
 from ..records.thinned import Thinned
 from .levels import COARSE, MOST_SOUND
+
+AHEAD_ROWS = 1 << 17
+"""Rows of a block for effects that look ahead, each time over many rows beyond it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,28 +51,49 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
     Rows without a reading are left out of the averages, columns and all. Effects must have learned the record.
     """
     assert record.reading is not None
-    width = max(1, -(-record.n_used // n_stretches))
-    size = max(width, BLOCK_ROWS // width * width)
-    widths = [len(effect.names()) for effect in effects]
-    parts: list[list[np.ndarray]] = [[] for _ in effects]
+    width = stretch_of(record, n_stretches)
     readings, counts, segments, seconds = [], [], [], []
-    states: list[Any] = []
-    for block in record.blocks(size, starts=own_starts(record)):
-        if block.start == record.segments[block.segment].start:
-            states = [None] * len(effects)
-        reading = np.asarray(record.reading[block.rows], float)
-        known = np.isfinite(reading)
+    for block in record.blocks(_rows(width, BLOCK_ROWS), starts=own_starts(record)):
+        reading, share = np.asarray(record.reading[block.rows], float), _shares(record, block)
         starts = np.arange(0, len(block), width)
-        share = np.where(known, record.counts[block.rows] if isinstance(record, Thinned) else 1.0, 0.0)
         count = np.add.reduceat(share, starts)
-        kept: Any = count > 0
-        even = bool((share == 1.0).all())
-        single = even and width == 1
-        readings.append((np.add.reduceat(np.where(known, reading, 0.0) * share, starts) / np.maximum(count, 1))[kept])
-        seconds.append((np.add.reduceat(block.seconds * share, starts) / np.maximum(count, 1))[kept])
+        kept, least = count > 0, np.maximum(count, 1)
+        readings.append((np.add.reduceat(np.where(share > 0, reading, 0.0) * share, starts) / least)[kept])
+        seconds.append((np.add.reduceat(block.seconds * share, starts) / least)[kept])
         counts.append(count[kept])
         segments.append(np.full(int(kept.sum()), block.segment))
-        share_of_one, kept = 1 / np.maximum(count, 1), slice(None) if kept.all() else kept
+    return Averages(
+        reading=np.concatenate(readings),
+        columns=averaged_columns(record, effects, n_stretches),
+        counts=np.concatenate(counts),
+        segment=np.concatenate(segments),
+        seconds=np.concatenate(seconds),
+    )
+
+
+def averaged_columns(record: Record, effects: Sequence[Effect], n_stretches: int) -> list[np.ndarray]:
+    """The columns of `averaged` alone: one array of shape (n, width) for each effect."""
+    width = stretch_of(record, n_stretches)
+    near = iter(_columns(record, [e for e in effects if not e.foresees], width, BLOCK_ROWS))
+    far = iter(_columns(record, [e for e in effects if e.foresees], width, AHEAD_ROWS))
+    return [next(far if effect.foresees else near) for effect in effects]
+
+
+def _columns(record: Record, effects: Sequence[Effect], width: int, rows: int) -> list[np.ndarray]:
+    """Columns of some effects, averaged over stretches of `width` rows, from blocks of about `rows` rows."""
+    if not effects:
+        return []
+    widths = [len(effect.names()) for effect in effects]
+    parts: list[list[np.ndarray]] = [[] for _ in effects]
+    states: list[Any] = []
+    for block in record.blocks(_rows(width, rows), starts=own_starts(record)):
+        if block.start == record.segments[block.segment].start:
+            states = [None] * len(effects)
+        share = _shares(record, block)
+        even = bool((share == 1.0).all())
+        starts = np.arange(0, len(block), width)
+        count = np.diff(starts, append=len(block)) if even else np.add.reduceat(share, starts)
+        share_of_one, kept = 1 / np.maximum(count, 1), slice(None) if count.all() else count > 0
         for i, effect in enumerate(effects):
             if isinstance(record, Thinned) and said(effect) in record.exact:
                 columns = record.exact[said(effect)][block.rows]
@@ -80,14 +104,25 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
                 columns = columns * share[:, None]
             if width > 1:
                 columns = sums_of(columns, width)
-            parts[i].append(columns if single else (columns.T * share_of_one).T[kept])
-    return Averages(
-        reading=np.concatenate(readings),
-        columns=[np.concatenate(part) for part in parts],
-        counts=np.concatenate(counts),
-        segment=np.concatenate(segments),
-        seconds=np.concatenate(seconds),
-    )
+            parts[i].append(columns if even and width == 1 else (columns.T * share_of_one).T[kept])
+    return [np.concatenate(part) for part in parts]
+
+
+def stretch_of(record: Record, n_stretches: int) -> int:
+    """Rows of a stretch."""
+    return max(1, -(-record.n_used // n_stretches))
+
+
+def _rows(width: int, rows: int) -> int:
+    """Rows of a block of whole stretches."""
+    return max(width, rows // width * width)
+
+
+def _shares(record: Record, block: Block) -> np.ndarray:
+    """How many readings each row of a block stands for, shape (n,)."""
+    assert record.reading is not None
+    known = np.isfinite(np.asarray(record.reading[block.rows], float))
+    return np.where(known, record.counts[block.rows] if isinstance(record, Thinned) else 1.0, 0.0)
 
 
 def sums_of(columns: np.ndarray, width: int) -> np.ndarray:

@@ -20,7 +20,7 @@ from sklearn.base import clone
 from ..effects.protocol import Effect
 from ..records import Record
 from ..records.thinned import Thinned
-from .blocks import averaged
+from .blocks import averaged_columns
 from .levels import COPIES, FINE, GAIN, INFLATION, LEAST_MOVED, OUTDONE
 from .likelihood import Comparison
 from .pool import Pool
@@ -46,7 +46,7 @@ class Copies:
         for record in moved(pool.record, effect):
             copied = clone(effect)
             copied.learn(record)
-            columns.append(pool.rows.weighed(averaged(record, [copied], FINE).columns[0]))
+            columns.append(pool.rows.weighed(averaged_columns(record, [copied], FINE)[0]))
         gains, widths = judged.gained_beside(number, columns)
         helped = max(worth.both for worth in held.worth([pool.coarse(part) for part in columns]))
         return cls(inflation=float(2 * gains.sum() / max(widths.sum(), 1)), help=helped)

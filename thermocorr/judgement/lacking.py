@@ -15,7 +15,7 @@ from sklearn.base import clone
 from ..effects import CATALOGUE
 from ..effects.protocol import Effect
 from ..estimators.regressor import DynamicBiasRegressor
-from .blocks import averaged
+from .blocks import averaged_columns
 from .causes import Search
 from .choice import Cause, first_of_each
 from .levels import FINE, GAIN, OF_MUCH, SIZEABLE, TIE
@@ -31,7 +31,7 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
     own = [clone(effect) for effect in model.features_.effect_list()]
     for effect in own:
         effect.learn(pool.record)
-    thin = np.column_stack([pool.rows.constant, *map(pool.rows.weighed, averaged(pool.record, own, FINE).columns)])
+    thin = np.column_stack([pool.rows.constant, *map(pool.rows.weighed, averaged_columns(pool.record, own, FINE))])
     most = search.judged.total - Comparison(pool.reading, thin, pool.span).total
     if most < small / 2:  # the many lags themselves gain no more than that
         return []

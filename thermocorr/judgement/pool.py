@@ -18,7 +18,7 @@ from ..estimators.thermometer_errors import thermometer_errors
 from ..records import Record, RecordError
 from ..records.thinned import Thinned
 from .base import ThermalBase
-from .blocks import Averages, averaged, spans, sums_of
+from .blocks import Averages, averaged, averaged_columns, spans, sums_of
 from .judged_rows import JudgedRows, starts_of
 from .levels import COARSE, FEWEST, FINE, MOST_EMPTY
 
@@ -85,7 +85,7 @@ class Pool:
         """Explanations by further effects, which learn the record first."""
         for effect in effects:
             effect.learn(self.record)
-        columns = averaged(self.record, effects, FINE).columns
+        columns = averaged_columns(self.record, effects, FINE)
         return [Explanation(e, self.rows.weighed(c)) for e, c in zip(effects, columns, strict=True)]
 
     @cached_property
@@ -102,7 +102,7 @@ class Pool:
         """Temperature less its mean over the record, averaged, shape (n,)."""
         static = StaticPolynomial(1)
         static.learn(self.record)
-        return np.asarray(averaged(self.record, [static], FINE).columns[0][:, 0])
+        return np.asarray(averaged_columns(self.record, [static], FINE)[0][:, 0])
 
     @cached_property
     def spacing(self) -> float:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ..equations.statistics import Moments
 from ..pictures.timeline import TimeLine
 from ..records.numbers import is_frame, numeric_reading
-from ..records.record import Moments
 from ..records.states import is_state, state
 
 MOST_POINTS = 85_000

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..equations.spikes import Scanned, Usual, scan_stretch
+from ..equations.statistics import Moments
 from .times import Floats, Rows, Times
 
 BLOCK_ROWS = 8192
@@ -43,48 +44,6 @@ class Refused(NamedTuple):
     """What stands there, shape (n,)."""
     seconds: Floats
     """Time since the record began [s], shape (n,)."""
-
-
-class Moments(NamedTuple):
-    """Number, mean, sum of squared deviations and range of some values."""
-
-    n: int = 0
-    mean: float = 0.0
-    squares: float = 0.0
-    low: float = np.inf
-    high: float = -np.inf
-
-    @classmethod
-    def of(cls, values: Floats) -> Moments:
-        """Moments of an array, without its NaN."""
-        total = values.sum()
-        if np.isnan(total):
-            values = values[np.isfinite(values)]
-            total = values.sum()
-        if not len(values):
-            return cls()
-        mean = float(total / len(values))
-        centred = values - mean
-        return cls(len(values), mean, float(centred @ centred), float(values.min()), float(values.max()))
-
-    def merged(self, other: Moments) -> Moments:
-        """Moments of two sets of values together (Chan, Golub & LeVeque 1983, American Statistician 37, 242)."""
-        n = self.n + other.n
-        if not n:
-            return self
-        shift = other.mean - self.mean
-        return Moments(
-            n,
-            self.mean + shift * other.n / n,
-            self.squares + other.squares + shift**2 * self.n * other.n / n,
-            min(self.low, other.low),
-            max(self.high, other.high),
-        )
-
-    @property
-    def std(self) -> float:
-        """Standard deviation."""
-        return float(np.sqrt(self.squares / max(self.n, 1)))
 
 
 def _fixed(values: Floats) -> Floats:
@@ -285,8 +244,7 @@ class Record:
         result = Moments()
         for segment in self.segments:
             for start in range(segment.start, segment.stop, BLOCK_ROWS):
-                rows = self.kept(start, min(start + BLOCK_ROWS, segment.stop))
-                values = np.asarray(column[rows], float)
+                values = np.asarray(column[self.kept(start, min(start + BLOCK_ROWS, segment.stop))], float)
                 result = result.merged(Moments.of(values if power == 1 else values**power))
         return result
 
