@@ -58,8 +58,8 @@ def add_model_options(parser: argparse.ArgumentParser, title: str) -> Any:
     group.add_argument(
         "--time-constants",
         metavar="N|auto|LIST",
-        default="6",
-        help="how many to choose for each thermometer (default 6, as in the paper), auto, or a list: 60,15min,2h",
+        default="auto",
+        help="auto (default), how many to choose for each thermometer (6 in the paper), or a list: 60,15min,2h",
     )
     group.add_argument("--degree", type=int, default=2, metavar="N", help="degree of the static law (default 2)")
     group.add_argument(

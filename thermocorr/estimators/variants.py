@@ -119,7 +119,7 @@ def compare_variants(
     *,
     model: DynamicBiasRegressor | None = None,
     temperature: Any = None,
-    time_constants: Any = 6,
+    time_constants: Any = "auto",
     degree: int = 2,
     products: bool | int = False,
     window: int = 25,
@@ -135,7 +135,7 @@ def compare_variants(
     model : DynamicBiasRegressor, optional
         Where all further options come from; or give them here by name:
     temperature, time_constants, **options : see `DynamicBiasRegressor`
-        By default six time constants are chosen, as in the paper.
+        By default the number of time constants is chosen too; the paper has six.
     degree : int, default 2
         Degree of the nonlinear static law.
     products : {False, True, 2, 3}
