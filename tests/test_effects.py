@@ -93,8 +93,7 @@ def test_states_stay_small(effect):
 @pytest.mark.parametrize("effect", LIVE, ids=LIVE_NAMES)
 def test_following_rows_continue_the_fitted_record(effect, one_pass, monkeypatch):
     """To the last bit where the fit walked block by block; the one compiled pass rounds its end states otherwise."""
-    if not one_pass:
-        monkeypatch.setattr(fused, "is_compiled", lambda: False)
+    monkeypatch.setattr(fused, "FEWEST", 1 if one_pass else 10**9)
     X = log(600, seed=2, holes=[200])
     y = X["temperature"] + np.random.default_rng(0).normal(0, 0.1, 600)
     for layout in ({}, {"max_gap": "1 h"}):

@@ -70,6 +70,8 @@ def swept(X, y, effects, layout, starts=None):
 def both(monkeypatch):
     """What the compiled pass gives, and the walk."""
 
+    monkeypatch.setattr(fused, "FEWEST", 1)
+
     def run(*arguments):
         compiled = swept(*arguments)
         with monkeypatch.context() as changed:
@@ -138,7 +140,6 @@ def test_a_stretch_without_readings_has_an_empty_factor(both, capfd):
     effects, layout = EFFECTS["plain"]
     compiled, walked = both(X.iloc[:6000], y[:6000], effects, layout)
     assert_same(compiled, walked)
-    swept(X, y, [*effects[:2], Drift()], layout)
     assert "illegal" not in "".join(capfd.readouterr())
 
 
@@ -169,7 +170,7 @@ def test_a_model_is_the_same_with_and_without_compiled_code(weighted, monkeypatc
     np.testing.assert_allclose(compiled.predict(X), walked.predict(X), rtol=0, atol=1e-10)
 
 
-def test_other_lags_are_left_to_the_walk():
+def test_other_lags_and_short_records_are_left_to_the_walk(monkeypatch):
     record = read_record(room(100)[0], Layout(), y=room(100)[1], quiet=True)
 
     def learned(effect):
@@ -177,12 +178,14 @@ def test_other_lags_are_left_to_the_walk():
         return effect
 
     lag, transient = learned(ThermalLag(TAUS)), learned(InitialTransient(TAUS))
-    assert fused.can_be_fused([lag, transient], None)
-    assert not fused.can_be_fused([lag, transient], transient)
-    assert not fused.can_be_fused([learned(StaticPolynomial(2))], None)
+    assert not fused.can_be_fused(record, [lag, transient], None)
+    monkeypatch.setattr(fused, "FEWEST", 100)
+    assert fused.can_be_fused(record, [lag, transient], None)
+    assert not fused.can_be_fused(record, [lag, transient], transient)
+    assert not fused.can_be_fused(record, [learned(StaticPolynomial(2))], None)
     for other in (ThermalLag(TAUS, form="paper"), ThermalLag(TAUS, initial_state="zero")):
-        assert not fused.can_be_fused([learned(other)], None)
-    assert not fused.can_be_fused([lag, learned(ThermalLag(TAUS, hold="zero_order"))], None)
+        assert not fused.can_be_fused(record, [learned(other)], None)
+    assert not fused.can_be_fused(record, [lag, learned(ThermalLag(TAUS, hold="zero_order"))], None)
 
 
 # ------------------------------------------------------------------------------------------------------------ precision

@@ -60,6 +60,7 @@ class Preconditioned:
     def __init__(self, n_columns: int) -> None:
         self._triangle: Floats = np.zeros((n_columns, n_columns), order="F")
         self._grown: Floats = np.eye(n_columns)
+        self._pending = False
         self._parts: dict[int, tuple[Floats, Floats]] = {}
         self.knows_nothing = True
         """Whether no row has been taken in since some column was new."""
@@ -90,6 +91,7 @@ class Preconditioned:
         if not np.einsum("pii->pi", products).max() <= LARGEST:  # or NaN
             return []
         self._grown[first:, first:] += products.sum(axis=0)
+        self._pending = True
         if self._grown.diagonal().max() > GROWN:
             self._count_from(self._up_to_date())
         return [Crossed(triangle, product) for product in products]
@@ -113,11 +115,11 @@ class Preconditioned:
         return self._parts[first]
 
     def _count_from(self, triangle: Floats) -> None:
-        self._triangle, self._grown, self._parts = triangle, np.eye(len(triangle)), {}
+        self._triangle, self._grown, self._parts, self._pending = triangle, np.eye(len(triangle)), {}, False
 
     def _up_to_date(self) -> Floats:
         """R of all rows so far."""
-        if self.knows_nothing:
+        if not self._pending:
             return self._triangle
         upper = lapack.dpotrf(self._grown, lower=0, clean=1)[0]
         return np.asfortranarray(np.triu(upper @ self._triangle))

@@ -97,7 +97,7 @@ def _by_itself(record: Any, effects: Sequence[Effect], edges: np.ndarray, starts
 def _swept(
     record: Record, effects: Sequence[Effect], edges: np.ndarray, starts: InitialTransient | None = None
 ) -> Swept:
-    if can_be_fused(effects, starts):
+    if can_be_fused(record, effects, starts):
         offset = reading_offset(record)
         fused = FusedSweep(record, FusedColumns(effects, starts), edges, offset)
         return Swept(fused.chunks, fused.end_states, offset, fused.binning.binned())

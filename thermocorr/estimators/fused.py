@@ -25,6 +25,8 @@ from .cutting import pieces
 
 WIDEST = 32
 """Columns of all segments up to which one pass is the faster way: beyond them the blocks of LAPACK are."""
+FEWEST = 1 << 13
+"""Rows from which on one pass is the faster way: before, what it does once for every stretch takes longer."""
 _NUMBERS = 1 << 18
 """Numbers that a block of rows may hold, inputs and columns made for the pass: 2 MiB."""
 _NOTHING = np.zeros(0)
@@ -86,10 +88,10 @@ def _is_decay(effect: Effect) -> bool:
     return type(effect) is InitialTransient
 
 
-def can_be_fused(effects: Sequence[Effect], starts: InitialTransient | None) -> bool:
-    """Whether there is compiled code, and it has something to do: lags, all with one rule between samples."""
+def can_be_fused(record: Record, effects: Sequence[Effect], starts: InitialTransient | None) -> bool:
+    """Whether there is compiled code, and it has something to do: many rows, lags of one rule between samples."""
     shared = sum(len(effect.names()) for effect in effects if not _is_decay(effect))
-    if not is_compiled() or shared > WIDEST:
+    if not is_compiled() or record.n_used < FEWEST or shared > WIDEST:
         return False
     lags: list[Any] = [effect for effect in effects if _is_lag(effect)]
     both = starts is not None and any(_is_decay(effect) for effect in effects)
@@ -159,15 +161,13 @@ class FusedSweep:
             bins=begins,
         )
         sums = np.zeros((len(bins), len(self._decays) + len(self._shared)))
-        waiting = list(pieces(self._edges, block.places))
-        together = True
-        while waiting:
-            some = waiting if together and not self._coordinates.knows_nothing else waiting[:1]
-            crossed = self._crossed(block, rows, [part for _, part in some], sums)
-            together = together and bool(crossed)
-            self._gathered += zip((chunk for chunk, _ in some), crossed, strict=False)
-            waiting = waiting[len(crossed) :]
-        for chunk, part in pieces(self._edges, block.places):
+        parts = list(pieces(self._edges, block.places))
+        alone = int(self._coordinates.knows_nothing)  # the others are like the first part, mostly
+        for some in (parts[:alone], parts[alone:]):
+            if some:
+                crossed = self._crossed(block, rows, [part for _, part in some], sums)
+                self._gathered += zip((chunk for chunk, _ in some), crossed, strict=True)
+        for chunk, part in parts:
             self._n_rows[chunk] += part.stop - part.start if known is None else int(known[part].sum())
         self.binning.add(block, bins, begins, known, sums[:, -1], self._binned(sums))
 
@@ -183,10 +183,7 @@ class FusedSweep:
         return columns
 
     def _crossed(self, block: Block, rows: Any, parts: list[slice], sums: np.ndarray) -> list[Crossed]:
-        """Cross products of parts of a block; the lags go on, and `sums` over the block's bins grow.
-
-        An empty list, and nothing has happened, where several parts cannot be taken together.
-        """
+        """Cross products of parts of a block; the lags go on, and `sums` over the block's bins grow."""
         some = slice(parts[0].start, parts[-1].stop)
         elapsed = self._record.times.between(self._record.stamp(int(block.places[some.start])), block.segment_zero)
         dead = int(np.searchsorted(self._decays, elapsed / FELT))
@@ -204,9 +201,10 @@ class FusedSweep:
         bodies = self._bodies(rows.steps, self._decays[dead:], elapsed)
         one_pass = self._kernels.Pass(rows, bodies, 1 if self.binning.whole else 0)
         crossed = self._coordinates.take(dead, one_pass.crossed)
-        if not crossed and len(parts) > 1:
-            return []
-        crossed = crossed or [self._coordinates.reflect(dead, one_pass.columns())]
+        if not crossed:
+            columns = one_pass.columns()
+            inside = [slice(part.start - some.start, part.stop - some.start) for part in parts]
+            crossed = [self._coordinates.reflect(dead, columns[part].copy(order="F")) for part in inside]
         self._lags, self._temperature = one_pass.bodies.lags, one_pass.bodies.temperature
         sums[first - 1 : last, -one_pass.sums.shape[1] :] += one_pass.sums
         return crossed
