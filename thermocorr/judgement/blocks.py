@@ -74,15 +74,22 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
 def averaged_columns(record: Record, effects: Sequence[Effect], n_stretches: int) -> list[np.ndarray]:
     """The columns of `averaged` alone: one array of shape (n, width) for each effect."""
     width = stretch_of(record, n_stretches)
-    near = iter(_columns(record, [e for e in effects if not e.foresees], width, BLOCK_ROWS))
-    far = iter(_columns(record, [e for e in effects if e.foresees], width, AHEAD_ROWS))
+    near = iter(_columns([(record, e) for e in effects if not e.foresees], width, BLOCK_ROWS))
+    far = iter(_columns([(record, e) for e in effects if e.foresees], width, AHEAD_ROWS))
     return [next(far if effect.foresees else near) for effect in effects]
 
 
-def _columns(record: Record, effects: Sequence[Effect], width: int, rows: int) -> list[np.ndarray]:
-    """Columns of some effects, averaged over stretches of `width` rows, from blocks of about `rows` rows."""
-    if not effects:
+def averaged_copies(copies: Sequence[tuple[Record, Effect]], n_stretches: int) -> list[np.ndarray]:
+    """As `averaged_columns`, of an effect in many records that have their times and readings in common."""
+    rows = AHEAD_ROWS if copies[0][1].foresees else BLOCK_ROWS
+    return _columns(copies, stretch_of(copies[0][0], n_stretches), rows)
+
+
+def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> list[np.ndarray]:
+    """Columns of effects in records of the same rows, averaged over `width` rows, from blocks of about `rows` rows."""
+    if not pairs:
         return []
+    record, effects = pairs[0][0], [effect for _, effect in pairs]
     widths = [len(effect.names()) for effect in effects]
     parts: list[list[np.ndarray]] = [[] for _ in effects]
     states: list[Any] = []
@@ -94,11 +101,11 @@ def _columns(record: Record, effects: Sequence[Effect], width: int, rows: int) -
         starts = np.arange(0, len(block), width)
         count = np.diff(starts, append=len(block)) if even else np.add.reduceat(share, starts)
         share_of_one, kept = 1 / np.maximum(count, 1), slice(None) if count.all() else count > 0
-        for i, effect in enumerate(effects):
-            if isinstance(record, Thinned) and said(effect) in record.exact:
-                columns = record.exact[said(effect)][block.rows]
+        for i, (own, effect) in enumerate(pairs):
+            if isinstance(own, Thinned) and said(effect) in own.exact:
+                columns = own.exact[said(effect)][block.rows]
             else:
-                columns, states[i] = effect.columns(block, states[i])
+                columns, states[i] = effect.columns(block if own is record else block.of(own), states[i])
             columns = np.asarray(columns).reshape(len(block), widths[i])
             if not even:
                 columns = columns * share[:, None]

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from sklearn.base import clone
@@ -20,12 +21,14 @@ from sklearn.base import clone
 from ..effects.protocol import Effect
 from ..records import Record
 from ..records.thinned import Thinned
-from .blocks import averaged_columns
+from .blocks import averaged_copies
 from .levels import COPIES, FINE, GAIN, INFLATION, LEAST_MOVED, OUTDONE
 from .likelihood import Comparison
 from .pool import Pool
 from .worth import HeldOut, Worth
 
+AT_ONCE = 1 << 22
+"""Rows of all copies that are walked through together."""
 GOLDEN = (5**0.5 - 1) / 2
 """Shares of the record, multiples of which are spread evenly and meet no period."""
 
@@ -42,11 +45,12 @@ class Copies:
     @classmethod
     def of(cls, pool: Pool, judged: Comparison, held: HeldOut, number: int, effect: Effect) -> Copies:
         """Copies of an effect of recorded columns; `number` is its own among the explanations of the comparison."""
-        columns = []
-        for record in moved(pool.record, effect):
-            copied = clone(effect)
-            copied.learn(record)
-            columns.append(pool.rows.weighed(averaged_columns(record, [copied], FINE)[0]))
+        records, columns = moved(pool.record, effect), []
+        while together := list(islice(records, max(1, AT_ONCE // pool.record.n_rows))):
+            copies = [(record, clone(effect)) for record in together]
+            for record, copied in copies:
+                copied.learn(record)
+            columns += [pool.rows.weighed(part) for part in averaged_copies(copies, FINE)]
         gains, widths = judged.gained_beside(number, columns)
         helped = max(worth.both for worth in held.worth([pool.coarse(part) for part in columns]))
         return cls(inflation=float(2 * gains.sum() / max(widths.sum(), 1)), help=helped)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.sparse import block_diag
 from sklearn.base import clone
 
 from ..effects import InitialTransient
@@ -71,7 +72,13 @@ class Starts:
     def __init__(self, columns: np.ndarray, segment: np.ndarray):
         edges = np.flatnonzero(np.diff(segment, prepend=-1, append=-1))
         parts = [slice(low, high) for low, high in pairwise(edges.tolist())]
-        self.parts = [(rows, orthonormal(columns[rows])) for rows in parts if columns[rows].any()]
+        held = [
+            orthonormal(columns[rows]) if columns[rows].any() else np.zeros((rows.stop - rows.start, 0))
+            for rows in parts
+        ]
+        self.first, self.lengths = edges[:-1], np.diff(edges)
+        self.basis = block_diag(held, format="csr") if any(Q.shape[1] for Q in held) else None
+        """Directions of all segments side by side, shape (n, all of them); None where nothing is held."""
 
     def taken_out(self, columns: np.ndarray) -> np.ndarray:
         """Columns, shape (n,) or (n, k), less what the decays hold; they are changed in place.
@@ -79,10 +86,11 @@ class Starts:
         Where a segment's decays hold all of a column, zeros are left and not its rounding, which would look like a
         column of its own.
         """
-        for rows, Q in self.parts:
-            before = np.linalg.norm(columns[rows], axis=0)
-            columns[rows] -= Q @ (Q.T @ columns[rows])
-            columns[rows] *= np.linalg.norm(columns[rows], axis=0) > HELD * before
+        if self.basis is not None:
+            before = np.add.reduceat(columns**2, self.first, axis=0)
+            columns -= self.basis @ (self.basis.T @ columns)
+            left = np.add.reduceat(columns**2, self.first, axis=0) > HELD**2 * before
+            columns *= np.repeat(left, self.lengths, axis=0)
         return columns
 
 

@@ -16,7 +16,7 @@ from scipy.linalg import cho_solve, lapack, solve_triangular
 
 from ..equations.noise import Bands, fitted_parts, whittle
 from .judged_rows import orthonormal
-from .levels import ALIVE, BATCH, PIECES, QUIET, TURNS
+from .levels import ALIVE, BATCH, PIECES, QUIET, TURNS, WIDE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +146,9 @@ class Comparison:
         self.base, self.white = fit, self._white()
 
     def _crossed(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """`_products` of a few columns each: one sum over all bands instead of a matrix product in each."""
+        """`_products`; of a few columns each one sum over all bands instead of a matrix product in each."""
+        if one.shape[1] * other.shape[1] > WIDE:
+            return self._products(one, other)
         each = other.T[:, None] * one.T
         return np.asarray(np.add.reduceat(each, self.bands.starts, axis=2).transpose(2, 1, 0))
 

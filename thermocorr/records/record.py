@@ -103,6 +103,12 @@ class Block:
             return self.record.times.seconds(numbers + self.rows.start, self.zero)
         return self.record.times.seconds(self.rows[numbers], self.zero)
 
+    def of(self, record: Record) -> Block:
+        """The same rows of a record with the same times, and other columns."""
+        other = replace(self, record=record, values={})
+        other.__dict__["rows"] = self.rows  # known already
+        return other
+
     def least_elapsed(self) -> float:
         """The first of `elapsed` [s]."""
         first = self.start if isinstance(self.rows, slice) else int(self.rows[0])
@@ -241,10 +247,12 @@ class Record:
         return self._moments(self.reading)
 
     def _moments(self, column: NDArray[Any], power: int = 1) -> Moments:
-        result = Moments()
-        for segment in self.segments:
-            for start in range(segment.start, segment.stop, BLOCK_ROWS):
-                values = np.asarray(column[self.kept(start, min(start + BLOCK_ROWS, segment.stop))], float)
+        result, ends = Moments(), {segment.stop for segment in self.segments}
+        starts = [segment.start for segment in self.segments if segment.start not in ends]
+        stops = sorted(ends - {segment.start for segment in self.segments})
+        for first, stop in zip(sorted(starts), stops, strict=True):  # of segments that meet
+            for start in range(first, stop, BLOCK_ROWS):
+                values = np.asarray(column[self.kept(start, min(start + BLOCK_ROWS, stop))], float)
                 result = result.merged(Moments.of(values if power == 1 else values**power))
         return result
 
