@@ -104,7 +104,7 @@ class Block:
         return self.record.times.seconds(self.rows[numbers], self.zero)
 
     def of(self, record: Record) -> Block:
-        """The same rows of a record with the same times, and other columns."""
+        """These rows, of a record that has the times in common and other columns."""
         other = replace(self, record=record, values={})
         other.__dict__["rows"] = self.rows  # known already
         return other
