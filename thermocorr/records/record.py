@@ -104,7 +104,7 @@ class Block:
         return self.record.times.seconds(self.rows[numbers], self.zero)
 
     def of(self, record: Record) -> Block:
-        """These rows, of a record that has the times in common and other columns."""
+        """Block of the same rows in a record that has the times in common, and other columns."""
         other = replace(self, record=record, values={})
         other.__dict__["rows"] = self.rows  # known already
         return other
