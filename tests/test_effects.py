@@ -33,7 +33,7 @@ from thermocorr.effects import (
     ThermalLag,
 )
 from thermocorr.effects.stream import own_starts, walk
-from thermocorr.estimators import fused
+from thermocorr.estimators import fused_columns
 from thermocorr.records import Block
 
 # ------------------------------------------------------------------- one loop: state in, state out
@@ -93,7 +93,7 @@ def test_states_stay_small(effect):
 @pytest.mark.parametrize("effect", LIVE, ids=LIVE_NAMES)
 def test_following_rows_continue_the_fitted_record(effect, one_pass, monkeypatch):
     """To the last bit where the fit walked block by block; the one compiled pass rounds its end states otherwise."""
-    monkeypatch.setattr(fused, "FEWEST", 1 if one_pass else 10**9)
+    monkeypatch.setattr(fused_columns, "FEWEST", 1 if one_pass else 10**9)
     X = log(600, seed=2, holes=[200])
     y = X["temperature"] + np.random.default_rng(0).normal(0, 0.1, 600)
     for layout in ({}, {"max_gap": "1 h"}):

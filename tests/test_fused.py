@@ -12,7 +12,7 @@ from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate, Drift, InitialTransient, StaticPolynomial, Step, ThermalLag
 from thermocorr.equations import lag_differences, solve_ridge
 from thermocorr.equations.preconditioned import Crossed, Preconditioned
-from thermocorr.estimators import binned, fitting, fused
+from thermocorr.estimators import binned, fitting, fused_columns
 from thermocorr.estimators.cutting import equal_edges
 from thermocorr.estimators.fitting import sweep_effects
 from thermocorr.records import Layout, read_record
@@ -70,12 +70,12 @@ def swept(X, y, effects, layout, starts=None):
 def both(monkeypatch):
     """What the compiled pass gives, and the walk."""
 
-    monkeypatch.setattr(fused, "FEWEST", 1)
+    monkeypatch.setattr(fused_columns, "FEWEST", 1)
 
     def run(*arguments):
         compiled = swept(*arguments)
         with monkeypatch.context() as changed:
-            changed.setattr(fused, "is_compiled", lambda: False)
+            changed.setattr(fused_columns, "is_compiled", lambda: False)
             changed.setattr(fitting, "FusedSweep", None)
             return compiled, swept(*arguments)
 
@@ -128,7 +128,7 @@ def test_averages_of_a_long_record_have_its_columns(both, kind, monkeypatch):
 
 @pytest.mark.parametrize("rows", [300, 2048, 1 << 15])
 def test_blocks_may_end_anywhere(both, rows, monkeypatch):
-    monkeypatch.setattr(fused.FusedColumns, "block_rows", lambda self: rows)
+    monkeypatch.setattr(fused_columns.FusedColumns, "block_rows", lambda self: rows)
     effects, layout = EFFECTS["segments"]
     assert_same(*both(*with_gaps(*room(jitter=0.3)), effects, layout))
 
@@ -162,7 +162,7 @@ def test_a_model_is_the_same_with_and_without_compiled_code(weighted, monkeypatc
     weight = {"sample_weight": np.random.default_rng(1).uniform(0.1, 2.0, len(X))} if weighted else {}
     model = DynamicBiasRegressor("temperature", TAUS, effects=[Covariate("humidity")], max_gap=500.0)
     compiled = clone(model).fit(X, y, **weight)
-    monkeypatch.setattr(fused, "is_compiled", lambda: False)
+    monkeypatch.setattr(fused_columns, "is_compiled", lambda: False)
     walked = clone(model).fit(X, y, **weight)
     errors = walked.standard_errors()
     assert np.abs((compiled.coef_ - walked.coef_) / errors[1:]).max() < 1e-6
@@ -178,14 +178,14 @@ def test_other_lags_and_short_records_are_left_to_the_walk(monkeypatch):
         return effect
 
     lag, transient = learned(ThermalLag(TAUS)), learned(InitialTransient(TAUS))
-    assert not fused.can_be_fused(record, [lag, transient], None)
-    monkeypatch.setattr(fused, "FEWEST", 100)
-    assert fused.can_be_fused(record, [lag, transient], None)
-    assert not fused.can_be_fused(record, [lag, transient], transient)
-    assert not fused.can_be_fused(record, [learned(StaticPolynomial(2))], None)
+    assert not fused_columns.can_be_fused(record, [lag, transient], None)
+    monkeypatch.setattr(fused_columns, "FEWEST", 100)
+    assert fused_columns.can_be_fused(record, [lag, transient], None)
+    assert not fused_columns.can_be_fused(record, [lag, transient], transient)
+    assert not fused_columns.can_be_fused(record, [learned(StaticPolynomial(2))], None)
     for other in (ThermalLag(TAUS, form="paper"), ThermalLag(TAUS, initial_state="zero")):
-        assert not fused.can_be_fused(record, [learned(other)], None)
-    assert not fused.can_be_fused(record, [lag, learned(ThermalLag(TAUS, hold="zero_order"))], None)
+        assert not fused_columns.can_be_fused(record, [learned(other)], None)
+    assert not fused_columns.can_be_fused(record, [lag, learned(ThermalLag(TAUS, hold="zero_order"))], None)
 
 
 # ------------------------------------------------------------------------------------------------------------ precision

@@ -16,7 +16,8 @@ from ..records import BLOCK_ROWS, Record, RecordError
 from .binned import Binned, Binning
 from .cutting import block_rows, pieces
 from .flat import flat_effects
-from .fused import FusedColumns, FusedSweep, can_be_fused
+from .fused import FusedSweep
+from .fused_columns import FusedColumns, can_be_fused
 
 
 @dataclass

@@ -187,8 +187,8 @@ EVIDENT, SETTLED = 5.0, 0.9
 it is not proven, where it also helps by `LEAST`. None was named so in 200 records of slow noise with nothing hidden
 (`benchmarks/null_records.py --records 40 --first 7000`, five kinds)."""
 LOOKS = 4.5
-"""Factor on the number of tests: parameters are tuned beyond their list, and the noise is an estimate. Of 720 records of
-coloured noise 1.5 % have an error probability of .01 or less, 2.4 % with a factor of 3 (`benchmarks/null_records.py
+"""Factor on the number of tests: parameters are tuned beyond their list, and the noise is an estimate. Of 720 records
+of coloured noise 1.5 % have an error probability of .01 or less, 2.4 % with a factor of 3 (`benchmarks/null_records.py
 --records 60 --kinds flicker "0.3 %" "3 rows" "2 %"`, `--first` 9400, 9900 and 10400)."""
 DIFFERENT = 12
 """Most tests that the candidates of one kind and column count for: neighbours on a grid say nearly the same."""
