@@ -278,6 +278,10 @@ def _check_steps(
         stop = min(start + _CHUNK + 1, n)
         rows = slice(start, stop) if order is None else order[start:stop]
         steps = times.steps(rows)[1:]
+        low, high = float(steps.min()), float(steps.max())
+        if 0 < low == high <= (np.inf if max_gap is None else max_gap) and (usual is None or low <= GAP_STEPS * usual):
+            usual = low if usual is None else usual  # all alike: nothing to look for
+            continue
         inside = np.ones(len(steps), bool)
         inside[[k - 1 - start for k in starts_run if start < k < stop]] = False
         bad = inside & (steps <= 0)

@@ -233,7 +233,9 @@ class Record:
         for start, stop, _ in longest:
             parts.append(self.times.steps(self.kept(start, min(stop, start + 16_384)))[1:])
         steps = np.concatenate(parts) if parts else np.zeros(0)
-        return float(np.median(steps)) if len(steps) else 1.0
+        if not len(steps):
+            return 1.0
+        return float(steps[0] if steps.min() == steps.max() else np.median(steps))
 
     def moments(self, column: object, power: int = 1) -> Moments:
         """Number, mean, variance and range of a column (or of a power of it) inside segments, in one pass."""
