@@ -17,8 +17,8 @@ WIDEST = 32
 """Columns of all segments up to which one pass is the faster way: beyond them the blocks of LAPACK are."""
 FEWEST = 1 << 13
 """Rows from which on one pass is the faster way: before, what it does once for every stretch takes longer."""
-_NUMBERS = 1 << 18
-"""Numbers that a block of rows may hold, inputs and columns made for the pass: 2 MiB."""
+_NUMBERS = 1 << 17
+"""Numbers that a block of rows may hold, inputs and columns made for the pass: 1 MiB."""
 _NOTHING = np.zeros(0)
 
 
