@@ -280,7 +280,7 @@ Ratios of processor times within one process (the least of alternated runs, one 
 
 {table}
 
-On {machine}; {versions}; recursions {compiled}.
+On {machine}; {versions}; fits {compiled}.
 
 "Floor" is one read of the temperature and the cross products of ready blocks of as many columns: no least squares could
 do with less. scikit-learn's search is timed over some of the 1000 sets, with a transformer that does nothing but
