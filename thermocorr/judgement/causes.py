@@ -18,7 +18,7 @@ from scipy.special import chdtrc
 from ..effects import Delay, Periodic
 from ..effects.grids import longest_segment
 from .anywhere import best_period, filtered
-from .choice import WAVE, Cause, Tried, bent, chosen, first_of_each, plainer_than, still_sought
+from .choice import WAVE, Cause, Tried, bent, chosen, first_of_each, plainer_than, still_sought, trifling
 from .copies import Copies
 from .dated import DATED, MANY, dated, tries
 from .imitations import Imitations
@@ -106,7 +106,7 @@ class Search:
             steps = sum(cause.tried.key in MANY for cause in found)
             tried = still_sought(self.believed(self.look(), found), found, steps)
             tried, best, rivals = self._choice(tried, found)
-            if best is None or len(found) - steps == MOST:
+            if best is None or len(found) - steps == MOST or (found and trifling(best, self.share(best), self.record)):
                 return self._needed(found), tried
             if best.proven:  # else the likelihood has nothing to say on its parameters
                 best = (self._tuned([best], FINER) or [best])[0]

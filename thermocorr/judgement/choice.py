@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..effects import Periodic
+from ..records import Record
+from ..records.thinned import Thinned
 from .dated import MANY
 from .levels import (
     CLEAR,
     EVEN,
     EVIDENT,
+    FAINT,
     GAIN,
     LATE,
     LEAST,
@@ -23,6 +26,7 @@ from .levels import (
     SPEAKS,
     STRONG,
     TIE,
+    TRIFLE,
 )
 from .pool import Explanation, Key
 from .worth import Worth
@@ -110,6 +114,11 @@ def still_sought(tried: Sequence[Tried], found: Sequence[Cause], steps: int) -> 
     waves, late = sum(cause.tried.key == WAVE for cause in found), len(found) - steps >= LATE
     enough = [*(MANY if steps >= MOST_STEPS else ()), *([WAVE] if waves >= MOST_WAVES else ())]
     return [t for t in tried if t.key not in enough and (t.sure or not late or t.key[1] is None)]
+
+
+def trifling(t: Tried, share: float, record: Record) -> bool:
+    """Whether an explanation may be what averages have spoilt in the causes found: next to nothing, in averages."""
+    return isinstance(record, Thinned) and share < TRIFLE and t.worth.mean < FAINT
 
 
 def chosen(

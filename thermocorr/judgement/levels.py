@@ -203,6 +203,11 @@ Explanations that are as good but say something else are further causes."""
 MOST = 16
 """Causes that are looked for, one after the other, steps not counted. Soil has a dozen of its own: of 22 effects
 planted there (seed 11), 9 are found with eight, 14 with sixteen, which take half as long again."""
+TRIFLE = 0.05
+"""Share of what is explained below which a further cause in averages of a long record may be what averaging has spoilt
+in those before it: in ten million rows with a hysteresis, four further ones of 3 % and less, worth 0.1 dB and less."""
+FAINT = 0.1
+"""Help [dB] below which it then is no cause."""
 LATE = 8
 """Causes beside which a further recorded column needs strong and even evidence (`STRONG`, `EVEN`): what is left then is
 what no simple law says. On soil (seeds 11, 14, 18), columns of other places found after six to forty causes had scores
