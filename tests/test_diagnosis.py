@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from sklearn.preprocessing import SplineTransformer
 
-from thermocorr import DynamicBiasRegressor, RecordError, diagnose, refine
+from thermocorr import DynamicBiasRegressor, RecordError, WhereDisplay, diagnose, refine
+from thermocorr.command.analyze import places
 from thermocorr.datasets import load_voltage_reference, make_record
 from thermocorr.effects import Covariate, Effect, Hysteresis, LaggedCovariate
 from thermocorr.effects.protocol import EffectInfo
 from thermocorr.effects.wrap import TransformerEffect
 from thermocorr.judgement.adding import with_missing
 from thermocorr.judgement.blocks import averaged
+from thermocorr.pictures.words import aspect_text, each_row, place_text
 from thermocorr.records import read as read_module
 from thermocorr.records import read_record
 from thermocorr.records.read import Layout
@@ -98,6 +101,7 @@ def test_refinement_removes_the_built_in_moisture():
     assert result.diagnoses[-1].verdict == "nothing missing"
     assert result.model_.residual_std_ < 1.03 * record.attrs.get("noise", 5.85e-5)
     assert "lagged covariate: humidity" in str(result)
+    assert "held out [dB]" in str(result).splitlines()[0] and " db " not in str(result)
 
 
 def test_an_excluded_kind_or_column_is_not_named():
@@ -281,6 +285,24 @@ def test_a_suspect_is_one_object_everywhere():
     assert "Stop the fan." in str(found) and "Stop the fan." in html and "A fan blows." in html
     columns = found.where[found.where["aspect"] == "column"]
     assert {"time", "frequency"} <= set(columns["column"]) and columns["high"].max() < 1e5
+
+
+def test_the_temperature_is_called_by_the_name_of_its_column():
+    """In text, page and picture; the table keeps its aspect `temperature`, and arrays have no names."""
+    record = make_record(3000, effects={"hinge": 6.0}, seed=64).rename(columns={"temperature": "oven"})
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = diagnose(DynamicBiasRegressor("oven", ["10 min"]).fit(X, y), X, y)
+    of_oven = found.where[found.where["aspect"] == "temperature"]
+    assert set(of_oven["column"]) == {"oven"}
+    words = [text for text in (str(found), places(found), found.to_html()) if "where temperature is" in text]
+    assert not words and place_text(next(each_row(of_oven))).startswith("where oven is ")
+    lines = places(replace(found, where=of_oven)).splitlines()[1:]
+    assert lines and all(line.split()[0] == "oven" for line in lines)
+    assert "<td>oven</td>" in found.to_html() and "<td>temperature</td>" not in found.to_html()
+    assert "oven" in set(WhereDisplay.from_diagnosis(found, X).frame()["condition"])
+    array = np.asarray(X[["oven"]])
+    bare = diagnose(DynamicBiasRegressor(0, [60.0]).fit(array, y.to_numpy()), array, y.to_numpy())
+    assert "temperature" in {aspect_text(row) for row in each_row(bare.where)}
 
 
 def test_the_data_are_read_once(monkeypatch):

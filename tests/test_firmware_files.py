@@ -27,7 +27,7 @@ from firmware_runs import (
 )
 from sklearn.preprocessing import StandardScaler
 
-from thermocorr import DynamicBiasRegressor, RecordError, RecordWarning
+from thermocorr import DynamicBiasRegressor, RecordError, RecordWarning, save_model
 from thermocorr.command import cli
 from thermocorr.effects import Covariate, Delay, Drift, Effect, Rate, ThermalLag
 from thermocorr.firmware import export_c
@@ -281,3 +281,43 @@ def test_command_line(tmp_path, with_columns, monkeypatch, capsys):
     assert "RAM: state" in said and "bridge: double, steps given to update" in said
     assert cli.main(["export-c", "--model", "m.json", "--out", str(out), "--sampling-period", "no time"]) == 2
     assert "sampling_period" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("steps", "more", "varies"),
+    [
+        ("uneven", (), True),
+        ("uneven", ("--sampling-period", "variable"), False),
+        ("uneven", ("--sampling-period", "30s"), False),
+        ("rounded", (), False),
+        ("missing rows", (), False),
+    ],
+)
+def test_a_fixed_step_is_said_where_those_of_the_log_vary(tmp_path, capsys, steps, more, varies):
+    """One row in fifty that is missing, and stamps of half a second, are no steps that vary."""
+    rng = np.random.default_rng(1)
+    step = rng.uniform(10, 50, 600) if steps == "uneven" else 30 + rng.choice([-0.5, 0, 0.5], 600)
+    seconds = step.cumsum()
+    if steps == "missing rows":
+        seconds = np.delete(30.0 * np.arange(600), np.arange(20, 600, 50))
+    X = pd.DataFrame({"time": seconds, "temperature": 20 + np.sin(seconds / 900)})
+    model = DynamicBiasRegressor("temperature", [600.0], time="time").fit(X, X["temperature"] + rng.normal(size=len(X)))
+    save_model(model, tmp_path / "model.json")
+    out = ("--out", str(tmp_path / "firmware"))
+    assert cli.main(["export-c", "--model", str(tmp_path / "model.json"), *out, *more]) == 0
+    said = capsys.readouterr().out
+    assert ("Note: The steps of the fitted log vary" in said) == varies
+    if varies:
+        assert "one sample every 2" in said or "one sample every 3" in said
+        assert "nine of ten are 1" in said and "--sampling-period variable" in said
+
+
+def test_steps_that_vary_are_seen_in_a_thinned_record():
+    """Mean steps over four rows, uniform from 10 to 50 s, scatter by 11.5 / 2 s: nine of ten lie in 30 +- 9.5 s."""
+    seconds = np.random.default_rng(2).uniform(10, 50, 4000).cumsum()
+    X = pd.DataFrame({"time": seconds, "temperature": 20 + np.sin(seconds / 900)})
+    history = DynamicBiasRegressor("temperature", [600.0], time="time").fit(X, X["temperature"]).features_.history_
+    thinned = history.thinned(1000)
+    assert thinned.stride == 4
+    assert thinned.varying_steps() == pytest.approx((20.5, 39.5), abs=1.0)
+    assert history.varying_steps() == pytest.approx((12.0, 48.0), abs=0.6)

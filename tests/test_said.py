@@ -206,5 +206,6 @@ def test_only_fitted_models_are_judged():
 def test_a_refined_model_is_said_to_be_another_than_the_one_that_the_first_line_speaks_of(capsys):
     assert main(["analyze", "--refine", "--quiet"]) == 0
     said = capsys.readouterr().out
+    assert "did not see,\nin dB against step 0; later:" in said and "held out [dB]" in said
     kept = next(line for line in said.splitlines() if line.startswith("The model to use from here"))
     assert "has lagged covariate: humidity: it misses later blocks by 58." in kept

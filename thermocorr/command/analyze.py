@@ -208,8 +208,8 @@ def _judge(
         say(f"Not judged: {error}")
         return Judged(model, reason=f"Not judged: {error}")
     first = refinement.diagnoses[0]
-    say(f"{first}\n\n{places(first)}\n\nThe error, step by step (held out: blocks of time that the fit did not see;")
-    say("later: blocks foretold from everything before):\n")
+    say(f"{first}\n\n{places(first)}\n\nThe error, step by step (held out: blocks of time that the fit did not see,")
+    say("in dB against step 0; later: blocks foretold from everything before):\n")
     say(f"{refinement}\n")
     if kept := _kept(refinement, first.unit):
         say(f"{kept}\n")

@@ -9,6 +9,8 @@ from typing import Any
 
 from ..firmware.export import export_c
 from ..records import RecordWarning
+from ..records.history import History
+from ..records.quantities import span_text, span_texts
 from .spans import number_or_span
 
 
@@ -57,3 +59,18 @@ def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callab
     say(str(export))
     for warning in caught:
         say(f"Note: {warning.message}")
+    if options.sampling_period == "fitted" and (note := _steps_vary(model.features_.history_)):
+        say(f"Note: {note}")
+
+
+def _steps_vary(history: History) -> str:
+    """Which step is taken of a log whose steps vary; empty for others."""
+    varying = history.varying_steps()
+    if varying is None:
+        return ""
+    low, high = span_texts(varying)
+    return (
+        f"The steps of the fitted log vary: nine of ten are {low} to {high}. The program takes one sample every "
+        f"{span_text(history.usual_step)}, the usual step. Where the device's steps vary too, export with "
+        "--sampling-period variable."
+    )

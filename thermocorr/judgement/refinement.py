@@ -34,8 +34,9 @@ class Refinement(RefinementPage):
 
     steps: pd.DataFrame
     """One row a step: step, effect, change ("given", "added", "removed", "tuned"), rms (in sample), held_out_rms,
-    later_rms (on blocks of the later half, each foretold from everything before it), db (held out, against step 0),
-    verdict (of the diagnosis of that step's model). Step 0 is the given model."""
+    later_rms (on blocks of the later half, each foretold from everything before it), db (held_out_rms against that of
+    step 0 [dB], negative is good; printed as "held out [dB]"), verdict (of the diagnosis of that step's model). Step 0
+    is the given model."""
     model_: DynamicBiasRegressor
     """The final model, fitted."""
     diagnoses: tuple[Diagnosis, ...] = field(repr=False)
@@ -45,8 +46,8 @@ class Refinement(RefinementPage):
         errors = ["rms", "held_out_rms", "later_rms"]
         scale = scale_of(self.steps[errors], self.diagnoses[-1].unit)
         heads = {name: f"{name.replace('_', ' ')} [{scale.unit}]" if scale.unit else name for name in errors}
-        steps = self.steps.assign(**{name: scale.factor * self.steps[name] for name in errors}).rename(columns=heads)
-        steps = steps.drop(columns="change")
+        steps = self.steps.assign(**{name: scale.factor * self.steps[name] for name in errors}).drop(columns="change")
+        steps = steps.rename(columns={**heads, "db": "held out [dB]"})
         lines = [
             steps.to_string(index=False, float_format=lambda value: number_text(value, 4), na_rep="-"),
             f"Verdict on the last model: {self.diagnoses[-1].verdict}",

@@ -56,7 +56,7 @@ def where_it_fails(
     aspects: list[dict[str, Any]] = [{"aspect": "rate", "unit": "K/h"}]
     aspects += [] if lag is None else [{"aspect": "lag difference", "time_constant": lag, "unit": "K"}]
     aspects += [{"aspect": "column", "column": name} for name in recorded]
-    aspects.append({"aspect": "temperature"})
+    aspects.append({"aspect": "temperature", "column": record.temperature_name})
     for effect in effects:
         effect.learn(record)
     data = averaged(replace(record, reading=residual), [*effects, _Temperature()])
@@ -85,10 +85,10 @@ def _places(
 
     One place a row, worst first: by how much more than its part of the record it has, in standard deviations. Empty
     where the error is not clearly beyond the noise. Columns: aspect ("time", "temperature", "rate", "lag difference",
-    "hour", "column" or "frequency"), column (its name, where a recorded one is the aspect), time_constant [s] (of the
-    lag difference), low, high (the same for a state of a switch) and unit ("date": seconds since 1970; for frequencies
-    the periods [s]), n (samples), rms (of short averages), share (of the error beyond the noise), lift (share over the
-    share of samples).
+    "hour", "column" or "frequency"), column (its name, where the temperature or a recorded column is the aspect),
+    time_constant [s] (of the lag difference), low, high (the same for a state of a switch) and unit ("date": seconds
+    since 1970; for frequencies the periods [s]), n (samples), rms (of short averages), share (of the error beyond the
+    noise), lift (share over the share of samples).
     """
     excess = data.reading**2 - floor**2 / data.counts
     total = float(np.sum(excess * data.counts))

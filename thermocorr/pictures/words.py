@@ -34,8 +34,8 @@ def each_row(table: pd.DataFrame) -> Iterator[Any]:
 
 
 def aspect_text(row: Any) -> str:
-    """What a place is about: ``temperature``, ``lag difference, 10.3 h [K]``, the name of a column."""
-    if row.aspect == "column":
+    """What a place is about: ``lag difference, 10.3 h [K]``, the name of a column, that of the temperature too."""
+    if row.aspect == "column" or (row.aspect == "temperature" and isinstance(row.column, str)):
         return printable(row.column)
     if row.aspect == "lag difference":
         return f"lag difference, {span_text(row.time_constant)} [K]"
