@@ -105,7 +105,7 @@ def load_log(options: argparse.Namespace) -> Loaded:
     results = tuple(name for name in result_columns(table.frame.columns) if name not in named)
     if results:
         _note(f"{', '.join(map(quoted, results))} are of an earlier result: written again, and no suspects.")
-    return Loaded(table.frame, stamped, model, reading, table.said, results)
+    return Loaded(table.frame, stamped, model, reading, understood=table.said, results=results)
 
 
 def _time_column(
