@@ -12,6 +12,7 @@ import pytest
 from thermocorr import __version__, load_model
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
+from thermocorr.files.result_files import result_columns
 
 
 @pytest.fixture
@@ -203,3 +204,54 @@ def test_what_is_learned_from_is_refused_in_one_sentence(log, capsys, options, s
     assert analyze(log, *options) == 2
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
+
+
+GERMAN = {"sep": ";", "decimal": ",", "date_format": "%d.%m.%Y %H:%M:%S"}
+
+
+@pytest.mark.parametrize(
+    ("stamped", "written", "options", "first"),
+    [
+        ("", GERMAN, (), "2024-03-04 00:00:00"),
+        ("", GERMAN, ("--timezone", "Europe/Berlin"), "2024-03-03 23:00:00+00:00"),
+        ("Europe/Berlin", {}, (), "2024-03-04 00:00:00+01:00"),
+    ],
+)
+def test_a_corrected_log_is_plain_csv_that_both_commands_read_again(tmp_path, capsys, stamped, written, options, first):
+    """The same corrected readings; columns of the first result are neither suspects nor other thermometers."""
+    frame = make_record(1500, seed=5).reset_index()[["time", "temperature", "humidity", "reading"]]
+    frame["time"] = frame["time"].dt.tz_localize(stamped or None)
+    frame.to_csv(tmp_path / "log.csv", index=False, **written)
+    assert analyze(tmp_path / "log.csv", *options, "--out", str(tmp_path / "one")) == 0
+    before = capsys.readouterr().out
+    lines = (tmp_path / "one" / "corrected.csv").read_text().splitlines()
+    assert lines[0] == "time,temperature,humidity,reading,corrected,model,residual,flag,u"
+    assert lines[1].startswith(f"{first},") and not any(";" in line for line in lines)
+    wanted = pd.read_csv(tmp_path / "one" / "corrected.csv")
+    np.testing.assert_array_equal(wanted["reading"], frame["reading"])
+
+    again = ["correct", str(tmp_path / "one" / "corrected.csv"), "--model", str(tmp_path / "one" / "model.json")]
+    assert main([*again, "--out", str(tmp_path / "again.csv")]) == 0
+    corrected = pd.read_csv(tmp_path / "again.csv")
+    assert list(corrected.columns[-3:]) == ["corrected_thermocorr", "bias", "flag_thermocorr"]
+    np.testing.assert_allclose(corrected["corrected_thermocorr"], wanted["corrected"], rtol=1e-12)
+
+    capsys.readouterr()
+    for number, name in enumerate((tmp_path / "one" / "corrected.csv", tmp_path / "again.csv")):
+        assert analyze(name, "--out", str(tmp_path / f"two{number}")) == 0
+        said = capsys.readouterr().out
+        assert "Note: 'corrected', 'model', 'residual', 'flag', 'u'" in said and "no suspects" in said
+        judged = [text[text.index("Verdict") : text.index("Written")] for text in (before, said)]
+        assert judged[0] == judged[1]
+        second = pd.read_csv(tmp_path / f"two{number}" / "corrected.csv")
+        newest = "corrected" + (number + 1) * "_thermocorr"
+        np.testing.assert_allclose(second[newest], wanted["corrected"], rtol=1e-12)
+        assert second[["corrected", "model"]].equals(wanted[["corrected", "model"]])
+
+
+def test_columns_that_only_look_like_results_stay_suspects():
+    assert result_columns(["time", "model", "flag", "corrected", "residual"]) == []
+    assert result_columns(["time", "model", "flag", "reading"]) == []
+    assert result_columns(["u", "corrected", "bias", "flag", "pressure", "u_thermocorr"]) == [
+        "corrected", "bias", "flag", "u_thermocorr",
+    ]  # fmt: skip

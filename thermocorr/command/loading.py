@@ -13,6 +13,7 @@ from ..effects.events import Events
 from ..effects.moments import since_start
 from ..estimators import DynamicBiasRegressor
 from ..estimators.weighing import masked_readings
+from ..files.result_files import result_columns
 from ..foreign import RUN, ForeignTable, HowToRead, read_logs, with_times
 from ..records import RecordError, RecordWarning, read_record
 from ..records.errors import quoted
@@ -38,10 +39,12 @@ class Loaded(NamedTuple):
     """The column of the readings."""
     understood: tuple[str, ...] = ()
     """How its file was read."""
+    results: tuple[str, ...] = ()
+    """Columns of an earlier result in the log: no suspects."""
 
     def columns(self) -> tuple[pd.DataFrame, pd.Series[Any]]:
         """What the model takes: X, with its dates read once, and y."""
-        X, y = self.log.drop(columns=self.reading), self.log[self.reading]
+        X, y = self.log.drop(columns=[self.reading, *self.results]), self.log[self.reading]
         if self.model.time is not None:
             X[self.model.time] = dates_once(X[self.model.time])
         return X, y
@@ -98,7 +101,11 @@ def load_log(options: argparse.Namespace) -> Loaded:
     }
     temperature = thermometers if len(thermometers) > 1 else thermometers[0]
     model = DynamicBiasRegressor(temperature, time_constants, options.degree, **layout, **learned)
-    return Loaded(table.frame, stamped, model, reading, table.said)
+    named = {reading, *thermometers, time, run, options.events, *(layout["fill"] or ())}
+    results = tuple(name for name in result_columns(table.frame.columns) if name not in named)
+    if results:
+        _note(f"{', '.join(map(quoted, results))} are of an earlier result: written again, and no suspects.")
+    return Loaded(table.frame, stamped, model, reading, understood=table.said, results=results)
 
 
 def _time_column(

@@ -17,6 +17,10 @@ from .model_file import content_of
 from .writer import Outputs
 
 RESULT_COLUMNS = ("corrected", "model", "residual", "flag", "u")
+TAKEN = "_thermocorr"
+"""Ending of a column's name where the log has one of that name."""
+_RESULTS = (RESULT_COLUMNS, ("corrected", "bias", "flag", "u", "smoothed", "u_smoothed", "reference"))
+"""Columns that `thermocorr analyze` writes, and those that `thermocorr correct` may write: always the first three."""
 
 
 def write_corrected(outputs: Outputs, folder: Path, log: pd.DataFrame, evaluated: pd.DataFrame, index: bool) -> Path:
@@ -35,8 +39,35 @@ def write_corrected(outputs: Outputs, folder: Path, log: pd.DataFrame, evaluated
 
 
 def new_names(names: Sequence[str], taken: Collection[str]) -> list[str]:
-    """Names for columns beside others: those that are taken get an ending."""
-    return [name if name not in taken else f"{name}_thermocorr" for name in names]
+    """Names for columns beside others: those that are taken get an ending, twice where that is taken too.
+
+    Examples
+    --------
+    >>> new_names(["corrected", "bias"], ["reading", "corrected"])
+    ['corrected_thermocorr', 'bias']
+    """
+    return [_free(name, taken) for name in names]
+
+
+def _free(name: str, taken: Collection[str]) -> str:
+    return _free(name + TAKEN, taken) if name in taken else name
+
+
+def result_columns(columns: Collection[object]) -> list[str]:
+    """Columns of a log that an earlier result has put behind those of the instruments; empty for other logs.
+
+    Examples
+    --------
+    >>> result_columns(["time", "u", "temperature", "reading", "corrected", "bias", "flag"])
+    ['corrected', 'bias', 'flag']
+    """
+    texts = [name for name in columns if isinstance(name, str)]
+    if "corrected" not in texts:
+        return []
+    behind = texts[texts.index("corrected") :]
+    bare = {name.replace(TAKEN, "") for name in behind}
+    known = {name for names in _RESULTS if bare.issuperset(names[:3]) for name in names}
+    return [name for name in behind if name.replace(TAKEN, "") in known]
 
 
 def write_model(outputs: Outputs, folder: Path, model: DynamicBiasRegressor, data: tuple[Any, Any]) -> list[Path]:
