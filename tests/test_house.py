@@ -337,6 +337,16 @@ def test_the_reader_of_thresholds_sees_them():
     assert [name for _, name in thresholds(ast.parse("A = 1\nB = 2.0, 3\nC = 'x'\nD = f(1)\n"))] == ["A", "B"]
 
 
+@pytest.mark.parametrize("path", FILES, ids=module_of)
+def test_nothing_in_a_module_is_named_twice(path):
+    """A second constant of a name would change what the first one stood for."""
+    tree = parsed(path)
+    names = [ast.unparse(name) for node in tree.body if isinstance(node, ast.Assign) for name in node.targets]
+    names += [ast.unparse(node.target) for node in tree.body if isinstance(node, ast.AnnAssign)]
+    names += [node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
+    assert not [name for name in {*names} if names.count(name) > 1 and name.isidentifier()]
+
+
 WORDS = {"delay", "drift", "events", "lead", "rate", "step"}
 """Kinds that are words of other things as well: an aspect, a column of a table."""
 OWN_WORDS = {"effects", "datasets"}

@@ -15,7 +15,6 @@ from .levels import (
     CLEAR,
     EVEN,
     EVIDENT,
-    FAINT,
     GAIN,
     LATE,
     LEAST,
@@ -27,6 +26,7 @@ from .levels import (
     STRONG,
     TIE,
     TRIFLE,
+    TRIFLING_HELP,
 )
 from .pool import Explanation, Key
 from .worth import Worth
@@ -118,7 +118,7 @@ def still_sought(tried: Sequence[Tried], found: Sequence[Cause], steps: int) -> 
 
 def trifling(t: Tried, share: float, record: Record) -> bool:
     """Whether an explanation may be what averages have spoilt in the causes found: next to nothing, in averages."""
-    return isinstance(record, Thinned) and share < TRIFLE and t.worth.mean < FAINT
+    return isinstance(record, Thinned) and share < TRIFLE and t.worth.mean < TRIFLING_HELP
 
 
 def chosen(

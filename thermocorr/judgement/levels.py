@@ -206,7 +206,7 @@ planted there (seed 11), 9 are found with eight, 14 with sixteen, which take hal
 TRIFLE = 0.05
 """Share of what is explained below which a further cause in averages of a long record may be what averaging has spoilt
 in those before it: in ten million rows with a hysteresis, four further ones of 3 % and less, worth 0.1 dB and less."""
-FAINT = 0.1
+TRIFLING_HELP = 0.1
 """Help [dB] below which it then is no cause."""
 LATE = 8
 """Causes beside which a further recorded column needs strong and even evidence (`STRONG`, `EVEN`): what is left then is
