@@ -209,22 +209,3 @@ def test_a_refined_model_is_said_to_be_another_than_the_one_that_the_first_line_
     assert "did not see,\nin dB against step 0; later:" in said and "held out [dB]" in said
     kept = next(line for line in said.splitlines() if line.startswith("The model to use from here"))
     assert "has lagged covariate: humidity: it misses later blocks by 58." in kept
-
-
-def test_a_row_that_a_command_names_is_counted_from_one_that_is_said(bench, tmp_path, capsys):
-    """In an error and in a note; what Python's API says stays as it is, and lines of a file need no such words."""
-    times = bench[1]["time"].copy()
-    times[7] = "soon"
-    damaged = written(tmp_path, bench[1], time=times)
-    assert analyze(damaged) == 2
-    said = capsys.readouterr().err
-    assert "row 7" in said and "'soon'" in said and said.endswith("Row 0 is the first row of data.\n")
-    with pytest.raises(RecordError, match="row 7") as raised:
-        DynamicBiasRegressor(time="time", time_constants=[600.0]).fit(bench[1].assign(time=times), bench[1]["reading"])
-    assert "Row 0" not in str(raised.value)
-    gap = bench[1].drop(index=range(400, 900))
-    assert analyze(written(tmp_path, gap)) == 0
-    notes = [line for line in capsys.readouterr().out.splitlines() if line.startswith("Note: Sampling has 1 gap")]
-    assert len(notes) == 1 and "after row 399" in notes[0] and notes[0].endswith("Row 0 is the first row of data.")
-    assert correct(bench, written(tmp_path, bench[1][:50], temperature="abc")) == 1
-    assert "Row 0" not in capsys.readouterr().err

@@ -28,7 +28,6 @@ from ..records.quantities import number_text, quantity_texts, scale_of, span_tex
 from ..records.text import printable
 from ..records.units import unit_of
 from .loading import check_numbers, load_log, note_events_outside, readings_to_learn
-from .row_numbers import with_first_row
 from .table_options import add_column_options, add_learning_options, add_model_options, add_table_options
 
 RESULTS = ("corrected.csv", "model.json", "model.txt")
@@ -121,7 +120,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         f"{span_text(best.features_.history_.usual_step)}\n"
     )
     for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
-        say(f"Note: {with_first_row(note)}\n")
+        say(f"Note: {note}\n")
     advice = ""
     if other is not None:
         with_it, without = quantity_texts((other.error, other.present), best.reading_.unit)
@@ -170,7 +169,7 @@ def _evaluated(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series, say: 
         warnings.simplefilter("always", RecordWarning)
         evaluated = model.evaluate(X, y, return_std=True)
     for warning in caught:
-        say(f"Note: {with_first_row(str(warning.message))}\n")
+        say(f"Note: {warning.message}\n")
     return evaluated
 
 

@@ -13,7 +13,6 @@ from importlib import import_module
 from typing import Any
 
 from .._version import __version__
-from .row_numbers import with_first_row
 from .stopping import Endings, Stopped, Terminated, held_back
 
 COMMANDS = {
@@ -92,7 +91,7 @@ def _executed(options: argparse.Namespace) -> int:
     except MemoryError:
         return _ended("error: there is not enough memory for this. Analyse a shorter log, or close other programs.", 2)
     except (ValueError, TypeError, ImportError, ArithmeticError) as error:
-        return _ended(f"error: {with_first_row(' '.join(str(error).split())) or type(error).__name__}", 2)
+        return _ended(f"error: {' '.join(str(error).split()) or type(error).__name__}", 2)
     except OSError as error:
         _abandon_output()
         return _ended(f"error: {error.filename or 'The output'}: {error.strerror or error}.", 2)
@@ -118,7 +117,7 @@ def _warnings_as_notes() -> Iterator[None]:
     def show(message: Any, *_: Any, **__: Any) -> None:
         from ..records.text import printable
 
-        text = printable(with_first_row(" ".join(str(message).split())))
+        text = printable(" ".join(str(message).split()))
         if text not in said:
             said.add(text)
             clear_progress()
