@@ -1,6 +1,7 @@
 """Measured records: learn on the first part, test on the rest, against a naive script with hand-set time constants.
 
     python benchmarks/real_records.py ../shared/records
+    python benchmarks/real_records.py ../shared/records --time-constants 6      # so many, instead of "auto"
 
 Prints test rms (offset included), the naive script's figure, and their ratio, with the package's defaults; and whether
 what `later_errors` says of the first part, "use it" or "not shown to help", is what the rest shows beside a static law.
@@ -44,10 +45,10 @@ def cases(folder: str) -> Iterator[tuple[str, pd.DataFrame, pd.Series]]:
     yield "gr1433", box[["room_temp_degC"]], (box["resistance_ohm"] / 1e5 - 1) * 1e6
 
 
-def test_rms(X: pd.DataFrame, y: pd.Series, share: float) -> tuple[float, DynamicBiasRegressor]:
+def test_rms(X: pd.DataFrame, y: pd.Series, share: float, taus: int | str) -> tuple[float, DynamicBiasRegressor]:
     """Rms residual of the part that was not learned, offset included, and the model."""
     n = int(share * len(X))
-    model = DynamicBiasRegressor(temperature=X.columns[0]).fit(X[:n], y[:n])
+    model = DynamicBiasRegressor(X.columns[0], taus).fit(X[:n], y[:n])
     return float(np.sqrt(np.nanmean(model.residuals(X[n:], y[n:]) ** 2))), model
 
 
@@ -65,11 +66,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", help="folder of the measured records")
     parser.add_argument("--share", type=float, default=0.7, help="share of the record to learn on (default 0.7)")
+    parser.add_argument("--time-constants", type=int, help="how many to choose (default: that too)")
     options = parser.parse_args()
     warnings.simplefilter("ignore", RecordWarning)
     ratios, right = [], 0
     for name, X, y in cases(options.folder):
-        rms, model = test_rms(X, y, options.share)
+        rms, model = test_rms(X, y, options.share, options.time_constants or "auto")
         said, shown = advice(X, y, options.share, model)
         right += said == shown
         ratios.append(rms / NAIVE[name])

@@ -21,9 +21,11 @@ from thermocorr.effects import (
     Step,
 )
 from thermocorr.judgement.causes import Search
-from thermocorr.judgement.choice import Tried, chosen, plainer_than, still_sought
+from thermocorr.judgement.choice import Tried, chosen, plainer_than, still_sought, trifling
 from thermocorr.judgement.pool import Explanation
 from thermocorr.judgement.worth import Worth
+from thermocorr.records import Record
+from thermocorr.records.thinned import Thinned
 
 
 def tried(effect, score, later, blocks, number=0, full=None, p_value=1e-6, scatter=1.8, **options):
@@ -47,6 +49,16 @@ def best_of(*explanations, by_chance=False, settles=False):
 def test_what_helps_comes_before_what_is_only_likelier():
     assert best_of(tried(LagProducts(["1 h"]), 80.0, 0.2, 0.1), tried(Hinge(22.0), 30.0, 3.0, 4.0)) == "hinge"
     assert best_of(tried(LagProducts(["1 h"]), 80.0, 2.8, 3.5), tried(Hinge(22.0), 30.0, 3.0, 4.0)) == "lag_products"
+
+
+@pytest.mark.parametrize(
+    ("share", "help_db", "in_averages"), [(0.03, 0.02, True), (0.06, 0.02, False), (0.03, 0.2, False)]
+)
+def test_next_to_nothing_is_a_trifle_in_averages_alone(share, help_db, in_averages):
+    """What explains little, or helps: in rows themselves, and where either is much, it is a cause like others."""
+    t = tried(Hysteresis(0.1), 40.0, help_db, help_db)
+    assert trifling(t, share, Thinned.__new__(Thinned)) is in_averages
+    assert trifling(t, share, Record.__new__(Record)) is False
 
 
 def test_a_step_that_spoils_the_worth_of_all_else_leaves_the_choice_to_the_likelihood():
