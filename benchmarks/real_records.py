@@ -45,10 +45,12 @@ def cases(folder: str) -> Iterator[tuple[str, pd.DataFrame, pd.Series]]:
     yield "gr1433", box[["room_temp_degC"]], (box["resistance_ohm"] / 1e5 - 1) * 1e6
 
 
-def test_rms(X: pd.DataFrame, y: pd.Series, share: float, taus: int | str) -> tuple[float, DynamicBiasRegressor]:
-    """Rms residual of the part that was not learned, offset included, and the model."""
+def later_rms(
+    X: pd.DataFrame, y: pd.Series, share: float, number: int | str = "auto"
+) -> tuple[float, DynamicBiasRegressor]:
+    """Rms residual of the part that was not learned, offset included, and the model of ``number`` time constants."""
     n = int(share * len(X))
-    model = DynamicBiasRegressor(X.columns[0], taus).fit(X[:n], y[:n])
+    model = DynamicBiasRegressor(X.columns[0], number).fit(X[:n], y[:n])
     return float(np.sqrt(np.nanmean(model.residuals(X[n:], y[n:]) ** 2))), model
 
 
@@ -71,7 +73,7 @@ def main() -> None:
     warnings.simplefilter("ignore", RecordWarning)
     ratios, right = [], 0
     for name, X, y in cases(options.folder):
-        rms, model = test_rms(X, y, options.share, options.time_constants or "auto")
+        rms, model = later_rms(X, y, options.share, options.time_constants or "auto")
         said, shown = advice(X, y, options.share, model)
         right += said == shown
         ratios.append(rms / NAIVE[name])
