@@ -120,6 +120,33 @@ def test_starts_of_runs_change_no_diagnosis(n_runs, seed, hidden):
     assert (found.verdict == "nothing missing") == (hidden is None)
 
 
+@pytest.mark.parametrize("seed", [23, 28])
+@pytest.mark.parametrize("hidden", [None, "hysteresis"])
+def test_runs_of_an_hour_hide_nothing_and_bring_nothing(hidden, seed):
+    """The device keeps the time before for as long as the runs last; what their starts cost is not in the noise."""
+    X, y = in_runs(300, n=20_000, seed=seed, noise=0.2, effects=None if hidden is None else {hidden: 1.0})
+    model = DynamicBiasRegressor("temperature", run="run").fit(X, y)
+    found = diagnose(model, X, y)
+    assert [cause.effect.kind for cause in found.causes] == ([hidden] if hidden else [])
+    assert found.left.floor == pytest.approx(0.2, rel=0.03)
+
+
+def test_a_body_that_shows_in_the_starts_alone_stays_in_the_model():
+    """Beside starts of many runs its lag explains little; without it the starts had fast decays only, the error 1.6."""
+    X, y = in_runs(300, n=20_000, seed=26, noise=0.2, effects={"hysteresis": 1.0})
+    model = DynamicBiasRegressor("temperature", run="run").fit(X, y)
+    assert model.time_constants_.max() > 2000 and model.residual_std_ < 1.1 * 0.2
+
+
+def test_a_short_segment_has_a_decay_as_long_as_itself_for_slower_ones():
+    X = in_runs(2, n=2000)[0].assign(run=np.repeat([0, 1, 2, 3], [955, 955, 60, 30]))
+    decays = InitialTransient([200.0, 1500.0, 4000.0, 6000.0], 0.04)  # up to 4800 s
+    learned(X, np.zeros(2000), [decays])
+    whole = [200.0, 1500.0, 4000.0]
+    own = [200.0, 1500.0, 59 * 60.0], [200.0, 1500.0]  # 29 * 60 s is much like 1500 s
+    assert [chosen.tolist() for chosen in decays.decays_.values()] == [whole, whole, *own]
+
+
 def test_directions_of_starts_are_those_of_their_own_segment():
     rng = np.random.default_rng(2)
     segment = np.repeat([0, 1, 2], [30, 40, 20])

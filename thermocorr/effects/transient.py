@@ -19,6 +19,8 @@ from .thermal import seconds_array
 
 MOST_SUSPECTED = 30
 """With more segments, a start of its own for each of them is too much freedom for one suspect."""
+LIKE = 1.5
+"""Ratio of time constants below which a decay as long as its segment adds little to a shorter one."""
 
 
 class InitialTransient(Effect):
@@ -33,8 +35,8 @@ class InitialTransient(Effect):
         [s], or spans such as "15 min".
     longest_share : float
         A decay longer than this share of all segments together is left out: over the record it looks like drift or
-        ageing, and would swallow them without a word. So is one that is longer than its segment, unless the share is
-        above 1.
+        ageing, and would swallow them without a word. In a segment shorter than that, one as long as the segment
+        stands for all longer ones, unless the share is above 1.
     """
 
     kind = "initial_transient"
@@ -68,9 +70,12 @@ class InitialTransient(Effect):
         self.decays_: dict[int, np.ndarray] = {}
         self.labels_: dict[int, str] = {}
         runs = [segment.run for segment in record.segments]
-        limits = self.longest([record.duration(segment) for segment in record.segments])
-        for key, (segment, limit) in enumerate(zip(record.segments, limits, strict=True)):
+        durations = [record.duration(segment) for segment in record.segments]
+        slow = time_constants[time_constants <= self.longest_share * sum(durations)]
+        for key, (segment, limit) in enumerate(zip(record.segments, self.longest(durations), strict=True)):
             chosen = time_constants[time_constants <= limit]
+            if len(slow) and slow.max() > limit > LIKE * chosen.max(initial=0.0):
+                chosen = np.append(chosen, limit)
             chosen = chosen[chosen > _first_reading(record, segment)]  # what is over before can't be known
             if len(chosen) == 0 or segment.n_rows <= 2 * len(chosen):
                 continue

@@ -46,7 +46,7 @@ from .levels import (
     USUAL,
     WITHIN,
 )
-from .likelihood import Comparison, Fit
+from .likelihood import Fit
 from .pool import Explanation, Key, Pool
 from .shifts import Shifts
 from .worth import HeldOut, Worth
@@ -70,7 +70,7 @@ class Search:
     def __init__(self, pool: Pool, anywhere: Collection[str] = ANYWHERE, small: float = 0.0):
         self.pool, self.record = pool, pool.record
         self.tried = list(pool.explanations)
-        self.judged = Comparison(pool.reading, pool.base, pool.span)
+        self.judged = pool.compared(pool.base)
         self.judged.add([explanation.columns for explanation in self.tried])
         white = self.judged.innovation
         self.structured = max(self.judged.unexplained() - white, LEAST_STRUCTURE * white)

@@ -18,16 +18,16 @@ from ..estimators.evenness import evenness
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Block, Record
 from .blocks import Averages
-from .levels import FAR, FEW, HELD, ROBUST, ROUNDING
+from .levels import BEYOND, FAR, FEW, GROUPS, HELD, ROBUST, ROUNDING, START_HELD, STARTS
 
 
 class OwnStart(Effect):
-    """Start-up decays, eq. (18), each segment's in the same columns.
+    """Start-up decays, eq. (18), each segment's in the same columns: from a model's fastest to its slowest, and beyond.
 
     Parameters
     ----------
     transient : InitialTransient
-        Whose decays.
+        The model's decays.
     """
 
     kind = "own_start"
@@ -37,9 +37,13 @@ class OwnStart(Effect):
         self.transient = transient
 
     def learn(self, record: Record) -> None:
-        """Find the decays of each segment."""
+        """Find the decays of each segment that has any in the model."""
         self.transient_ = clone(self.transient)
         self.transient_.learn(record)
+        between = [
+            np.geomspace(own.min() / BEYOND, own.max() * BEYOND, STARTS) for own in self.transient_.decays_.values()
+        ]
+        self.transient_.decays_ = dict(zip(self.transient_.decays_, between, strict=True))
 
     def names(self) -> list[str]:
         """Names of the columns, as many as the segment with most decays has."""
@@ -73,10 +77,15 @@ class Starts:
         edges = np.flatnonzero(np.diff(segment, prepend=-1, append=-1))
         parts = [slice(low, high) for low, high in pairwise(edges.tolist())]
         held = [
-            orthonormal(columns[rows]) if columns[rows].any() else np.zeros((rows.stop - rows.start, 0))
+            orthonormal(columns[rows], START_HELD) if columns[rows].any() else np.zeros((rows.stop - rows.start, 0))
             for rows in parts
         ]
         self.first, self.lengths = edges[:-1], np.diff(edges)
+        groups, most = min(len(held), GROUPS), max((Q.shape[1] for Q in held), default=0)
+        self.spread = np.zeros((len(segment), groups * most))
+        """All directions once more, those of segments far from one another in common columns, shape (n, k)."""
+        for i, (rows, Q) in enumerate(zip(parts, held, strict=True)):
+            self.spread[rows, i % groups * most :][:, : Q.shape[1]] = Q
         self.basis = block_diag(held, format="csr") if any(Q.shape[1] for Q in held) else None
         """Directions of all segments side by side, shape (n, all of them); None where nothing is held."""
 

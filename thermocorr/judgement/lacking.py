@@ -12,14 +12,13 @@ from collections.abc import Collection
 import numpy as np
 from sklearn.base import clone
 
-from ..effects import CATALOGUE
+from ..effects import CATALOGUE, InitialTransient
 from ..effects.protocol import Effect
 from ..estimators.regressor import DynamicBiasRegressor
 from .blocks import averaged_columns
 from .causes import Search
 from .choice import Cause, first_of_each
 from .levels import FINE, GAIN, OF_MUCH, SIZEABLE, TIE
-from .likelihood import Comparison
 
 
 def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str]) -> list[Cause]:
@@ -28,11 +27,11 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
     if pool.rows.exact:
         return []
     small = search.judged.n * float(np.median(pool.data.counts)) * SIZEABLE**2  # twice what it gains in white noise
-    own = [clone(effect) for effect in model.features_.effect_list()]
+    own = [clone(effect) for effect in model.features_.effect_list() if not isinstance(effect, InitialTransient)]
     for effect in own:
         effect.learn(pool.record)
     thin = np.column_stack([pool.rows.constant, *map(pool.rows.weighed, averaged_columns(pool.record, own, FINE))])
-    most = search.judged.total - Comparison(pool.reading, thin, pool.span).total
+    most = search.judged.total - pool.compared(thin).total
     if most < small / 2:  # the many lags themselves gain no more than that
         return []
     kinds = [effect for kind, effect in CATALOGUE.items() if effect.thermal_rank and kind not in exclude]

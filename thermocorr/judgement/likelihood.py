@@ -52,9 +52,11 @@ class Comparison:
     base : array of shape (n, p)
     segment : array of shape (n,)
         Number of the segment of each row. The noise of different segments is independent.
+    lost : array of shape (n, k), optional
+        Orthonormal directions that reading and columns have lost before: they are degrees of freedom no more.
     """
 
-    def __init__(self, reading: np.ndarray, base: np.ndarray, segment: np.ndarray):
+    def __init__(self, reading: np.ndarray, base: np.ndarray, segment: np.ndarray, lost: np.ndarray | None = None):
         self.bands = Bands(segment)
         Q = orthonormal(self.bands.forward(base))
         z = self.bands.forward(reading[:, None])[:, 0]
@@ -63,6 +65,10 @@ class Comparison:
         self.z = z / self.unit
         self.Q = Q
         leverage = np.einsum("ij,ij->i", Q, Q)
+        if lost is not None:
+            leverage += np.sum(self.bands.forward(lost) ** 2, axis=1)
+        self.free = len(z) - (0.0 if lost is None else float(np.sum(lost**2)))
+        """Rows less the directions that they have lost."""
         self.share = np.maximum(self.bands.sizes - self.bands.sums(leverage), 1e-3)
         self.zz = np.maximum(self.bands.sums(self.z**2), 1e-300)  # an exact reading leaves nothing at all
         self.Qz = self.bands.sums(Q * self.z[:, None])
@@ -289,7 +295,7 @@ class Comparison:
 
     def unexplained(self, i: int | None = None) -> float:
         """Mean square that the base, with an explanation, leaves in plain least squares, in units of the start's."""
-        return float(self._solved(i, self.only_white())[1].sum()) / self.n
+        return float(self._solved(i, self.only_white())[1].sum()) / self.free
 
     def only_white(self) -> np.ndarray:
         """White noise of unit variance, as variances of the parts."""
@@ -322,7 +328,7 @@ class Comparison:
                 gains[i] = 0.5 * float(moment @ solved(own, moment))
         if profiled:
             total = float(W @ self.zz - b @ b)
-            gains = -0.5 * self.n * np.log1p(-np.minimum(2 * gains / total, 1 - 1e-12))
+            gains = -0.5 * self.free * np.log1p(-np.minimum(2 * gains / total, 1 - 1e-12))
         return gains
 
 

@@ -21,6 +21,7 @@ from .base import ThermalBase
 from .blocks import Averages, averaged, averaged_columns, spans, sums_of
 from .judged_rows import JudgedRows, starts_of
 from .levels import COARSE, FEWEST, FINE, MOST_EMPTY
+from .likelihood import Comparison
 
 Key = tuple[str, Any]
 
@@ -74,6 +75,10 @@ class Pool:
         columns = [self.rows.weighed(part) for part in columns[len(base) :]]
         self.explanations = [Explanation(e, c, True) for e, c in zip(slow, columns[: len(slow)], strict=True)]
         self.explanations += [Explanation(e, c) for e, c in zip(candidates, columns[len(slow) :], strict=True)]
+
+    def compared(self, base: np.ndarray) -> Comparison:
+        """The record beside columns of a base, shape (n, p)."""
+        return Comparison(self.reading, base, self.span, self.rows.starts.spread)
 
     def beside(self, base: np.ndarray, explanations: Sequence[Explanation]) -> Pool:
         """A pool of this record with another base and other explanations."""

@@ -229,9 +229,12 @@ def _without_idle_ones(members: Set, factored: Factored, alpha: float) -> Set:
     """Leave out slow time constants that explain next to nothing beside the others.
 
     A slow lag is nearly a straight line, and shares the static law with it: one that is there for nothing costs the
-    gain some digits. A thermometer with noise brings such lags in.
+    gain some digits. A thermometer with noise brings such lags in. Where starts of many segments were taken out, no lag
+    is idle: the fit has the decays of no others, and a slow body may show in these alone.
     """
     layout = factored.layout
+    if factored.columns.starts.decays_:
+        return members
     slow = [i for i in members if layout.grid[i] > SLOW_SHARE * layout.span]
 
     def left(some: Set) -> float:
