@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import pickle
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -17,6 +15,7 @@ from ..effects.stream import own_starts, walk
 from ..estimators.cutting import block_rows
 from ..estimators.fitting import Swept, decays_first, reading_offset, sweep_readings
 from ..estimators.regressor import DynamicBiasRegressor
+from ..estimators.time_constants.remembered import digest
 from ..records import Layout, Log, Record, RecordError, RecordWarning, read_record
 from ..records.numbers import as_pandas, numeric_reading
 from ..records.screen import screened
@@ -161,7 +160,7 @@ class ChannelTable:
         own = record.channel.name
         self._believed[own] = np.asarray(record.reading[:], float)
         known = np.isfinite(self._believed[own])
-        key = _digest([(type(effect), vars(effect)) for effect in effects], edges, record.skipped, known)
+        key = digest([(type(effect), vars(effect)) for effect in effects], edges, record.skipped, known)
         if (key, own) in self._swept:
             return self._swept.pop((key, own))
         names = [own]
@@ -188,7 +187,3 @@ class ChannelTable:
                 return False
             self._believed[name] = np.asarray(believed.reading[:], float)  # type: ignore[index]  # it was given
         return np.array_equal(np.isfinite(self._believed[name]), known)
-
-
-def _digest(*parts: Any) -> bytes:
-    return hashlib.sha256(pickle.dumps(parts)).digest()

@@ -42,7 +42,9 @@ def choose(model: Any, X: Any, y: Any, say: Callable[[str], None] = lambda text:
     say("choosing time constants")
     further = Thermometers.of(model.temperature).further
     together = None if count is None else count * (1 + len(further))
-    settings = SearchSettings(count=together, longest_decay_share=model.longest_decay_share, say=say)
+    settings = SearchSettings(
+        count=together, longest_decay_share=model.longest_decay_share, say=say, sweeps=model.sweeps
+    )
     plain = model.unfitted_features(())
     if model.products:  # the lags are chosen beside products of a coarse grid, lest they imitate these
         plain.set_params(products=False, effects=[*as_effects(plain.effects), ("products", CoarseProducts())])

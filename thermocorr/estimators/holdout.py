@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -12,15 +13,33 @@ from ..records.errors import said_once
 from .progress import Progress, told
 from .run_levels import unlearned
 from .screening import believed_readings
+from .time_constants.remembered import Sweeps
 
 MIN_BLOCK = 8
 """Rows below which a block of time says nothing."""
 
 
-def time_blocks(n_rows: int, n_blocks: int) -> list[slice]:
-    """Contiguous blocks of nearly equal numbers of rows, in the order of the rows."""
-    edges = np.linspace(0, n_rows, min(n_blocks, max(n_rows // MIN_BLOCK, 2)) + 1).astype(int)
-    return [slice(int(low), int(high)) for low, high in pairwise(edges)]
+def time_blocks(reading: np.ndarray, n_blocks: int) -> list[slice]:
+    """Contiguous blocks of nearly equal numbers of rows, in the order of the rows.
+
+    Where readings, shape (n_rows,), hold less than half of the rows, the blocks are those of that part.
+    """
+    known = np.flatnonzero(np.isfinite(reading))
+    first, stop = (int(known[0]), int(known[-1]) + 1) if len(known) else (0, len(reading))
+    if 2 * (stop - first) >= len(reading):
+        first, stop = 0, len(reading)
+    n_rows = stop - first
+    count = min(n_blocks, max(n_rows // MIN_BLOCK, 2))
+    return [slice(first + low, first + high) for low, high in pairwise(n_rows * k // count for k in range(count + 1))]
+
+
+def fitted_to(model: Any, X: Any, y: Any, sweeps: Sweeps) -> Any:
+    """A clone fitted to some of a record's readings, beside other such fits that leave out others."""
+    clone_of = clone(model)
+    clone_of.sweeps = sweeps
+    fitted = clone_of.fit(X, y)
+    del fitted.sweeps
+    return fitted
 
 
 @said_once()
@@ -57,18 +76,25 @@ def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5, progres
     0.2 ppm, noise 0.2 ppm
     """
     reading = believed_readings(model, X, y)
+    with told(progress, len(time_blocks(reading, n_blocks))) as tell:
+        return residuals_of_blocks(model, X, reading, n_blocks, Sweeps(), tell)
+
+
+def residuals_of_blocks(
+    model: Any, X: Any, reading: np.ndarray, n_blocks: int, sweeps: Sweeps, tell: Callable[[str], None]
+) -> np.ndarray:
+    """`held_out_residuals` of believed readings; `sweeps` knows what other fits to the record have swept."""
     result = np.full(len(reading), np.nan)
-    blocks = time_blocks(len(reading), n_blocks)
-    with told(progress, len(blocks)) as tell:
-        for number, block in enumerate(blocks):
-            tell(f"held-out block {number + 1} of {len(blocks)}")
-            known = reading.copy()
-            known[block] = np.nan
-            if np.isfinite(known).any():
-                fitted = clone(model).fit(X, known)
-                missed = reading[block] - fitted.predict(X)[block]
-                result[block] = np.where(unlearned(fitted, X, known)[block], np.nan, missed)
-                result[block][_unknown_start(fitted, block, len(reading))] = np.nan
+    blocks = time_blocks(reading, n_blocks)
+    for number, block in enumerate(blocks):
+        tell(f"held-out block {number + 1} of {len(blocks)}")
+        known = reading.copy()
+        known[block] = np.nan
+        if np.isfinite(known).any():
+            fitted = fitted_to(model, X, known, sweeps)
+            missed = reading[block] - fitted.predict(X)[block]
+            result[block] = np.where(unlearned(fitted, X, known)[block], np.nan, missed)
+            result[block][_unknown_start(fitted, block, len(reading))] = np.nan
     return result
 
 

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.base import clone
 
 from ..effects import Events
 from ..records import RecordError, read_record
 from ..records.errors import said_once
 from ..records.quantities import number_text, scale_of
 from ..records.text import printable
-from .holdout import rms
+from .cutting import where_read
+from .holdout import fitted_to, rms
 from .progress import Progress, told
 from .regressor import DynamicBiasRegressor
 from .run_levels import unlearned
 from .screening import believed_readings
+from .time_constants.remembered import Sweeps
 
 BEFORE = "before correction"
 FEWEST = 3
@@ -143,12 +145,12 @@ def later_errors(
     """
     reading = believed_readings(next(iter(variants.values())), X, y)
     missed: dict[str, list[np.ndarray]] = {name: [] for name in (BEFORE, *variants)}
+    later = list(later_blocks(next(iter(variants.values())), X, reading, n_blocks))
     with told(progress, n_blocks * len(variants)) as tell:
-        for number, (known, block) in enumerate(later_blocks(next(iter(variants.values())), X, reading, n_blocks), 1):
+        for known, block in later:
             missed[BEFORE].append(reading[block] - (np.nanmean(known) if np.isfinite(known).any() else np.nan))
-            for name, variant in variants.items():
-                tell(f"later block {number} of {n_blocks}: {name}")
-                missed[name].append(_missed(variant, X, known, reading, block))
+        for name, variant in variants.items():
+            missed[name] = _missed(variant, X, reading, later, partial(_tell, tell, name))
     blocks = pd.DataFrame({name: [rms(part) for part in parts] for name, parts in missed.items()}).T
     common = np.flatnonzero(blocks.notna().all())
     together = [rms(np.concatenate([np.zeros(0), *(parts[k] for k in common)])) for parts in missed.values()]
@@ -163,7 +165,7 @@ def later_rms(model: DynamicBiasRegressor, X: Any, y: Any, n_blocks: int = 5) ->
     Each block is foretold from everything before it; NaN where that is too short.
     """
     reading = believed_readings(model, X, y)
-    parts = [_missed(model, X, known, reading, block) for known, block in later_blocks(model, X, reading, n_blocks)]
+    parts = _missed(model, X, reading, list(later_blocks(model, X, reading, n_blocks)))
     return np.array([rms(part) for part in (*parts, np.concatenate(parts))])
 
 
@@ -172,9 +174,10 @@ def later_blocks(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Blocks of the later half in the order of time: readings before each (NaN from there on), and its rows."""
     record = read_record(X, model.features_.layout(), y=reading, quiet=True)
-    rows = np.arange(len(reading))[record.rows(0, record.n_used)]
-    edges = np.linspace(len(rows) // 2, len(rows), n_blocks + 1).astype(int)
-    for low, high in pairwise(edges.tolist()):
+    low, high = where_read(record)
+    rows = np.arange(len(reading))[record.rows(low, min(high, record.n_used))]
+    edges = [len(rows) * k // (2 * n_blocks) for k in range(n_blocks, 2 * n_blocks + 1)]
+    for low, high in pairwise(edges):
         known = np.full(len(reading), np.nan)
         known[rows[:low]] = reading[rows[:low]]
         yield known, rows[low:high]
@@ -192,13 +195,32 @@ def _after_events(fitted: DynamicBiasRegressor, X: Any, known: np.ndarray, block
 
 
 def _missed(
-    model: DynamicBiasRegressor, X: Any, known: np.ndarray, reading: np.ndarray, block: np.ndarray
+    model: DynamicBiasRegressor,
+    X: Any,
+    reading: np.ndarray,
+    later: Sequence[tuple[np.ndarray, np.ndarray]],
+    tell: Callable[[int], None] = lambda number: None,
+) -> list[np.ndarray]:
+    """What models of the known readings miss in the block behind these; NaN where these are too few."""
+    missed, sweeps = [], Sweeps()
+    for number, (known, block) in reversed(list(enumerate(later, 1))):  # a longer record knows what shorter ones ask
+        tell(number)
+        missed.append(_missed_in(model, X, known, reading, block, sweeps))
+    return missed[::-1]
+
+
+def _missed_in(
+    model: DynamicBiasRegressor, X: Any, known: np.ndarray, reading: np.ndarray, block: np.ndarray, sweeps: Sweeps
 ) -> np.ndarray:
-    """What a model of the known readings misses in a block; NaN where these are too few."""
     try:
-        fitted: DynamicBiasRegressor = clone(model).fit(X, known)
+        fitted: DynamicBiasRegressor = fitted_to(model, X, known, sweeps)
         missed = np.asarray(reading[block] - fitted.predict(X)[block])
         missed[unlearned(model, X, known)[block] | _after_events(fitted, X, known, block)] = np.nan
         return missed
     except RecordError:
         return np.full(len(block), np.nan)
+
+
+def _tell(say: Callable[[str], None], name: str, number: int) -> None:
+    """How far the work on a variant is."""
+    say(f"{name}: later block {number}")

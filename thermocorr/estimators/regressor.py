@@ -31,6 +31,7 @@ from .reading import Reading, check_corrected, check_plausible
 from .ridge import MergedRidge
 from .run_levels import RunLevels, run_levels
 from .threads import one_blas_thread
+from .time_constants.remembered import Sweeps
 from .time_constants.spectrum import DECAY_SHARE
 from .uncertainty.signing import SignedModel
 from .weighing import learned_readings
@@ -174,6 +175,9 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.prior = prior
         self.washout = washout
         self.verbose = verbose
+
+    sweeps: Sweeps | None = None
+    """What searches in the same record have swept, for fits to most of its readings; None: nobody else searches."""
 
     __metadata_request__fit = {"sample_weight": None}
 

@@ -17,10 +17,11 @@ from ..records import Record, read_record
 from ..records.errors import said_once
 from ..records.quantities import Scale, number_text, scale_of
 from ..records.text import printable
-from .holdout import held_out_residuals, rms, time_blocks
+from .holdout import fitted_to, residuals_of_blocks, rms, time_blocks
 from .progress import Progress, told
 from .regressor import DynamicBiasRegressor
 from .screening import believed_readings
+from .time_constants.remembered import Sweeps
 
 _TITLES = {
     "std": "std",
@@ -175,16 +176,17 @@ def compare_variants(
     if products:
         variants["dynamic nonlinear with products"] = clone(dynamic).set_params(degree=degree, products=products)
     reading = believed_readings(dynamic, X, y)
-    blocks = time_blocks(len(reading), n_blocks)
+    blocks = time_blocks(reading, n_blocks)
     inside: dict[str, np.ndarray] = {}
     outside: dict[str, np.ndarray] = {}
     fitted: dict[str, DynamicBiasRegressor] = {}
     with told(progress, len(variants) * (1 + len(blocks))) as tell:
         for name, variant in variants.items():
             tell(f"{name}: fitting")
-            fitted[name] = variant.fit(X, y)
-            inside[name] = np.asarray(variant.residuals(X, y))
-            outside[name] = held_out_residuals(variant, X, y, n_blocks=n_blocks, progress=partial(_tell, tell, name))
+            sweeps = Sweeps()
+            fitted[name] = fitted_to(variant, X, y, sweeps)
+            inside[name] = np.asarray(fitted[name].residuals(X, y))
+            outside[name] = residuals_of_blocks(variant, X, reading, n_blocks, sweeps, partial(_tell, tell, name))
     record = read_record(X, fitted["static linear"].features_.layout(), y=y, quiet=True)
     smooth = _Smoothing(record, blocks, window)
     raw = reading - np.nanmean(reading)

@@ -16,6 +16,7 @@ from ..estimators.holdout import held_out_residuals, rms, time_blocks
 from ..estimators.later import later_rms
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.thermometers import Thermometers
+from ..records.numbers import numeric_reading
 from ..records.quantities import quantity_texts
 from ..records.thinned import ThinnedLog
 from .levels import HELD_OUT_BLOCKS, HELPS, MOSTLY, SAME, SUPERFLUOUS
@@ -85,7 +86,7 @@ def _ratio(now: float, before: float) -> float:
 def held_out_blocks(model: DynamicBiasRegressor, X: Any, y: Any) -> np.ndarray:
     """Rms residual of each held-out block, then of all blocks together; NaN for a block without readings."""
     residual = held_out_residuals(model, X, y, n_blocks=HELD_OUT_BLOCKS)
-    parts = [residual[block] for block in time_blocks(len(residual), HELD_OUT_BLOCKS)]
+    parts = [residual[block] for block in time_blocks(numeric_reading(y, X), HELD_OUT_BLOCKS)]
     return np.array([np.hypot(rms(part), _unseen(X)) for part in (*parts, residual)])
 
 

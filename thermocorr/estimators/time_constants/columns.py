@@ -15,6 +15,7 @@ from ...records import Record
 from ..features import DiffusiveFeatures
 from ..fitting import sweep_effects
 from .folds import TimeFolds
+from .remembered import Sweeps
 from .spectrum import GridLayout
 
 MOST_SEGMENTS = 8
@@ -86,6 +87,14 @@ class LagColumns:
             result.append([column for column, key, tau in self.decays if tau > limits[key]])
         return result
 
-    def swept(self, record: Record, effects: Sequence[Effect], edges: np.ndarray) -> list[TriangularFactor]:
-        """Factors of ``[1 | Q | U]`` for the stretches between `edges`, less what starts of many segments hold."""
-        return sweep_effects(record, effects, edges, self.starts if self.starts.decays_ else None).chunks
+    def swept(
+        self, record: Record, effects: Sequence[Effect], edges: np.ndarray, sweeps: Sweeps | None = None
+    ) -> list[TriangularFactor]:
+        """Factors of ``[1 | Q | U]`` for the stretches between `edges`, less what starts of many segments hold.
+
+        `sweeps` knows those of earlier searches.
+        """
+        starts = self.starts if self.starts.decays_ else None
+        if sweeps is not None:
+            return sweeps.chunks(record, effects, edges, starts)
+        return sweep_effects(record, effects, edges, starts).chunks

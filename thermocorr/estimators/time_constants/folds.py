@@ -13,7 +13,7 @@ import numpy as np
 
 from ...equations import TriangularFactor
 from ...records import Record, Segment
-from ..cutting import equal_edges
+from ..cutting import equal_edges, where_read
 
 MAX_STRETCHES = 400
 """More stretches than this are not blocks in time but shuffled rows."""
@@ -81,7 +81,8 @@ def folds_in_time(record: Record, cv: Any = 5, washout: float | None = None) -> 
     ----------
     record : Record
     cv : int, splitter or iterable of (train, test) rows
-        An int is forward chaining with that many tests, the rows of ``TimeSeriesSplit(cv)``. A splitter of
+        An int is forward chaining with that many tests, the rows of ``TimeSeriesSplit(cv)`` (of the part that has
+        readings, where these hold less than half of the record). A splitter of
         scikit-learn is given the runs' labels as groups. Its folds must be made of whole stretches of time.
     washout : float, optional
         Length [s] of what is left out: learned rows that close to a test, and tested rows that close behind the start
@@ -102,14 +103,15 @@ def folds_in_time(record: Record, cv: Any = 5, washout: float | None = None) -> 
 
 
 def _forward(record: Record, n_splits: int) -> list[tuple[Ranges, Ranges]]:
-    n = record.n_rows
+    low, high = where_read(record)
+    n = high - low
     if not 2 <= n_splits < n:
         raise ValueError(
             f"The 'cv' parameter must be a number of folds from 2 to {n - 1} for {n} rows. Got {n_splits} instead."
         )
     size = n // (n_splits + 1)
-    starts = [n - (n_splits - i) * size for i in range(n_splits)]
-    return [([(0, start)], [(start, start + size)]) for start in starts]
+    starts = [high - (n_splits - i) * size for i in range(n_splits)]
+    return [([(low, start)], [(start, start + size)]) for start in starts]
 
 
 def _of_splitter(record: Record, cv: Any) -> list[tuple[Ranges, Ranges]]:

@@ -20,6 +20,7 @@ from ..reading import Reading, check_plausible
 from .columns import LagColumns
 from .crossvalidation import NEGLIGIBLE, CrossValidation, Set, count_sets, fewest
 from .folds import TimeFolds, folds_in_time
+from .remembered import Sweeps
 from .spectrum import (
     LARGEST_ALPHA,
     MIN_ROWS,
@@ -69,6 +70,8 @@ class SearchSettings:
     longest_decay_share: float = 1.0
     n_jobs: int | None = None
     say: Callable[[str], None] = lambda text: None
+    sweeps: Sweeps | None = None
+    """What earlier searches in the same record have swept."""
 
 
 @dataclass(frozen=True)
@@ -362,7 +365,7 @@ def factors_of(
     columns = LagColumns.of(features, record, grid, settings.longest_decay_share)
     folds = folds_in_time(record, settings.cv, settings.washout)
     effects = [*features.effect_list(), columns.lag, *columns.further, columns.transient]
-    chunks = columns.swept(record, effects, folds.edges)
+    chunks = columns.swept(record, effects, folds.edges, settings.sweeps)
     return Factored(record=record, reading=reading, features=features, columns=columns, chunks=chunks, folds=folds)
 
 

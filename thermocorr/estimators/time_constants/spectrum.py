@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...equations import TriangularFactor
+from ...records import RecordError
 
 POOL_SIZE = 25
 FASTEST = 0.5
@@ -125,6 +126,13 @@ def reference_of(blocks: Sequence[TriangularFactor], layout: GridLayout) -> Grid
         Which column is what.
     """
     errors = forecast_errors(blocks, layout)
+    if not len(errors):  # readings in few places: forecast from one to the next
+        errors = forecast_errors([block for block in blocks if block.n_rows], layout)
+    if not len(errors):
+        raise RecordError(
+            "The readings stand too close together to choose time constants by forecasts. Record readings for longer, "
+            "or give time_constants."
+        )
     c, a = np.unravel_index(int(np.argmin(errors.mean(axis=0))), errors.shape[1:])
     whole = TriangularFactor.merged(blocks)
     model = reference_models(whole, layout, CEILINGS[c], [PENALTIES[a]])[0]

@@ -1,0 +1,90 @@
+"""Searches in one record that leave out other readings: what one has swept, the next does not sweep again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+
+from thermocorr import DynamicBiasRegressor, compare_variants, held_out_residuals, later_errors
+from thermocorr.datasets import make_record
+from thermocorr.estimators.holdout import fitted_to, time_blocks
+from thermocorr.estimators.time_constants import remembered
+from thermocorr.estimators.time_constants.remembered import Sweeps
+
+N = 6000
+
+
+@pytest.fixture
+def swept(monkeypatch):
+    """Counts the sweeps of searches."""
+    calls = []
+    plain = remembered.sweep_effects
+    monkeypatch.setattr(remembered, "sweep_effects", lambda *given: calls.append(given) or plain(*given))
+    return calls
+
+
+def data(**options):
+    record = make_record(N, seed=5, noise=0.2, **options)
+    return record[["temperature"]], record["reading"]
+
+
+def same(one, other):
+    assert one.time_constants_.tolist() == other.time_constants_.tolist()
+    np.testing.assert_allclose(one.coef_, other.coef_, rtol=1e-9, atol=1e-9 * abs(other.coef_).max())
+    assert one.intercept_ == pytest.approx(other.intercept_, rel=1e-12)
+
+
+@pytest.mark.parametrize("options", [{}, {"gaps": 3}, {"irregular": 0.2}, {"runs": 12}])
+def test_fits_beside_others_are_those_that_each_makes_alone(swept, options):
+    X, y = data(**options)
+    model, sweeps = DynamicBiasRegressor("temperature", max_gap="1 h"), Sweeps()
+    readings = [y.to_numpy(float)]
+    for block in (*time_blocks(y.to_numpy(), 5)[1:], slice(len(y) * 7 // 10, None)):
+        readings.append(readings[0].copy())
+        readings[-1][block] = np.nan
+    for reading in readings:
+        same(fitted_to(model, X, reading, sweeps), clone(model).fit(X, reading))
+    if not options:
+        assert len(swept) == 1
+
+
+def test_another_offset_of_the_reading_changes_nothing(swept):
+    """The reading in the middle of the first block that has any is taken off: here 1e5 times the noise from another."""
+    X, y = data()
+    reading, sweeps = y.to_numpy(float) + np.linspace(0.0, 2e5, N), Sweeps()
+    model = DynamicBiasRegressor("temperature", screen=False)
+    for known in (reading, np.where(np.arange(N) < N // 2, reading, np.nan)):
+        same(fitted_to(model, X, known, sweeps), clone(model).fit(X, known))
+    assert len(swept) == 1
+
+
+def test_other_columns_readings_or_weights_are_swept_anew(swept):
+    X, y = data()
+    model, sweeps = DynamicBiasRegressor("temperature"), Sweeps()
+    fitted_to(model, X, y, sweeps)
+    same(fitted_to(model, X + 1e-3, y, sweeps), clone(model).fit(X + 1e-3, y))
+    changed = y.copy()
+    changed.iloc[N // 2] += 0.1
+    same(fitted_to(model, X, changed, sweeps), clone(model).fit(X, changed))
+    same(fitted_to(clone(model).set_params(degree=1), X, y, sweeps), clone(model).set_params(degree=1).fit(X, y))
+    assert len(swept) == 4
+
+
+def test_a_fitted_model_keeps_no_sweeps_of_others():
+    X, y = data()
+    model = fitted_to(DynamicBiasRegressor("temperature"), X, y, Sweeps())
+    assert model.sweeps is None and "sweeps" not in vars(model)
+
+
+def test_comparisons_sweep_a_variant_once_or_twice(swept):
+    """Its first block apart: beside it the decays of the start are other ones."""
+    X, y = data()
+    compared = compare_variants(X, y, temperature="temperature")
+    assert len(swept) == 2 * 2
+    swept.clear()
+    later_errors(compared.models, X, y)
+    assert len(swept) == 2
+    swept.clear()
+    held_out_residuals(DynamicBiasRegressor("temperature"), X, y)
+    assert len(swept) <= 3
