@@ -77,7 +77,7 @@ def test_restricted_likelihood_finds_the_noise_of_a_record():
         rng = np.random.default_rng(seed)
         noise = rng.standard_normal(4000) + 2 * markov(rng, 4000, 40)
         columns = np.column_stack((np.ones(4000), np.linspace(-1, 1, 4000))) / 60
-        said = BandSums(columns, noise, np.zeros(4000, int)).said()
+        said = BandSums(columns, noise, np.zeros(4000, int)).settle().said()
         found.append((said.theta[0], said.theta[1:].sum()))
     white, wander = np.mean(found, axis=0)
     assert white == pytest.approx(1.0, rel=0.15)
@@ -265,3 +265,19 @@ def test_what_follows_another_run_shares_no_noise_with_the_last():
     same = model.uncertainty(X[2000:2010], y[2000:2010])
     other = model.uncertainty(X[2000:2010].assign(run="b"), y[2000:2010])
     assert (same.shared > 0).all() and (other.shared == 0).all()
+
+
+@pytest.mark.parametrize(("n", "walks", "seed"), [(5000, True, 617), (5000, True, 622), (1200, False, 641)])
+def test_slow_bodies_are_noise_unless_the_record_is_clearly_likelier_with_them(n, walks, seed):
+    """The search takes a random walk for bodies slower than an eighth of the record; in white noise they are there."""
+    rng, device = np.random.default_rng([seed, 4 if walks else 5]), ("layered", "box")[seed % 2]
+    record = make_record(n, device=device, setting="chamber", noise=1e-9, seed=seed)
+    noise = np.cumsum(rng.standard_normal(n)) if walks else np.zeros(n)
+    noise = 2 * noise / (noise.std() or 1.0) + rng.standard_normal(n)
+    model = DynamicBiasRegressor("temperature").fit(record[["temperature"]], record["reading"] + 0.2 * noise)
+    assert model.time_constants_.max() > n * 60 / 8
+    joint = model.joint_errors()
+    slow = joint.effects[1].time_constants_ > n * 60 / 8
+    known = np.diag(joint.covariance)[1 + len(joint.effects[0].names()) :][: len(slow)] > 0
+    assert (known == ~slow).all() if walks else known.all()
+    assert np.sqrt(joint.noise.wander.sum()) == pytest.approx(0.4 if walks else 0.0, abs=0.25 if walks else 0.1)

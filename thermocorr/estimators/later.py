@@ -17,7 +17,7 @@ from ..records.errors import said_once
 from ..records.quantities import number_text, scale_of
 from ..records.text import printable
 from .cutting import where_read
-from .holdout import fitted_to, rms
+from .holdout import MIN_BLOCK, fitted_to, rms
 from .progress import Progress, told
 from .regressor import DynamicBiasRegressor
 from .run_levels import unlearned
@@ -150,7 +150,7 @@ def later_errors(
         for known, block in later:
             missed[BEFORE].append(reading[block] - (np.nanmean(known) if np.isfinite(known).any() else np.nan))
         for name, variant in variants.items():
-            missed[name] = _missed(variant, X, reading, later, partial(_tell, tell, name))
+            missed[name] = _missed(variant, X, reading, later, partial(_tell, tell, name, n_blocks))
     blocks = pd.DataFrame({name: [rms(part) for part in parts] for name, parts in missed.items()}).T
     common = np.flatnonzero(blocks.notna().all())
     together = [rms(np.concatenate([np.zeros(0), *(parts[k] for k in common)])) for parts in missed.values()]
@@ -175,6 +175,8 @@ def later_blocks(
     """Blocks of the later half in the order of time: readings before each (NaN from there on), and its rows."""
     record = read_record(X, model.features_.layout(), y=reading, quiet=True)
     low, high = where_read(record)
+    if high - low < 2 * n_blocks * MIN_BLOCK:
+        low, high = 0, record.n_rows
     rows = np.arange(len(reading))[record.rows(low, min(high, record.n_used))]
     edges = [len(rows) * k // (2 * n_blocks) for k in range(n_blocks, 2 * n_blocks + 1)]
     for low, high in pairwise(edges):
@@ -221,6 +223,6 @@ def _missed_in(
         return np.full(len(block), np.nan)
 
 
-def _tell(say: Callable[[str], None], name: str, number: int) -> None:
-    """How far the work on a variant is."""
-    say(f"{name}: later block {number}")
+def _tell(say: Callable[[str], None], name: str, n_blocks: int, number: int) -> None:
+    """How far the work is."""
+    say(f"later block {number} of {n_blocks}: {name}")

@@ -17,6 +17,9 @@ from ...equations import TriangularFactor
 from ...records import Record
 from ..fitting import reading_offset, sweep_effects
 
+PICKLING = (pickle.PicklingError, AttributeError, TypeError)
+"""What is raised for effects that cannot be pickled, such as one that holds a function of a notebook's cell."""
+
 
 @dataclass
 class _Stretch:
@@ -48,15 +51,16 @@ class Sweeps:
         self, record: Record, effects: Sequence[Effect], edges: np.ndarray, starts: InitialTransient | None
     ) -> list[TriangularFactor]:
         """Factors of the stretches between `edges`, as `sweep_effects` gives them."""
-        if record.weight is not None or hasattr(record, "sweep_effects"):
+        columns = [column for column in record.columns.values() if isinstance(column, np.ndarray)]
+        learned = [(id(type(effect)), vars(effect)) for effect in (*effects, starts) if effect is not None]
+        try:
+            key = digest(learned, columns, edges, record.skipped)
+        except PICKLING:
+            key = b""
+        apart = len(columns) < len(record.columns) or record.weight is not None or hasattr(record, "sweep_effects")
+        if apart or not key:
             return sweep_effects(record, effects, edges, starts).chunks
-        offset, names = reading_offset(record), dict.fromkeys((record.temperature_name, *record.columns))
-        key = digest(
-            [(type(effect), vars(effect)) for effect in (*effects, *([] if starts is None else [starts]))],
-            [np.asarray(record.columns[name]) for name in names],
-            edges,
-            record.skipped,
-        )
+        offset = reading_offset(record)
         known = self._known.setdefault(key, [[] for _ in edges[1:]])
         assert record.reading is not None
         own = [np.array(record.reading[record.rows(low, high)], float) for low, high in pairwise(edges.tolist())]

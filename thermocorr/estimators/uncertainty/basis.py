@@ -23,11 +23,12 @@ from ..binned import Binned, binned_columns
 from ..time_constants.columns import MOST_SEGMENTS
 
 SPECTRUM_SHARE = 1 / 8
-"""Longest time constant that may be there unseen, as a share of the longest segment: slower bodies are noise. With
+"""Longest time constant that may be there unseen, as a share of the longest segment: slower bodies are noise, unless
+the record is likelier with them. With
 twice the share, the bias in white noise is stated 1.76 times its error instead of 1.36 times, with half of it 1.26
 times (searched time constants): `python benchmarks/interval_coverage.py --first 600 --seeds 24`."""
 BEYOND_CHOSEN = 1.3
-"""The slowest body that may be there is at least this many times slower than the longest time constant chosen."""
+"""Where slower ones were chosen: the slowest body that may be there is this many times slower than any of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +61,16 @@ class Basis:
     """Where each of the columns stands in the fit's factors, -1 for those that the model leaves out, shape (p,)."""
     searched: bool
     """Whether the lags of a whole grid stand for those of the model."""
+    slow: np.ndarray
+    """Lags of that grid beyond `SPECTRUM_SHARE`, shape (p,): True for those."""
+
+    def without_slow(self) -> Basis:
+        """A basis in which these have no error and no coefficient."""
+        kept = ~self.slow
+        return replace(
+            self, columns=self.columns[:, kept], free=self.free[kept], in_fit=self.in_fit[kept], slow=self.slow[kept],
+            groups=[group[kept] for group in self.groups],
+        )  # fmt: skip
 
     def bin_seconds(self) -> float:
         """Usual time from bin to bin [s]."""
@@ -69,7 +80,8 @@ class Basis:
 
 def basis_of(model: Any, bins: Binned, offset: float) -> Basis:
     """The basis of a fitted model, from the bins of its record and what was taken off the readings there."""
-    effects, history, grid = model.features_.effect_list(), model.features_.history_, _spectrum(model)
+    effects, history = model.features_.effect_list(), model.features_.history_
+    grid, usual_longest = _spectrum(model)
     if bins.columns is not None:
         means, own = bins.columns, True
     else:
@@ -93,10 +105,19 @@ def basis_of(model: Any, bins: Binned, offset: float) -> Basis:
         effects=effects, history=history, own=own, columns=columns[known][:, free], free=free, width=columns.shape[1],
         reading=(bins.reading - starts)[known], offset=offset, segment=bins.segment[known],
         begins=bins.begins[known], count=bins.count[known], rows=max(1, round(usual)),
-        searched=not own and len(grid) > 0,
+        searched=not own and len(grid) > 0, slow=_slower(effects, grid, usual_longest)[free],
         in_fit=np.array([fitted_names.index(names[i]) if names[i] in fitted_names else -1 for i in free]),
         groups=[group[free] for group in _priors(effects, model.features_.effect_list())],
     )  # fmt: skip
+
+
+def _slower(effects: Sequence[Effect], grid: np.ndarray, longest: float) -> np.ndarray:
+    """Lags with all time constants of a grid that are slower than the longest one, shape (1 + p,)."""
+    slow = [np.zeros(1, bool)]
+    for effect in effects:
+        wide = np.array_equal(getattr(effect, "time_constants", ()), grid) and len(effect.names()) == len(grid)
+        slow.append(grid > longest if wide and len(grid) else np.zeros(len(effect.names()), bool))
+    return np.concatenate(slow)
 
 
 def _priors(effects: Sequence[Effect], own: Sequence[Effect]) -> list[np.ndarray]:
@@ -116,8 +137,11 @@ def _priors(effects: Sequence[Effect], own: Sequence[Effect]) -> list[np.ndarray
     return groups
 
 
-def _spectrum(model: Any) -> np.ndarray:
-    """Time constants that may be there, for a model that has searched its own [s]; empty for others."""
+def _spectrum(model: Any) -> tuple[np.ndarray, float]:
+    """Time constants that may be there, for a model that has searched its own, and the longest without doubt [s].
+
+    Empty for others.
+    """
     choice, record = model.search_, model.features_.history_.record
     if (
         choice is None
@@ -125,11 +149,11 @@ def _spectrum(model: Any) -> np.ndarray:
         or model.products
         or not (choice.further or len(choice.time_constants))
     ):
-        return np.zeros(0)
+        return np.zeros(0), np.inf
     span = max(record.duration(segment) for segment in record.segments)
     slowest = max(taus.max(initial=0.0) for taus in (choice.time_constants, *choice.further.values()))
-    longest = max(SPECTRUM_SHARE * span, BEYOND_CHOSEN * slowest)
-    return np.unique(choice.grid[choice.grid <= longest])
+    usual = SPECTRUM_SHARE * span
+    return np.unique(choice.grid[choice.grid <= max(usual, BEYOND_CHOSEN * slowest)]), usual
 
 
 def _widened(effect: Effect, grid: np.ndarray, searched: Sequence[Any], history: History) -> Effect:

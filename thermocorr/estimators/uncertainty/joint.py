@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,10 @@ PER_MEMORY = 2.0
 """Degrees of freedom that a correlation time adds to a wandering variance: a sum of squares alone would give 1, a known
 shape of the spectrum more. Corrected readings in a random walk are covered in 100, 99, 96 % with 1, 2, 4 (time
 constants given) and 90, 86, 83 % (searched): `python benchmarks/interval_coverage.py --first 600 --seeds 24`."""
+CLEARLY = 3.0
+"""Logarithm of the ratio of evidences from which on bodies slower than an eighth of the record are the device's (Kass &
+Raftery, J. Am. Stat. Assoc. 90, 1995: "strong"). In random walks of 5000 rows it is -2.7 to 1.3, in white noise, where
+such bodies had been chosen in 1200 rows, 13 to 47 or next to nothing at stake."""
 SIZES = 200
 """Moments at which the size of a noise that changes with time is kept."""
 
@@ -119,10 +123,7 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
     if swept.binned is None:
         raise ValueError(UNKNOWN)
     basis = basis_of(model, swept.binned, swept.reading_offset)
-    scaled = ScaledBasis.of(basis)
-    groups = [group / scaled.norms**2 for group in basis.groups]
-    within = _within(swept.total(), basis, scaled)
-    sums = BandSums(scaled.columns, scaled.reading, scaled.span, groups, within)
+    basis, scaled, sums = _likelier(basis, swept.total())
     found = sums.said()
     residual = solution.residual_sum_of_squares / max(solution.n_rows, 1)
     noise = _noise(basis, scaled, sums, found, residual)
@@ -146,6 +147,22 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
         representation=TOLERANCE * residual if not basis.searched and model.search_ is not None else 0.0,
         beyond=_beyond(basis, scaled, sums),
     )  # fmt: skip
+
+
+def _likelier(basis: Basis, factor: TriangularFactor) -> tuple[Basis, ScaledBasis, BandSums]:
+    """The basis without its slowest bodies, or with them, where they make the record clearly likelier.
+
+    In a short record they may be the device's; in one that wanders they take the noise upon themselves.
+    """
+    scaled = ScaledBasis.of(basis)
+    groups = [group / scaled.norms**2 for group in basis.groups]
+    sums = BandSums(scaled.columns, scaled.reading, scaled.span, groups, _within(factor, basis, scaled))
+    if not basis.slow.any():
+        return basis, scaled, sums.settle()
+    less = sums.without(basis.slow).settle()
+    if sums.settle().evidence() > less.evidence() + CLEARLY:
+        return basis, scaled, sums
+    return basis.without_slow(), scaled.only(~basis.slow), less
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,6 +195,10 @@ class ScaledBasis:
             columns=columns / size[:, None], reading=reading / unit / size, norms=norms, unit=unit, mean=mean,
             size=size, span=spans(basis.segment, basis.begins, runs),
         )  # fmt: skip
+
+    def only(self, kept: np.ndarray) -> ScaledBasis:
+        """Some of the columns, shape (p,): True for those that stay."""
+        return replace(self, columns=self.columns[:, kept], norms=self.norms[kept])
 
 
 def _within(factor: TriangularFactor, basis: Basis, scaled: ScaledBasis) -> Within | None:
