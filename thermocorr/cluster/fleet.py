@@ -163,7 +163,7 @@ def _span(part: Part, name: Any, reading: str, model: DynamicBiasRegressor) -> t
     """Usual step and length of a device's record [s]."""
     with _Named(name, part):
         record = _plain(model).learn(part, part[reading])
-        return record.usual_step(), max(record.duration(segment) for segment in record.segments)
+        return record.usual_step(), record.longest_read()
 
 
 def _spectrum(

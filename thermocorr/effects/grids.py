@@ -15,16 +15,11 @@ _SAMPLE = 20_000
 def time_grid(record: Record, steps: float, share: float, ratio: float = 2.0, limit: float = np.inf) -> list[float]:
     """Times from `steps` usual steps to `share` of the longest segment (at most `limit`) [s], `ratio` apart."""
     low = steps * record.usual_step()
-    high = min(share * longest_segment(record), limit)
+    high = min(share * record.longest_read(), limit)
     if high < low:
         return []
     count = int(np.log(high / low) / np.log(ratio) + 1e-9) + 1
     return [_three_digits(low * ratio**k) for k in range(count)]
-
-
-def longest_segment(record: Record) -> float:
-    """Duration of the longest segment [s]."""
-    return max((record.duration(segment) for segment in record.segments), default=0.0)
 
 
 def temperature_quantiles(record: Record, shares: Any) -> np.ndarray:

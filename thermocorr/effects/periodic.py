@@ -10,7 +10,6 @@ from sklearn.utils._param_validation import Interval
 
 from ..records import Record, seconds_of
 from ..records.quantities import span_text
-from .grids import longest_segment
 from .protocol import Effect, EffectInfo, time_text
 from .signals import Signals
 
@@ -66,7 +65,7 @@ class Periodic(Effect):
 
         Other periods come from the spectrum of a residual.
         """
-        shortest, longest = 10.0 * record.usual_step(), longest_segment(record) / 3.0
+        shortest, longest = 10.0 * record.usual_step(), record.longest_read() / 3.0
         return [cls(period, h) for period, h in _USUAL_PERIODS.items() if shortest <= period <= longest]
 
     def learn(self, record: Record) -> None:

@@ -126,6 +126,6 @@ class CoarseProducts(LagProducts):
 
     def learn(self, record: Record) -> None:
         """Spread the time constants from four steps to a thirtieth of the longest segment."""
-        step, span = record.usual_step(), max(record.duration(segment) for segment in record.segments)
+        step, span = record.usual_step(), record.longest_read()
         self.time_constants = np.geomspace(4 * step, max(span / 30, 8 * step), self.count).tolist()
         super().learn(record)

@@ -13,7 +13,7 @@ import numpy as np
 from sklearn.base import clone
 
 from ..records import Record, seconds_of
-from .grids import longest_segment, mean_seconds, time_grid, time_quantiles
+from .grids import mean_seconds, time_grid, time_quantiles
 from .moments import MOMENT, moment_text, shown, since_start
 from .protocol import SINCE_START, Effect, EffectInfo, time_text
 from .signals import BlockSignals, Signals
@@ -218,7 +218,7 @@ class Step(Effect):
 
     def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
         """Moments `share` of the way to the next candidate."""
-        moment, reach = since_start(self.time, record), share * longest_segment(record) / (_STEP_TIMES + 1)
+        moment, reach = since_start(self.time, record), share * record.longest_read() / (_STEP_TIMES + 1)
         return [clone(self).set_params(time=moment + side * reach) for side in (-1, 1)]
 
     def learn(self, record: Record) -> None:

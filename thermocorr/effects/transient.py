@@ -70,7 +70,7 @@ class InitialTransient(Effect):
         self.decays_: dict[int, np.ndarray] = {}
         self.labels_: dict[int, str] = {}
         runs = [segment.run for segment in record.segments]
-        durations = [record.duration(segment) for segment in record.segments]
+        durations = [record.read_duration(segment) for segment in record.segments]
         slow = time_constants[time_constants <= self.longest_share * sum(durations)]
         for key, (segment, limit) in enumerate(zip(record.segments, self.longest(durations), strict=True)):
             chosen = time_constants[time_constants <= limit]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -21,11 +21,11 @@ def block_rows(n_used: int, n_chunks: int = N_CHUNKS) -> int:
 def equal_edges(record: Record, n_chunks: int = N_CHUNKS) -> np.ndarray:
     """Positions in time order that cut a record into stretches of equal numbers of used rows, ends included.
 
-    Where readings hold less than half of the record, that part is cut, see `where_read`.
+    Where readings hold less than half of the record, that part is cut, see `Record.read_places`.
     """
     starts = np.array([segment.start for segment in record.segments])
     before = np.cumsum([0, *(segment.n_rows for segment in record.segments)])
-    low, high = where_read(record)
+    low, high = record.read_places
     first, last = 0, record.n_used
     if (low, high) != (0, record.n_rows):
         own = np.clip(np.searchsorted(starts, (low, high - 1), side="right") - 1, 0, None)
@@ -33,31 +33,6 @@ def equal_edges(record: Record, n_chunks: int = N_CHUNKS) -> np.ndarray:
     wanted = np.unique(first + np.arange(1, n_chunks) * (last - first) // n_chunks)
     segment = np.searchsorted(before, wanted, side="right") - 1
     return np.unique(np.concatenate(([0], starts[segment] + wanted - before[segment], [record.n_rows])))
-
-
-def where_read(record: Record) -> tuple[int, int]:
-    """Positions of the first reading and behind the last one; those of the whole record where these hold half of it.
-
-    A week of readings may stand beside a year of temperature: cut by the year, all of it would be one stretch.
-    """
-    n, blocks = record.n_rows, range(0, record.n_rows, BLOCK_ROWS)
-    first, last = next(_known(record, blocks), None), next(_known(record, reversed(blocks)), None)
-    if first is None or last is None:
-        return 0, n
-    low, high = int(first[0]), int(last[-1]) + 1
-    return (low, high) if 2 * (high - low) < n else (0, n)
-
-
-def _known(record: Record, starts: Iterable[int]) -> Iterator[np.ndarray]:
-    """Positions of the readings, block by block, of blocks that have any."""
-    reading = record.reading
-    if reading is None:
-        return
-    for start in starts:
-        stop = min(start + BLOCK_ROWS, record.n_rows)
-        known = np.flatnonzero(np.isfinite(np.asarray(reading[record.rows(start, stop)], float)))
-        if len(known):
-            yield start + known
 
 
 def pieces(edges: np.ndarray, places: np.ndarray) -> Iterator[tuple[int, slice]]:

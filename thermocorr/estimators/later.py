@@ -16,7 +16,6 @@ from ..records import RecordError, read_record
 from ..records.errors import said_once
 from ..records.quantities import number_text, scale_of
 from ..records.text import printable
-from .cutting import where_read
 from .holdout import MIN_BLOCK, fitted_to, rms
 from .progress import Progress, told
 from .regressor import DynamicBiasRegressor
@@ -174,7 +173,7 @@ def later_blocks(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Blocks of the later half in the order of time: readings before each (NaN from there on), and its rows."""
     record = read_record(X, model.features_.layout(), y=reading, quiet=True)
-    low, high = where_read(record)
+    low, high = record.read_places
     if high - low < 2 * n_blocks * MIN_BLOCK:
         low, high = 0, record.n_rows
     rows = np.arange(len(reading))[record.rows(low, min(high, record.n_used))]

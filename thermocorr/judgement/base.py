@@ -8,7 +8,6 @@ import numpy as np
 from sklearn.base import clone
 
 from ..effects import LagProducts, StaticPolynomial, ThermalLag
-from ..effects.grids import longest_segment
 from ..effects.protocol import Effect
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record
@@ -46,5 +45,5 @@ def _slowest(record: Record) -> float:
 
     It is at least a few samples long, however short the segments.
     """
-    together = sum(record.duration(segment) for segment in record.segments)
-    return max(min(SLOWEST * together, longest_segment(record)), FEWEST_SAMPLES * record.usual_step())
+    together = sum(record.read_duration(segment) for segment in record.segments)
+    return max(min(SLOWEST * together, record.longest_read()), FEWEST_SAMPLES * record.usual_step())

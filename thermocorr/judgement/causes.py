@@ -16,7 +16,6 @@ from scipy import stats
 from scipy.special import chdtrc
 
 from ..effects import Delay, Periodic
-from ..effects.grids import longest_segment
 from .anywhere import best_period, filtered
 from .choice import WAVE, Cause, Tried, bent, chosen, first_of_each, plainer_than, still_sought, trifling
 from .copies import Copies
@@ -294,7 +293,7 @@ class Search:
             rows = filtered(judged, theta)
             found += dated(pool, judged, theta, rows, self.anywhere)
             if Periodic.kind in self.anywhere:
-                most = longest_segment(self.record) / pool.spacing / 3
+                most = self.record.longest_read() / pool.spacing / 3
                 period = best_period(judged, theta, pool.place, most, rows)
                 found += [] if period is None else pool.of([Periodic(_six_digits(period * pool.spacing), 1)])
             if Delay.kind in self.anywhere and self.shifts.most:

@@ -8,7 +8,6 @@ from dataclasses import replace
 from sklearn.base import clone
 
 from ..effects import Disturbance, Periodic, SeveralSteps, Step
-from ..effects.grids import longest_segment
 from ..records import Record, seconds_of
 from .found import FoundSuspect
 from .levels import HARMONICS, SEVERAL
@@ -31,7 +30,7 @@ def _steps(found: list[FoundSuspect]) -> list[FoundSuspect]:
 
 def _waves(found: list[FoundSuspect], record: Record) -> list[FoundSuspect]:
     """A wave and those of its harmonics that were found by themselves as one cause."""
-    apart = 1 / (2 * longest_segment(record))  # frequencies that the record tells from one another
+    apart = 1 / (2 * record.longest_read())  # frequencies that the record tells from one another
     waves = [cause for cause in found if isinstance(cause.effect, Periodic)]
     waves.sort(key=lambda cause: -_period(cause))
     while waves:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..equations.spikes import Scanned, Usual, scan_stretch
 from ..equations.statistics import Moments
+from .reach import where_read
 from .times import Floats, Rows, Times
 
 BLOCK_ROWS = 8192
@@ -217,6 +218,22 @@ class Record:
     def duration(self, segment: Segment) -> float:
         """First to last sample of a segment [s]."""
         return self.times.between(self.stamp(segment.stop - 1), self.stamp(segment.start))
+
+    @cached_property
+    def read_places(self) -> tuple[int, int]:
+        """Positions of the first reading and behind the last one, where they hold less than half of the record."""
+        return where_read(self)
+
+    def read_duration(self, segment: Segment) -> float:
+        """First to last sample of a segment [s], within `read_places`."""
+        low, high = max(segment.start, self.read_places[0]), min(segment.stop, self.read_places[1])
+        if (low, high) == segment[:2]:
+            return self.duration(segment)
+        return self.times.between(self.stamp(high - 1), self.stamp(low)) if low < high else 0.0
+
+    def longest_read(self) -> float:
+        """The longest `read_duration` of a segment [s]."""
+        return max((self.read_duration(segment) for segment in self.segments), default=0.0)
 
     def usual_step(self) -> float:
         """Median step inside segments [s]; 1 for a record without two consecutive rows. Long records are sampled."""

@@ -59,7 +59,7 @@ class LagColumns:
         further = [ColumnLags(column, taus, features.hold) for column in columns]
         fitted, many = features.initial_state == "fit", bool(further) or len(record.segments) > MOST_SEGMENTS
         transient = InitialTransient(taus, share if fitted and not many else 0.0)
-        span = max(record.duration(segment) for segment in record.segments)
+        span = record.longest_read()
         few = np.geomspace(FASTEST_START * record.usual_step(), max(span, record.usual_step()), N_STARTS)
         starts = InitialTransient(few.tolist(), share if fitted and many else 0.0)
         for effect in (lag, *further, transient, starts):

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...equations import TriangularFactor
 from ...records import Record, Segment
-from ..cutting import equal_edges, where_read
+from ..cutting import equal_edges
 
 MAX_STRETCHES = 400
 """More stretches than this are not blocks in time but shuffled rows."""
@@ -91,7 +91,7 @@ def folds_in_time(record: Record, cv: Any = 5, washout: float | None = None) -> 
     if isinstance(cv, Integral) and not isinstance(cv, bool):
         pairs = _forward(record, int(cv))
         if washout is None:
-            washout = WASHOUT_SHARE * max(record.duration(segment) for segment in record.segments)
+            washout = WASHOUT_SHARE * record.longest_read()
     else:
         pairs = _of_splitter(record, cv)
     gap = round((washout or 0.0) / record.usual_step())
@@ -103,7 +103,7 @@ def folds_in_time(record: Record, cv: Any = 5, washout: float | None = None) -> 
 
 
 def _forward(record: Record, n_splits: int) -> list[tuple[Ranges, Ranges]]:
-    low, high = where_read(record)
+    low, high = record.read_places
     n = high - low
     if not 2 <= n_splits < n:
         raise ValueError(

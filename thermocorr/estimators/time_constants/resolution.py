@@ -77,7 +77,7 @@ def unresolved(
     noise : float
         Standard deviation of the residuals.
     """
-    step, span = record.usual_step(), max(record.duration(segment) for segment in record.segments)
+    step, span = record.usual_step(), record.longest_read()
     said = []
     for tau in time_constants[time_constants > span]:
         late, whole, needed = span_texts((tau, span, 3 * tau))

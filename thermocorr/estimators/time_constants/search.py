@@ -162,7 +162,7 @@ def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings
     """
     grid_given = not isinstance(settings.candidates, str)
     record, reading = learned(features, X, y)
-    span = max(record.duration(segment) for segment in record.segments)
+    span = record.longest_read()
     if reading.n_readings < MIN_ROWS:
         if settings.method == "spectrum" and not grid_given:
             return _evenly_spread(features, record, reading, span, settings)

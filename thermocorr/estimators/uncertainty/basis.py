@@ -150,7 +150,7 @@ def _spectrum(model: Any) -> tuple[np.ndarray, float]:
         or not (choice.further or len(choice.time_constants))
     ):
         return np.zeros(0), np.inf
-    span = max(record.duration(segment) for segment in record.segments)
+    span = record.longest_read()
     slowest = max(taus.max(initial=0.0) for taus in (choice.time_constants, *choice.further.values()))
     usual = SPECTRUM_SHARE * span
     return np.unique(choice.grid[choice.grid <= max(usual, BEYOND_CHOSEN * slowest)]), usual

@@ -195,7 +195,7 @@ class BandSums:
         return np.maximum(share, 1e-3), np.maximum(power, 1e-12 * self.power)
 
     def without(self, columns: np.ndarray) -> BandSums:
-        """This record beside fewer columns, shape (p,): True for those that go."""
+        """Sums beside fewer columns, shape (p,): True for those that go."""
         kept = ~columns
         other = copy(self)
         other.columns, other.moments = self.columns[:, kept], self.moments[:, kept]
