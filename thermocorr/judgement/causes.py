@@ -16,13 +16,13 @@ from scipy import stats
 from scipy.special import chdtrc
 
 from ..effects import Delay, Periodic
+from .alike import says_the_same, superfluous
 from .anywhere import best_period, filtered
 from .choice import WAVE, Cause, Tried, bent, chosen, first_of_each, plainer_than, still_sought, trifling
 from .copies import Copies
 from .dated import DATED, MANY, dated, tries
 from .imitations import Imitations
 from .levels import (
-    ALIKE,
     BETWEEN,
     BY_CHANCE,
     DIFFERENT,
@@ -96,24 +96,29 @@ class Search:
         self._chance: tuple[HeldOut, dict[Key, float], float] | None = None
         """For a base: usual help of noise to each kind and column [dB], and the multiple of it that is rare in all."""
 
-    def causes(self) -> tuple[list[Cause], list[Tried]]:
-        """The causes, and what was tried last without being one."""
+    def causes(self, first: Key | None = None) -> tuple[list[Cause], list[Tried]]:
+        """The causes, and what was tried last without being one; with `first`, the first cause is of that kind."""
         found: list[Cause] = []
         if self.pool.rows.exact:
             return [], []
         while True:
             steps = sum(cause.tried.key in MANY for cause in found)
             tried = still_sought(self.believed(self.look(), found), found, steps)
-            tried, best, rivals = self._choice(tried, found)
+            if first is not None and not found:
+                best = self._choice([t for t in tried if t.key == first], found)[1]
+                rivals = [t for t in tried if best is not None and t.score >= best.score - TIE]
+            else:
+                tried, best, rivals = self._choice(tried, found)
             if best is None or len(found) - steps == MOST or (found and trifling(best, self.share(best), self.record)):
                 return self._needed(found), tried
             if best.proven:  # else the likelihood has nothing to say on its parameters
                 best = (self._tuned([best], FINER) or [best])[0]
-            same = self._same(best, rivals)
+            same = says_the_same(self.judged, best, rivals)
             plainer = plainer_than(best, same)
             if plainer is not None:
-                best, same = plainer, [t for t in self._same(plainer, [*rivals, best]) if t is not plainer]
-            alike, others = first_of_each(same), [t for t in tried if t.key != best.key]
+                best, same = plainer, says_the_same(self.judged, plainer, [*rivals, best])
+            alike = first_of_each([*same, *superfluous(self.judged, best, same, rivals)])
+            others = [t for t in tried if t.key != best.key]
             self._keep_only({best.number, *(t.number for t in (*first_of_each(tried), *alike))})
             found.append(self._taken_in(best, alike, others))
             if best.key in MANY:
@@ -159,10 +164,6 @@ class Search:
         """Standard deviation of the structure that is left, in the unit of the reading."""
         return self.judged.unit * float(np.sqrt(max(self.judged.unexplained() - self.judged.innovation, 0.0)))
 
-    def _same(self, best: Tried, rivals: Sequence[Tried]) -> list[Tried]:
-        """Rivals that say what the best one says."""
-        return [t for t in rivals if t.key != best.key and self.judged.overlap(best.number, t.number) > ALIKE]
-
     def _likelier(self, best: Tried, rivals: Sequence[Tried], own: Sequence[Tried]) -> Tried:
         """Best proven rival that is likelier than every explanation of the kind and helps half as much; or `best`.
 
@@ -171,7 +172,7 @@ class Search:
         score, full, least = max(t.score for t in own), max(t.full for t in own), HALF * best.worth.mean
         more = [min(t.score - score, t.full - full) - TIE * bent(t, best) for t in rivals]
         likelier = [t for t, m in zip(rivals, more, strict=True) if t.proven and m > 0 and t.worth.mean >= least]
-        same = [t for t in likelier if self.judged.overlap(best.number, t.number) > ALIKE]
+        same = says_the_same(self.judged, best, [*likelier])
         return max(same, key=lambda t: t.score, default=best)
 
     def _taken_in(self, best: Tried, alike: Sequence[Tried] = (), others: Sequence[Tried] = ()) -> Cause:

@@ -31,6 +31,7 @@ from .levels import GAIN, RANKED
 from .pool import Pool
 from .residual import quiet_share, residuals_of
 from .together import as_one
+from .ways import searched
 from .when import Interval, intervals
 from .where import where_it_fails
 
@@ -91,8 +92,7 @@ def diagnose(
         base = ThermalBase.of(model, read)
         record = suspect_record(model, read, X, y, columns, [*base.effects, *base.slow])
         pool = Pool(model, record, base, candidates_of(record, (*exclude, *DATED), suspects))
-        search = Search(pool, [kind for kind in ANYWHERE if kind not in exclude])
-        causes, last = search.causes()
+        search, causes, last = searched(pool, [kind for kind in ANYWHERE if kind not in exclude])
         missing = [cause for cause in causes if not cause.tried.explanation.in_model]
         missing = missing or lacking(model, search, exclude)
         missing.sort(key=_worth_to_the_user)

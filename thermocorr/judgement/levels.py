@@ -212,6 +212,13 @@ TIE = 4.0
 ALIKE = 0.5
 """Share of what a cause makes of the reading that a rival could make as well, above which the two are not told apart.
 Explanations that are as good but say something else are further causes."""
+FEW_CAUSES = 2
+"""Causes beyond which another first one is tried, if there is one: of a drift of sensitivity and a product, four causes
+were made that began with a step (`benchmarks/several_effects.py`, chamber 618)."""
+MANY_CAUSES = 6
+"""Causes beyond which no other way is tried: what so many explain has no simple law."""
+WAYS = 3
+"""Other first causes that are tried."""
 MOST = 16
 """Causes that are looked for, one after the other, steps not counted. Soil has a dozen of its own: of 22 effects
 planted there (seed 11), 9 are found with eight, 14 with sixteen, which take half as long again."""

@@ -1,0 +1,38 @@
+"""The way from one cause to the next: where it led about, another one."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from .causes import Search
+from .choice import Cause, Tried
+from .levels import FEW_CAUSES, MANY_CAUSES, WAYS
+from .pool import Pool
+
+
+def searched(pool: Pool, anywhere: Collection[str]) -> tuple[Search, list[Cause], list[Tried]]:
+    """A search, its causes, and what was tried last.
+
+    What is taken in first decides what is left for the next. Two effects at once may look like a third one, and what
+    that leaves like several more. Where many causes were found, the search is begun with one that cannot be told from
+    the first, came next to it, or was found later; fewer causes that are likelier stand.
+    """
+    search = Search(pool, anywhere)
+    causes, last = search.causes()
+    if not FEW_CAUSES < len(causes) <= MANY_CAUSES:
+        return search, causes, last
+    best, most = (search, causes, last), _value(search, causes)
+    rivals = [*causes[0].alike[:1], *sorted(causes[0].others, key=lambda t: -t.score)[:1]]
+    firsts = [t.key for t in (*rivals, *(cause.tried for cause in causes[1:]))]
+    for first in [key for key in dict.fromkeys(firsts) if key != causes[0].tried.key][:WAYS]:
+        other = Search(pool, anywhere)
+        found, tried = other.causes(first=first)
+        if found and len(found) < len(best[1]) and _value(other, found) > most:
+            best, most = (other, found, tried), _value(other, found)
+    return best
+
+
+def _value(search: Search, causes: Sequence[Cause]) -> float:
+    """Log likelihood of the record with these causes, less what their columns and choice would gain by chance."""
+    level = search.judged.level_with([cause.adopted for cause in causes])
+    return level - sum(search.price(cause.tried.number) for cause in causes)
