@@ -269,15 +269,15 @@ def test_what_follows_another_run_shares_no_noise_with_the_last():
 
 @pytest.mark.parametrize(("n", "walks", "seed"), [(5000, True, 617), (5000, True, 622), (1200, False, 641)])
 def test_slow_bodies_are_noise_unless_the_record_is_clearly_likelier_with_them(n, walks, seed):
-    """The search takes a random walk for bodies slower than an eighth of the record; in white noise they are there."""
+    """The search takes a random walk for bodies slower than a twelfth of the record; in white noise they are there."""
     rng, device = np.random.default_rng([seed, 4 if walks else 5]), ("layered", "box")[seed % 2]
     record = make_record(n, device=device, setting="chamber", noise=1e-9, seed=seed)
     noise = np.cumsum(rng.standard_normal(n)) if walks else np.zeros(n)
     noise = 2 * noise / (noise.std() or 1.0) + rng.standard_normal(n)
     model = DynamicBiasRegressor("temperature").fit(record[["temperature"]], record["reading"] + 0.2 * noise)
-    assert model.time_constants_.max() > n * 60 / 8
+    assert model.time_constants_.max() > n * 60 / 12
     joint = model.joint_errors()
-    slow = joint.effects[1].time_constants_ > n * 60 / 8
+    slow = joint.effects[1].time_constants_ > n * 60 / 12
     known = np.diag(joint.covariance)[1 + len(joint.effects[0].names()) :][: len(slow)] > 0
     assert (known == ~slow).all() if walks else known.all()
     assert np.sqrt(joint.noise.wander.sum()) == pytest.approx(0.4 if walks else 0.0, abs=0.25 if walks else 0.1)

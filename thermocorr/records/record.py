@@ -222,7 +222,7 @@ class Record:
     @cached_property
     def read_places(self) -> tuple[int, int]:
         """Positions of the first reading and behind the last one, where they hold less than half of the record."""
-        return where_read(self)
+        return where_read(self.reading, self.n_rows, self.rows)
 
     def read_duration(self, segment: Segment) -> float:
         """First to last sample of a segment [s], within `read_places`."""

@@ -29,9 +29,9 @@ FORGETS = 1.2
 PER_MEMORY = 2.0
 """Degrees of freedom that a correlation time adds to a wandering variance: a sum of squares alone would give 1, a known
 shape of the spectrum more. Corrected readings in a random walk are covered in 100, 99, 96 % with 1, 2, 4 (time
-constants given) and 98, 94, 92 % (searched): `python benchmarks/interval_coverage.py --first 600 --seeds 24`."""
+constants given) and 100, 98, 95 % (searched): `python benchmarks/interval_coverage.py --first 600 --seeds 24`."""
 CLEARLY = 3.0
-"""Logarithm of the ratio of evidences from which on bodies slower than a sixteenth of the record are the device's (Kass
+"""Logarithm of the ratio of evidences from which on bodies slower than a twelfth of the record are the device's (Kass
 & Raftery, J. Am. Stat. Assoc. 90, 1995: "strong"). In random walks of 5000 rows it is -2.7 to 1.3, in white noise,
 where such bodies had been chosen in 1200 rows, 13 to 47 or next to nothing at stake."""
 SIZES = 200

@@ -1,0 +1,64 @@
+"""Two effects at once that look like a third one and its left-overs, and rivals of which one is enough."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr.datasets import make_record
+from thermocorr.judgement.alike import superfluous
+from thermocorr.judgement.choice import Tried
+from thermocorr.judgement.likelihood import Comparison
+from thermocorr.judgement.pool import Explanation
+from thermocorr.judgement.worth import Worth
+
+CURVED = "static_polynomial", "lag_products"
+CASES = [
+    ("chamber", "box", 635, CURVED),  # a hinge and three more
+    ("lab", "slab", 644, CURVED),  # a hinge and both
+    ("chamber", "layered", 618, ("interaction", "sensitivity_drift")),  # three changes of sensitivity and a disturbance
+]
+
+
+@pytest.mark.parametrize(("setting", "device", "seed", "kinds"), CASES)
+def test_two_effects_are_two_causes(setting, device, seed, kinds):
+    n, step = {"lab": (20_160, 60.0), "chamber": (23_040, 30.0)}[setting]
+    options = {"sampling_period": step, "setting": setting, "device": device, "noise": 0.2, "seed": seed}
+    record = make_record(n, effects=dict.fromkeys(kinds, 1.0), **options)
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert {cause.effect.kind for cause in found.causes} == set(kinds) and len(found.causes) == 2
+
+
+def tried(number, columns, score, kind):
+    class Any:
+        thermal_rank = 0
+        info = None
+
+        def inputs(self):
+            return [kind]
+
+    Any.kind = kind
+    worth = Worth(later=1.0, blocks=1.0)
+    return Tried(
+        explanation=Explanation(Any(), columns), number=number, score=score, full=score, p_value=0.0, worth=worth,
+        scatter=0.0, uneven=False,
+    )  # fmt: skip
+
+
+def test_a_rival_that_the_best_one_leaves_little_to_say_is_one_of_its_set():
+    rng = np.random.default_rng(1)
+    n = 3000
+    one, other, else_ = rng.standard_normal((3, n, 1))
+    near = one + 0.9 * other  # both say what half of the reading holds
+    reading = 0.2 * one[:, 0] + 0.1 * else_[:, 0] + rng.standard_normal(n)
+    judged = Comparison(reading, np.ones((n, 1)), np.zeros(n))
+    judged.add([one, near, else_])
+    explained = [
+        tried(k, columns, 20.0, kind) for k, (columns, kind) in enumerate(((one, "a"), (near, "b"), (else_, "c")))
+    ]
+    assert superfluous(judged, explained[0], [], explained[1:]) == [explained[1]]
+    assert superfluous(judged, explained[0], [explained[1]], explained[1:]) == []
+    late = [tried(1, near, 10.0, "b")]  # too unlikely for a rival
+    assert superfluous(judged, explained[0], [], late) == []
