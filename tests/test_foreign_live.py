@@ -55,6 +55,9 @@ def test_a_line_in_another_way_of_writing_is_left_out_and_named(written, tmp_pat
     assert main(["correct", str(path), *follow]) == 1
     shown = capsys.readouterr()
     assert len(shown.out.splitlines()) == 1 + N + 1 and shown.err.count("is left out") == 2
+    lines = path.read_text(encoding="latin-1").splitlines()
+    numbers = [int(said.split()[2]) for said in shown.err.splitlines() if "is left out" in said]
+    assert [lines[number - 1].startswith(("31.05.2024 00:20", "05/31")) for number in numbers] == [True, True]
     assert main(["correct", "-", "--model", str(out / "model.json"), "--sep", ";"]) == 2
     assert "line by line, as plain CSV" in capsys.readouterr().err
     for content, name, words in (
@@ -77,3 +80,19 @@ def test_correct_says_how_it_has_read_a_log(written, tmp_path, capsys):
     assert capsys.readouterr().err == (
         "thermocorr: read as: separated by semicolons, decimal comma, dates as day, month, year\n"
     )
+
+
+@pytest.mark.parametrize(("before", "place"), [("", "line 7"), ("Logger 5\nNo. 3, lab\n\n", "line 10")])
+def test_a_damaged_line_is_called_by_its_number_in_the_file(before, place, tmp_path, capsys):
+    text = "time;temperature;reading\n" + "".join(
+        f"2024-03-04T00:{k // 60:02d}:{k % 60:02d};{22 + 0.01 * (k % 37)};{1000 + k % 7}\n" for k in range(400)
+    )
+    path = tmp_path / "log.csv"
+    path.write_text(before + text)
+    assert main(["analyze", str(path), "--time-constants", "5", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    lines = text.splitlines(keepends=True)
+    lines[6] = lines[6].replace(";22", ";abc22")
+    path.write_text(before + "".join(lines))
+    capsys.readouterr()
+    assert main(["correct", str(path), "--model", str(tmp_path / "out" / "model.json")]) == 1
+    assert f"{place} is left out: the temperature" in capsys.readouterr().err

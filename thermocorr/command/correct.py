@@ -102,7 +102,8 @@ def _run(options: argparse.Namespace) -> int:
         if isinstance(lines, TableLines) and lines.said:
             _complain(f"read as: {', '.join(lines.said)}")
         try:
-            rows = LogRows(live, options, _complain, lines.time_name if isinstance(lines, TableLines) else None)
+            name = lines.time_name if isinstance(lines, TableLines) else None
+            rows = LogRows(live, options, _complain, name, lines.place)
             _pump(rows, lines, options, inputs, saved, stop)
         finally:
             lines.close()

@@ -37,6 +37,10 @@ class Lines:
         """How far the lines have come in their file; None where they cannot be had again."""
         return None
 
+    def place(self, number: int) -> str:
+        """Where the line of this number, the header being the first, stands for who looks into the file."""
+        return f"line {number}"
+
     def skip_to(self, at: Position | None) -> bool:
         """Go on behind `at`, if this is the file that stood there."""
         return False

@@ -57,6 +57,8 @@ class LogRows:
         Takes a sentence about a line.
     time_name : str, optional
         Column of the times where none is named.
+    place : callable
+        What the line of a number, the header's being the first, is called in its file, see `Lines.place`.
     """
 
     def __init__(
@@ -65,8 +67,10 @@ class LogRows:
         options: argparse.Namespace,
         complain: Callable[[str], None],
         time_name: str | None = None,
+        place: Callable[[int], str] = "line {}".format,
     ):
         self.live, self.options, self.complain, self._time_name = live, options, complain, time_name
+        self._place_of = place
         self.header: list[str] | None = None
         self.number = 0
         """Lines read."""
@@ -153,7 +157,7 @@ class LogRows:
         """Count a line that is no row, and say so."""
         self.left_out += 1
         if self.left_out <= _SHOWN:
-            self.complain(f"line {self.number} is left out: {' '.join(why.split())}")
+            self.complain(f"{self._place_of(self.number)} is left out: {' '.join(why.split())}")
         if self.left_out == _SHOWN:
             self.complain("further lines that are left out are counted only")
 

@@ -51,6 +51,7 @@ class TableLines(Lines):
         self.frame = table.frame
         self.said = table.said
         """How the file was understood."""
+        self._first_line = table.first_line
 
     def __iter__(self) -> Iterator[bytes | None]:
         written: dict[str, Any] = {"index": self.stamped, "index_label": self.time_name}
@@ -60,6 +61,10 @@ class TableLines(Lines):
                 if self.stop:
                     return
                 yield f"{line}\n".encode()
+
+    def place(self, number: int) -> str:
+        """The line of the file, where each row is one; else the row of the table."""
+        return f"row {number - 1}" if self._first_line is None else f"line {number - 2 + self._first_line}"
 
     def _text(self, part: pd.DataFrame, written: dict[str, Any]) -> str:
         try:
@@ -109,6 +114,10 @@ class TranslatedLines(Lines):
     def position(self) -> Position | None:
         """How far the lines have come."""
         return self.lines.position()
+
+    def place(self, number: int) -> str:
+        """The line of the file: others may stand before its header."""
+        return f"line {number + self.translator.dialect.first - 1}"
 
     def skip_to(self, at: Position | None) -> bool:
         """Go on behind `at`, if this is the file that stood there."""

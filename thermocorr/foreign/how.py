@@ -48,6 +48,8 @@ class ForeignTable:
     """``attrs["units"]`` has the units that the file names."""
     said: tuple[str, ...] = ()
     """How it was understood, where that was not a matter of course."""
+    first_line: int | None = None
+    """The line of a text that holds the first row, where each row is a line of its own."""
 
     def with_said(self, frame: pd.DataFrame, *words: str) -> ForeignTable:
         """The log with another frame, and more to be said."""

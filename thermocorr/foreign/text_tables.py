@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import pandas as pd
+
 from ..records import RecordError
 from ..records.csvlines import LONGEST
 from ..records.files import csv_table
@@ -62,7 +64,9 @@ def text_table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...]
     if columns >= MOST_COLUMNS and len(header) <= LONGEST:  # a longer one is refused by the reader of plain CSV
         raise RecordError(f"{path} has more than {MOST_COLUMNS} columns in its first line. Is it a log?")
     if is_plain(first_lines(content), how) and not _is_broken_up(content):
-        return _arranged(ForeignTable(frame=csv_table(content, path), said=said), how.reading)
+        frame = csv_table(content, path)
+        line = _first_line(frame, content.count(b"\n"), 1)
+        return _arranged(ForeignTable(frame=frame, said=said, first_line=line), how.reading)
     try:
         text, found = head_dialect(content, how)
     except RecordError as error:
@@ -121,13 +125,19 @@ def _translated(text: str, found: Dialect, path: Path, said: tuple[str, ...], re
     frame = csv_table(rows.encode(), path, list(found.names), found.first + 1)
     if found.units:
         frame.attrs["units"] = dict(found.units)
-    return _arranged(ForeignTable(frame=frame, said=(*said, *found.said())), reading)
+    line = _first_line(frame, text.count("\n"), found.first)
+    return _arranged(ForeignTable(frame=frame, said=(*said, *found.said()), first_line=line), reading)
+
+
+def _first_line(frame: pd.DataFrame, n_lines: int, before: int) -> int | None:
+    """The line with the first row; None where rows and lines are not as many: empty lines, comments, broken cells."""
+    return before + 1 if len(frame) in (n_lines - before, n_lines - before + 1) else None
 
 
 def _arranged(table: ForeignTable, reading: str | None) -> ForeignTable:
     """One column for each quantity, of numbers without their units."""
     wide, words = widened(table.frame, reading)
-    table = table.with_said(wide, words) if words else table
+    table = replace(table.with_said(wide, words), first_line=None) if words else table
     bare, units = without_units(table.frame)
     if units:
         table = table.with_said(bare, "units in the cells")
