@@ -58,6 +58,7 @@ def pack_errors(joint: JointErrors, own: Sequence[Effect], codec: EffectCodec) -
             "power": joint.beyond.power,
             "size": joint.beyond.size,
             "alike": pack(joint.beyond.alike, "what is like the next power"),
+            "weights": pack(joint.beyond.weights, "the temperature that the device acts by"),
         },
     }
 
@@ -88,7 +89,7 @@ def unpack_errors(
         end=number(node["end"], f"{where}.end", 0.0, LARGEST),
         last_segment=integer(node["last_segment"], f"{where}.last_segment", 0, len(history.record.segments) - 1),
         representation=number(node["representation"], f"{where}.representation", 0.0, LARGEST),
-        beyond=None if node["beyond"] is None else _unpack_beyond(node["beyond"], f"{where}.beyond"),
+        beyond=None if node["beyond"] is None else _unpack_beyond(node["beyond"], f"{where}.beyond", width - 1),
     )
 
 
@@ -140,13 +141,15 @@ def _unpack_noise(node: Any, where: str) -> NoiseModel:
     )
 
 
-def _unpack_beyond(node: Any, where: str) -> Beyond:
-    node = fields(node, where, ("power", "size", "alike"))
+def _unpack_beyond(node: Any, where: str, width: int) -> Beyond:
+    node = fields(node, where, ("power", "size", "alike", "weights"))
+    measured = np.eye(1, width)[0]  # of a file that knows no lag of what is curved
     power = integer(node["power"], f"{where}.power", 2, MOST_POWER)
     return Beyond(
         power=power,
         size=number(node["size"], f"{where}.size", 0.0, LARGEST**2),
         alike=_vector(node, "alike", where, power),
+        weights=measured if node["weights"] is None else _vector(node, "weights", where, width),
     )
 
 

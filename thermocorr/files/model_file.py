@@ -29,7 +29,7 @@ from .effect_nodes import EffectCodec
 from .model_nodes import pack_model, unpack_model
 
 FORMAT = "thermocorr model"
-VERSION = 10
+VERSION = 11
 LONGEST_MESSAGE = 400
 """Characters of what is said about a file's content, which may be anything."""
 HISTORY_ROWS = 4096
@@ -285,6 +285,17 @@ def _without_rules(node: dict[str, Any]) -> dict[str, Any]:
     return {**node, "version": 10, "model": {**model, "filling": filling, "parameters": parameters}}
 
 
+def _with_plain_curvature(node: dict[str, Any]) -> dict[str, Any]:
+    """Version 10: what may be curved beyond the fitted temperatures was taken to feel them at once."""
+    model = node.get("model")
+    if not isinstance(model, dict):
+        raise ModelFileError("$.model is no object")
+    errors = model.get("errors")
+    if isinstance(errors, dict) and isinstance(errors.get("beyond"), dict):
+        errors = {**errors, "beyond": {"weights": None, **errors["beyond"]}}
+    return {**node, "version": 11, "model": {**model, "errors": errors}}
+
+
 MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     0: _from_draft,
     1: _from_digest_inside,
@@ -296,6 +307,7 @@ MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     7: _without_thermometers,
     8: _without_gaps,
     9: _without_rules,
+    10: _with_plain_curvature,
 }
 """Version -> what makes of its content that of the next version."""
 

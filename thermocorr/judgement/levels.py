@@ -218,7 +218,7 @@ were made that began with a step (`benchmarks/several_effects.py`, chamber 618).
 MANY_CAUSES = 6
 """Causes beyond which no other way is tried: what so many explain has no simple law."""
 WAYS = 3
-"""Other first causes that are tried."""
+"""Other first causes that are tried, each of which costs as much as the first search."""
 MOST = 16
 """Causes that are looked for, one after the other, steps not counted. Soil has a dozen of its own: of 22 effects
 planted there (seed 11), 9 are found with eight, 14 with sixteen, which take half as long again."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...effects import StaticPolynomial
+from ...effects import StaticPolynomial, ThermalLag
 from ...effects.protocol import Effect
 from ...equations import RidgeSolution, TriangularFactor
 from ...equations.noise import spans
@@ -47,6 +47,13 @@ class Beyond:
     """Root mean square of its coefficient, from estimate and standard error [reading per K^power]."""
     alike: np.ndarray
     """Combination of the lower powers that is like it inside, from the zeroth on, shape (power,)."""
+    weights: np.ndarray
+    """What the columns of `effects` make of the temperature that the device acts by, shape (p,): its lags included."""
+
+    def error(self, columns: np.ndarray) -> np.ndarray:
+        """Standard error of what the power may do in rows of columns, shape (n, p) [reading]."""
+        powers = (columns @ self.weights)[:, None] ** np.arange(self.power + 1)
+        return np.asarray((powers[:, -1] - powers[:, :-1] @ self.alike) * self.size)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +152,7 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
         mean=mean, noise=noise, last=last, end=float(basis.begins.max()),
         last_segment=int(basis.segment[np.argmax(basis.begins)]),
         representation=TOLERANCE * residual if not basis.searched and model.search_ is not None else 0.0,
-        beyond=_beyond(basis, scaled, sums),
+        beyond=_beyond(basis, scaled, sums, coef),
     )  # fmt: skip
 
 
@@ -260,16 +267,27 @@ def _end_correlations(basis: Basis, scaled: ScaledBasis, noise: NoiseModel) -> n
     return np.asarray(before * same[:, None])
 
 
-def _beyond(basis: Basis, scaled: ScaledBasis, sums: BandSums) -> Beyond | None:
+def _beyond(basis: Basis, scaled: ScaledBasis, sums: BandSums, coef: np.ndarray) -> Beyond | None:
+    """The next power of the temperature that the device acts by, as its linear law has it.
+
+    What is curved may lie deep inside, and feel the temperature late.
+    """
     first = basis.effects[0]
     if not isinstance(first, StaticPolynomial) or first.degree < 1 or first.lowest_power > 1:
         return None
-    power = first.degree + 1
-    static = basis.columns[:, :power]  # the intercept and the lower powers
-    column = basis.columns[:, 1] ** power
-    alike = np.linalg.lstsq(static / scaled.norms[:power], column, rcond=1e-10)[0] / scaled.norms[:power]
-    rest = column - static @ alike
+    power, slope = first.degree + 1, float(coef[1])
+    lags = [isinstance(effect, ThermalLag) for effect in basis.effects for _ in effect.names()]
+    weights = np.where(lags, coef[1:] / slope, 0.0) if abs(slope) > 0 else np.zeros(len(lags))
+    weights[0] = 1.0
+    felt = basis.columns @ np.concatenate(([0.0], weights))[basis.free]
+    lower = felt[:, None] ** np.arange(power)
+    column = felt**power
+    alike = np.linalg.lstsq(lower, column, rcond=1e-10)[0]
+    rest = column - lower @ alike
     if not float(np.linalg.norm(rest)) > 1e-9 * float(np.linalg.norm(column)):
         return None
     known = sums.beside(rest / scaled.size)
-    return known and Beyond(power=power, size=float(np.hypot(known[0], np.sqrt(known[1]))) * scaled.unit, alike=alike)
+    if known is None:
+        return None
+    size = float(np.hypot(known[0], np.sqrt(known[1]))) * scaled.unit
+    return Beyond(power=power, size=size, alike=alike, weights=weights)
