@@ -45,7 +45,7 @@ def cases(folder: str) -> Iterator[tuple[str, pd.DataFrame, pd.Series]]:
     yield "gr1433", box[["room_temp_degC"]], (box["resistance_ohm"] / 1e5 - 1) * 1e6
 
 
-def later_rms(
+def error_on_the_rest(
     X: pd.DataFrame, y: pd.Series, share: float, number: int | str = "auto"
 ) -> tuple[float, DynamicBiasRegressor]:
     """Rms residual of the part that was not learned, offset included, and the model of ``number`` time constants."""
@@ -73,7 +73,7 @@ def main() -> None:
     warnings.simplefilter("ignore", RecordWarning)
     ratios, right = [], 0
     for name, X, y in cases(options.folder):
-        rms, model = later_rms(X, y, options.share, options.time_constants or "auto")
+        rms, model = error_on_the_rest(X, y, options.share, options.time_constants or "auto")
         said, shown = advice(X, y, options.share, model)
         right += said == shown
         ratios.append(rms / NAIVE[name])

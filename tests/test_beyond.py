@@ -36,6 +36,19 @@ def test_a_curvature_deep_inside_is_in_the_uncertainty(seed):
     assert np.sqrt(np.mean(u[hot] ** 2)) < 2 * np.sqrt(np.mean(error**2))
 
 
+@pytest.mark.parametrize("seed", [9600, 9602])
+def test_without_a_sensitivity_the_measured_temperature_is_taken(seed):
+    """The static slope is taken away: what is left of the law has no temperature inside that it goes by."""
+    record = make_record(
+        8000, device="box", setting="outdoor", sampling_period=600.0, nonlinearity=0.002, seed=seed, noise=0.2
+    )
+    T, y = record["temperature"].to_numpy(), record["reading"]
+    level = y - np.polyfit(T[:4000], y[:4000], 1)[0] * T
+    model = DynamicBiasRegressor("temperature", degree=1).fit(record[["temperature"]][:4000], level[:4000])
+    weights = model.joint_errors().beyond.weights
+    assert weights[0] == 1.0 and not weights[1:].any()
+
+
 def test_a_file_of_version_10_takes_it_to_feel_the_temperature_at_once(tmp_path):
     model, X, _, hot = learned_cold(9611)
     weights = model.joint_errors().beyond.weights

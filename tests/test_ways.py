@@ -32,17 +32,17 @@ def test_two_effects_are_two_causes(setting, device, seed, kinds):
 
 
 def tried(number, columns, score, kind):
-    class Any:
+    class Kind:
         thermal_rank = 0
         info = None
 
         def inputs(self):
             return [kind]
 
-    Any.kind = kind
+    Kind.kind = kind
     worth = Worth(later=1.0, blocks=1.0)
     return Tried(
-        explanation=Explanation(Any(), columns), number=number, score=score, full=score, p_value=0.0, worth=worth,
+        explanation=Explanation(Kind(), columns), number=number, score=score, full=score, p_value=0.0, worth=worth,
         scatter=0.0, uneven=False,
     )  # fmt: skip
 

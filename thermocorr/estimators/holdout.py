@@ -10,6 +10,7 @@ import numpy as np
 from sklearn.base import clone
 
 from ..records.errors import said_once
+from ..records.reach import where_read
 from .progress import Progress, told
 from .run_levels import unlearned
 from .screening import believed_readings
@@ -24,10 +25,7 @@ def time_blocks(reading: np.ndarray, n_blocks: int) -> list[slice]:
 
     Where readings, shape (n_rows,), hold less than half of the rows, the blocks are those of that part.
     """
-    known = np.flatnonzero(np.isfinite(reading))
-    first, stop = (int(known[0]), int(known[-1]) + 1) if len(known) else (0, len(reading))
-    if 2 * (stop - first) >= len(reading):
-        first, stop = 0, len(reading)
+    first, stop = where_read(reading, len(reading), slice)
     n_rows = stop - first
     count = min(n_blocks, max(n_rows // MIN_BLOCK, 2))
     return [slice(first + low, first + high) for low, high in pairwise(n_rows * k // count for k in range(count + 1))]

@@ -172,7 +172,7 @@ class Search:
         score, full, least = max(t.score for t in own), max(t.full for t in own), HALF * best.worth.mean
         more = [min(t.score - score, t.full - full) - TIE * bent(t, best) for t in rivals]
         likelier = [t for t, m in zip(rivals, more, strict=True) if t.proven and m > 0 and t.worth.mean >= least]
-        same = says_the_same(self.judged, best, [*likelier])
+        same = says_the_same(self.judged, best, likelier)
         return max(same, key=lambda t: t.score, default=best)
 
     def _taken_in(self, best: Tried, alike: Sequence[Tried] = (), others: Sequence[Tried] = ()) -> Cause:

@@ -29,7 +29,7 @@ TURNS = 8
 AVERAGED_TURNS = 3
 """Rounds with the average."""
 ROUNDS = 40
-"""Multiplicative updates of a model's variances. With twice as many, uncertainties change by 0.2 to 1.2 % on the
+"""Multiplicative updates of a model's variances. With twice as many, uncertainties change by 0.4 to 1.2 % on the
 average (six records of each of six kinds of noise), and cost a fifth more."""
 FEWER_ROUNDS = 15
 """Further ones, for a slightly different record."""
