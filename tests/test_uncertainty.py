@@ -15,6 +15,7 @@ from thermocorr import DynamicBiasRegressor, ParquetLog, load_model, save_model
 from thermocorr.datasets import make_record
 from thermocorr.equations.noise import Bands
 from thermocorr.estimators import binned
+from thermocorr.estimators.uncertainty import joint_fit
 from thermocorr.estimators.uncertainty.budget import coverage_factor
 from thermocorr.estimators.uncertainty.noise_model import NoiseModel
 from thermocorr.estimators.uncertainty.restricted import BandSums
@@ -267,17 +268,46 @@ def test_what_follows_another_run_shares_no_noise_with_the_last():
     assert (same.shared > 0).all() and (other.shared == 0).all()
 
 
-@pytest.mark.parametrize(("n", "walks", "seed"), [(5000, True, 617), (5000, True, 622), (1200, False, 641)])
-def test_slow_bodies_are_noise_unless_the_record_is_clearly_likelier_with_them(n, walks, seed):
-    """The search takes a random walk for bodies slower than a twelfth of the record; in white noise they are there."""
+def with_slow_bodies(n, walks, seed):
     rng, device = np.random.default_rng([seed, 4 if walks else 5]), ("layered", "box")[seed % 2]
     record = make_record(n, device=device, setting="chamber", noise=1e-9, seed=seed)
     noise = np.cumsum(rng.standard_normal(n)) if walks else np.zeros(n)
     noise = 2 * noise / (noise.std() or 1.0) + rng.standard_normal(n)
     model = DynamicBiasRegressor("temperature").fit(record[["temperature"]], record["reading"] + 0.2 * noise)
     assert model.time_constants_.max() > n * 60 / 12
+    return model
+
+
+@pytest.mark.parametrize("seed", [617, 622])
+def test_slow_bodies_and_noise_that_wanders_are_averaged(seed, monkeypatch):
+    """The search takes a random walk for bodies slower than a twelfth of the record: they may be, or may not."""
+    model = with_slow_bodies(5000, True, seed)
     joint = model.joint_errors()
-    slow = joint.effects[1].time_constants_ > n * 60 / 12
-    known = np.diag(joint.covariance)[1 + len(joint.effects[0].names()) :][: len(slow)] > 0
-    assert (known == ~slow).all() if walks else known.all()
-    assert np.sqrt(joint.noise.wander.sum()) == pytest.approx(0.4 if walks else 0.0, abs=0.25 if walks else 0.1)
+    ways = []
+    errors = joint_fit.Way.errors
+    monkeypatch.setattr(joint_fit.Way, "errors", lambda way: ways.append(errors(way)) or ways[-1])
+    del model.joint_errors_
+    model.joint_errors()
+    every, fewer = ways
+    slow = joint.effects[1].time_constants_ > 5000 * 60 / 12
+    columns = slice(1 + len(joint.effects[0].names()), None)
+    known = [np.diag(one.covariance)[columns][: len(slow)] > 0 for one in (joint, every, fewer)]
+    assert known[0].all() and known[1].all() and (known[2] == ~slow).all()
+    wander = [one.noise.wander_variance for one in (every, joint, fewer)]
+    assert wander == sorted(wander) and wander[0] < 0.7 * wander[2]
+    share = (wander[2] - wander[1]) / (wander[2] - wander[0])
+    np.testing.assert_allclose(joint.coef, share * every.coef + (1 - share) * fewer.coef, rtol=1e-9, atol=1e-12)
+    apart = every.coef - fewer.coef
+    covariance = (
+        share * every.covariance + (1 - share) * fewer.covariance + share * (1 - share) * np.outer(apart, apart)
+    )
+    np.testing.assert_allclose(joint.covariance, covariance, rtol=1e-8, atol=1e-9 * np.abs(covariance).max())
+    assert min(every.dof, fewer.dof) <= joint.dof <= max(every.dof, fewer.dof)
+
+
+def test_slow_bodies_that_make_the_record_clearly_likelier_are_the_devices():
+    model = with_slow_bodies(1200, False, 641)
+    joint = model.joint_errors()
+    columns = slice(1 + len(joint.effects[0].names()), None)
+    assert (np.diag(joint.covariance)[columns][: len(joint.effects[1].time_constants_)] > 0).all()
+    assert np.sqrt(joint.noise.wander.sum()) == pytest.approx(0.0, abs=0.1)

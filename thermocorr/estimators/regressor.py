@@ -250,16 +250,19 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
         With `return_std` a tuple: the standard uncertainty of one reading to come beside it, its noise included.
         """
-        value = np.asarray(self._contributions(X).sum(axis=1) + self.intercept_)
-        return (value, self._uncertain(X, "reading")) if return_std else value
+        if return_std:
+            return self._uncertain(X, "reading")
+        return np.asarray(self._contributions(X).sum(axis=1) + self.intercept_)
 
     def bias(self, X: Any, return_std: bool = False) -> Any:
         """What `correct` takes away: modelled reading less U0 (and less effects that are to be kept).
 
         With `return_std` a tuple: its standard uncertainty beside it, without the noise of readings.
         """
-        value = like(X, self._removed_from(self._contributions(X)), "bias")
-        return (value, like(X, self._uncertain(X, "bias"), "u")) if return_std else value
+        if return_std:
+            value, u = self._uncertain(X, "bias")
+            return like(X, value, "bias"), like(X, u, "u")
+        return like(X, self._removed_from(self._contributions(X)), "bias")
 
     def correct(self, X: Any, y: Any, return_std: bool = False) -> Any:
         """Corrected reading: reading minus bias, eq. (24). A Series where X is a DataFrame.
@@ -269,14 +272,14 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         for complete; `uncertainty` has more to say.
         """
         reading = numeric_reading(y, X)
-        parts, believed = self._parts(X, reading)
-        corrected = believed - self._removed_from(parts)
+        if return_std:
+            corrected, u = self._uncertain(X, "corrected", np.asarray(reading, float))
+        else:
+            parts, believed = self._parts(X, reading)
+            corrected = believed - self._removed_from(parts)
         check_corrected(self.reading_, corrected, reading, self._level_asked_for())
         value = like(X, corrected, "corrected")
-        if not return_std:
-            return value
-        u = np.where(np.isfinite(corrected), self._uncertain(X, "corrected"), np.nan)
-        return value, like(X, u, "u")
+        return (value, like(X, u, "u")) if return_std else value
 
     def residuals(self, X: Any, y: Any) -> Any:
         """Measured minus modelled reading, NaN as in `correct`. A Series where X is a DataFrame."""
@@ -300,7 +303,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         columns["flag"] = flags.column()
         check_corrected(self.reading_, columns["corrected"], reading, self._level_asked_for())
         if return_std:
-            columns["u"] = np.where(np.isfinite(columns["corrected"]), self._uncertain(X, "corrected"), np.nan)
+            columns["u"] = np.where(np.isfinite(columns["corrected"]), self._uncertain(X, "corrected")[1], np.nan)
         return pd.DataFrame(columns, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     def evaluate_blocks(self, X: Any, y: Any) -> Iterator[pd.DataFrame]:

@@ -23,9 +23,9 @@ from ..binned import Binned, binned_columns
 from ..time_constants.columns import MOST_SEGMENTS
 
 SPECTRUM_SHARE = 1 / 12
-"""Longest time constant that may be there unseen, as a share of the longest segment: slower bodies are noise, unless
-the record is clearly likelier with them. With 1/8, 1/12, 1/16 of it, readings in a random walk are covered in 93, 95,
-93 %, the bias in white noise in 98, 98, 97 % (searched time constants, seeds 600 to 659):
+"""Longest time constant that may be there unseen, as a share of the longest segment: slower bodies are noise as far as
+the record is not likelier with them. With 1/8, 1/12, 1/16 of it, readings in a random walk are covered in 90, 92, 89 %,
+the bias in white noise in 98, 98, 97 % (searched time constants, seeds 600 to 659):
 `python benchmarks/interval_coverage.py --first 600 --seeds 60`."""
 BEYOND_CHOSEN = 1.3
 """Where slower ones were chosen: the slowest body that may be there is this many times slower than any of them."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -62,6 +62,20 @@ class NoiseModel:
         spread = self.white**2 / self.white_dof + self.wander_variance**2 / self.wander_dof
         return self.variance**2 / spread if spread > 0 else np.inf
 
+    def averaged(self, other: NoiseModel, share: float) -> NoiseModel:
+        """Mean of two for one record, this one with a share of 0 to 1; the correlation times are the same."""
+        white = share * self.white + (1 - share) * other.white
+        forgotten = share * self.white * self.recent + (1 - share) * other.white * other.recent
+        wandering = self.wander_variance, other.wander_variance
+        return replace(
+            self,
+            white=white,
+            recent=forgotten / white if white > 0 else 0.0,
+            wander=share * self.wander + (1 - share) * other.wander,
+            white_dof=dof_of_average((self.white, other.white), (self.white_dof, other.white_dof), share),
+            wander_dof=dof_of_average(wandering, (self.wander_dof, other.wander_dof), share),
+        )
+
     def covariance(self, seconds: np.ndarray, runs: np.ndarray) -> np.ndarray:
         """Covariance matrix of the noise of different readings, shape (n, n); that of different runs is independent."""
         lag, size = np.abs(seconds[:, None] - seconds), self.size(seconds)
@@ -87,6 +101,16 @@ class NoiseModel:
         parts = zip(self.wander.tolist(), self.correlation_times.tolist(), strict=True)
         wander = sum(variance * _mean_correlation(steps, time) for variance, time in parts if variance > 0)
         return larger * self.white * _mean_correlation(steps, self.recent), larger * float(wander)
+
+
+def dof_of_average(variances: tuple[float, float], dof: tuple[float, float], share: float) -> float:
+    """Degrees of freedom of the mean of two variances that one record tells, the first with a share of 0 to 1.
+
+    They err together, not independently as Welch and Satterthwaite have it.
+    """
+    parts = np.array([share, 1 - share]) * variances
+    error = float(parts @ (1 / np.sqrt(dof)))
+    return (float(parts.sum()) / error) ** 2 if error > 0 else np.inf
 
 
 def _mean_correlation(steps: np.ndarray, correlation_time: float) -> float:

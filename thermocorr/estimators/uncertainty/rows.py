@@ -57,11 +57,12 @@ class ErrorWalk:
     def __init__(self, model: Any, joint: JointErrors, removed: bool):
         self.model, self.joint, self.removed = model, joint, removed
         kept = [effect.removed_by_correct or not removed for effect in joint.effects for _ in effect.names()]
-        self.used = np.array([not removed, *kept], float)
-        mean = joint.mean * self.used
-        shared = mean @ joint.half
+        self.used = np.array([not removed, *kept])
+        shared = joint.mean[self.used] @ joint.half[self.used]
         size = float(np.linalg.norm(shared))
         self.level = shared / size if size > 0 else shared
+        self.through = np.column_stack((joint.half, joint.half @ self.level, joint.coef))
+        """What columns are multiplied by: directions of their covariance, what all rows share, the best estimate."""
 
     def blocks(self, record: Record) -> Iterator[tuple[Block, np.ndarray, RowErrors]]:
         """Each block with the value that the model gives (the bias, or the modelled reading), and its errors."""
@@ -102,12 +103,12 @@ class ErrorWalk:
             Fitted segment that the rows belong to.
         """
         joint = self.joint
-        Z = np.column_stack((np.ones(len(columns)), columns)) * self.used
-        active = np.flatnonzero(Z.any(axis=0))  # decays that are over are zero
-        through = Z[:, active] @ joint.half[active]
-        level = (through @ self.level) ** 2
-        distance = Z @ joint.coef - value
-        rest = np.maximum(np.einsum("ij,ij->i", through, through) - level, 0.0)
+        Z = np.empty((len(columns), 1 + columns.shape[1]), order="F")
+        Z[:, 0], Z[:, 1:] = 1.0, columns
+        Z[:, ~self.used] = 0.0
+        through = Z @ self.through
+        level, distance = through[:, -2] ** 2, through[:, -1] - value
+        rest = np.maximum(np.einsum("ij,ij->i", through[:, :-2], through[:, :-2]) - level, 0.0)
         return RowErrors(
             level=level,
             coefficients=rest + distance**2 + joint.representation,

@@ -17,7 +17,8 @@ from ..threads import one_blas_thread
 from .assessed import too_short, uncertainty_of, why_incomplete
 from .budget import coverage_factor
 from .declared import Reference, Sensor
-from .joint import UNKNOWN, JointErrors, joint_errors
+from .joint import UNKNOWN, JointErrors
+from .joint_fit import joint_errors
 from .rows import ErrorWalk
 from .signed import Uncertainty
 
@@ -165,17 +166,21 @@ class SignedModel(FittedModel):
             columns[self.reading_.name, share, "upper"] = value + k * u
         return pd.DataFrame(columns, index=X.index if isinstance(X, pd.DataFrame) else None)
 
-    def _uncertain(self, X: Any, of: str) -> np.ndarray:
-        """Standard uncertainty of the "bias", the "corrected" reading, or a "reading" to come, shape (n_rows,)."""
+    def _uncertain(self, X: Any, of: str, reading: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """The "bias", the "corrected" reading or a "reading" to come, and its standard uncertainty, (n_rows,) each."""
         joint = self.joint_errors()
         record, _, _ = self.judged(X)
-        result = np.full(record.n_rows, np.nan)
+        values, result = np.full(record.n_rows, np.nan), np.full(record.n_rows, np.nan)
         walk = ErrorWalk(self, joint, removed=of != "reading")
-        for block, _, errors in walk.blocks(record):
+        for block, value, errors in walk.blocks(record):
             variance = errors.bias if of == "bias" else errors.of_readings(joint.noise)
             variance[self.block_flags(block, None).are("washout")] = np.nan
+            if reading is not None:
+                value = self.believed(block, reading[block.rows]) - value
+                variance[np.isnan(value)] = np.nan
+            values[block.rows] = value
             result[block.rows] = np.sqrt(variance + block.record.input_variance(block.rows))
-        return result
+        return values, result
 
 
 def _check_share(name: str, value: Any) -> None:
