@@ -18,6 +18,7 @@ from ..estimators.evenness import evenness
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Block, Record
 from .blocks import Averages
+from .directions import orthonormal
 from .levels import BEYOND, FAR, FEW, GROUPS, HELD, ROBUST, ROUNDING, START_HELD, STARTS
 
 
@@ -181,11 +182,3 @@ def _outstanding(left: np.ndarray) -> np.ndarray:
     apart = np.abs(left - pd.Series(left).rolling(5, center=True, min_periods=1).median().to_numpy())
     far: np.ndarray = apart > FAR * ROBUST * float(np.median(apart))
     return far if far.mean() <= FEW else np.zeros(len(far), bool)
-
-
-def orthonormal(columns: np.ndarray, tolerance: float = 1e-7) -> np.ndarray:
-    """Orthonormal basis of columns of very different size; directions below the tolerance are dropped."""
-    norms = np.linalg.norm(columns, axis=0)
-    unit = columns[:, norms > 0] / norms[norms > 0]
-    left, singular, _ = np.linalg.svd(unit, full_matrices=False)
-    return np.asarray(left[:, singular > tolerance * singular[:1].max(initial=0.0)])

@@ -111,6 +111,13 @@ ROUNDING = 1e-14
 
 # Likelihood
 
+ROUNDED = 1e-7
+"""Size of a direction of columns of unit length, over that of the largest, below which it is rounding error."""
+VISIBLE = 0.1
+"""Size that a law of the record's own strength has in a direction of the base, over the noise from row to row, below
+which the base does without it: coefficients ten times those of the law would hardly show there. Without this, what a
+delay planted on measured records makes was in the base of 22 lags, with coefficients that no device has. With 0.1, 0.3,
+1, of 230 plants (seeds 42, 45, 46, soil and heater aside) 95.7, 95.7, 95.2 % are declared, 90.4 with 0."""
 ALIVE = 1e-4
 """Length of a column outside the base, over its whole length, below which it is nothing new."""
 BATCH = 24

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import cho_solve, lapack, solve_triangular
 
 from ..equations.noise import Bands, fitted_parts, whittle
-from .judged_rows import orthonormal
+from .directions import orthonormal
 from .levels import ALIVE, BATCH, PIECES, QUIET, TURNS, WIDE
 
 

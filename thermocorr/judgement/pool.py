@@ -19,6 +19,7 @@ from ..records import Record, RecordError
 from ..records.thinned import Thinned
 from .base import ThermalBase
 from .blocks import Averages, averaged, averaged_columns, spans, sums_of
+from .directions import visible
 from .judged_rows import JudgedRows, starts_of
 from .levels import COARSE, FEWEST, FINE, MOST_EMPTY
 from .likelihood import Comparison
@@ -78,7 +79,7 @@ class Pool:
 
     def compared(self, base: np.ndarray) -> Comparison:
         """The record beside columns of a base, shape (n, p)."""
-        return Comparison(self.reading, base, self.span, self.rows.starts.spread)
+        return Comparison(self.reading, visible(base, self.reading), self.span, self.rows.starts.spread)
 
     def beside(self, base: np.ndarray, explanations: Sequence[Explanation]) -> Pool:
         """A pool of this record with another base and other explanations."""
