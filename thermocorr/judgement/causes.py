@@ -20,7 +20,7 @@ from .alike import says_the_same, superfluous
 from .anywhere import best_period, filtered
 from .choice import WAVE, Cause, Tried, bent, chosen, first_of_each, plainer_than, still_sought, trifling
 from .copies import Copies
-from .dated import DATED, MANY, dated, tries
+from .dated import DATED, MANY, dated, lasting, tries
 from .imitations import Imitations
 from .levels import (
     BETWEEN,
@@ -375,10 +375,10 @@ class Search:
         theta = judged.refit([best])[0].theta
         most = judged.screen(theta, [best])[0]
         for share in shares:
-            near = self.tried[best].effect.nearby(self.record, share)
-            if not near:
+            near = self.pool.of(self.tried[best].effect.nearby(self.record, share))
+            which = self._add([each for each in near if lasting(self.pool, each.effect)])
+            if not which:
                 break
-            which = self._add(self.pool.of(near))
             gains = judged.screen(theta, which)
             if gains.max() > most:
                 most, best = gains.max(), which[int(gains.argmax())]

@@ -8,9 +8,10 @@ from collections.abc import Collection
 import numpy as np
 
 from ..effects import Disturbance, SensitivityStep, Step
+from ..effects.protocol import Effect
 from .anywhere import step_gains
 from .cuts import change_gains
-from .levels import LEAST_RULE, STRETCHES
+from .levels import LEAST_RULE, SHORTEST_STRETCH, STRETCHES
 from .likelihood import Comparison
 from .pool import Explanation, Key, Pool
 from .stretches import best_stretch
@@ -36,6 +37,7 @@ def dated(
     found: list[Explanation] = []
     either = Step.kind in kinds or SensitivityStep.kind in kinds
     steps = step_gains(judged, theta, pool.rows.weight, rows) if either else np.zeros(1)
+    steps[:SHORTEST_STRETCH] = steps[len(steps) - SHORTEST_STRETCH :] = 0.0
     if Step.kind in kinds and steps.max() > 0:
         found.append(_from(pool, Step, int(steps.argmax())))
     if SensitivityStep.kind in kinds:
@@ -51,6 +53,18 @@ def dated(
         inside = (pool.data.seconds >= start) & (pool.data.seconds < end)
         found.append(Explanation(effect, pool.rows.weighed(inside.astype(float)[:, None])))
     return found
+
+
+def lasting(pool: Pool, effect: Effect) -> bool:
+    """Whether what a step or disturbance parts has enough rows, however it was tuned; True for other kinds.
+
+    A few large readings of heavy tails that follow on one another, or end the record, are none.
+    """
+    if effect.kind not in DATED:
+        return True
+    moments = np.atleast_1d(np.asarray(effect.seconds_, float))
+    edges = [0, *np.searchsorted(pool.data.seconds, moments).tolist(), len(pool.data.seconds)]
+    return bool(np.diff(edges).min() >= SHORTEST_STRETCH)
 
 
 def moment(pool: Pool, row: int, ends: bool = False) -> float:

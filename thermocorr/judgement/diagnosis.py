@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -93,7 +94,7 @@ def diagnose(
         record = suspect_record(model, read, X, y, columns, [*base.effects, *base.slow])
         pool = Pool(model, record, base, candidates_of(record, (*exclude, *DATED), suspects))
         search, causes, last = searched(pool, [kind for kind in ANYWHERE if kind not in exclude])
-        missing = [cause for cause in causes if not cause.tried.explanation.in_model]
+        missing = [cause for cause in map(_not_silently, causes) if not cause.tried.explanation.in_model]
         missing = missing or lacking(model, search, exclude)
         missing.sort(key=_worth_to_the_user)
         return _conclude(model, y, seen, read, search, missing, last)
@@ -143,6 +144,18 @@ def _conclude(
         unit=model.reading_.unit,
         gather=lambda: PageData.of(model, seen, y, beside=tuple(n for n in beside if n in shown)),
     )
+
+
+def _not_silently(cause: Cause) -> Cause:
+    """A slow lag of the model as what it cannot be told from, where that is proven as well; else as it is.
+
+    The model has taken for a slow body what may as well be a drift: that it has it already is not to be passed over.
+    """
+    proven = [t for t in cause.alike if t.proven and not t.explanation.in_model and t.key[0] not in DATED]
+    if not cause.tried.explanation.in_model or not proven:
+        return cause
+    best = max(proven, key=lambda t: t.score)
+    return replace(cause, tried=best, alike=(cause.tried, *(t for t in cause.alike if t is not best)))
 
 
 def _worth_to_the_user(cause: Cause) -> tuple[bool, float]:

@@ -10,7 +10,7 @@ import pandas as pd
 from scipy import stats
 
 from ..equations.noise import Kernel, inverse_kernel
-from .levels import LENGTHS, LEVEL, LONGEST_STRETCH, OUTSTANDING, ROBUST, SHORTEST_STRETCH, STRETCHES
+from .levels import AROUND, LENGTHS, LEVEL, LONGEST_STRETCH, OUTSTANDING, ROBUST, SHORTEST_STRETCH, STRETCHES
 from .likelihood import Comparison
 
 
@@ -38,8 +38,8 @@ def squares_of(longest: int, kernel: Kernel) -> np.ndarray:
 
 
 def damped(values: np.ndarray) -> np.ndarray:
-    """Values with those that stand out of the median of five brought near to it, shape (n,)."""
-    near = pd.Series(values).rolling(5, center=True, min_periods=1).median().to_numpy()
+    """Values with those that stand out of the median around them brought near to it, shape (n,)."""
+    near = pd.Series(values).rolling(AROUND, center=True, min_periods=1).median().to_numpy()
     apart = values - near
     limit = OUTSTANDING * (ROBUST * float(np.median(np.abs(apart))) or float(np.std(apart)))
     return np.asarray(near + np.clip(apart, -limit, limit))
