@@ -41,7 +41,8 @@ def test_the_error_must_fall_in_most_blocks():
     assert of_blocks(0.9, 0.9, 0.9, 0.9, 1.1, 1.1).worth(Covariate("supply"), before)
     assert not of_blocks(0.2, 0.2, 0.9, 1.1, 1.1, 1.1).worth(Covariate("supply"), before)
     assert of_blocks(0.2, 1.0, 1.0, 1.001, 1.0, 1.0).worth(Covariate("rain"), before)  # what acts in one block only
-    assert of_blocks(0.2, 1.1, 1.1, 1.1, 1.0, 1.0).worth(Step(100.0), before)  # a step lies in some blocks
+    assert of_blocks(0.2, 1.0, 1.0, 1.0, 1.0, 1.0).worth(Step(100.0), before)  # a step lies in some blocks
+    assert not of_blocks(0.2, 1.1, 1.1, 1.1, 1.0, 1.0).worth(Step(100.0), before)  # and spoils no others
     assert of_blocks(0.2, np.nan, 1.0, 1.0, 1.0, 1.0).worth(Covariate("supply"), before)
 
 

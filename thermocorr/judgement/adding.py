@@ -55,13 +55,15 @@ class Errors:
     def worth(self, effect: Effect, other: Errors) -> bool:
         """Whether a model with one effect more is to be kept.
 
-        What depends on time alone promises nothing for later data, and lies in some blocks only: it must not raise
-        either error. All else must be of use in most blocks.
+        It must be of use in most blocks. What depends on time alone promises nothing for later data: it must not raise
+        either error.
         """
+        if not (self.better_than(other) and self.falls_mostly(other)):
+            return False
         if not effect.of_time_alone:
-            return self.better_than(other) and self.falls_mostly(other)
+            return True
         worse = max(_ratio(self.held_out, other.held_out), _ratio(self.later, other.later))
-        return self.better_than(other) and not worse > SAME
+        return not worse > SAME
 
     def least(self, other: Errors) -> Errors:
         """Elementwise minimum."""

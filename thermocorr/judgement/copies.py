@@ -68,12 +68,15 @@ class Copies:
 def moved(record: Record, effect: Effect) -> Iterator[Record]:
     """The record with the columns of an effect moved in time, what is moved beyond the end coming in at the beginning.
 
-    Every second copy is turned round.
+    Every second copy is turned round. Rows in which a cell is missing are no part of the record, and keep theirs.
     """
     names = [name for name in effect.inputs() if name in record.columns and name != record.temperature_name]
-    n = record.n_rows
+    whole = {name: np.asarray(record.columns[name], float) for name in names}
+    known = np.flatnonzero(np.logical_and.reduce([np.isfinite(column) for column in whole.values()]))
     for k in range(1, COPIES + 1):
-        rows = round((LEAST_MOVED + (1 - 2 * LEAST_MOVED) * (k * GOLDEN % 1)) * n)
-        columns = {name: np.roll(np.asarray(record.columns[name]), rows)[:: -1 if k % 2 else 1] for name in names}
+        rows = round((LEAST_MOVED + (1 - 2 * LEAST_MOVED) * (k * GOLDEN % 1)) * len(known))
+        columns = {name: column.copy() for name, column in whole.items()}
+        for name, column in whole.items():
+            columns[name][known] = np.roll(column[known], rows)[:: -1 if k % 2 else 1]
         other = replace(record, columns={**record.columns, **columns}, known_moments={})
         yield replace(other, exact={}) if isinstance(other, Thinned) else other

@@ -84,8 +84,9 @@ BETWEEN = (-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
 """Rows beside the best delay of whole rows at which delays are tried, too. On a measured record whose steps are uneven,
 the best of whole rows had 12 of the 28 in log likelihood of the true delay between them."""
 SHORTEST_STRETCH = 8
-"""Rows of the shortest disturbance that is looked for, and least rows before and after a step. With 5, three large readings of heavy tails (Student, three
-degrees of freedom) that follow on one another by chance were taken for one in one of twelve records."""
+"""Rows of the shortest disturbance that is looked for, and least rows before and after a step. With 5, three large
+readings of heavy tails (Student, three degrees of freedom) that follow on one another by chance were taken for a
+disturbance in one of twelve records."""
 LONGEST_STRETCH = 0.05
 """Longest disturbance that is looked for, as a share of the record: what lasts longer is two steps."""
 LENGTHS = 1.25
