@@ -47,6 +47,8 @@ def test_exact_readings_show_all_directions_and_offsets_are_no_law():
     assert visible(columns, 10 * T).shape[1] == 3
     loud = [visible(columns, level + 10 * T + noise).shape[1] for level in (0.0, 1e6)]
     assert loud == [2, 2]
+    columns[:, 0] = 0.0  # held by the starts of runs
+    assert visible(columns, 10 * T + noise).shape[1] == 1
 
 
 @pytest.mark.parametrize("seed", [0, 3])

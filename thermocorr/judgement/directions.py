@@ -23,7 +23,7 @@ def visible(columns: np.ndarray, reading: np.ndarray) -> np.ndarray:
     known = directions[:, size > ROUNDED]
     rest = reading - known @ (known.T @ reading)
     noise = float(np.sqrt(np.mean(np.diff(rest) ** 2) / 2))
-    constant = columns[:, 0] / np.linalg.norm(columns[:, 0])
+    constant = columns[:, 0] / (float(np.linalg.norm(columns[:, 0])) or 1.0)  # starts of all runs may hold it
     law = float(np.linalg.norm(reading - constant * (constant @ reading)))
     return directions[:, size > max(ROUNDED, VISIBLE * noise / law if law > 0 else 0.0)]
 
