@@ -91,6 +91,16 @@ def test_single_readings_that_stand_out_make_no_stretch():
     assert not len(lengths_of(100)) and lengths_of(25_000)[-1] <= 1250
 
 
+def test_a_few_large_readings_in_a_row_are_no_stretch():
+    """Three readings do not move the median around them, as they would move one of five."""
+    rng, n = np.random.default_rng(9), 4000
+    reading = rng.standard_normal(n)
+    reading[2000:2003] += 5.0
+    judged = Comparison(reading, np.ones((n, 1)), np.zeros(n))
+    assert best_stretch(judged, judged.only_white(), np.ones(n)) is None
+    assert np.abs(damped(reading)[2000:2003]).max() < 4.0
+
+
 def hidden(kind, seed, strength, noise=None, n=6000):
     """A record with an effect in it, its parameters, and the diagnosis of a model without it."""
     record, truth = make_record(

@@ -8,8 +8,13 @@ import pytest
 from scipy.signal import lfilter
 
 from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr.effects import Drift, ThermalLag
+from thermocorr.judgement.choice import Cause, Tried
+from thermocorr.judgement.diagnosis import _not_silently
 from thermocorr.judgement.directions import orthonormal, visible
 from thermocorr.judgement.levels import VISIBLE
+from thermocorr.judgement.pool import Explanation
+from thermocorr.judgement.worth import Worth
 
 N = 4000
 
@@ -69,3 +74,16 @@ def test_a_delay_is_not_in_fast_lags_that_imitate_it(seed):
     (cause,) = diagnose(model, X, y).causes
     assert cause.effect.kind == "delay"
     assert cause.effect.delay == pytest.approx(late * step, rel=0.03)
+
+
+@pytest.mark.parametrize("proven", [True, False])
+def test_a_slow_lag_of_the_model_is_said_to_be_what_is_proven_as_well(proven):
+    def tried(effect, in_model, p_value):
+        return Tried(
+            explanation=Explanation(effect, np.zeros((3, 1)), in_model), number=0, score=10.0, full=10.0,
+            p_value=p_value, worth=Worth(later=1.0, blocks=1.0), scatter=0.0, uneven=False,
+        )  # fmt: skip
+
+    lag, drift = tried(ThermalLag([9000.0]), True, 1e-6), tried(Drift(), False, 1e-6 if proven else 0.1)
+    told = _not_silently(Cause(tried=lag, alike=(drift,), others=(), share=0.5))
+    assert told.tried is (drift if proven else lag) and told.alike == ((lag,) if proven else (drift,))

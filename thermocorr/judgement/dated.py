@@ -37,7 +37,6 @@ def dated(
     found: list[Explanation] = []
     either = Step.kind in kinds or SensitivityStep.kind in kinds
     steps = step_gains(judged, theta, pool.rows.weight, rows) if either else np.zeros(1)
-    steps[:SHORTEST_STRETCH] = steps[len(steps) - SHORTEST_STRETCH :] = 0.0
     if Step.kind in kinds and steps.max() > 0:
         found.append(_from(pool, Step, int(steps.argmax())))
     if SensitivityStep.kind in kinds:
@@ -56,15 +55,15 @@ def dated(
 
 
 def lasting(pool: Pool, effect: Effect) -> bool:
-    """Whether what a step or disturbance parts has enough rows, however it was tuned; True for other kinds.
+    """Whether a disturbance is as long as the shortest that is looked for, however it was tuned; True for other kinds.
 
-    A few large readings of heavy tails that follow on one another, or end the record, are none.
+    A few large readings of heavy tails that follow on one another are none.
     """
-    if effect.kind not in DATED:
+    if not isinstance(effect, Disturbance):
         return True
-    moments = np.atleast_1d(np.asarray(effect.seconds_, float))
-    edges = [0, *np.searchsorted(pool.data.seconds, moments).tolist(), len(pool.data.seconds)]
-    return bool(np.diff(edges).min() >= SHORTEST_STRETCH)
+    start, end = effect.seconds_
+    rows = np.count_nonzero((pool.data.seconds >= start) & (pool.data.seconds < end))
+    return bool(rows >= SHORTEST_STRETCH)
 
 
 def moment(pool: Pool, row: int, ends: bool = False) -> float:

@@ -84,7 +84,7 @@ BETWEEN = (-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
 """Rows beside the best delay of whole rows at which delays are tried, too. On a measured record whose steps are uneven,
 the best of whole rows had 12 of the 28 in log likelihood of the true delay between them."""
 SHORTEST_STRETCH = 8
-"""Rows of the shortest disturbance that is looked for, and least rows before and after a step. With 5, three large
+"""Rows of the shortest disturbance that is looked for, however it is tuned. With 5, three large
 readings of heavy tails (Student, three degrees of freedom) that follow on one another by chance were taken for a
 disturbance in one of twelve records."""
 LONGEST_STRETCH = 0.05
@@ -121,8 +121,8 @@ ROUNDED = 1e-7
 VISIBLE = 0.1
 """Size that a law of the record's own strength has in a direction of the base, over the noise from row to row, below
 which the base does without it: coefficients ten times those of the law would hardly show there. Without this, what a
-delay planted on measured records makes was in the base of 22 lags, with coefficients that no device has. With 0.1, 0.3,
-1, of 230 plants 95.7, 95.7, 95.2 % are declared, 90.4 with 0 (soil and heater aside):
+delay planted on measured records makes was in the base of 22 lags, with coefficients that no device has. With 0, 0.1,
+90.4, 95.7 % of 230 plants are declared (soil and heater aside):
 `python benchmarks/planted_on_real.py ../shared/records --gain 40 --seeds 42 45 46`."""
 ALIVE = 1e-4
 """Length of a column outside the base, over its whole length, below which it is nothing new."""
