@@ -18,19 +18,17 @@ from scipy.special import chdtrc
 from ..effects import Delay, Periodic
 from .alike import says_the_same, superfluous
 from .anywhere import best_period, filtered
+from .chance import HelpOfNoise
 from .choice import WAVE, Cause, Tried, bent, chosen, first_of_each, plainer_than, still_sought, trifling
 from .copies import Copies
 from .dated import DATED, MANY, dated, lasting, tries
 from .imitations import Imitations
 from .levels import (
     BETWEEN,
-    BY_CHANCE,
     DIFFERENT,
-    DRAWS,
     FINER,
     GAIN,
     HALF,
-    LEAST,
     LEAST_STRUCTURE,
     LEVEL,
     LOOKS,
@@ -42,10 +40,11 @@ from .levels import (
     SHARES,
     TIE,
     TUNED,
-    USUAL,
     WITHIN,
 )
 from .likelihood import Fit
+from .needed import needed, worth_beside
+from .pairs import pairs
 from .pool import Explanation, Key, Pool
 from .shifts import Shifts
 from .worth import HeldOut, Worth
@@ -74,27 +73,28 @@ class Search:
         white = self.judged.innovation
         self.structured = max(self.judged.unexplained() - white, LEAST_STRUCTURE * white)
         """Mean square beside the base, beyond the noise that nothing foresees."""
-        self.held = HeldOut(pool.coarse(pool.reading[:, None]), pool.coarse(pool.base))
+        self.held = self.first_held = HeldOut(pool.coarse(pool.reading[:, None]), pool.coarse(pool.base))
         self.coarse = [pool.coarse(explanation.columns) for explanation in self.tried]
         keys = [explanation.key for explanation in self.tried]
         self.sizes = {key: keys.count(key) for key in dict.fromkeys(keys)}
         every = {WAVE: self.judged.n, **tries(self.judged.n)}  # every row, every period
         self.sizes |= {key: size for key, size in every.items() if key[0] in anywhere}
-        tests = LOOKS * sum(min(size, DIFFERENT) for size in self.sizes.values())
+        self.n_tests = LOOKS * sum(min(size, DIFFERENT) for size in self.sizes.values())
         if Delay.kind in anywhere:
             late: Key = (Delay.kind, None)
             self.sizes[late] = self.sizes.get(late, 0) + 2 * self.shifts.most  # and between rows
         self.anywhere, self.small = anywhere, small
         self.imitations = Imitations(pool)
-        self.tests = {key: max(tests, LOOKS * size) for key, size in self.sizes.items()}
+        self.tests = {key: max(self.n_tests, LOOKS * size) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
 
         self.copies: dict[Key, Copies] = {}
         """Copies of columns that were compared with theirs beside the present base."""
         self._best: set[int] = set()
         """Numbers of what was the best of its kind in some look, or was taken in."""
-        self._chance: tuple[HeldOut, dict[Key, float], float] | None = None
-        """For a base: usual help of noise to each kind and column [dB], and the multiple of it that is rare in all."""
+        self._chance: HelpOfNoise | None = None
+        self.paired = False
+        """Whether a cause was proven with another one only."""
 
     def causes(self, first: Key | None = None) -> tuple[list[Cause], list[Tried]]:
         """The causes, and what was tried last without being one; with `first`, the first cause is of that kind."""
@@ -109,9 +109,12 @@ class Search:
                 rivals = [t for t in tried if best is not None and t.score >= best.score - TIE]
             else:
                 tried, best, rivals = self._choice(tried, found)
+            alone = best is not None
+            if not alone:
+                best, rivals = self._of_a_pair(tried)
             if best is None or len(found) - steps == MOST or (found and trifling(best, self.share(best), self.record)):
                 return self._needed(found), tried
-            if best.proven:  # else the likelihood has nothing to say on its parameters
+            if best.proven and alone:  # else the likelihood has nothing to say on its parameters
                 best = (self._tuned([best], FINER) or [best])[0]
             same = says_the_same(self.judged, best, rivals)
             plainer = plainer_than(best, same)
@@ -141,6 +144,31 @@ class Search:
                 return tried, best, rivals
             self.copies[best.key] = Copies.of(self.pool, self.judged, self.held, best.number, best.explanation.effect)
             tried = sorted((self._beside_copies(t) if t.key == best.key else t for t in tried), key=lambda t: -t.score)
+
+    def _of_a_pair(self, tried: Sequence[Tried]) -> tuple[Tried | None, list[Tried]]:
+        """The plainer one of two slow changes that are proven together, and its rivals beside the other; or None."""
+        alone = [
+            i
+            for i, explanation in enumerate(self.tried)
+            if explanation.effect.of_time_alone and explanation.key[0] not in ANYWHERE and self.judged.width(i)
+        ]
+        near, n_pairs = pairs(self.judged, self.tried, alone)
+        if not near:
+            return None, []
+        most = near[0]
+        width = self.judged.width(most.first) + self.judged.width(most.second)
+        chance = float((self.n_tests + LOOKS * n_pairs) * chdtrc(width, 2 * max(most.gain, 0.0)))
+        if chance > LEVEL:
+            return None, []
+        other = [pair.first for pair in near if pair.second == most.second and pair.gain >= most.gain - TIE]
+        worths = dict(zip(other, self.held.worth([self.coarse[i] for i in other]), strict=True))
+        gains = {pair.first: pair.gain - self.price(pair.second) for pair in near if pair.second == most.second}
+        both = [
+            replace(t, p_value=chance, score=gains[t.number] - self.price(t.number))
+            for t in self._weighed(other, worths)
+        ]
+        self.paired = both[0].proven
+        return (both[0], both[1:]) if self.paired else (None, [])
 
     def _beside_copies(self, t: Tried) -> Tried:
         """An explanation, its evidence divided by what copies of its column explain more than noise gives them."""
@@ -198,28 +226,13 @@ class Search:
         return found
 
     def _needed(self, found: list[Cause]) -> list[Cause]:
-        """The causes that are not made superfluous by later ones (a backward check).
-
-        Slow lags of the model that only help make no proven cause superfluous: the likelihood does not speak for them.
-        """
-        found = [cause for cause in found if cause.tried.proven or not cause.tried.explanation.in_model]
-        if len(found) < 2:
+        """The causes that are not made superfluous by later ones; where some are, the others are weighed anew."""
+        if len(found) < 2 and not self.paired:
             return found
-        by_number = {cause.adopted: cause for cause in found}
-        kept = list(by_number)
-        doubtful = list(kept)
-        while doubtful:
-            level = self.judged.level_with(kept)
-            others = {k: [other for other in kept if other != k] for k in doubtful if by_number[k].tried.proven}
-            gains = {k: level - self.judged.level_with(beside) for k, beside in others.items()}
-            p_values = {k: self._p_value(gain, by_number[k].tried.number) for k, gain in gains.items()}
-            failed = [k for k, p in p_values.items() if p > LEVEL]
-            if failed:  # one at a time: where two say the same, neither is needed beside the other
-                kept.remove(max(failed, key=p_values.__getitem__))
-            elif len(doubtful) == len(kept):
-                break
-            doubtful = [k for k in failed if k in kept] or list(kept)
-        return [by_number[k] for k in kept]
+        kept = needed(self.judged, found, self._p_value)
+        if len(kept) == len(found):
+            return kept
+        return worth_beside(kept, self.first_held, [self.pool.coarse(c.tried.explanation.columns) for c in kept])
 
     def _p_value(self, gain: float, i: int) -> float:
         """Error probability of an explanation, the whole family having been tried (Wilks 1938; Bonferroni).
@@ -256,35 +269,15 @@ class Search:
         return float(np.clip(taken / max(self.structured, 1e-300), 0.0, 1.0))
 
     def price(self, i: int) -> float:
-        """What an explanation's columns and the choice among its kind would gain by chance (Schwarz 1978)."""
-        return 0.5 * self.judged.width(i) * math.log(self.judged.n) + math.log(self.sizes.get(self.tried[i].key, 1))
+        """What an explanation's columns, tuned parameters and the choice of them gain by chance (Schwarz 1978)."""
+        each, tried = 0.5 * math.log(self.judged.n), self.tried[i]
+        return each * self.judged.width(i) + max(each * tried.n_tuned, math.log(self.sizes.get(tried.key, 1)))
 
     def by_chance(self, tried: Tried) -> bool:
-        """Whether noise like the base's gives some explanation or other so much help in more than a few records.
-
-        Help is measured for each kind and column by what the noise usually gives it (Westfall & Young 1993).
-        """
-        if self._chance is None or self._chance[0] is not self.held:
-            helps = self._helped_by_noise()
-            usual = {key: max(float(np.quantile(values, USUAL)), LEAST) for key, values in helps.items()}
-            most = np.max([values / usual[key] for key, values in helps.items()], axis=0)
-            self._chance = self.held, usual, float(np.quantile(most, 1 - BY_CHANCE))
-        _, usual, limit = self._chance
-        return tried.worth.both / usual[tried.key] <= limit
-
-    def _helped_by_noise(self) -> dict[Key, np.ndarray]:
-        """Help of the best of each kind and column, but for time alone, on records drawn from the noise [dB]."""
-        judged = self.judged
-        root = np.sqrt(judged.bands.each_row(judged.S(judged.base.theta)))[:, None]
-        draws = judged.unit * judged.bands.back(root * np.random.default_rng(0).standard_normal((judged.n, DRAWS)))
-        drawn = HeldOut(self.pool.coarse(draws), self.held.base)
-        which = [i for i in range(len(self.tried)) if judged.width(i) and not self.tried[i].effect.of_time_alone]
-        helps = np.minimum(*drawn.falls([self.coarse[i] for i in which]))
-        best: dict[Key, np.ndarray] = {}
-        for i, values in zip(which, helps, strict=True):
-            key = self.tried[i].key
-            best[key] = np.maximum(best[key], values) if key in best else values
-        return best
+        """Whether noise like the base's gives some explanation or other so much help in more than a few records."""
+        if self._chance is None or self._chance.held is not self.held:
+            self._chance = HelpOfNoise(self.pool, self.judged, self.held, self.tried, self.coarse)
+        return self._chance.gives(tried.key, tried.worth)
 
     def _anywhere(self) -> list[Explanation]:
         """The best moments of all rows, wave of all periods and delay, under wandering and under white noise."""

@@ -64,6 +64,8 @@ class Comparison:
         self.unit = float(np.sqrt(np.mean(z**2))) or 1.0
         self.z = z / self.unit
         self.Q = Q
+        self.n_first = Q.shape[1]
+        """Columns of the base of the start; those of the causes follow."""
         leverage = np.einsum("ij,ij->i", Q, Q)
         if lost is not None:
             leverage += np.sum(self.bands.forward(lost) ** 2, axis=1)
@@ -107,7 +109,8 @@ class Comparison:
     def _add(self, columns: Sequence[np.ndarray]) -> None:
         together = self.bands.forward(side_by_side(columns))
         full = np.sqrt(_squares_of(together))
-        together.T[:] -= (together.T @ self.Q) @ self.Q.T
+        first = self.Q[:, : self.n_first]  # not the causes: each may be dropped again
+        together.T[:] -= (together.T @ first) @ first.T
         left = np.sqrt(_squares_of(together))
         alive = left > ALIVE * np.maximum(full, 1e-300)
         together /= np.where(alive, left, 1.0)
@@ -206,6 +209,24 @@ class Comparison:
         which = range(1, len(columns) + 1)
         return other.screen(other.base.theta)[1:], np.array([other.width(k) for k in which])
 
+    def of_pairs(self, pairs: Sequence[tuple[int, int]]) -> Comparison:
+        """The base with pairs of its explanations, each pair as one."""
+        other = copy(self)
+        other.explanations = [self._joined(i, j) for i, j in pairs]
+        return other
+
+    def _joined(self, i: int, j: int) -> ExplanationColumns | None:
+        one, other = self.explanations[i], self.explanations[j]
+        if one is None or other is None:
+            return None
+        crossed = self._crossed(one.rows, other.rows)
+        return ExplanationColumns(
+            rows=np.column_stack((one.rows, other.rows)),
+            own=np.block([[one.own, crossed], [crossed.transpose(0, 2, 1), other.own]]),
+            base=np.concatenate((one.base, other.base), axis=2),
+            reading=np.concatenate((one.reading, other.reading), axis=1),
+        )
+
     def level_with(self, kept: Sequence[int]) -> float:
         """Log likelihood of the base with some of the adopted explanations only, the noise estimated anew."""
         dropped = [cause for k, cause in enumerate(self.causes) if k not in kept]
@@ -252,7 +273,8 @@ class Comparison:
         """
         row = self.bands.forward(column[:, None])
         full = float(np.linalg.norm(row))
-        row -= self.Q @ (self.Q.T @ row)
+        first = self.Q[:, : self.n_first]
+        row -= first @ (first.T @ row)
         if not np.linalg.norm(row) > ALIVE * full:
             return np.inf
         W = 1 / self.bands.each_row(self.S(self.base.theta))

@@ -43,6 +43,13 @@ class Explanation:
         return ("in the model", None) if self.in_model else key_of(self.effect)
 
     @cached_property
+    def n_tuned(self) -> int:
+        """Numbers among its parameters that are moved to where it explains most."""
+        tuned = self.effect.info.tuned if self.effect.info else ()
+        values = [getattr(self.effect, name) for name in tuned]
+        return sum(np.size(value) for value in values if value is not None)
+
+    @cached_property
     def law(self) -> tuple[Key, str]:
         """Kind and column, and every parameter that is not tuned: a column late and its square late are two laws."""
         tuned = self.effect.info.tuned if self.effect.info else ()

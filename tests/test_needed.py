@@ -1,0 +1,84 @@
+"""Causes weighed together in the end: what an earlier one holds, and what two say that hide one another."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr.datasets import make_record
+from thermocorr.effects import Drift
+from thermocorr.judgement.choice import Cause, Tried
+from thermocorr.judgement.likelihood import Comparison
+from thermocorr.judgement.needed import worth_beside
+from thermocorr.judgement.pool import Explanation
+from thermocorr.judgement.worth import HeldOut, Worth
+
+N = 3000
+
+
+def cause_of(columns):
+    """A cause that nobody has weighed."""
+    tried = Tried(
+        explanation=Explanation(Drift(), columns),
+        number=0,
+        score=1.0,
+        full=1.0,
+        p_value=0.0,
+        worth=Worth(later=0.0, blocks=0.0),
+        scatter=0.0,
+        uneven=False,
+    )
+    return Cause(tried=tried, alike=(), others=(), share=0.5)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_cause_that_was_tried_beside_another_one_does_not_hold_that_one(seed):
+    """Tuned after the first was taken in, and very like it: dropping the first is to cost all that it explains."""
+    rng = np.random.default_rng(seed)
+    first = np.cumsum(rng.standard_normal(N)) / 10
+    second = first + 0.2 * rng.standard_normal(N)
+    base = np.column_stack([np.ones(N), np.linspace(0, 1, N)])
+    reading = 3 * first + second + rng.standard_normal(N)
+
+    together = Comparison(reading, base, np.zeros(N, int))
+    together.add([first[:, None]])
+    together.adopt(0)
+    together.add([second[:, None]])
+    together.adopt(1)
+    alone = Comparison(reading, base, np.zeros(N, int))
+    alone.add([second[:, None]])
+    alone.adopt(0)
+    assert together.level_with([1]) == pytest.approx(alone.base.level, abs=1.0)
+    assert together.base.level - alone.base.level > 50
+
+
+def slow_record(seed, size, n=8000):
+    """An ageing and a drift of opposite sign beside what temperature makes; they add up to a fraction of either."""
+    record = make_record(n, seed=seed)
+    days = np.arange(n) / 1440
+    ageing = np.log1p(3 * days)
+    drift = days * (ageing @ days) / (days @ days)
+    return record.drop(columns="reading"), record["reading"] + 0.2 * size * (drift - ageing)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_an_ageing_and_a_drift_that_hide_one_another_are_both_proven(seed):
+    X, y = slow_record(seed, 2.0)
+    found = diagnose(DynamicBiasRegressor("temperature", [60.0, 3600.0]).fit(X, y), X, y)
+    slow = [cause for cause in found.causes if cause.effect.of_time_alone]
+    assert len(slow) == 2
+    assert all(cause.standing == "proven" for cause in slow)
+
+
+def test_what_a_cause_is_worth_is_told_beside_all_others():
+    """Found first, a cause was worth little beside what it could not explain; a third one is none of the two."""
+    rng = np.random.default_rng(3)
+    t = np.linspace(0, 1, N)
+    loud, quiet = 30 * np.sin(400 * t)[:, None], np.sin(90 * t)[:, None]
+    start = HeldOut((loud + quiet)[:, 0][:, None] + 0.3 * rng.standard_normal((N, 1)), np.ones((N, 1)))
+    worths = [cause.tried.worth.both for cause in worth_beside([cause_of(quiet), cause_of(loud)], start, [quiet, loud])]
+    assert start.worth([quiet])[0].both < 0.1
+    assert worths[0] == pytest.approx(10 * np.log10(1 + 0.5 / 0.09), abs=0.5)
+    assert worths[1] > 35
+    assert worth_beside([cause_of(loud)], start, [loud])[0].tried.worth == start.worth([loud])[0]
