@@ -22,6 +22,7 @@ from thermocorr.effects import (
 )
 from thermocorr.judgement.causes import Search
 from thermocorr.judgement.choice import Tried, chosen, plainer_than, still_sought, trifling
+from thermocorr.judgement.needed import needed
 from thermocorr.judgement.pool import Explanation
 from thermocorr.judgement.worth import Worth
 from thermocorr.records import Record
@@ -180,43 +181,42 @@ def cause(hour, **options):
     return SimpleNamespace(tried=tried(Step(hour * 3600.0), 20.0, 1.0, 1.0, number=hour, **options), adopted=hour)
 
 
-def needed(found, level_with):
-    """What a search keeps of its causes, of which each proves something that gains 10 and more beside others."""
-    search = object.__new__(Search)
-    search.judged = SimpleNamespace(level_with=level_with)
-    search._p_value = lambda gain, number: 1e-4 if gain >= 10 else 0.5 - 0.01 * gain
-    return search._needed(found)
+def kept(found, level_with):
+    """What is kept of causes, of which each proves something that gains 10 and more beside others."""
+    return needed(
+        SimpleNamespace(level_with=level_with), found, lambda gain, _: 1e-4 if gain >= 10 else 0.5 - 0.01 * gain
+    )
 
 
 def test_of_two_causes_that_say_the_same_one_is_kept():
     """Neither is needed beside the other, and what both say is: they are taken out one at a time."""
     found = [cause(hour) for hour in range(4)]
 
-    def level_with(kept):  # 0 says a little more than 1; 2 is something else, 3 nothing
-        return max([40.0 * (0 in kept), 36.0 * (1 in kept)]) + 2.0 * ({0, 1} <= set(kept)) + 25.0 * (2 in kept)
+    def level_with(those):  # 0 says a little more than 1; 2 is something else, 3 nothing
+        return max([40.0 * (0 in those), 36.0 * (1 in those)]) + 2.0 * ({0, 1} <= set(those)) + 25.0 * (2 in those)
 
-    assert needed(found, level_with) == [found[0], found[2]]
-    assert needed(found[:1], level_with) == found[:1]
+    assert kept(found, level_with) == [found[0], found[2]]
+    assert kept(found[:1], level_with) == found[:1]
 
 
 def test_what_is_needed_no_more_when_another_goes_goes_too():
     found = [cause(hour) for hour in range(3)]
 
-    def level_with(kept):  # 0 mends what 1 spoils; 2 alone matters
-        return 30.0 * (2 in kept) + (4.0 if {0, 1} <= set(kept) else 2.0 * (0 in kept) - 20.0 * (1 in kept))
+    def level_with(those):  # 0 mends what 1 spoils; 2 alone matters
+        return 30.0 * (2 in those) + (4.0 if {0, 1} <= set(those) else 2.0 * (0 in those) - 20.0 * (1 in those))
 
-    assert needed(found, level_with) == [found[2]]
+    assert kept(found, level_with) == [found[2]]
 
 
 def test_causes_are_weighed_by_their_own_columns_where_one_goes_without_being_asked():
     """A cause of the model's own that only helps goes at once; the numbers of the others stay what they were."""
     found = [cause(0, p_value=0.5, in_model=True), cause(1), cause(2)]
 
-    def level_with(kept):
-        assert set(kept) <= {1, 2}
-        return 30.0 * (1 in kept) + 20.0 * (2 in kept)
+    def level_with(those):
+        assert set(those) <= {1, 2}
+        return 30.0 * (1 in those) + 20.0 * (2 in those)
 
-    assert needed(found, level_with) == found[1:]
+    assert kept(found, level_with) == found[1:]
 
 
 def test_a_column_that_is_added_comes_before_a_product_that_says_the_same():

@@ -111,7 +111,7 @@ class Search:
                 tried, best, rivals = self._choice(tried, found)
             alone = best is not None
             if not alone:
-                best, rivals = self._of_a_pair(tried)
+                best, rivals = self._of_a_pair()
             if best is None or len(found) - steps == MOST or (found and trifling(best, self.share(best), self.record)):
                 return self._needed(found), tried
             if best.proven and alone:  # else the likelihood has nothing to say on its parameters
@@ -145,20 +145,19 @@ class Search:
             self.copies[best.key] = Copies.of(self.pool, self.judged, self.held, best.number, best.explanation.effect)
             tried = sorted((self._beside_copies(t) if t.key == best.key else t for t in tried), key=lambda t: -t.score)
 
-    def _of_a_pair(self, tried: Sequence[Tried]) -> tuple[Tried | None, list[Tried]]:
+    def _of_a_pair(self) -> tuple[Tried | None, list[Tried]]:
         """The plainer one of two slow changes that are proven together, and its rivals beside the other; or None."""
-        alone = [
-            i
-            for i, explanation in enumerate(self.tried)
-            if explanation.effect.of_time_alone and explanation.key[0] not in ANYWHERE and self.judged.width(i)
-        ]
+        slow = [i for i, e in enumerate(self.tried) if e.effect.of_time_alone and e.key[0] not in ANYWHERE]
+        alone = [i for i in slow if self.judged.width(i)]
         near, n_pairs = pairs(self.judged, self.tried, alone)
         if not near:
             return None, []
         most = near[0]
         width = self.judged.width(most.first) + self.judged.width(most.second)
-        chance = float((self.n_tests + LOOKS * n_pairs) * chdtrc(width, 2 * max(most.gain, 0.0)))
-        if chance > LEVEL:
+        tests = (1 + len(self.judged.causes)) * (self.n_tests + LOOKS * n_pairs)
+        chance = float(tests * chdtrc(width, 2 * max(most.gain, 0.0)))
+        together = self.held.worth([np.column_stack((self.coarse[most.first], self.coarse[most.second]))])[0]
+        if chance > LEVEL or together.both < GAIN:
             return None, []
         other = [pair.first for pair in near if pair.second == most.second and pair.gain >= most.gain - TIE]
         worths = dict(zip(other, self.held.worth([self.coarse[i] for i in other]), strict=True))
@@ -167,8 +166,8 @@ class Search:
             replace(t, p_value=chance, score=gains[t.number] - self.price(t.number))
             for t in self._weighed(other, worths)
         ]
-        self.paired = both[0].proven
-        return (both[0], both[1:]) if self.paired else (None, [])
+        self.paired |= both[0].proven
+        return (both[0], both[1:]) if both[0].proven else (None, [])
 
     def _beside_copies(self, t: Tried) -> Tried:
         """An explanation, its evidence divided by what copies of its column explain more than noise gives them."""
@@ -229,21 +228,29 @@ class Search:
         """The causes that are not made superfluous by later ones; where some are, the others are weighed anew."""
         if len(found) < 2 and not self.paired:
             return found
-        kept = needed(self.judged, found, self._p_value)
+        kept = needed(self.judged, found, self._chance_of)
         if len(kept) == len(found):
             return kept
         return worth_beside(kept, self.first_held, [self.pool.coarse(c.tried.explanation.columns) for c in kept])
 
-    def _p_value(self, gain: float, i: int) -> float:
+    def _chance_of(self, gain: float, cause: Cause) -> float:
+        """Error probability of a cause that gains so much beside all others, as unevenly as when it was found."""
+        number = cause.tried.number
+        gain /= max(1.0, cause.tried.scatter / self._usual_scatter(number))
+        return self._p_value(gain, number, cause.adopted)
+
+    def _p_value(self, gain: float, i: int, found: int | None = None) -> float:
         """Error probability of an explanation, the whole family having been tried (Wilks 1938; Bonferroni).
 
-        What a better thermal part could do without is held against the hypothesis that it is negligible.
+        It was tried beside each number of causes up to those `found`, all so far by default. What a better thermal part
+        could do without is held against the hypothesis that it is negligible.
         """
         explanation = self.tried[i]
         tests, width = self.tests.get(explanation.key, 1.0), explanation.columns.shape[1]
         small, twice = self.small if explanation.effect.thermal_rank else 0.0, 2 * max(gain, 0.0)
         chance = stats.ncx2.sf(twice, width, small) if small else chdtrc(width, twice)
-        return float(min(1.0, tests * chance))
+        looks = 1 + (len(self.judged.causes) if found is None else found)
+        return float(min(1.0, looks * tests * chance))
 
     def look(self) -> list[Tried]:
         """The best of each kind and column beside the present base, best first."""

@@ -13,10 +13,10 @@ from .likelihood import Comparison
 from .worth import HeldOut
 
 
-def needed(judged: Comparison, causes: Sequence[Cause], p_value: Callable[[float, int], float]) -> list[Cause]:
+def needed(judged: Comparison, causes: Sequence[Cause], p_value: Callable[[float, Cause], float]) -> list[Cause]:
     """The causes that are still proven beside all others that are kept.
 
-    `p_value` gives the error probability of a gain in log likelihood by an explanation, by its number. Slow lags of
+    `p_value` gives the error probability of a gain in log likelihood by a cause. Slow lags of
     the model that only help make no proven cause superfluous: the likelihood does not speak for them.
     """
     causes = [cause for cause in causes if cause.tried.proven or not cause.tried.explanation.in_model]
@@ -27,7 +27,7 @@ def needed(judged: Comparison, causes: Sequence[Cause], p_value: Callable[[float
         level = judged.level_with(kept)
         others = {k: [other for other in kept if other != k] for k in doubtful if by_number[k].tried.proven}
         gains = {k: level - judged.level_with(beside) for k, beside in others.items()}
-        p_values = {k: p_value(gain, by_number[k].tried.number) for k, gain in gains.items()}
+        p_values = {k: p_value(gain, by_number[k]) for k, gain in gains.items()}
         failed = [k for k, p in p_values.items() if p > LEVEL]
         if failed:  # one at a time: where two say the same, neither is needed beside the other
             kept.remove(max(failed, key=p_values.__getitem__))
