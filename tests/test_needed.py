@@ -76,7 +76,7 @@ def test_what_a_cause_is_worth_is_told_beside_all_others():
     rng = np.random.default_rng(3)
     t = np.linspace(0, 1, N)
     loud, quiet = 30 * np.sin(400 * t)[:, None], np.sin(90 * t)[:, None]
-    start = HeldOut((loud + quiet)[:, 0][:, None] + 0.3 * rng.standard_normal((N, 1)), np.ones((N, 1)))
+    start = HeldOut((loud + quiet)[:, 0][:, None] + 0.3 * rng.standard_normal((N, 1)), np.column_stack([np.ones(N), t]))
     worths = [cause.tried.worth.both for cause in worth_beside([cause_of(quiet), cause_of(loud)], start, [quiet, loud])]
     assert start.worth([quiet])[0].both < 0.1
     assert worths[0] == pytest.approx(10 * np.log10(1 + 0.5 / 0.09), abs=0.5)
