@@ -11,7 +11,7 @@ from thermocorr import RecordError
 from thermocorr.records import by_arrow, files
 from thermocorr.records.times import dates_once
 
-pytest.importorskip("pyarrow", reason="pyarrow (extra fast) reads long CSV files")
+pytest.importorskip("pyarrow", reason="long CSV files are read by pyarrow: pip install 'thermocorr[parquet]'")
 pandas_3 = pytest.mark.skipif(int(pd.__version__.split(".")[0]) < 3, reason="pandas before 3 keeps text otherwise")
 
 ODD = (

@@ -12,7 +12,7 @@ from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate, Effect, Hinge, Hysteresis, LaggedCovariate, Rate
 
 distributed = pytest.importorskip("distributed", reason="needs Dask: pip install 'thermocorr[dask]'")
-pytest.importorskip("pyarrow", reason="needs pyarrow")
+pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
 
 from thermocorr.cluster.distributed import DistributedLog  # noqa: E402
 from thermocorr.cluster.fleet import fit_fleet  # noqa: E402

@@ -224,7 +224,7 @@ def test_what_is_hidden_is_found_all_the_same(kind):
 
 
 def test_a_log_on_disk_is_fitted_alike(tmp_path):
-    pytest.importorskip("pyarrow")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
     record = make_record(4000, gaps=6, seed=715).reset_index()
     record.to_parquet(tmp_path / "log.parquet")
     log = ParquetLog(tmp_path / "log.parquet")

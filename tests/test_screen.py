@@ -258,7 +258,7 @@ def test_figures_about_a_record_leave_them_out(clean):
 
 
 def test_a_parquet_log_is_screened_as_a_frame_is(clean, tmp_path):
-    pytest.importorskip("pyarrow")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
     X, y, _ = spoiled(*clean)
     X.assign(reading=y).to_parquet(tmp_path / "log.parquet", row_group_size=777)
     log = ParquetLog(tmp_path / "log.parquet")

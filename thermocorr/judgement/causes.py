@@ -110,7 +110,7 @@ class Search:
             else:
                 tried, best, rivals = self._choice(tried, found)
             alone = best is not None
-            if not alone:
+            if not alone and (found or first is None):
                 best, rivals = self._of_a_pair()
             if best is None or len(found) - steps == MOST or (found and trifling(best, self.share(best), self.record)):
                 return self._needed(found), tried
@@ -148,13 +148,11 @@ class Search:
     def _of_a_pair(self) -> tuple[Tried | None, list[Tried]]:
         """The plainer one of two slow changes that are proven together, and its rivals beside the other; or None."""
         slow = [i for i, e in enumerate(self.tried) if e.effect.of_time_alone and e.key[0] not in ANYWHERE]
-        alone = [i for i in slow if self.judged.width(i)]
-        near, n_pairs = pairs(self.judged, self.tried, alone)
+        near, n_pairs = pairs(self.judged, self.tried, [i for i in slow if self.judged.width(i)])
         if not near:
             return None, []
-        most = near[0]
+        most, tests = near[0], self._looks * (self.n_tests + LOOKS * n_pairs)
         width = self.judged.width(most.first) + self.judged.width(most.second)
-        tests = (1 + len(self.judged.causes)) * (self.n_tests + LOOKS * n_pairs)
         chance = float(tests * chdtrc(width, 2 * max(most.gain, 0.0)))
         together = self.held.worth([np.column_stack((self.coarse[most.first], self.coarse[most.second]))])[0]
         if chance > LEVEL or together.both < GAIN:
@@ -249,8 +247,12 @@ class Search:
         tests, width = self.tests.get(explanation.key, 1.0), explanation.columns.shape[1]
         small, twice = self.small if explanation.effect.thermal_rank else 0.0, 2 * max(gain, 0.0)
         chance = stats.ncx2.sf(twice, width, small) if small else chdtrc(width, twice)
-        looks = 1 + (len(self.judged.causes) if found is None else found)
-        return float(min(1.0, looks * tests * chance))
+        return float(min(1.0, (self._looks if found is None else 1 + found) * tests * chance))
+
+    @property
+    def _looks(self) -> int:
+        """How often the whole family has been tried: beside each number of causes so far."""
+        return 1 + len(self.judged.causes)
 
     def look(self) -> list[Tried]:
         """The best of each kind and column beside the present base, best first."""

@@ -80,8 +80,7 @@ class Tried:
     @property
     def size(self) -> tuple[int, int]:
         """Number of columns, and of parameters that are tuned: what makes one explanation plainer than another."""
-        info = self.explanation.effect.info
-        return int(self.explanation.columns.shape[1]), len(info.tuned) if info else 0
+        return int(self.explanation.columns.shape[1]), self.explanation.n_tuned
 
 
 @dataclass(frozen=True, kw_only=True)
