@@ -128,6 +128,44 @@ def _follow(change, n, decay, gain, lags, out):  # type: ignore[no-untyped-def]
 
 
 @_inline
+def _follow_evenly(change, first, n, decay, gain, lags, out):  # type: ignore[no-untyped-def]
+    """Recursion of eq. (25) with one pair of factors for all rows of a body, which stay in registers."""
+    j = 0
+    while len(lags) - j >= 6:
+        d0, d1, d2, d3, d4, d5 = lags[j], lags[j + 1], lags[j + 2], lags[j + 3], lags[j + 4], lags[j + 5]
+        a0, a1, a2, a3, a4, a5 = decay[j], decay[j + 1], decay[j + 2], decay[j + 3], decay[j + 4], decay[j + 5]
+        g0, g1, g2, g3, g4, g5 = gain[j], gain[j + 1], gain[j + 2], gain[j + 3], gain[j + 4], gain[j + 5]
+        for k in range(first, n):
+            step = change[k]
+            d0 = a0 * d0 - g0 * step
+            d1 = a1 * d1 - g1 * step
+            d2 = a2 * d2 - g2 * step
+            d3 = a3 * d3 - g3 * step
+            d4 = a4 * d4 - g4 * step
+            d5 = a5 * d5 - g5 * step
+            out[j, k], out[j + 1, k], out[j + 2, k] = d0, d1, d2
+            out[j + 3, k], out[j + 4, k], out[j + 5, k] = d3, d4, d5
+        lags[j], lags[j + 1], lags[j + 2], lags[j + 3], lags[j + 4], lags[j + 5] = d0, d1, d2, d3, d4, d5
+        j += 6
+    while len(lags) - j >= 2:
+        d0, d1 = lags[j], lags[j + 1]
+        a0, a1, g0, g1 = decay[j], decay[j + 1], gain[j], gain[j + 1]
+        for k in range(first, n):
+            step = change[k]
+            d0 = a0 * d0 - g0 * step
+            d1 = a1 * d1 - g1 * step
+            out[j, k], out[j + 1, k] = d0, d1
+        lags[j], lags[j + 1] = d0, d1
+        j += 2
+    if j < len(lags):
+        d0, a0, g0 = lags[j], decay[j], gain[j]
+        for k in range(first, n):
+            d0 = a0 * d0 - g0 * change[k]
+            out[j, k] = d0
+        lags[j] = d0
+
+
+@_inline
 def _sum_up(z, n, at, bins, sums):  # type: ignore[no-untyped-def]
     """Add the columns of a tile, whose first row is number `at`, to those of the last columns that `sums` asks for."""
     if not len(bins):
@@ -138,9 +176,9 @@ def _sum_up(z, n, at, bins, sums):  # type: ignore[no-untyped-def]
     while k < n:
         end = n if b + 1 == len(bins) else min(n, bins[b + 1] - at)
         for j in range(first, len(z)):
-            total = 0.0
-            for i in range(k, end):
-                total += z[j, i]
+            total, some = 0.0, z[j, k:end]
+            for i in range(end - k):
+                total += some[i]
             sums[b, j - first] += total
         k = end
         b += 1
@@ -225,11 +263,11 @@ def _cross(z, n, product):  # type: ignore[no-untyped-def]
 def _fill(rows, bodies, at, n, z, change, decay, gain):  # type: ignore[no-untyped-def]
     """Columns of the tile of `n` rows from row `at` on; `decay` and `gain` hold the factors of each body and row."""
     D, J = len(bodies.decays), len(bodies.lags)
-    T = rows.temperature
-    change[0] = T[at] - bodies.temperature[0]
+    T, reading, ready = rows.temperature[at : at + n], rows.reading[at : at + n], rows.ready[:, at : at + n]
+    change[0] = T[0] - bodies.temperature[0]
     for k in range(1, n):
-        change[k] = T[at + k] - T[at + k - 1]
-    bodies.temperature[0] = T[at + n - 1]
+        change[k] = T[k] - T[k - 1]
+    bodies.temperature[0] = T[n - 1]
     if not bodies.regular:
         for j in range(D + J):
             if j >= D or bodies.decays[j] > 0.0:
@@ -242,12 +280,17 @@ def _fill(rows, bodies, at, n, z, change, decay, gain):  # type: ignore[no-untyp
             z[j, k] = left if left > _GONE else 0.0
         bodies.decays[j] = left if left > _GONE else 0.0
     z[D, :n] = 1.0
-    _follow(change, n, decay[D:], gain[D:], bodies.lags, z[D + 1 :])
-    for j in range(len(rows.ready)):
+    if bodies.regular:
+        first = 1 if at == 0 else 0
+        _follow_evenly(change, 0, first, bodies.factors[0, D:], bodies.factors[1, D:], bodies.lags, z[D + 1 :])
+        _follow_evenly(change, first, n, bodies.factors[2, D:], bodies.factors[3, D:], bodies.lags, z[D + 1 :])
+    else:
+        _follow(change, n, decay[D:], gain[D:], bodies.lags, z[D + 1 :])
+    for j in range(len(ready)):
         for k in range(n):
-            z[D + 1 + J + j, k] = rows.ready[j, at + k]
+            z[D + 1 + J + j, k] = ready[j, k]
     for k in range(n):
-        z[len(z) - 1, k] = rows.reading[at + k]
+        z[len(z) - 1, k] = reading[k]
 
 
 @_inline
@@ -280,13 +323,15 @@ def _sweep(rows, bodies, triangle, inverse, product, sums, out):  # type: ignore
             _leave_out(z, n)
             _sum_up(z, n, at, rows.bins, sums)
             if len(rows.root_weight):
+                root_weight = rows.root_weight[at : at + n]
                 for j in range(q):
                     for k in range(n):
-                        z[j, k] *= rows.root_weight[at + k]
+                        z[j, k] *= root_weight[k]
             if len(out):
+                here = out[:, at : at + n]
                 for j in range(q):
                     for k in range(n):
-                        out[j, at + k] = z[j, k]
+                        here[j, k] = z[j, k]
             else:
                 _substitute(z, n, triangle, inverse)
                 _cross(z, n, product[part])

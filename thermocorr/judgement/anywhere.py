@@ -10,8 +10,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 
+from ..effects import Periodic
 from .levels import ALIVE, LEAST_OWN, NYQUIST
 from .likelihood import Comparison
+from .pool import Explanation, Pool
 
 
 def filtered(judged: Comparison, theta: np.ndarray) -> np.ndarray:
@@ -74,3 +76,15 @@ def best_period(
         return None
     gains = np.where(alive, x**2 / np.where(alive, a, 1.0) + y**2 / np.where(alive, b, 1.0), 0.0)
     return float(2 * np.pi / angle[int(gains.argmax())])
+
+
+def waves(pool: Pool, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -> list[Explanation]:
+    """The wave that gains most of those that fit three times into the record, if there is one."""
+    most = pool.record.longest_read() / pool.spacing / 3
+    period = best_period(judged, theta, pool.place, most, rows)
+    return [] if period is None else pool.of([Periodic(six_digits(period * pool.spacing), 1)])
+
+
+def six_digits(seconds: float) -> float:
+    """A time as it is told: no finer than it is found."""
+    return float(f"{seconds:.6g}")

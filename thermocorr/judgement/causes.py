@@ -17,14 +17,13 @@ from scipy.special import chdtrc
 
 from ..effects import Delay, Periodic
 from .alike import says_the_same, superfluous
-from .anywhere import best_period, filtered
+from .anywhere import filtered, waves
 from .chance import HelpOfNoise
 from .choice import WAVE, Cause, Tried, bent, chosen, first_of_each, plainer_than, still_sought, trifling
 from .copies import Copies
 from .dated import DATED, MANY, dated, lasting, tries
 from .imitations import Imitations
 from .levels import (
-    BETWEEN,
     DIFFERENT,
     FINER,
     GAIN,
@@ -46,7 +45,7 @@ from .likelihood import Fit
 from .needed import needed, worth_beside
 from .pairs import pairs
 from .pool import Explanation, Key, Pool
-from .shifts import Shifts
+from .shifts import Shifts, delays
 from .worth import HeldOut, Worth
 
 ANYWHERE = (*DATED, Periodic.kind, Delay.kind)
@@ -279,8 +278,11 @@ class Search:
 
     def price(self, i: int) -> float:
         """What an explanation's columns, tuned parameters and the choice of them gain by chance (Schwarz 1978)."""
-        each, tried = 0.5 * math.log(self.judged.n), self.tried[i]
-        return each * self.judged.width(i) + max(each * tried.n_tuned, math.log(self.sizes.get(tried.key, 1)))
+        return 0.5 * math.log(self.judged.n) * self.judged.width(i) + self._price_of_tuning(i)
+
+    def _price_of_tuning(self, i: int) -> float:
+        tried = self.tried[i]
+        return max(0.5 * math.log(self.judged.n) * tried.n_tuned, math.log(self.sizes.get(tried.key, 1)))
 
     def by_chance(self, tried: Tried) -> bool:
         """Whether noise like the base's gives some explanation or other so much help in more than a few records."""
@@ -296,12 +298,9 @@ class Search:
             rows = filtered(judged, theta)
             found += dated(pool, judged, theta, rows, self.anywhere)
             if Periodic.kind in self.anywhere:
-                most = self.record.longest_read() / pool.spacing / 3
-                period = best_period(judged, theta, pool.place, most, rows)
-                found += [] if period is None else pool.of([Periodic(_six_digits(period * pool.spacing), 1)])
+                found += waves(pool, judged, theta, rows)
             if Delay.kind in self.anywhere and self.shifts.most:
-                delay = pool.lapse(1 + int(self.shifts.gains(judged, theta, rows).argmax()))
-                found += pool.of([Delay(_six_digits(delay + share * pool.spacing)) for share in BETWEEN])
+                found += delays(pool, self.shifts, judged, theta, rows)
         return found
 
     @cached_property
@@ -337,6 +336,7 @@ class Search:
                 p_value=self._p_value(gain, i),
                 worth=worths[i],
                 scatter=scatter,
+                tuning=self._price_of_tuning(i),
                 uneven=self._p_value(gain, i) > LEVEL >= self._p_value(full, i),
             )
             for i, gain, full, scatter in zip(which, gains, plain, scatters, strict=True)
@@ -394,7 +394,3 @@ class Search:
             self.judged.explanations[i] = None
             self.tried[i] = replace(self.tried[i], columns=self.tried[i].columns[:0].copy())
             self.coarse[i] = self.coarse[i][:0].copy()
-
-
-def _six_digits(seconds: float) -> float:
-    return float(f"{seconds:.6g}")

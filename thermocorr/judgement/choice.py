@@ -52,6 +52,8 @@ class Tried:
     """How unevenly its evidence lies over the record, 1 as noise would have it; 0 where that does not matter."""
     uneven: bool
     """Whether the likelihood alone would prove it, but a few stretches of time decide."""
+    tuning: float = 0.0
+    """What the score has lost for parameters that were tuned."""
     copied: bool = False
     """Whether it would be proven, but copies of its column moved in time explain nearly as much."""
     outdoes: bool = False
@@ -154,10 +156,18 @@ def chosen(
     rivals = [
         t
         for t in tried
-        if (t.score >= best.score - TIE and t.score > 0)
+        if (_as_likely(t, best) and t.score > 0)
         or (best in helpful and _spoken_for(t) and t.worth.both >= NEAR * best.worth.both)
     ]
     return best, rivals
+
+
+def _as_likely(t: Tried, best: Tried) -> bool:
+    """Whether an explanation scores as much as the best, or would if no tuned parameter had a price.
+
+    A plainer one comes first for it, but the record does not tell them apart.
+    """
+    return max(t.score - best.score, t.score + t.tuning - best.score - best.tuning) >= -TIE
 
 
 def _settling(tried: Sequence[Tried], settles: Callable[[Tried], bool]) -> tuple[Tried | None, list[Tried]]:

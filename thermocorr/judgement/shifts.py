@@ -10,8 +10,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from .levels import ALIVE, LATEST
+from ..effects import Delay
+from .anywhere import six_digits
+from .levels import ALIVE, BETWEEN, LATEST
 from .likelihood import Comparison
+from .pool import Explanation, Pool
 
 _TOGETHER = 32
 """Delays that are transformed at a time."""
@@ -67,3 +70,9 @@ class Shifts:
         own = full - judged.taken(theta, moments[:, 1:])
         alive = own > ALIVE**2 * full
         return np.asarray(np.where(alive, 0.5 * moments[:, 0] ** 2 / np.where(alive, own, 1.0), 0.0))
+
+
+def delays(pool: Pool, shifts: Shifts, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -> list[Explanation]:
+    """The delay of whole rows that gains most, and some to either side of it."""
+    delay = pool.lapse(1 + int(shifts.gains(judged, theta, rows).argmax()))
+    return pool.of([Delay(six_digits(delay + share * pool.spacing)) for share in BETWEEN])
