@@ -24,7 +24,7 @@ from .fused_columns import FusedColumns, can_be_fused
 class Swept:
     """Triangular factors of a record, in chunks of time, and the states at the end of each segment."""
 
-    chunks: list[TriangularFactor]
+    chunks: Sequence[TriangularFactor]
     end_states: list[list[Any]]
     reading_offset: float
     """Subtracted from every reading before it was swept in, so that its digits are kept."""
@@ -32,6 +32,8 @@ class Swept:
     """The record, averaged over short stretches; None where nobody gathered it."""
     prior: TriangularFactor | None = None
     """Rows that stand for what is known beside the record."""
+    known_total: TriangularFactor | None = None
+    """Factor of all chunks; None where nobody made it."""
 
     def ordered(self, effects: Sequence[int], columns: Sequence[int]) -> Swept:
         """Factors and end states with columns and effects in another order, as `decays_first` gives it."""
@@ -41,13 +43,16 @@ class Swept:
 
     def without(self, columns: Sequence[int]) -> Swept:
         """Put zeros in these columns of ``[1 | Q | U]``, so that they get no coefficient."""
-        for chunk in self.chunks:
-            chunk.r[:, list(columns)] = 0.0
+        for factor in (*self.chunks, *self._all_chunks()):
+            factor.r[:, list(columns)] = 0.0
         return self
+
+    def _all_chunks(self) -> Sequence[TriangularFactor]:
+        return self.chunks if self.known_total is None else [self.known_total]
 
     def total(self) -> TriangularFactor:
         """One factor of all rows."""
-        return TriangularFactor.merged([*self.chunks, *([] if self.prior is None else [self.prior])])
+        return TriangularFactor.merged([*self._all_chunks(), *([] if self.prior is None else [self.prior])])
 
 
 def reading_offset(record: Record) -> float:
@@ -101,7 +106,8 @@ def _swept(
     if can_be_fused(record, effects, starts):
         offset = reading_offset(record)
         fused = FusedSweep(record, FusedColumns(effects, starts), edges, offset)
-        return Swept(fused.chunks, fused.end_states, offset, fused.binning.binned())
+        binned, total = fused.binning.binned(), fused.chunks.total()
+        return Swept(fused.chunks, fused.end_states, offset, binned, known_total=total)
     order, columns = decays_first(effects)
     walked = [effects[i] for i in order]
     steps = walk(walked, record, starts=own_starts(record), size=block_rows(record.n_used), extra=2)

@@ -6,20 +6,19 @@ effects are made block by block as ever, and read by the same pass.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from ..effects.stream import own_starts
-from ..equations import LagState, TriangularFactor
+from ..equations import LagState
 from ..equations.lags import FELT, factors_of_two_steps
 from ..equations.preconditioned import Crossed, Preconditioned
 from ..records import Block, Record
 from .binned import Binning
 from .cutting import pieces
 from .fused_columns import FusedColumns
+from .fused_factors import FusedFactors
 
 _NOTHING = np.zeros(0)
 
@@ -48,20 +47,14 @@ class FusedSweep:
         self._coordinates = Preconditioned(len(self._shared))
         self._decays, self._places = columns.decays(-1)
         self._gathered: list[tuple[int, Crossed]] = []
-        self._of_chunks: list[list[tuple[list[int], np.ndarray]]] = [[] for _ in edges[1:]]
-        self._n_rows = [0 for _ in edges[1:]]
+        self.chunks = FusedFactors(columns.first[-1] + 1, len(edges) - 1)
+        """Factors of ``[1 | Q | U]``, one for each stretch."""
         for block in record.blocks(columns.block_rows(), starts=own_starts(record)):
             if block.start == record.segments[block.segment].start:
                 self._begin(block)
             self._take(block)
             if block.stop == record.segments[block.segment].stop:
                 self._end()
-        width = columns.first[-1] + 1
-        self.chunks = [
-            TriangularFactor.standing_for(_stacked(width, parts), n)
-            for parts, n in zip(self._of_chunks, self._n_rows, strict=True)
-        ]
-        """Factors of ``[1 | Q | U]``, one for each stretch."""
 
     def _begin(self, block: Block) -> None:
         """A new segment: bodies at rest, decays of its own."""
@@ -94,7 +87,7 @@ class FusedSweep:
                 crossed = self._crossed(block, rows, [part for _, part in some], sums)
                 self._gathered += zip((chunk for chunk, _ in some), crossed, strict=True)
         for chunk, part in parts:
-            self._n_rows[chunk] += part.stop - part.start if known is None else int(known[part].sum())
+            self.chunks.n_rows[chunk] += part.stop - part.start if known is None else int(known[part].sum())
         self.binning.add(block, bins, begins, known, sums[:, -1], self._binned(sums))
 
     def _ready(self, block: Block) -> np.ndarray:
@@ -167,29 +160,5 @@ class FusedSweep:
             at += n_lags
         self.end_states.append(states)
         n_hidden = len(self._decays) - len(self._places)
-        columns = [*self._places, *self._shared]
-        for chunk, gathered in groupby(self._gathered, key=lambda one: one[0]):
-            factors = [crossed.factor() for crossed in _joined(c for _, c in gathered)]
-            if n_hidden:  # what the decays can explain is left out
-                n_columns = n_hidden + len(columns)
-                wide = _stacked(n_columns, [(range(n_columns)[-factor.shape[1] :], factor) for factor in factors])
-                factors = [TriangularFactor(n_columns).update(wide).behind(n_hidden).r]
-            self._of_chunks[chunk] += [(columns[len(columns) - factor.shape[1] :], factor) for factor in factors]
+        self.chunks.add([*self._places, *self._shared], n_hidden, self._gathered)
         self._gathered = []
-
-
-def _stacked(n_columns: int, parts: Sequence[tuple[Sequence[int], np.ndarray]]) -> np.ndarray:
-    """Matrices, each of some of the columns, one above the other."""
-    rows, at = np.zeros((sum(len(part) for _, part in parts), n_columns), order="F"), 0
-    for columns, part in parts:
-        rows[at : at + len(part), columns] = part
-        at += len(part)
-    return rows
-
-
-def _joined(parts: Iterator[Crossed]) -> Iterator[Crossed]:
-    """Cross products in the coordinates of one triangle are added up."""
-    for _, alike in groupby(parts, key=lambda part: id(part.triangle)):
-        first, *others = alike
-        products = [part.product for part in (first, *others) if part.product is not None]
-        yield first._replace(product=sum(products[1:], products[0])) if products else first

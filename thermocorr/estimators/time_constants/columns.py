@@ -97,4 +97,4 @@ class LagColumns:
         starts = self.starts if self.starts.decays_ else None
         if sweeps is not None:
             return sweeps.chunks(record, effects, edges, starts)
-        return sweep_effects(record, effects, edges, starts).chunks
+        return list(sweep_effects(record, effects, edges, starts).chunks)

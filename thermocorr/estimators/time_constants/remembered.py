@@ -59,7 +59,7 @@ class Sweeps:
             key = b""
         apart = len(columns) < len(record.columns) or record.weight is not None or hasattr(record, "sweep_effects")
         if apart or not key:
-            return sweep_effects(record, effects, edges, starts).chunks
+            return list(sweep_effects(record, effects, edges, starts).chunks)
         offset = reading_offset(record)
         known = self._known.setdefault(key, [[] for _ in edges[1:]])
         assert record.reading is not None
@@ -70,7 +70,7 @@ class Sweeps:
             for reading, stretches in zip(own, known, strict=True)
         ]
         if any(stretch is None for stretch in found):
-            made = sweep_effects(record, effects, edges, starts).chunks
+            made = list(sweep_effects(record, effects, edges, starts).chunks)
             for reading, factor, stretches in zip(own, made, known, strict=True):
                 if _found(reading, stretches) is None:
                     stretches.append(_Stretch(reading, factor, offset))
