@@ -18,7 +18,7 @@ from scipy.linalg import lapack
 Floats = NDArray[np.float64]
 
 _PANEL = 8  # columns that LAPACK reflects at once
-_WIDE = 64  # columns from which on those that rows have nothing in are looked for
+WIDE = 64  # columns from which on those that rows have nothing in are looked for
 WELL_CONDITIONED = 1e-8
 """Reciprocal condition of the unit-column triangle from which on its columns are surely independent."""
 RANK_TOLERANCE = 1e-11
@@ -74,7 +74,7 @@ class TriangularFactor:
     def _sweep(self, rows: Floats) -> None:
         if not len(rows):
             return
-        if rows.shape[1] > _WIDE:
+        if rows.shape[1] > WIDE:
             touched = self._touched(rows)
             if len(touched) < rows.shape[1]:
                 part, rows = self.r[np.ix_(touched, touched)], np.asfortranarray(rows[:, touched])
@@ -118,7 +118,7 @@ class TriangularFactor:
         part = cls(matrix.shape[1])
         if not len(matrix):
             return part
-        columns = np.flatnonzero(matrix.any(axis=0)) if matrix.shape[1] > _WIDE else np.arange(matrix.shape[1])
+        columns = np.flatnonzero(matrix.any(axis=0)) if matrix.shape[1] > WIDE else np.arange(matrix.shape[1])
         r = triangle(matrix[:, columns])
         part.r[columns[: len(r), None], columns] = r
         part.n_rows = n_rows
@@ -177,7 +177,7 @@ def solve_ridge(factor: TriangularFactor, alpha: float = 0.0) -> RidgeSolution:
     unit = np.where(alive, centred / safe, 0.0)
     n = max(factor.n_rows, 1)
     penalty = np.sqrt(alpha / n)
-    triangular = _triangular_solution(unit, target, penalty) if p > _WIDE else None
+    triangular = _triangular_solution(unit, target, penalty) if p > WIDE else None
     if triangular is not None:
         inverse, coef, rank = triangular[0] / safe[:, None], triangular[1] / safe, p
     elif p:

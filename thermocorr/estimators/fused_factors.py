@@ -12,6 +12,7 @@ from typing import NamedTuple, overload
 import numpy as np
 
 from ..equations import TriangularFactor
+from ..equations.leastsquares import WIDE
 from ..equations.preconditioned import Crossed
 
 
@@ -56,7 +57,7 @@ class FusedFactors(Sequence[TriangularFactor]):
         """Take in cross products of one segment, with the number of the stretch that each belongs to, in time order."""
         for stretch, some in groupby(gathered, key=lambda one: one[0]):
             self._of_stretches[stretch].append(_OfSegment(columns, n_hidden, list(_joined(c for _, c in some))))
-        if n_hidden:  # it is left out in each stretch apart
+        if n_hidden or self.width > WIDE:  # left out in each stretch apart; or decays of runs, which hardly meet
             self._of_all = None
         elif self._of_all is not None:
             self._of_all += _OfSegment(columns, 0, list(_joined(c for _, c in gathered))).factors()

@@ -308,6 +308,17 @@ alone is kept. What the two errors together favour and this count refuses (produ
 the readings afterwards by 1.75 dB on the average of seven effects; see `benchmarks/refine_rules.py`."""
 TRIES = 4
 """Causes that are tried in a step, the one worth most on data not learned from first; each costs eleven fits."""
+WIDELY = (1.0, 0.5, 0.25, 0.1)
+"""Steps of the search around the parameters of an effect that was just added: diagnosis has chosen them beside other
+lags than the model's."""
+MOVES = 8
+"""Most moves of one length, of each effect."""
+FREEZING = {"degC": 0.0, "degF": 32.0, "K": 273.15}
+"""Temperature at which water changes the law of a device, or of the ground, by the unit of the temperature."""
+FURTHER_LAGS = 3
+"""Lags that an effect may get beside the first, each only where data that it was not learned from are better for it."""
+NEXT_LAG = 2.5
+"""Ratio of neighbouring time constants that are tried as further lags of an effect: closer ones say nearly the same."""
 SUPERFLUOUS = 1.001
 """Errors over those before, up to which a model with an effect less, or a plainer one, is preferred."""
 LOWER = 1 - 1e-4

@@ -13,7 +13,6 @@ from sklearn.base import clone
 
 from ..effects import Covariate, LaggedCovariate
 from ..effects.protocol import Effect
-from ..effects.wrap import as_effects
 from ..estimators.progress import Progress, told
 from ..estimators.regressor import DynamicBiasRegressor
 from ..pages import RefinementPage
@@ -24,8 +23,10 @@ from ..records.text import printable
 from .adding import Errors, with_missing
 from .diagnosis import diagnose
 from .found import WIDTH, Diagnosis
-from .levels import JOINTLY, LOWER, TRIES
+from .levels import JOINTLY, TRIES
 from .shorter import shorter
+from .tuning import effects_of, fitted_with, tuned
+from .worked_out import worked_out
 
 
 @dataclass(frozen=True, repr=False)
@@ -167,6 +168,7 @@ def _refined(
     try:
         for number in range(1, max_steps + 1):
             added: Effect | None = None
+            proven = [cause.effect for cause in diagnoses[-1].causes if cause.standing == "proven"]
             for effect in worth_trying(diagnoses[-1]):
                 say(f"step {number}: adding {effect.title()}")
                 extended = with_missing(current, effect)
@@ -178,6 +180,8 @@ def _refined(
                 say(f"{effect.title()} does not help on data that it was not learned from: {errors.text(unit, best)}")
             if added is None:
                 break
+            if any(added is effect for effect in proven):
+                extended, errors, added = worked_out(extended, X, y, errors, added, say)
             current, best, gone = _without_superfluous(extended, X, y, errors)
             diagnoses.append(diagnose(current, X, y, **wanted))
             rows.append(_step(number, added.label(), "added", best, start, diagnoses[-1]))
@@ -186,10 +190,10 @@ def _refined(
         current, best = _simpler(current, X, y, best)
         if len(diagnoses) > 1:
             say("tuning the effects' parameters together")
-            tuned = _tuned(current, X, y)
-            errors = best if tuned is current else Errors.of(tuned, X, y)
+            moved = tuned(current, X, y, JOINTLY, range(len(effects_of(current))))
+            errors = best if moved is current else Errors.of(moved, X, y)
             if errors.better_than(best):
-                current = tuned
+                current = moved
                 diagnoses.append(diagnose(current, X, y, **wanted))
                 rows.append(_step(len(rows), "parameters tuned together", "tuned", errors, start, diagnoses[-1]))
     except KeyboardInterrupt:
@@ -221,10 +225,10 @@ def _without_superfluous(
 ) -> tuple[DynamicBiasRegressor, Errors, list[str]]:
     """Take out effects, all but the last one added, that are not missed on data that were not learned from."""
     gone: list[str] = []
-    effects = [effect for _, effect in as_effects(model.effects)]
+    effects = effects_of(model)
     for effect in effects[:-1]:
-        fewer = clone(model).set_params(effects=[clone(other) for other in effects if other is not effect])
-        without = Errors.of(fewer.fit(X, y), X, y)
+        fewer = fitted_with(model, [other for other in effects if other is not effect], X, y)
+        without = Errors.of(fewer, X, y)
         if without.as_good_as(errors):
             model, errors = fewer, errors.least(without)
             effects = [other for other in effects if other is not effect]
@@ -234,29 +238,12 @@ def _without_superfluous(
 
 def _simpler(model: DynamicBiasRegressor, X: Any, y: Any, errors: Errors) -> tuple[DynamicBiasRegressor, Errors]:
     """The model with lagged columns acting at once, where the lag is not missed on data that were not learned from."""
-    effects = [effect for _, effect in as_effects(model.effects)]
+    effects = effects_of(model)
     for i, effect in enumerate(effects):
         if isinstance(effect, LaggedCovariate):
             plain = [*effects[:i], Covariate(effect.column, effect.power), *effects[i + 1 :]]
-            other = clone(model).set_params(effects=[clone(effect) for effect in plain]).fit(X, y)
+            other = fitted_with(model, plain, X, y)
             without = Errors.of(other, X, y)
             if without.as_good_as(errors):
                 model, errors, effects = other, errors.least(without), plain
     return model, errors
-
-
-def _tuned(model: DynamicBiasRegressor, X: Any, y: Any) -> DynamicBiasRegressor:
-    """Effects' parameters moved to the least residual, one after the other, time constants of the lags held."""
-    effects = [effect for _, effect in as_effects(model.effects)]
-    fixed = clone(model).set_params(time_constants=model.fixed_time_constants(), alpha=model.alpha_)
-    best, start = fixed.fit(X, y), model.residual_std_
-    least = best.residual_std_
-    record = best.features_.history_.record
-    for share in JOINTLY:
-        for i in range(len(effects)):
-            for near in effects[i].nearby(record, share):
-                tried = [*effects[:i], near, *effects[i + 1 :]]
-                other = clone(fixed).set_params(effects=[clone(effect) for effect in tried]).fit(X, y)
-                if other.residual_std_ < least * LOWER:
-                    best, least, effects = other, other.residual_std_, tried
-    return best if least < start * LOWER else model

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equations.spikes import Scanned, Usual, scan_stretch
+from ..equations.spikes import CHUNK, Scanned, Usual, scan_stretch
 from ..equations.statistics import Moments
 from .reach import where_read
 from .times import Floats, Rows, Times
@@ -270,8 +270,8 @@ class Record:
         starts = [segment.start for segment in self.segments if segment.start not in ends]
         stops = sorted(ends - {segment.start for segment in self.segments})
         for first, stop in zip(sorted(starts), stops, strict=True):  # of segments that meet
-            for start in range(first, stop, BLOCK_ROWS):
-                values = np.asarray(column[self.kept(start, min(start + BLOCK_ROWS, stop))], float)
+            for start in range(first, stop, CHUNK):
+                values = np.asarray(column[self.kept(start, min(start + CHUNK, stop))], float)
                 result = result.merged(Moments.of(values if power == 1 else values**power))
         return result
 

@@ -1,0 +1,107 @@
+"""An effect that was just added, worked out: its parameters, and further lags where it diffuses.
+
+A diagnosis names a column or a knee with the one time constant that explains most beside lags of its own. Heat and
+moisture come through bodies that have many: more lags are to the effect what they are to the temperature (eq. (19)
+with its signal in place of T).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+
+from ..effects import Hinge, LaggedCovariate
+from ..effects.grids import time_grid
+from ..effects.protocol import Effect
+from ..effects.thermal import seconds_array
+from ..estimators.regressor import DynamicBiasRegressor
+from .adding import Errors
+from .levels import FREEZING, FURTHER_LAGS, LOWER, MOVES, NEXT_LAG, WIDELY
+from .tuning import effects_of, fitted_with, tuned
+
+
+def worked_out(
+    model: DynamicBiasRegressor, X: Any, y: Any, errors: Errors, added: Effect, say: Callable[[str], None]
+) -> tuple[DynamicBiasRegressor, Errors, Effect]:
+    """Work out an effect that a fitted model has got, as long as data that it was not learned from are better for it.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+        Fitted.
+    X, y : as for `DynamicBiasRegressor.fit`
+    errors : Errors
+        Of the model.
+    added : Effect
+        What has no lags of its own stays as it is.
+    say : callable
+        Called with a line of text before each step.
+
+    Returns
+    -------
+    model, errors, added
+        Those given where nothing is better.
+    """
+    place = next((i for i, effect in enumerate(effects_of(model)) if _is_of(effect, added)), None)
+    if place is None:
+        return model, errors, added
+    moved = fitted_with(model, effects_of(tuned(model, X, y, WIDELY, [place], MOVES)), X, y)
+    better = Errors.of(moved, X, y)
+    if better.better_than(errors):
+        model, errors = moved, better
+    frozen = _freezing(model, X, y, place)
+    if frozen is not None and (same := Errors.of(frozen, X, y)).as_good_as(errors):
+        model, errors = frozen, same
+    while (longer := _with_a_further_lag(model, X, y, place)) is not None:
+        say(f"adding a lag to {effects_of(model)[place].title()}")
+        better = Errors.of(longer, X, y)
+        if not better.worth(added, errors):
+            break
+        model, errors = longer, better
+    return model, errors, effects_of(model)[place]
+
+
+def _is_of(effect: Effect, added: Effect) -> bool:
+    """Whether an effect of the model is the one that was added, and has lags of its own; it may have more of them."""
+    if not isinstance(effect, Hinge | LaggedCovariate) or type(effect) is not type(added):
+        return False
+    own, fewer = effect.get_params(deep=False), added.get_params(deep=False)
+    times, least = (seconds_array(params.pop("time_constants")) for params in (own, fewer))
+    return own == fewer and set(least.tolist()) <= set(times.tolist())
+
+
+def _freezing(model: DynamicBiasRegressor, X: Any, y: Any, place: int) -> DynamicBiasRegressor | None:
+    """The model with a knee at freezing point instead, its lags tuned; None where that is no other knee, or beyond.
+
+    It is the one temperature at which a knee is expected before anything was measured.
+    """
+    effects, (low, high) = effects_of(model), model.temperature_range_
+    knee, zero = effects[place], FREEZING.get(model.reading_.temperature_unit, np.inf)
+    if not isinstance(knee, Hinge) or knee.knee == zero or not low < zero < high:
+        return None
+    effects[place] = clone(knee).set_params(knee=zero)
+    frozen = fitted_with(model, effects, X, y)
+    times = effects_of(tuned(frozen, X, y, WIDELY, [place], MOVES))[place].time_constants
+    effects[place] = clone(knee).set_params(knee=zero, time_constants=times)
+    return fitted_with(model, effects, X, y)
+
+
+def _with_a_further_lag(model: DynamicBiasRegressor, X: Any, y: Any, place: int) -> DynamicBiasRegressor | None:
+    """The model whose effect follows with the one further lag that explains most; None where there is none."""
+    effects = effects_of(model)
+    times = seconds_array(effects[place].time_constants)
+    if len(times) > FURTHER_LAGS:
+        return None
+    fixed = clone(model).set_params(time_constants=model.fixed_time_constants(), alpha=model.alpha_).fit(X, y)
+    best, least = None, fixed.residual_std_ * LOWER
+    for tau in time_grid(fixed.features_.history_.record, 2.0, 0.2, NEXT_LAG):
+        if not len(times) or np.abs(np.log(times / tau)).min() > np.log(NEXT_LAG) / 2:
+            longer = clone(effects[place]).set_params(time_constants=sorted({*times.tolist(), tau}))
+            tried = [*effects[:place], longer, *effects[place + 1 :]]
+            other = fitted_with(fixed, tried, X, y)
+            if other.residual_std_ < least:
+                best, least = tried, other.residual_std_
+    return None if best is None else fitted_with(model, best, X, y)
