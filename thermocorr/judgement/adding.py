@@ -47,6 +47,11 @@ class Errors:
             return held_out <= HELPS
         return held_out * later <= HELPS**2
 
+    def ratio(self, other: Errors) -> float:
+        """Both errors over those of another model, geometric mean; the held-out one alone where later ones are none."""
+        held_out, later = _ratio(self.held_out, other.held_out), _ratio(self.later, other.later)
+        return float(np.sqrt(held_out * later)) if np.isfinite(later) else held_out
+
     def falls_mostly(self, other: Errors) -> bool:
         """Whether the error falls in many more blocks than it rises in: the overall error may be that of one block."""
         falls, rises = (self.each * SAME < other.each).sum(), (self.each > SAME * other.each).sum()

@@ -7,10 +7,11 @@ from typing import Any
 
 from sklearn.base import clone
 
+from ..effects import Hinge
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
-from .levels import LOWER
+from .levels import FREEZING, LOWER
 
 
 def effects_of(model: DynamicBiasRegressor) -> list[Effect]:
@@ -24,22 +25,42 @@ def fitted_with(model: DynamicBiasRegressor, effects: Iterable[Effect], X: Any, 
     return copy.fit(X, y)
 
 
+def held_fast(model: DynamicBiasRegressor) -> DynamicBiasRegressor:
+    """An unfitted copy of a fitted model that has the same time constants and penalty, whatever it is fitted to."""
+    copy: DynamicBiasRegressor = clone(model)
+    return copy.set_params(time_constants=model.fixed_time_constants(), alpha=model.alpha_)
+
+
+def at_freezing(model: DynamicBiasRegressor, effect: Effect) -> bool:
+    """Whether an effect is a knee at freezing point, in the unit of a fitted model's temperature."""
+    return isinstance(effect, Hinge) and effect.knee == FREEZING.get(model.reading_.temperature_unit)
+
+
 def tuned(
-    model: DynamicBiasRegressor, X: Any, y: Any, shares: Sequence[float], which: Sequence[int], moves: int = 1
+    model: DynamicBiasRegressor,
+    X: Any,
+    y: Any,
+    shares: Sequence[float],
+    which: Sequence[int],
+    *,
+    moves: int = 1,
+    thaw: bool = False,
 ) -> DynamicBiasRegressor:
     """A fitted model with parameters of some effects moved to the least residual, time constants of the lags held.
 
-    Each effect of `which` is moved at most `moves` times by each of `shares`, see `Effect.nearby`. The model itself
-    where its residual falls by nothing.
+    Each effect of `which` is moved at most `moves` times by each of `shares`, see `Effect.nearby`. A knee at freezing
+    point stays there, unless `thaw`. The model itself where its residual falls by nothing.
     """
     effects, start = effects_of(model), model.residual_std_
-    best = clone(model).set_params(time_constants=model.fixed_time_constants(), alpha=model.alpha_).fit(X, y)
+    best = held_fast(model).fit(X, y)
     record, least = best.features_.history_.record, best.residual_std_
     for share in shares:
         for _ in range(moves):
             before = least
             for i in which:
                 for near in effects[i].nearby(record, share):
+                    if not thaw and at_freezing(model, effects[i]) and not at_freezing(model, near):
+                        continue
                     tried = [*effects[:i], near, *effects[i + 1 :]]
                     other = fitted_with(best, tried, X, y)
                     if other.residual_std_ < least * LOWER:

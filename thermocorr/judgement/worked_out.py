@@ -19,8 +19,8 @@ from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..estimators.regressor import DynamicBiasRegressor
 from .adding import Errors
-from .levels import FREEZING, FURTHER_LAGS, LOWER, MOVES, NEXT_LAG, WIDELY
-from .tuning import effects_of, fitted_with, tuned
+from .levels import AS_FREEZING, FREEZING, FURTHER_HELP, FURTHER_LAGS, LOWER, MOVES, NEXT_LAG, WIDELY
+from .tuning import at_freezing, effects_of, fitted_with, held_fast, tuned
 
 
 def worked_out(
@@ -48,18 +48,15 @@ def worked_out(
     place = next((i for i, effect in enumerate(effects_of(model)) if _is_of(effect, added)), None)
     if place is None:
         return model, errors, added
-    moved = fitted_with(model, effects_of(tuned(model, X, y, WIDELY, [place], MOVES)), X, y)
+    moved = _moved(model, X, y, place)
     better = Errors.of(moved, X, y)
     if better.better_than(errors):
         model, errors = moved, better
     frozen = _freezing(model, X, y, place)
-    if frozen is not None and (same := Errors.of(frozen, X, y)).as_good_as(errors):
+    if frozen is not None and (same := Errors.of(frozen, X, y)).ratio(errors) <= AS_FREEZING:
         model, errors = frozen, same
-    while (longer := _with_a_further_lag(model, X, y, place)) is not None:
-        say(f"adding a lag to {effects_of(model)[place].title()}")
-        better = Errors.of(longer, X, y)
-        if not better.worth(added, errors):
-            break
+    longer = _with_further_lags(model, X, y, place, say)
+    if longer is not None and (better := Errors.of(longer, X, y)).better_than(errors):
         model, errors = longer, better
     return model, errors, effects_of(model)[place]
 
@@ -73,6 +70,11 @@ def _is_of(effect: Effect, added: Effect) -> bool:
     return own == fewer and set(least.tolist()) <= set(times.tolist())
 
 
+def _moved(model: DynamicBiasRegressor, X: Any, y: Any, place: int) -> DynamicBiasRegressor:
+    """The model with the parameters of one effect where it explains most, the lags of the temperature chosen anew."""
+    return fitted_with(model, effects_of(tuned(model, X, y, WIDELY, [place], moves=MOVES, thaw=True)), X, y)
+
+
 def _freezing(model: DynamicBiasRegressor, X: Any, y: Any, place: int) -> DynamicBiasRegressor | None:
     """The model with a knee at freezing point instead, its lags tuned; None where that is no other knee, or beyond.
 
@@ -80,28 +82,44 @@ def _freezing(model: DynamicBiasRegressor, X: Any, y: Any, place: int) -> Dynami
     """
     effects, (low, high) = effects_of(model), model.temperature_range_
     knee, zero = effects[place], FREEZING.get(model.reading_.temperature_unit, np.inf)
-    if not isinstance(knee, Hinge) or knee.knee == zero or not low < zero < high:
+    if not isinstance(knee, Hinge) or at_freezing(model, knee) or not low < zero < high:
         return None
     effects[place] = clone(knee).set_params(knee=zero)
     frozen = fitted_with(model, effects, X, y)
-    times = effects_of(tuned(frozen, X, y, WIDELY, [place], MOVES))[place].time_constants
-    effects[place] = clone(knee).set_params(knee=zero, time_constants=times)
-    return fitted_with(model, effects, X, y)
+    return fitted_with(model, effects_of(tuned(frozen, X, y, WIDELY, [place], moves=MOVES)), X, y)
 
 
-def _with_a_further_lag(model: DynamicBiasRegressor, X: Any, y: Any, place: int) -> DynamicBiasRegressor | None:
-    """The model whose effect follows with the one further lag that explains most; None where there is none."""
-    effects = effects_of(model)
+def _with_further_lags(
+    model: DynamicBiasRegressor, X: Any, y: Any, place: int, say: Callable[[str], None]
+) -> DynamicBiasRegressor | None:
+    """The model whose effect follows with more lags, as long as each is worth it; None where no further one is.
+
+    While they are compared, the time constants of the temperature are held: choosing them anew changes errors, too.
+    """
+    held = held_fast(model).fit(X, y)
+    errors, added = Errors.of(held, X, y), effects_of(model)[place]
+    longer = None
+    while (tried := _with_the_next_lag(held, X, y, place)) is not None:
+        say(f"adding a lag to {effects_of(held)[place].title()}")
+        better = Errors.of(tried, X, y)
+        if not (better.worth(added, errors) and better.ratio(errors) <= FURTHER_HELP):
+            break
+        held = longer = tried
+        errors = better
+    return None if longer is None else fitted_with(model, effects_of(longer), X, y)
+
+
+def _with_the_next_lag(held: DynamicBiasRegressor, X: Any, y: Any, place: int) -> DynamicBiasRegressor | None:
+    """The model whose effect follows with the one further lag that explains most, tuned; None where there is none."""
+    effects = effects_of(held)
     times = seconds_array(effects[place].time_constants)
     if len(times) > FURTHER_LAGS:
         return None
-    fixed = clone(model).set_params(time_constants=model.fixed_time_constants(), alpha=model.alpha_).fit(X, y)
-    best, least = None, fixed.residual_std_ * LOWER
-    for tau in time_grid(fixed.features_.history_.record, 2.0, 0.2, NEXT_LAG):
+    best, least = None, held.residual_std_ * LOWER
+    for tau in time_grid(held.features_.history_.record, 2.0, 0.2, NEXT_LAG):
         if not len(times) or np.abs(np.log(times / tau)).min() > np.log(NEXT_LAG) / 2:
             longer = clone(effects[place]).set_params(time_constants=sorted({*times.tolist(), tau}))
-            tried = [*effects[:place], longer, *effects[place + 1 :]]
-            other = fitted_with(fixed, tried, X, y)
+            other = fitted_with(held, [*effects[:place], longer, *effects[place + 1 :]], X, y)
             if other.residual_std_ < least:
-                best, least = tried, other.residual_std_
-    return None if best is None else fitted_with(model, best, X, y)
+                best, least = other, other.residual_std_
+    return None if best is None else tuned(best, X, y, WIDELY, [place], moves=MOVES, thaw=True)
