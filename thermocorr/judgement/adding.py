@@ -48,7 +48,7 @@ class Errors:
         return held_out * later <= HELPS**2
 
     def ratio(self, other: Errors) -> float:
-        """Both errors over those of another model, geometric mean; the held-out one alone where later ones are none."""
+        """Geometric mean of both errors over those of another model; of the held-out one alone where none is later."""
         held_out, later = _ratio(self.held_out, other.held_out), _ratio(self.later, other.later)
         return float(np.sqrt(held_out * later)) if np.isfinite(later) else held_out
 
