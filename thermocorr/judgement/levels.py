@@ -91,9 +91,12 @@ LONGEST_STRETCH = 0.05
 """Longest disturbance that is looked for, as a share of the record: what lasts longer is two steps."""
 LENGTHS = 1.25
 """Ratio of successive trial lengths: a stretch between two of them keeps nine tenths of its gain, and is then moved."""
-STRETCHES = 5
-"""Effective number of independent tests that the search for a disturbance makes, per row of the record: from the
-largest gain of 400 records of white noise of 2 500 and of 10 000 rows, whose upper quantiles ask for 4.0 to 5.3."""
+STRETCHES = 40
+"""Tests that the search for a disturbance counts for, per row of the record. White noise asks for 4.0 to 5.3 (largest
+gain of 400 records of 2 500 and of 10 000 rows, upper quantiles); noise that wanders has excursions that look like one,
+and the noise is estimated anew without them: with 5, 6 of 450 records of flicker and noise that remembers 30 or 100
+rows had an error probability of .001 or less (`benchmarks/null_records.py --records 150 --first 70000 --kinds flicker
+"2 %" "30 rows"`)."""
 FAR = 8.0
 """Distance of a row from the median of five around it, in robust standard deviations of such distances, beyond which it
 is not judged: six standard deviations of white noise, which two million rows of it do not reach. Where one reading in
