@@ -14,6 +14,8 @@ _TEXT: Any = pd.Series(["text"]).dtype
 """How pandas keeps text; older ones keep Python's own, which pyarrow would have to make one by one."""
 
 
+ROWS_WRITTEN = 250_000
+"""Rows that are made to text at a time."""
 MANY = 10_000
 """Dates, or rows to be written, from which on it is worth loading pyarrow."""
 
@@ -104,25 +106,51 @@ def written_by_arrow(frame: pd.DataFrame, file: BinaryIO) -> bool:
         return False
     try:
         import pyarrow as pa
-        from pyarrow import compute, csv
+        from pyarrow import csv
     except ImportError:
         return False
-    columns = []
-    for values in (frame.iloc[:, k] for k in range(frame.shape[1])):
-        column = pa.array(values, from_pandas=True)
-        if values.dtype == np.float64 and (np.isnan(values) | (values % 1 == 0)).all():
-            shown = compute.cast(column, pa.string())
-            whole = compute.match_substring_regex(shown, "^-?[0-9]+$")
-            column = compute.if_else(whole, compute.binary_join_element_wise(shown, "0", "."), shown)  # 23.0, not 23
-        elif values.dtype == bool:
-            column = compute.utf8_capitalize(compute.cast(column, pa.string()))
-        columns.append(column)
-    text = pa.BufferOutputStream()
-    try:
-        table = pa.Table.from_arrays(columns, [str(k) for k in range(len(columns))])
-        csv.write_csv(table, text, csv.WriteOptions(include_header=False, quoting_style="none"))
-    except pa.ArrowException:  # text with a comma, a quote or an end of line
+    columns = [pa.array(frame.iloc[:, k], from_pandas=True) for k in range(frame.shape[1])]
+    if any(column.type not in (pa.float64(), pa.int64(), pa.bool_()) and _needs_quotes(column) for column in columns):
         return False
+    whole = [dtype == np.float64 and bool(_is_whole(frame.iloc[:, k])) for k, dtype in enumerate(frame.dtypes)]
     file.write(frame.iloc[:0].to_csv(index=False, lineterminator="\n").encode())
-    file.write(memoryview(text.getvalue()))
+    options = csv.WriteOptions(include_header=False, quoting_style="none")
+    for start in range(0, len(frame), ROWS_WRITTEN):
+        cells = [
+            _as_pandas_shows(column.slice(start, ROWS_WRITTEN), bare)
+            for column, bare in zip(columns, whole, strict=True)
+        ]
+        text = pa.BufferOutputStream()
+        csv.write_csv(pa.Table.from_arrays(cells, [str(k) for k in range(len(cells))]), text, options)
+        file.write(memoryview(text.getvalue()))
     return True
+
+
+def _is_whole(values: pd.Series[Any]) -> bool:
+    """Whether all numbers of a column are whole, or missing."""
+    numbers = values.to_numpy()
+    return all(
+        (np.isnan(part) | (part % 1 == 0)).all()
+        for part in (numbers[start : start + ROWS_WRITTEN] for start in range(0, len(numbers), ROWS_WRITTEN))
+    )
+
+
+def _needs_quotes(column: Any) -> bool:
+    """Whether a text has a comma, a quote or an end of line."""
+    from pyarrow import compute
+
+    return bool(compute.any(compute.match_substring_regex(column, '[,"\r\n]')).as_py())
+
+
+def _as_pandas_shows(column: Any, whole: bool) -> Any:
+    """Numbers of a column of whole ones as 23.0, switches as True."""
+    import pyarrow as pa
+    from pyarrow import compute
+
+    if whole:
+        shown = compute.cast(column, pa.string())
+        bare = compute.match_substring_regex(shown, "^-?[0-9]+$")
+        return compute.if_else(bare, compute.binary_join_element_wise(shown, "0", "."), shown)
+    if column.type == pa.bool_():
+        return compute.utf8_capitalize(compute.cast(column, pa.string()))
+    return column
