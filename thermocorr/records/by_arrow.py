@@ -129,10 +129,11 @@ def written_by_arrow(frame: pd.DataFrame, file: BinaryIO) -> bool:
 def _is_whole(values: pd.Series[Any]) -> bool:
     """Whether all numbers of a column are whole, or missing."""
     numbers = values.to_numpy()
-    return all(
-        (np.isnan(part) | (part % 1 == 0)).all()
-        for part in (numbers[start : start + ROWS_WRITTEN] for start in range(0, len(numbers), ROWS_WRITTEN))
-    )
+    with np.errstate(invalid="ignore"):  # infinities
+        return all(
+            (np.isnan(part) | (part % 1 == 0)).all()
+            for part in (numbers[start : start + ROWS_WRITTEN] for start in range(0, len(numbers), ROWS_WRITTEN))
+        )
 
 
 def _needs_quotes(column: Any) -> bool:
