@@ -9,6 +9,7 @@ from thermocorr.effects import Covariate, Drift, Step
 from thermocorr.estimators.holdout import rms
 from thermocorr.judgement.adding import Errors
 from thermocorr.judgement.refinement import worth_trying
+from thermocorr.judgement.tuning import effects_of
 
 BEFORE = Errors(1.0, 1.0)
 
@@ -95,3 +96,21 @@ def test_a_drift_that_may_as_well_be_a_slow_body_says_so(seed):
     found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
     assert found.causes[0].effect.kind == "drift" and found.causes[0].in_model
     assert "slow lags of the model" in found.ranking["sentence"][0]
+
+
+def test_causes_that_spoil_one_another_are_added_together():
+    """Alone, the wave raised the held-out error and the disturbance that of many blocks: nothing was added."""
+    record = make_record(
+        20_160,
+        sampling_period=60.0,
+        setting="lab",
+        device="slab",
+        noise=0.2,
+        effects={"periodic": 1.0, "disturbance": 1.0},
+        seed=700,
+    )
+    X, y = record.drop(columns="reading"), record["reading"]
+    result = refine(DynamicBiasRegressor("temperature"), X, y)
+    assert result.model_.residual_std_ < 1.02 * 0.2
+    assert {effect.kind for effect in effects_of(result.model_)} == {"periodic", "disturbance"}
+    assert " and " in result.steps["effect"].iloc[1]

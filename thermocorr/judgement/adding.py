@@ -61,14 +61,14 @@ class Errors:
         """Whether a model with one effect more is to be kept.
 
         It must be of use in most blocks. What depends on time alone promises nothing for later data: it must not raise
-        either error.
+        either error, and lower them by more than what two equal models may differ by.
         """
         if not (self.better_than(other) and self.falls_mostly(other)):
             return False
         if not effect.of_time_alone:
             return True
         worse = max(_ratio(self.held_out, other.held_out), _ratio(self.later, other.later))
-        return not worse > SAME
+        return not worse > SAME and self.ratio(other) * SAME <= 1
 
     def least(self, other: Errors) -> Errors:
         """Elementwise minimum."""

@@ -86,7 +86,8 @@ def refine(
     Two errors decide: on held-out blocks of time, and on blocks of the later half, each foretold from everything before
     it. A cause that diagnosis names is kept only if one of them falls by more than the other rises, and the error falls
     in twice as many blocks as it rises in; where later blocks cannot tell, held-out ones decide. What depends on time
-    alone must raise neither error. A proven effect that acts late is worked out: its parameters are moved to where it
+    alone must lower them, and raise neither. Where no cause is kept alone, the proven ones are tried together: one may spoil what
+    another is worth. A proven effect that acts late is worked out: its parameters are moved to where it
     explains most beside the model's own lags, a knee is put at freezing point where the two errors rise by no more than
     2 %, and it gets further lags as long as each lowers them by 1 %. An effect that a later one makes superfluous
     leaves again; at the end the effects' parameters are tuned together.
@@ -180,13 +181,22 @@ def _refined(
                     added = effect
                     break
                 say(f"{effect.title()} does not help on data that it was not learned from: {errors.text(unit, best)}")
-            if added is None:
-                break
-            if any(added is effect for effect in proven):
-                extended, errors, added = worked_out(extended, X, y, errors, added, say)
+            if added is not None:
+                if any(added is effect for effect in proven):
+                    extended, errors, added = worked_out(extended, X, y, errors, added, say)
+                named = added.label()
+            else:
+                proven = proven[:TRIES]
+                if len(proven) < 2:
+                    break
+                say(f"step {number}: adding {' and '.join(effect.title() for effect in proven)}")
+                extended, errors = _with_all(current, X, y, proven)
+                if not all(errors.worth(effect, best) for effect in proven):
+                    break
+                named = " and ".join(effect.label() for effect in proven)
             current, best, gone = _without_superfluous(extended, X, y, errors)
             diagnoses.append(diagnose(current, X, y, **wanted))
-            rows.append(_step(number, added.label(), "added", best, start, diagnoses[-1]))
+            rows.append(_step(number, named, "added", best, start, diagnoses[-1]))
             for label in gone:
                 rows.append(_step(number, f"without {label}", "removed", best, start, diagnoses[-1]))
         current, best = _simpler(current, X, y, best)
@@ -201,6 +211,15 @@ def _refined(
     except KeyboardInterrupt:
         say("stopped")
     return Refinement(pd.DataFrame(rows), current, tuple(diagnoses))
+
+
+def _with_all(
+    model: DynamicBiasRegressor, X: Any, y: Any, effects: Sequence[Effect]
+) -> tuple[DynamicBiasRegressor, Errors]:
+    """The model with several effects: what one is worth alone may be spoilt by another that is missing."""
+    for effect in effects:
+        model = with_missing(model, effect).fit(X, y)
+    return model, Errors.of(model, X, y)
 
 
 def worth_trying(found: Diagnosis) -> list[Effect]:
