@@ -7,7 +7,7 @@ Settings: lab 14 days at 60 s, outdoor 120 days at 10 min, chamber 8 days at 30 
 columns. Strength is the rms of the hidden effect, after a static quadratic in T has taken its share, over the white
 noise of one sample. The base model is `DynamicBiasRegressor("temperature")`. An effect that the base model has absorbed
 (modelled reading within 0.15 noise standard deviations of the truth) is counted apart. A random telegraph that is
-called several steps is owned up to: that is what it is.
+called several steps, or a stretch that was switched there and back (a disturbance), is owned up to: that is what it is.
 
 Constants of the diagnosis were chosen on `TUNING_SEEDS`; report on others.
 """

@@ -61,9 +61,9 @@ def test_nothing_is_named_where_nothing_is_missing(seed):
 
 @pytest.mark.parametrize("seed", [52, 53])
 def test_an_unknown_cause_is_owned_up_to(seed):
-    """Whatever switches is several steps or nobody's fault, and what is left is said to wander."""
+    """What switches is several steps, a stretch switched there and back, or nobody's fault; what is left wanders."""
     found = diagnose(*hidden({"random_telegraph": 2.0}, seed))
-    assert found.best is None or found.best.kind == "several_steps"
+    assert found.best is None or found.best.kind in ("several_steps", "disturbance")
     assert found.left.structured and found.colour > 1.2
     assert "What is left wanders" in str(found)
     walk = diagnose(*hidden({"random_walk": 2.0}, seed))
