@@ -93,74 +93,39 @@ def _factors_of_steps(steps, n, rate, first_order, decay, gain):  # type: ignore
 
 
 @_inline
-def _follow(change, n, decay, gain, lags, out):  # type: ignore[no-untyped-def]
-    """The recursion of eq. (25), six bodies side by side: the processor works on five while it waits for one."""
+def _follow(change, first, n, decay, gain, each, lags, out):  # type: ignore[no-untyped-def]
+    """The recursion of eq. (25), six bodies side by side: the processor works on five while it waits for one.
+
+    `decay` and `gain` have a column for each row where `each` is 1, and one for all where it is 0.
+    """
     j = 0
     while len(lags) - j >= 6:
         d0, d1, d2, d3, d4, d5 = lags[j], lags[j + 1], lags[j + 2], lags[j + 3], lags[j + 4], lags[j + 5]
-        for k in range(n):
-            step = change[k]
-            d0 = decay[j, k] * d0 - gain[j, k] * step
-            d1 = decay[j + 1, k] * d1 - gain[j + 1, k] * step
-            d2 = decay[j + 2, k] * d2 - gain[j + 2, k] * step
-            d3 = decay[j + 3, k] * d3 - gain[j + 3, k] * step
-            d4 = decay[j + 4, k] * d4 - gain[j + 4, k] * step
-            d5 = decay[j + 5, k] * d5 - gain[j + 5, k] * step
+        for k in range(first, n):
+            step, i = change[k], k * each
+            d0 = decay[j, i] * d0 - gain[j, i] * step
+            d1 = decay[j + 1, i] * d1 - gain[j + 1, i] * step
+            d2 = decay[j + 2, i] * d2 - gain[j + 2, i] * step
+            d3 = decay[j + 3, i] * d3 - gain[j + 3, i] * step
+            d4 = decay[j + 4, i] * d4 - gain[j + 4, i] * step
+            d5 = decay[j + 5, i] * d5 - gain[j + 5, i] * step
             out[j, k], out[j + 1, k], out[j + 2, k] = d0, d1, d2
             out[j + 3, k], out[j + 4, k], out[j + 5, k] = d3, d4, d5
         lags[j], lags[j + 1], lags[j + 2], lags[j + 3], lags[j + 4], lags[j + 5] = d0, d1, d2, d3, d4, d5
         j += 6
     while len(lags) - j >= 2:
         d0, d1 = lags[j], lags[j + 1]
-        for k in range(n):
-            step = change[k]
-            d0 = decay[j, k] * d0 - gain[j, k] * step
-            d1 = decay[j + 1, k] * d1 - gain[j + 1, k] * step
+        for k in range(first, n):
+            step, i = change[k], k * each
+            d0 = decay[j, i] * d0 - gain[j, i] * step
+            d1 = decay[j + 1, i] * d1 - gain[j + 1, i] * step
             out[j, k], out[j + 1, k] = d0, d1
         lags[j], lags[j + 1] = d0, d1
         j += 2
     if j < len(lags):
         d0 = lags[j]
-        for k in range(n):
-            d0 = decay[j, k] * d0 - gain[j, k] * change[k]
-            out[j, k] = d0
-        lags[j] = d0
-
-
-@_inline
-def _follow_evenly(change, first, n, decay, gain, lags, out):  # type: ignore[no-untyped-def]
-    """Recursion of eq. (25) with one pair of factors for all rows of a body, which stay in registers."""
-    j = 0
-    while len(lags) - j >= 6:
-        d0, d1, d2, d3, d4, d5 = lags[j], lags[j + 1], lags[j + 2], lags[j + 3], lags[j + 4], lags[j + 5]
-        a0, a1, a2, a3, a4, a5 = decay[j], decay[j + 1], decay[j + 2], decay[j + 3], decay[j + 4], decay[j + 5]
-        g0, g1, g2, g3, g4, g5 = gain[j], gain[j + 1], gain[j + 2], gain[j + 3], gain[j + 4], gain[j + 5]
         for k in range(first, n):
-            step = change[k]
-            d0 = a0 * d0 - g0 * step
-            d1 = a1 * d1 - g1 * step
-            d2 = a2 * d2 - g2 * step
-            d3 = a3 * d3 - g3 * step
-            d4 = a4 * d4 - g4 * step
-            d5 = a5 * d5 - g5 * step
-            out[j, k], out[j + 1, k], out[j + 2, k] = d0, d1, d2
-            out[j + 3, k], out[j + 4, k], out[j + 5, k] = d3, d4, d5
-        lags[j], lags[j + 1], lags[j + 2], lags[j + 3], lags[j + 4], lags[j + 5] = d0, d1, d2, d3, d4, d5
-        j += 6
-    while len(lags) - j >= 2:
-        d0, d1 = lags[j], lags[j + 1]
-        a0, a1, g0, g1 = decay[j], decay[j + 1], gain[j], gain[j + 1]
-        for k in range(first, n):
-            step = change[k]
-            d0 = a0 * d0 - g0 * step
-            d1 = a1 * d1 - g1 * step
-            out[j, k], out[j + 1, k] = d0, d1
-        lags[j], lags[j + 1] = d0, d1
-        j += 2
-    if j < len(lags):
-        d0, a0, g0 = lags[j], decay[j], gain[j]
-        for k in range(first, n):
-            d0 = a0 * d0 - g0 * change[k]
+            d0 = decay[j, k * each] * d0 - gain[j, k * each] * change[k]
             out[j, k] = d0
         lags[j] = d0
 
@@ -282,10 +247,11 @@ def _fill(rows, bodies, at, n, z, change, decay, gain):  # type: ignore[no-untyp
     z[D, :n] = 1.0
     if bodies.regular:
         first = 1 if at == 0 else 0
-        _follow_evenly(change, 0, first, bodies.factors[0, D:], bodies.factors[1, D:], bodies.lags, z[D + 1 :])
-        _follow_evenly(change, first, n, bodies.factors[2, D:], bodies.factors[3, D:], bodies.lags, z[D + 1 :])
+        all_rows = bodies.factors[:, D:].copy().reshape((4, J, 1))
+        _follow(change, 0, first, all_rows[0], all_rows[1], 0, bodies.lags, z[D + 1 :])
+        _follow(change, first, n, all_rows[2], all_rows[3], 0, bodies.lags, z[D + 1 :])
     else:
-        _follow(change, n, decay[D:], gain[D:], bodies.lags, z[D + 1 :])
+        _follow(change, 0, n, decay[D:], gain[D:], 1, bodies.lags, z[D + 1 :])
     for j in range(len(ready)):
         for k in range(n):
             z[D + 1 + J + j, k] = ready[j, k]
@@ -310,16 +276,16 @@ def _sweep(rows, bodies, triangle, inverse, product, sums, out):  # type: ignore
     z, change = np.empty((q, TILE)), np.empty(TILE)
     decay, gain = np.empty((len(bodies.rates), TILE)), np.empty((len(bodies.rates), TILE))
     if bodies.regular:
-        for j in range(len(bodies.rates)):
-            decay[j], gain[j] = bodies.factors[2, j], bodies.factors[3, j]
-            decay[j, 0], gain[j, 0] = bodies.factors[0, j], bodies.factors[1, j]
+        for j in range(len(bodies.decays)):  # lags take theirs from the factors
+            decay[j] = bodies.factors[2, j]
+            decay[j, 0] = bodies.factors[0, j]
     for part in range(len(rows.parts)):
         end = rows.parts[part + 1] if part + 1 < len(rows.parts) else len(rows.temperature)
         for at in range(rows.parts[part], end, TILE):
             n = min(TILE, end - at)
             _fill(rows, bodies, at, n, z, change, decay, gain)
             if bodies.regular and at == 0:
-                decay[:, 0], gain[:, 0] = bodies.factors[2], bodies.factors[3]
+                decay[:, 0] = bodies.factors[2]
             _leave_out(z, n)
             _sum_up(z, n, at, rows.bins, sums)
             if len(rows.root_weight):

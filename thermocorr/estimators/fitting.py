@@ -43,16 +43,15 @@ class Swept:
 
     def without(self, columns: Sequence[int]) -> Swept:
         """Put zeros in these columns of ``[1 | Q | U]``, so that they get no coefficient."""
-        for factor in (*self.chunks, *self._all_chunks()):
-            factor.r[:, list(columns)] = 0.0
+        for factor in (*self.chunks, self.known_total):
+            if factor is not None:
+                factor.r[:, list(columns)] = 0.0
         return self
-
-    def _all_chunks(self) -> Sequence[TriangularFactor]:
-        return self.chunks if self.known_total is None else [self.known_total]
 
     def total(self) -> TriangularFactor:
         """One factor of all rows."""
-        return TriangularFactor.merged([*self._all_chunks(), *([] if self.prior is None else [self.prior])])
+        swept = self.chunks if self.known_total is None else [self.known_total]
+        return TriangularFactor.merged([*swept, *([] if self.prior is None else [self.prior])])
 
 
 def reading_offset(record: Record) -> float:
