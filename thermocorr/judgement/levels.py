@@ -320,7 +320,8 @@ FREEZING = {"degC": 0.0, "degF": 32.0, "K": 273.15}
 """Temperature at which water changes the law of a device, or of the ground, by the unit of the temperature."""
 AS_FREEZING = 1.02
 """Errors over those of the knee that was found, up to which a knee is taken to be freezing point: blocks of a record
-tell no less. Of soil at 5 cm it is 1.013, and 0.62 K on the rest instead of 0.72."""
+tell no less. Of soil at 5 cm it is 1.013, and 0.62 K on the rest instead of 0.72; of its first 60 %, and of soil at
+25 cm, 0.97."""
 FURTHER_HELP = 0.99
 """Errors over those before, up to which an effect gets a further lag."""
 FURTHER_LAGS = 3
