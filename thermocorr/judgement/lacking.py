@@ -26,7 +26,8 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
     pool = search.pool
     if pool.rows.exact:
         return []
-    small = search.judged.n * float(np.median(pool.data.counts)) * SIZEABLE**2  # twice what it gains in white noise
+    rows = float(np.median(pool.data.counts)) * float(np.sum(pool.rows.weight**2))  # in each, the usual noise
+    small = rows * SIZEABLE**2  # twice what it gains in white noise
     own = [clone(effect) for effect in model.features_.effect_list() if not isinstance(effect, InitialTransient)]
     for effect in own:
         effect.learn(pool.record)
