@@ -48,11 +48,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--products",
         nargs="?",
         type=int,
-        choices=(2, 3),
+        choices=(0, 2, 3),
         const=2,
-        default=False,
-        metavar="2|3",
-        help="add the products of two lags, eq. (21), or of three too",
+        default="auto",
+        metavar="0|2|3",
+        help="add the products of two lags, eq. (21), or of three too; 0: none (default: of two, where they clearly "
+        "lower the error on later data)",
     )
     model.add_argument("--window", type=int, default=25, metavar="N", help="samples of the moving average (default 25)")
     model.add_argument(
@@ -99,7 +100,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
             y,
             model=loaded.model,
             degree=options.degree,
-            products=options.products,
+            products=options.products or False,
             window=options.window,
             n_blocks=options.blocks,
             progress=progress,

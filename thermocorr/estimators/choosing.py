@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..effects.products import CoarseProducts
-from ..effects.wrap import as_effects
 from ..records import Log, Record, RecordWarning
+from .products_choice import beside_products, with_products_or_without
 from .thermometers import Thermometers
 from .time_constants.resolution import spectrum_table
 from .time_constants.search import SearchSettings, TimeConstantChoice, search
@@ -45,15 +44,25 @@ def choose(model: Any, X: Any, y: Any, say: Callable[[str], None] = lambda text:
     settings = SearchSettings(
         count=together, longest_decay_share=model.longest_decay_share, say=say, sweeps=model.sweeps
     )
-    plain = model.unfitted_features(())
-    if model.products:  # the lags are chosen beside products of a coarse grid, lest they imitate these
-        plain.set_params(products=False, effects=[*as_effects(plain.effects), ("products", CoarseProducts())])
-    found = search(plain, X, y, settings)
+    plain = model.unfitted_features(()).set_params(products=False)
+    if model.products == "auto":
+        found = with_products_or_without(plain, X, y, settings)
+    else:
+        found = search(beside_products(plain) if model.products else plain, X, y, settings)
+        found = replace(found, products=model.products)
     spectrum = None
     if found.factored is not None and found.reference is not None:
         table = spectrum_table(found.factored, found.reference)
         spectrum = {str(name): column.to_numpy() for name, column in table.items()}
     return replace(found, factored=None, spectrum=spectrum)  # the factors hold the record: it would stay in memory
+
+
+def chosen_products(model: Any) -> bool | int:
+    """The parameter `products` of a model whose time constants are chosen; nothing is added where they are given."""
+    if model.products != "auto":
+        return bool(model.products) if model.products in (False, True) else int(model.products)
+    found: TimeConstantChoice | None = getattr(model, "search_", None)
+    return found is not None and found.products
 
 
 def choose_again(

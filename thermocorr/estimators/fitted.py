@@ -11,6 +11,7 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
+from ..effects import LagProducts
 from ..effects.stream import Walked
 from ..effects.thermal import column_text
 from ..records import Block, Record
@@ -147,10 +148,22 @@ class FittedModel(DoubtedInputs):
         ambient = features.history_.record.temperature_name
         return {ambient: self.time_constants_, **features.thermometers().times_in(features.effects_)}
 
+    @property
+    def products_(self) -> bool | int:
+        """Products of lags that the model has, in the form of the parameter `products`."""
+        features = self.features_
+        given = {name for name, _ in features.further_effects()}
+        orders = [e.order for name, e in features.effects_ if isinstance(e, LagProducts) and name not in given]
+        return 3 if 3 in orders else bool(orders)
+
     def fixed_time_constants(self) -> Any:
         """The time constants in the form of the parameter `time_constants`: a list, or one for each thermometer."""
         found = {name: times.tolist() for name, times in self.thermometers_.items()}
         return found if len(found) > 1 else self.time_constants_.tolist()
+
+    def chosen(self) -> dict[str, Any]:
+        """What a fit may choose, as parameters that leave no choice: time_constants and products."""
+        return {"time_constants": self.fixed_time_constants(), "products": self.products_}
 
     @property
     def reference_temperature_(self) -> float:

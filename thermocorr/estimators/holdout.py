@@ -32,8 +32,13 @@ def time_blocks(reading: np.ndarray, n_blocks: int) -> list[slice]:
 
 
 def fitted_to(model: Any, X: Any, y: Any, sweeps: Sweeps) -> Any:
-    """A clone fitted to some of a record's readings, beside other such fits that leave out others."""
+    """A clone fitted to some of a record's readings, beside other such fits that leave out others.
+
+    Products that a fitted model has chosen are part of it, as its degree is.
+    """
     clone_of = clone(model)
+    if hasattr(model, "pipeline_"):
+        clone_of.set_params(products=model.products_)
     clone_of.sweeps = sweeps
     fitted = clone_of.fit(X, y)
     del fitted.sweeps

@@ -19,7 +19,7 @@ from ..records import Block, Record, RecordWarning, seconds_of
 from ..records.flags import Flags
 from ..records.numbers import numeric_reading
 from .aligned import like, no_flags
-from .choosing import choose, choose_again, count_to_choose, penalty
+from .choosing import choose, choose_again, chosen_products, count_to_choose, penalty
 from .cutting import equal_edges
 from .doubts import doubts_of
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
@@ -58,9 +58,10 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         Highest power of T - T0 in the static law, eq. (3).
     effects : list, default ()
         Further effects or scikit-learn transformers, alone or as (name, effect) pairs.
-    products : {False, True, 2, 3}
+    products : {"auto", False, True, 2, 3}, default "auto"
         Add the products Psi_j Psi_k of eq. (21) and (T - T0) Psi_j: the square of an inner temperature needs both. 3
-        adds those of three, for its cube: many columns, which want a long record.
+        adds those of three, for its cube: many columns, which want a long record. "auto" adds those of two where
+        time constants are chosen and each later block of time is foretold better with them, by 2 % and more.
     alpha : float or "auto", default "auto"
         Ridge penalty on coefficients times their columns' standard deviation, eps of eq. (13). "auto" takes the
         search's (at most 1e-4 per reading), and 0 for given time constants.
@@ -93,6 +94,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     coef_ : ndarray of shape (n_columns,)
     intercept_ : float
         U0, the reading at the reference temperature, device at rest.
+    products_ : bool or int
+        Products of lags that the model has.
     pipeline_ : Pipeline
         The fitted `DiffusiveFeatures` and `MergedRidge`.
     search_ : TimeConstantChoice or None
@@ -125,6 +128,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     _parameter_constraints: dict[str, Any] = {
         **THERMAL_CONSTRAINTS,
         "time_constants": "no_validation",
+        "products": [*THERMAL_CONSTRAINTS["products"], StrOptions({"auto"})],
         "alpha": [Interval(Real, 0, None, closed="left"), StrOptions({"auto"})],
         "run_offset": [StrOptions({"auto", "each", "same"})],
         "washout": "no_validation",
@@ -138,7 +142,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         degree: int = 2,
         *,
         effects: Any = (),
-        products: bool | int = False,
+        products: bool | int | str = "auto",
         alpha: float | str = "auto",
         reference_temperature: Any = "mean",
         initial_state: str = "fit",
@@ -357,7 +361,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         They have the steps between the runs that `learn_levels` found, or those given.
         """
         names = (set(DiffusiveFeatures._get_param_names()) & set(self._get_param_names())) - {"time_constants"}
-        features = DiffusiveFeatures(time_constants, **{name: getattr(self, name) for name in names})
+        given = {name: getattr(self, name) for name in names} | {"products": chosen_products(self)}
+        features = DiffusiveFeatures(time_constants, **given)
         levels = getattr(self, "run_levels_", RunLevels()) if levels is None else levels
         if levels.times:
             features.set_params(effects=levels.beside(as_effects(self.effects)))

@@ -17,6 +17,7 @@ from ..records import Record, read_record
 from ..records.errors import said_once
 from ..records.quantities import Scale, number_text, scale_of
 from ..records.text import printable
+from .choosing import count_to_choose
 from .holdout import fitted_to, residuals_of_blocks, rms, time_blocks
 from .progress import Progress, told
 from .regressor import DynamicBiasRegressor
@@ -122,7 +123,7 @@ def compare_variants(
     temperature: Any = None,
     time_constants: Any = "auto",
     degree: int = 2,
-    products: bool | int = False,
+    products: bool | int | str = "auto",
     window: int = 25,
     n_blocks: int = 5,
     progress: Progress = None,
@@ -139,8 +140,8 @@ def compare_variants(
         By default the number of time constants is chosen too; the paper has six.
     degree : int, default 2
         Degree of the nonlinear static law.
-    products : {False, True, 2, 3}
-        Add a fifth variant with the products of eq. (21), see `DynamicBiasRegressor`.
+    products : {"auto", False, True, 2, 3}, default "auto"
+        Add a fifth variant with the products of eq. (21), see `DynamicBiasRegressor`; "auto" where they are worth it.
     window : int, default 25
         Samples of the moving average, eqs. (9) (26).
     n_blocks : int, default 5
@@ -173,7 +174,9 @@ def compare_variants(
         "dynamic linear": clone(dynamic).set_params(degree=1, products=False),
         "dynamic nonlinear": clone(dynamic).set_params(degree=degree, products=False),
     }
-    if products:
+    if products == "auto" and count_to_choose(dynamic.time_constants) != 0:
+        products = clone(dynamic).set_params(degree=degree, products=products).fit(X, y).products_
+    if products not in ("auto", False):
         variants["dynamic nonlinear with products"] = clone(dynamic).set_params(degree=degree, products=products)
     reading = believed_readings(dynamic, X, y)
     blocks = time_blocks(reading, n_blocks)

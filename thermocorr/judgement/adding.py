@@ -106,13 +106,13 @@ def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegr
     """An unfitted copy with one effect more; a missing lag of the temperature or of a column joins those there are."""
     extended: DynamicBiasRegressor = clone(model)
     if isinstance(effect, ThermalLag) and len(model.time_constants_):
-        return extended.set_params(time_constants=_with_times(model, None, effect.time_constants))
+        return extended.set_params(**_with_times(model, None, effect.time_constants))
     if (
         isinstance(effect, LaggedCovariate)
         and effect.power == 1
         and effect.column in Thermometers.of(model.temperature).further
     ):
-        return extended.set_params(time_constants=_with_times(model, effect.column, effect.time_constants))
+        return extended.set_params(**_with_times(model, effect.column, effect.time_constants))
     own = [other for _, other in as_effects(model.effects)]
     for i, other in enumerate(own):
         if isinstance(effect, LaggedCovariate) and isinstance(other, LaggedCovariate) and _same_column(effect, other):
@@ -123,13 +123,13 @@ def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegr
     return model.with_effect(effect)
 
 
-def _with_times(model: DynamicBiasRegressor, thermometer: Any, more: Any) -> Any:
-    """The time constants of a fitted model, and some more of one thermometer: of the first for None."""
+def _with_times(model: DynamicBiasRegressor, thermometer: Any, more: Any) -> dict[str, Any]:
+    """What a fitted model has chosen, and some more time constants of one thermometer: of the first for None."""
     found = dict(model.thermometers_)
     name = next(iter(found)) if thermometer is None else thermometer
     found[name] = np.unique([*found[name], *seconds_array(more)])
     times = {each: taus.tolist() for each, taus in found.items()}
-    return times if len(times) > 1 else times[name]
+    return {**model.chosen(), "time_constants": times if len(times) > 1 else times[name]}
 
 
 def _same_column(one: LaggedCovariate, other: LaggedCovariate) -> bool:

@@ -31,7 +31,7 @@ class ThermalBase:
         slowest, own = _slowest(record), np.asarray(model.time_constants_, float)
         grid = np.geomspace(FASTEST * record.usual_step(), slowest, LAGS)
         further = [clone(effect) for _, effect in model.features_.further_effects()]
-        if model.products:
+        if model.products_:
             further += [clone(effect) for effect in model.features_.effect_list() if isinstance(effect, LagProducts)]
         static = StaticPolynomial(model.degree, model.reference_temperature)
         taus = np.unique(np.concatenate((grid, own[own <= slowest])))

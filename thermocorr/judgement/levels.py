@@ -269,8 +269,8 @@ On simulated devices whose thermometers have noise of 0.05 or 0.1 K it is 1.0 to
 1.6, with steps of 0.0625 to 0.25 K 0.6 to 1.3 (`benchmarks/thermometer_noise.py --diagnose`)."""
 SIZEABLE = 0.1
 """Rms of what a missing lag, delay, rate or lead explains, over the usual noise of one sample, that must clearly be
-exceeded beside the model's own lags: they need not be better. Where the noise depends on time or temperature, rows count
-by their weights: with one count for each, three of 300 records whose noise grows with the temperature were said to lack
+exceeded beside the model's own lags: they need not be better. Rows count by their weights, where the noise depends on
+time or temperature: counted as one each, three of 300 records whose noise grows with the temperature were said to lack
 a lag (`benchmarks/null_records.py --records 300 --first 100000 --kinds "grows with T"`), none with the weights."""
 OF_MUCH = 0.5
 """Share of the structure beside the model's own lags from which what they lack is named though it helps on no later

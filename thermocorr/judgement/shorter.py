@@ -38,7 +38,7 @@ class Shorter:
         whole.set_params(effects=[clone(effect) for _, effect in as_effects(found.effects)])
         if np.array_equal(found.time_constants_, current.time_constants_):
             return whole
-        return whole.set_params(time_constants=found.fixed_time_constants(), alpha=current.alpha_)
+        return whole.set_params(**found.chosen(), alpha=current.alpha_)
 
 
 def shorter(
@@ -61,7 +61,7 @@ def shorter(
     reading.attrs = dict(getattr(y, "attrs", {}))
     width = record.n_used / max(int(record.counts.sum()), 1)
     model: DynamicBiasRegressor = clone(current)
-    model.set_params(time_constants=current.fixed_time_constants(), alpha=current.alpha_ * width)
+    model.set_params(**current.chosen(), alpha=current.alpha_ * width)
     if not isinstance(model.temperature, list):
         model.set_params(temperature=record.temperature_name)
     return Shorter(model, ThinnedLog(record, dict(getattr(X, "attrs", {}))), reading)

@@ -28,7 +28,7 @@ def fitted_with(model: DynamicBiasRegressor, effects: Iterable[Effect], X: Any, 
 def held_fast(model: DynamicBiasRegressor) -> DynamicBiasRegressor:
     """An unfitted copy of a fitted model that has the same time constants and penalty, whatever it is fitted to."""
     copy: DynamicBiasRegressor = clone(model)
-    return copy.set_params(time_constants=model.fixed_time_constants(), alpha=model.alpha_)
+    return copy.set_params(**model.chosen(), alpha=model.alpha_)
 
 
 def at_freezing(model: DynamicBiasRegressor, effect: Effect) -> bool:

@@ -141,6 +141,8 @@ class TimeConstantChoice:
     chosen: CandidateRow | None = None
     reference: GridRidge | None = None
     factored: Factored | None = None
+    products: bool | int = False
+    """Products of lags that the model has beside them, as the parameter of this name takes them."""
     spectrum: dict[str, np.ndarray] | None = None
     """Columns of `resolution.spectrum_table`, in the choice that a fitted `DynamicBiasRegressor` keeps."""
 

@@ -17,6 +17,7 @@ from sklearn.base import clone
 from ...effects.protocol import Effect
 from ...effects.wrap import as_effects
 from ...estimators import DynamicBiasRegressor
+from ...estimators.choosing import chosen_products
 from ...estimators.thermometers import Thermometers
 from ...foreign import ForeignTable
 from ...judgement import diagnose
@@ -96,7 +97,7 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
     settings = ModelSettings(
         time_constants=tuple(taus) if isinstance(taus, list | tuple) else taus,
         degree=model.degree,
-        products=model.products,
+        products=chosen_products(model),
         screen=model.screen,
         sampling_period=model.sampling_period,
         max_gap=model.max_gap,
