@@ -67,7 +67,7 @@ def static_quadratic(t: Array, T: Array, y: Array) -> Forecast:
 
 
 def defaults(t: Array, T: Array, y: Array) -> Forecast:
-    """DynamicBiasRegressor as it comes: static quadratic, lags chosen by itself."""
+    """DynamicBiasRegressor as it comes: static quadratic, lags and their products chosen by itself."""
     model = DynamicBiasRegressor().fit(frame(t, T), y)
     return lambda t_new, T_new: model.predict(frame(t_new, T_new))
 

@@ -46,11 +46,11 @@ def cases(folder: str) -> Iterator[tuple[str, pd.DataFrame, pd.Series]]:
 
 
 def error_on_the_rest(
-    X: pd.DataFrame, y: pd.Series, share: float, number: int | str = "auto"
+    X: pd.DataFrame, y: pd.Series, share: float, number: int | str = "auto", products: bool | str = "auto"
 ) -> tuple[float, DynamicBiasRegressor]:
     """Rms residual of the part that was not learned, offset included, and the model of ``number`` time constants."""
     n = int(share * len(X))
-    model = DynamicBiasRegressor(X.columns[0], number).fit(X[:n], y[:n])
+    model = DynamicBiasRegressor(X.columns[0], number, products=products).fit(X[:n], y[:n])
     return float(np.sqrt(np.nanmean(model.residuals(X[n:], y[n:]) ** 2))), model
 
 

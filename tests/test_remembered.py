@@ -38,7 +38,7 @@ def same(one, other):
 @pytest.mark.parametrize("options", [{}, {"gaps": 3}, {"irregular": 0.2}, {"runs": 12}])
 def test_fits_beside_others_are_those_that_each_makes_alone(swept, options):
     X, y = data(**options)
-    model, sweeps = DynamicBiasRegressor("temperature", max_gap="1 h"), Sweeps()
+    model, sweeps = DynamicBiasRegressor("temperature", products=False, max_gap="1 h"), Sweeps()
     readings = [y.to_numpy(float)]
     for block in (*time_blocks(y.to_numpy(), 5)[1:], slice(len(y) * 7 // 10, None)):
         readings.append(readings[0].copy())
@@ -53,7 +53,7 @@ def test_another_offset_of_the_reading_changes_nothing(swept):
     """The reading in the middle of the first block that has any is taken off: here 1e5 times the noise from another."""
     X, y = data()
     reading, sweeps = y.to_numpy(float) + np.linspace(0.0, 2e5, N), Sweeps()
-    model = DynamicBiasRegressor("temperature", screen=False)
+    model = DynamicBiasRegressor("temperature", products=False, screen=False)
     for known in (reading, np.where(np.arange(N) < N // 2, reading, np.nan)):
         same(fitted_to(model, X, known, sweeps), clone(model).fit(X, known))
     assert len(swept) == 1
@@ -61,7 +61,7 @@ def test_another_offset_of_the_reading_changes_nothing(swept):
 
 def test_other_columns_readings_or_weights_are_swept_anew(swept):
     X, y = data()
-    model, sweeps = DynamicBiasRegressor("temperature"), Sweeps()
+    model, sweeps = DynamicBiasRegressor("temperature", products=False), Sweeps()
     fitted_to(model, X, y, sweeps)
     same(fitted_to(model, X + 1e-3, y, sweeps), clone(model).fit(X + 1e-3, y))
     changed = y.copy()
@@ -86,5 +86,5 @@ def test_comparisons_sweep_a_variant_once_or_twice(swept):
     later_errors(compared.models, X, y)
     assert len(swept) == 2
     swept.clear()
-    held_out_residuals(DynamicBiasRegressor("temperature"), X, y)
+    held_out_residuals(DynamicBiasRegressor("temperature", products=False), X, y)
     assert len(swept) <= 3

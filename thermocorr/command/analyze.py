@@ -50,7 +50,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         choices=(0, 2, 3),
         const=2,
-        default="auto",
         metavar="0|2|3",
         help="add the products of two lags, eq. (21), or of three too; 0: none (default: of two, where they clearly "
         "lower the error on later data)",
@@ -100,7 +99,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
             y,
             model=loaded.model,
             degree=options.degree,
-            products=options.products or False,
+            products="auto" if options.products is None else options.products or False,
             window=options.window,
             n_blocks=options.blocks,
             progress=progress,

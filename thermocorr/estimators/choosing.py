@@ -45,11 +45,11 @@ def choose(model: Any, X: Any, y: Any, say: Callable[[str], None] = lambda text:
         count=together, longest_decay_share=model.longest_decay_share, say=say, sweeps=model.sweeps
     )
     plain = model.unfitted_features(()).set_params(products=False)
-    if model.products == "auto":
+    if model.products == "auto" and model.degree > 1:  # a linear law was not asked for
         found = with_products_or_without(plain, X, y, settings)
     else:
-        found = search(beside_products(plain) if model.products else plain, X, y, settings)
-        found = replace(found, products=model.products)
+        products = False if model.products == "auto" else model.products
+        found = replace(search(beside_products(plain) if products else plain, X, y, settings), products=products)
     spectrum = None
     if found.factored is not None and found.reference is not None:
         table = spectrum_table(found.factored, found.reference)

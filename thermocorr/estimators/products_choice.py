@@ -22,8 +22,13 @@ MOST_ROWS = 20_000
 BLOCKS = 10
 """Blocks of time that follow on a first one: those of the later half are foretold, from everything before them. From
 less, so many products foretell nonsense."""
-CLEARLY = 0.98
-"""Errors with products over those without, on each later block and of the fit, up to which they are taken."""
+CLEARLY = 0.95
+"""Errors with products over those without, of the later blocks on the average and of the fit, up to which they are
+taken: what is foretold better by chance is not fitted better."""
+EACH = 0.995
+"""The same on each later block. Chosen on simulated devices with a hidden effect, strengths 2 and 0.5 (seeds 302 to
+305): 24 of 24 that have products get them, and 10 of 552 others; on other seeds (330 to 333) 24 of 24, and 2 of 552. Of
+eight measured records, whose error on the rest they raise by half, none (`benchmarks/chosen_products.py`)."""
 
 
 def beside_products(plain: DiffusiveFeatures) -> DiffusiveFeatures:
@@ -50,17 +55,15 @@ def with_products_or_without(plain: DiffusiveFeatures, X: Any, y: Any, settings:
 def products_help(
     plain: DiffusiveFeatures, X: Any, y: Any, found: TimeConstantChoice, settings: SearchSettings
 ) -> bool:
-    """Whether the lags that were found foretell every later block clearly better beside products.
-
-    The fit has to gain as much: what is foretold better by chance is not fitted better.
-    """
+    """Whether the lags that were found fit and foretell clearly better beside products, every later block of them."""
     assert found.factored is not None
     whole, taus = found.factored.record, [found.time_constants, *found.further.values()]
     if not any(map(len, taus)):
         return False
+    features = beside_products(plain)
     if whole.n_used > MOST_ROWS and whole.weight is None and not hasattr(whole, "sweep_effects"):
         X, y = _in_fewer_rows(whole, X)
-    features = beside_products(plain)
+        features.set_params(screen=False, fill=None)  # it was screened, and filled
     try:
         record, reading = learned(features, X, y)
     except RecordError:  # too short for so many columns
@@ -72,7 +75,7 @@ def products_help(
     without = [*range(1, layout.n_free - products), *lags]
     beside = [*range(1, layout.n_free), *lags]
     now, before = (_later_errors(factored, columns, alpha) for columns in (beside, without))
-    if not (len(now) > 1 and (now <= CLEARLY * before).all()):
+    if not (len(now) > 1 and (now <= EACH * before).all() and np.mean(now / before) <= CLEARLY):
         return False
     return _error(factored.whole, factored.whole, beside, alpha) <= CLEARLY * _error(
         factored.whole, factored.whole, without, alpha

@@ -146,7 +146,7 @@ def _spectrum(model: Any) -> tuple[np.ndarray, float]:
     if (
         choice is None
         or choice.reference is None
-        or model.products
+        or model.products_
         or not (choice.further or len(choice.time_constants))
     ):
         return np.zeros(0), np.inf
