@@ -35,13 +35,10 @@ def simulated(seeds: list[int], strength: float) -> None:
             continue
         records[kind] += 1
         taken[kind] += bool(case.model.products_)
-    others = ", ".join(f"{kind} {count}" for kind, count in taken.items() if count and kind != "lag_products")
-    print(
-        f"strength {strength:g}: lag products in {taken['lag_products']} of {records['lag_products']} records that have "
-        f"them, and in {sum(taken.values()) - taken['lag_products']} of "
-        f"{sum(records.values()) - records['lag_products']} others ({others or 'none'})",
-        flush=True,
-    )
+    right, due = taken.pop("lag_products"), records.pop("lag_products")
+    others = ", ".join(f"{kind} {count}" for kind, count in taken.items() if count) or "none"
+    wrong = f"{sum(taken.values())} of {sum(records.values())} others ({others})"
+    print(f"strength {strength:g}: products in {right} of {due} records that have them, and in {wrong}", flush=True)
 
 
 def measured(folder: str) -> None:
