@@ -143,8 +143,10 @@ class RidgeSolution:
     n_rows: int
     scale: Floats
     """Shape (p,): standard deviation of each column over the rows."""
+    mean: Floats
+    """Shape (p,): mean of each column over the rows."""
     inverse_triangle: Floats
-    """Shape (p, rank): ``inverse_triangle @ inverse_triangle.T`` is (Q'Q + penalty)^-1 of the centred columns."""
+    """Shape (p, rank or more): ``inverse_triangle @ inverse_triangle.T`` is (Q'Q + penalty)^-1 of centred columns."""
 
 
 def solve_ridge(factor: TriangularFactor, alpha: float = 0.0) -> RidgeSolution:
@@ -200,6 +202,7 @@ def solve_ridge(factor: TriangularFactor, alpha: float = 0.0) -> RidgeSolution:
         rank=rank,
         n_rows=factor.n_rows,
         scale=norms / np.sqrt(n),
+        mean=r[0, 1:-1] / r[0, 0] if r[0, 0] else np.zeros(p),
         inverse_triangle=inverse,
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..effects import StaticPolynomial
 from ..effects.protocol import Effect
-from ..equations import RidgeSolution, TriangularFactor
+from ..equations import RidgeSolution
 from .reading import Reading
 
 FURTHEST_REACH = 1000.0
@@ -44,9 +44,7 @@ class Cancellation:
         )
 
 
-def cancelling(
-    effects: Sequence[Effect], factor: TriangularFactor, solution: RidgeSolution, reading: Reading
-) -> list[str]:
+def cancelling(effects: Sequence[Effect], solution: RidgeSolution, reading: Reading) -> list[str]:
     """A sentence on a fit whose contributions cancel far beyond the spread of the readings; none where all is well.
 
     Each contribution counts with its rms over the fitted rows. Powers of T - T0 count with their standard deviation:
@@ -55,16 +53,14 @@ def cancelling(
     Parameters
     ----------
     effects : sequence of Effect
-        Learned; their columns in the order of those of `factor`.
-    factor : TriangularFactor
-        Of ``[1 | Q | U]``, all rows.
+        Learned; their columns in the order of those of `solution`.
     solution : RidgeSolution
     reading : Reading
         Of the fitted record.
     """
     names = [name for effect in effects for name in effect.names()]
     of_choice = [isinstance(effect, StaticPolynomial) for effect in effects for _ in effect.names()]
-    means = np.where(of_choice, 0.0, factor.r[0, 1:-1] / factor.r[0, 0])
+    means = np.where(of_choice, 0.0, solution.mean)
     sizes = np.abs(solution.coef) * np.hypot(solution.scale, means)
     found = Cancellation(float(sizes.sum()), reading.std)
     if not found.beyond(FURTHEST_REACH):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..equations import RidgeSolution, TriangularFactor
+from ..equations import RidgeSolution
 from ..records import Record
 from .cancellation import cancelling
 from .flat import flat_columns
@@ -12,9 +12,7 @@ from .prior import LawPrior, check_like
 from .time_constants.resolution import unresolved
 
 
-def doubts_of(
-    model: Any, record: Record, total: TriangularFactor, solution: RidgeSolution, prior: LawPrior | None
-) -> list[str]:
+def doubts_of(model: Any, record: Record, solution: RidgeSolution, prior: LawPrior | None) -> list[str]:
     """What the user of a fitted model should know.
 
     Parameters
@@ -22,8 +20,6 @@ def doubts_of(
     model : DynamicBiasRegressor
     record : Record
         What it was fitted to.
-    total : TriangularFactor
-        The factor of that record.
     solution : RidgeSolution
     prior : LawPrior, optional
         What other devices told of this one.
@@ -35,4 +31,4 @@ def doubts_of(
     effects, taus = model.features_.effect_list(), model.time_constants_
     if model.search_ is None and len(taus):
         said += unresolved(taus, record, solution, model.degree, model.residual_std_)
-    return [*said, *flat_columns(record, effects), *cancelling(effects, total, solution, model.reading_)]
+    return [*said, *flat_columns(record, effects), *cancelling(effects, solution, model.reading_)]

@@ -12,6 +12,7 @@ from ..effects import InitialTransient
 from ..effects.protocol import Effect
 from ..effects.stream import Walked, own_starts, walk
 from ..equations import RidgeSolution, TriangularFactor, solve_ridge
+from ..equations.bordered import BorderedFactor
 from ..records import BLOCK_ROWS, Record, RecordError
 from .binned import Binned, Binning
 from .cutting import block_rows, pieces
@@ -34,6 +35,8 @@ class Swept:
     """Rows that stand for what is known beside the record."""
     known_total: TriangularFactor | None = None
     """Factor of all chunks; None where nobody made it."""
+    bordered: BorderedFactor | None = None
+    """What the segments say of columns of their own and of those they share; None where nobody made it."""
 
     def ordered(self, effects: Sequence[int], columns: Sequence[int]) -> Swept:
         """Factors and end states with columns and effects in another order, as `decays_first` gives it."""
@@ -46,12 +49,18 @@ class Swept:
         for factor in (*self.chunks, self.known_total):
             if factor is not None:
                 factor.r[:, list(columns)] = 0.0
+        self.bordered = None
         return self
 
     def total(self) -> TriangularFactor:
         """One factor of all rows."""
         swept = self.chunks if self.known_total is None else [self.known_total]
         return TriangularFactor.merged([*swept, *([] if self.prior is None else [self.prior])])
+
+    def solution(self, alpha: float) -> RidgeSolution:
+        """Ridge least squares of all rows."""
+        found = None if self.bordered is None or self.prior is not None else self.bordered.solution(alpha)
+        return solve_ridge(self.total(), alpha) if found is None else found
 
 
 def reading_offset(record: Record) -> float:
@@ -106,7 +115,9 @@ def _swept(
         offset = reading_offset(record)
         fused = FusedSweep(record, FusedColumns(effects, starts), edges, offset)
         binned, total = fused.binning.binned(), fused.chunks.total()
-        return Swept(fused.chunks, fused.end_states, offset, binned, known_total=total)
+        return Swept(
+            fused.chunks, fused.end_states, offset, binned, known_total=total, bordered=fused.chunks.bordered()
+        )
     order, columns = decays_first(effects)
     walked = [effects[i] for i in order]
     steps = walk(walked, record, starts=own_starts(record), size=block_rows(record.n_used), extra=2)
@@ -212,7 +223,7 @@ def standard_errors(
     """
     if combinations is None:
         combinations = np.eye(1 + len(solution.coef))
-    white = white_errors(swept, solution, combinations)
+    white = white_errors(solution, combinations)
     chunks = [chunk for chunk in swept.chunks if chunk.n_rows]
     if len(chunks) < 4:
         return white
@@ -229,11 +240,9 @@ def standard_errors(
     return np.asarray(np.maximum(np.sqrt(spread), white))
 
 
-def white_errors(swept: Swept, solution: RidgeSolution, combinations: np.ndarray) -> np.ndarray:
+def white_errors(solution: RidgeSolution, combinations: np.ndarray) -> np.ndarray:
     """Standard errors of linear combinations of (U0, coefficients), were the residuals white; shape (k,)."""
-    n, p = solution.n_rows, len(solution.coef)
+    n = solution.n_rows
     variance = solution.residual_sum_of_squares / max(n - solution.rank - 1, 1)
-    top = swept.total().r[0]
-    means = top[1 : p + 1] / top[0]
-    through = (combinations[:, 1:] - combinations[:, :1] * means) @ solution.inverse_triangle  # U0 = mean - means coef
+    through = (combinations[:, 1:] - combinations[:, :1] * solution.mean) @ solution.inverse_triangle  # U0 = mean - ...
     return np.asarray(np.sqrt(variance * (combinations[:, 0] ** 2 / n + np.einsum("ij,ij->i", through, through))))

@@ -47,7 +47,7 @@ class FusedSweep:
         self._coordinates = Preconditioned(len(self._shared))
         self._decays, self._places = columns.decays(-1)
         self._gathered: list[tuple[int, Crossed]] = []
-        self.chunks = FusedFactors(columns.first[-1] + 1, len(edges) - 1)
+        self.chunks = FusedFactors(columns.first[-1] + 1, len(edges) - 1, self._shared)
         """Factors of ``[1 | Q | U]``, one for each stretch."""
         for block in record.blocks(columns.block_rows(), starts=own_starts(record)):
             if block.start == record.segments[block.segment].start:

@@ -12,6 +12,7 @@ from typing import NamedTuple, overload
 import numpy as np
 
 from ..equations import TriangularFactor
+from ..equations.bordered import BorderedFactor
 from ..equations.leastsquares import WIDE
 from ..equations.preconditioned import Crossed
 
@@ -43,15 +44,18 @@ class FusedFactors(Sequence[TriangularFactor]):
     width : int
         Columns of ``[1 | Q | U]``.
     n_stretches : int
+    shared : sequence of int
+        Numbers of the columns that all segments share.
     """
 
-    def __init__(self, width: int, n_stretches: int):
-        self.width = width
+    def __init__(self, width: int, n_stretches: int, shared: Sequence[int]):
+        self.width, self._shared = width, shared
         self.n_rows = [0] * n_stretches
         """Rows with a reading in each stretch."""
         self._of_stretches: list[list[_OfSegment]] = [[] for _ in range(n_stretches)]
         self._of_all: list[tuple[list[int], np.ndarray]] | None = []
         self._made: list[TriangularFactor] | None = None
+        self._segments: list[_OfSegment] = []
 
     def add(self, columns: list[int], n_hidden: int, gathered: Sequence[tuple[int, Crossed]]) -> None:
         """Take in cross products of one segment, with the number of the stretch that each belongs to, in time order."""
@@ -59,6 +63,7 @@ class FusedFactors(Sequence[TriangularFactor]):
             self._of_stretches[stretch].append(_OfSegment(columns, n_hidden, list(_joined(c for _, c in some))))
         if n_hidden or self.width > WIDE:  # left out in each stretch apart; or decays of runs, which hardly meet
             self._of_all = None
+            self._segments.append(_OfSegment(columns, n_hidden, list(_joined(c for _, c in gathered))))
         elif self._of_all is not None:
             self._of_all += _OfSegment(columns, 0, list(_joined(c for _, c in gathered))).factors()
 
@@ -67,6 +72,19 @@ class FusedFactors(Sequence[TriangularFactor]):
         if self._of_all is None:
             return None
         return TriangularFactor.standing_for(_stacked(self.width, self._of_all), sum(self.n_rows))
+
+    def bordered(self) -> BorderedFactor | None:
+        """What many segments say of decays of their own and of the columns they share; None where all are one."""
+        if self._of_all is not None or any(each.n_hidden for each in self._segments):
+            return None
+        segments = []
+        for columns, _, crossed in self._segments:
+            factors = [each.factor() for each in crossed]
+            places = [range(len(columns))[-factor.shape[1] :] for factor in factors]
+            matrix = _stacked(len(columns), list(zip(places, factors, strict=True)))
+            segments.append((columns[: len(columns) - len(self._shared)], matrix))
+        self._segments = []
+        return BorderedFactor.of(self._shared, segments, sum(self.n_rows))
 
     def __len__(self) -> int:
         return len(self.n_rows)

@@ -309,7 +309,7 @@ def law_of(
     ordered = total.select([0, *(1 + starts), *(1 + law), len(names) + 1])
     triangle = ordered.r[1 + len(starts) : -1, 1 + len(starts) : -1]
     n_rows = max(total.n_rows, 1)
-    white = white_errors(swept, solution, np.eye(1 + len(names)))[1 + law]
+    white = white_errors(solution, np.eye(1 + len(names)))[1 + law]
     ratio = np.divide(errors[1 + law], white, out=np.ones(len(law)), where=white > 0)
     noise = np.sqrt(solution.residual_sum_of_squares / n_rows) * float(np.median(np.maximum(ratio, 1.0)))
     powers = [

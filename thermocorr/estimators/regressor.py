@@ -14,7 +14,6 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils._param_validation import Interval, StrOptions
 
 from ..effects.wrap import EffectsParameters, as_effects
-from ..equations import TriangularFactor, solve_ridge
 from ..records import Block, Record, RecordWarning, seconds_of
 from ..records.flags import Flags
 from ..records.numbers import numeric_reading
@@ -228,17 +227,17 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
                 self.reading_ = reading if prior is None else reading.widened(prior.temperature_range)
                 self.alpha_ = penalty(self)
                 say(f"fitting {len(features.get_feature_names_out())} columns to {reading.n_readings} readings")
-                total = self._solve(record, features, prior)
+                self._solve(record, features, prior)
                 believed = self.without_spoilt(record)  # what filled cells and gaps spoil is known now
                 if believed is not record:
-                    total = self._solve(believed, features, prior)
+                    self._solve(believed, features, prior)
                 again = self.search_ if attempt == 2 else choose_again(self, X, record, believed, say)
                 if again is self.search_:
                     break
                 self.search_ = again
         for learned in ("standard_errors_", "joint_errors_", "provenance_", "law_"):
             self.__dict__.pop(learned, None)
-        doubts = [*doubts_of(self, record, total, self._solution, prior), *readings_left_out(record, believed)]
+        doubts = [*doubts_of(self, record, self._solution, prior), *readings_left_out(record, believed)]
         for text in doubts:
             warnings.warn(text, RecordWarning, stacklevel=2)
         self.notes_ = (*record.notes, *doubts)
@@ -329,19 +328,17 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         low, high = self.temperature_range_
         return () if low <= self.reference_temperature_ <= high else (self.intercept_,)
 
-    def _solve(self, record: Record, features: DiffusiveFeatures, prior: LawPrior | None) -> TriangularFactor:
-        """Learn the coefficients from a record; returns its factor."""
+    def _solve(self, record: Record, features: DiffusiveFeatures, prior: LawPrior | None) -> None:
+        """Learn the coefficients from a record."""
         self._swept = sweep_effects(record, features.effect_list(), equal_edges(record))
         if prior is not None:
             self._swept.prior = prior.rows(features.effect_list(), features.thermometers().further)
         if prior is not None or record.weight is not None:  # the noise is not that of the bins
             self._swept.binned = None
-        total: TriangularFactor = self._swept.total()
-        self._solution = solve_ridge(total, self.alpha_)
+        self._solution = self._swept.solution(self.alpha_)
         features.remember(record, self._swept.end_states)
         ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
         self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
-        return total
 
     def learn_levels(self, X: Any, y: Any) -> None:
         """Find out where the runs of a record change their level: the first step of `fit`."""

@@ -81,6 +81,8 @@ class LagColumns:
 
     def dead(self, record: Record, folds: TimeFolds) -> list[list[int]]:
         """Decays too slow for what each fold learns from: columns that it must not use."""
+        if not self.decays:
+            return [[] for _ in range(len(folds))]
         result = []
         for f in range(len(folds)):
             limits = self.transient.longest([folds.learned_duration(f, record, segment) for segment in record.segments])
