@@ -230,14 +230,24 @@ def standard_errors(
     norms = np.linalg.norm(swept.total().r[:, 1:-1], axis=0)
     last = len(norms) + 1
     estimates = np.tile(np.concatenate(([solution.intercept], solution.coef)), (len(chunks), 1))
-    for left_out, estimate in enumerate(estimates):
-        rest = Swept([chunk for i, chunk in enumerate(chunks) if i != left_out], [], 0.0, prior=swept.prior).total()
+    known_before = TriangularFactor(last + 1) if swept.prior is None else swept.prior
+    for rest, estimate in zip(_each_left_out(chunks, known_before), estimates, strict=True):
         # A start-up decay that only the chunk left out has seen keeps its estimate: the rest cannot say anything on it.
         seen = np.flatnonzero(np.linalg.norm(rest.r[:, 1:-1], axis=0) > 0.01 * norms) + 1
         part = solve_ridge(rest.select([0, *seen, last]), alpha)
         estimate[0], estimate[seen] = part.intercept, part.coef
     spread = np.var(estimates @ combinations.T, axis=0) * (len(chunks) - 1)
     return np.asarray(np.maximum(np.sqrt(spread), white))
+
+
+def _each_left_out(chunks: Sequence[TriangularFactor], others: TriangularFactor) -> Iterator[TriangularFactor]:
+    """Factors of `others` and all chunks but one, for each in turn: halves are merged once for all that lack them."""
+    if len(chunks) == 1:
+        yield others
+        return
+    first, second = chunks[: len(chunks) // 2], chunks[len(chunks) // 2 :]
+    yield from _each_left_out(first, TriangularFactor.merged([others, *second]))
+    yield from _each_left_out(second, TriangularFactor.merged([others, *first]))
 
 
 def white_errors(solution: RidgeSolution, combinations: np.ndarray) -> np.ndarray:

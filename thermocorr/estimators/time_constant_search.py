@@ -230,7 +230,8 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         factored, chosen = choice.factored, choice.chosen
         assert factored is not None and chosen is not None
         tried = list(choice.tried)
-        times = [tuple(choice.grid[list(line.members)].tolist()) for line in tried]
+        grid = choice.grid.tolist()
+        times = [tuple([grid[i] for i in line.members]) for line in tried]
         best = next(i for i, line in enumerate(tried) if line is chosen or _same(line, chosen))
         pooled = isinstance(self.candidates, str) or np.ndim(self.candidates[0]) == 0
         refine = self.refine is True or (self.refine == "auto" and pooled and METHODS[self.method].refines)

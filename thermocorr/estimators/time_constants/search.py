@@ -83,11 +83,6 @@ class CandidateRow:
     losses: np.ndarray
     """Shape (n_folds,)."""
 
-    @cached_property
-    def loss(self) -> float:
-        """Mean over the folds."""
-        return float(self.losses.sum()) / len(self.losses)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Factored:
@@ -298,21 +293,23 @@ def _by_cross_validation(
 
 
 def _best_of_each_size(cross: CrossValidation, sets: Sequence[Set], alphas: Sequence[float]) -> list[CandidateRow]:
-    best: dict[int, CandidateRow] = {}
-    for members in sets:
-        for alpha in alphas:
-            line = CandidateRow(members, alpha, cross.losses[alpha, members])
-            known = best.get(len(members))
-            if known is None or line.loss < known.loss:
-                best[len(members)] = line
-    return [best[size] for size in sorted(best)]
+    lines = [(members, alpha) for members in sets for alpha in alphas]
+    losses = np.array([cross.losses[alpha, members] for members, alpha in lines])
+    sizes, mean = np.array([len(members) for members, _ in lines]), losses.mean(axis=1)
+    best = []
+    for size in np.unique(sizes):
+        alike = np.flatnonzero(sizes == size)
+        i = int(alike[mean[alike].argmin()])
+        best.append(CandidateRow(*lines[i], losses[i]))
+    return best
 
 
 def _choice(
     factored: Factored, tried: Sequence[CandidateRow], chosen: CandidateRow, reference: GridRidge | None
 ) -> TimeConstantChoice:
     grid = factored.layout.grid
-    ordered = sorted(tried, key=lambda line: line.loss)
+    order = np.argsort(np.array([line.losses for line in tried]).mean(axis=1), kind="stable")
+    ordered = [tried[i] for i in order.tolist()]
     members = np.array(chosen.members, np.intp)
     own = [grid[members[factored.layout.owner[members] == i]] for i in range(len(factored.layout.deviations))]
     return TimeConstantChoice(
