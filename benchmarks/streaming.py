@@ -84,9 +84,12 @@ def job(name: str, path: str) -> None:
 def _warm() -> None:
     """Imports, and compiled code where there is any, are the worker's start-up."""
     import thermocorr.cluster.distributed  # noqa: F401
+    from thermocorr import DynamicBiasRegressor
     from thermocorr.equations import lag_differences
 
     lag_differences(np.arange(4.0), np.ones(4), np.ones(1))
+    T = np.sin(np.arange(20_000.0)[:, None])
+    DynamicBiasRegressor(time_constants=[10.0, 100.0], sampling_period=1.0).fit(T, T[:, 0])
 
 
 def _peak() -> float:

@@ -95,6 +95,26 @@ def test_fit_in_parts_equals_the_fit_in_one_process(client, record, path, name):
     np.testing.assert_allclose(found.predict(later), expected.predict(later), rtol=0, atol=1e-10 * np.ptp(predicted))
 
 
+@pytest.mark.parametrize("options", [{}, {"irregular": 0.4}, {"nonlinearity": 0.1, "device": "slab"}])
+def test_long_parts_are_swept_in_one_compiled_pass_to_the_same(client, options):
+    """Parts that the compiled pass takes, where there is one: they go on where the one before has ended."""
+    long = make_record(45_000, sampling_period=60.0, noise=0.2, seed=2, **options)
+    long.iloc[30_000:30_050, long.columns.get_loc("reading")] = np.nan
+    parts = parts_of(long, [12_000, 25_001])
+    effects = [LaggedCovariate("humidity", [5000.0]), Rate()]
+    for model in (
+        DynamicBiasRegressor("temperature", [60.0, 900.0, 40_000.0], effects=effects, longest_decay_share=1.0),
+        DynamicBiasRegressor("temperature"),
+    ):
+        expected = model.fit(long, long["reading"])
+        predicted, table = expected.predict(long), expected.coef_table()["standard_error"]
+        log = DistributedLog(client, parts)
+        found = clone(model).fit(log, log["reading"])
+        assert found.products_ is expected.products_ is (model.time_constants == "auto" and "nonlinearity" in options)
+        np.testing.assert_allclose(found.predict(long), predicted, rtol=0, atol=1e-10 * np.ptp(predicted))
+        np.testing.assert_allclose(found.coef_table()["standard_error"], table, rtol=1e-5)
+
+
 def test_search_and_its_tables_are_the_same(client, record, path):
     expected = TimeConstantSearch(DynamicBiasRegressor("temperature")).fit(record, record["reading"])
     log = DistributedLog(client, ParquetLog(path))

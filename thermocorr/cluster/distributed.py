@@ -21,7 +21,7 @@ from ..effects.signals import joined
 from ..equations import LagState, TriangularFactor, lag_differences
 from ..equations.spikes import HALO, Scanned, Usual
 from ..equations.statistics import Moments
-from ..estimators.fitting import Swept, decays_first
+from ..estimators.fitting import Swept
 from ..records import Layout, Log, ParquetLog, Record, RecordError, Segment, SegmentStart
 from ..records.errors import listing, quoted
 from ..records.times import Times
@@ -254,16 +254,14 @@ class DistributedRecord(Record):
 
     def sweep_effects(self, effects: Sequence[Effect], edges: np.ndarray) -> Swept:
         """Factors of ``[1 | Q | U]`` for each stretch between two `edges`, swept by the workers."""
-        order, columns = decays_first(effects)
-        walked = [effects[i] for i in order]
-        states = self._start_states(walked)
+        states = self._start_states(effects)
         zero, lengths = self.first_stamp(), self.log.lengths
         starts = [SegmentStart(0, zero, None if i == 0 else step) for i, step in enumerate(self._steps())]
         offset = next((part.offset for part in self.looks if part.reading_moments and part.reading_moments.n), 0.0)
         results = self.log.each(
             sweep_part,
             list(self.tasks),
-            tuple(walked),
+            tuple(effects),
             [tuple(part) for part in states],
             starts,
             zero,
@@ -272,11 +270,12 @@ class DistributedRecord(Record):
             sum(lengths),
             offset,
         )
-        chunks = [TriangularFactor(columns[-1] + 1) for _ in edges[1:]]
+        width = 2 + sum(len(effect.names()) for effect in effects)
+        chunks = [TriangularFactor(width) for _ in edges[1:]]
         for found, _ in results:
             for i, chunk in found.items():
                 chunks[i].merge(chunk)
-        return Swept(chunks, [results[-1][1]], offset).ordered(order, columns)
+        return Swept(chunks, [results[-1][1]], offset)
 
     @property
     def _starts(self) -> list[int]:

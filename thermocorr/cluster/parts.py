@@ -15,12 +15,11 @@ import pandas as pd
 from ..effects.expressions import Lag, Previous, TraceError, Word, traced
 from ..effects.protocol import Effect, refuse_foresight
 from ..effects.signals import BlockSignals
-from ..effects.stream import walk
 from ..equations import LagState, TriangularFactor, lags_at_end
 from ..equations.spikes import Scanned, Usual, scan_stretch
 from ..equations.statistics import Moments
-from ..estimators.cutting import block_rows
-from ..estimators.fitting import reading_offset, sweep
+from ..estimators.fitting import reading_offset, swept_on
+from ..estimators.fused import Begun
 from ..estimators.threads import one_blas_thread
 from ..records import BLOCK_ROWS, Block, Layout, ParquetLog, Record, RecordError, Segment, SegmentStart, read_record
 from ..records.screen import LeftOut
@@ -250,17 +249,14 @@ def sweep_part(
     keep_freed_memory()
     record = task.record(part, first_row)
     with one_blas_thread():
-        steps = walk(
-            effects, record, zero=zero, starts={0: start}, states={0: states}, size=block_rows(n_used), extra=2
-        )
-        swept = sweep(record, steps, edges - first_row, offset)
-    for effect, known, state in zip(effects, states, swept.end_states[0], strict=True):
+        chunks, ends = swept_on(record, effects, edges - first_row, offset, Begun(zero, start, states), n_used)
+    for effect, known, state in zip(effects, states, ends, strict=True):
         if task.number and state is not None and known is None:
             raise RecordError(
                 f"The effect {effect.label()!r} carries a state that is no plain lag's, so a part of the log cannot be "
                 "worked on before the parts that stand before it. Fit this model in one process."
             )
-    return {i: chunk for i, chunk in enumerate(swept.chunks) if chunk.n_rows}, swept.end_states[0]
+    return {i: chunk for i, chunk in enumerate(chunks) if chunk.n_rows}, ends
 
 
 def rows_of(part: Part, name: Any, rows: Any, as_ticks: bool, task: Task | None) -> np.ndarray:
