@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ..effects import LaggedCovariate, ThermalLag
+from ..effects import Drift, LaggedCovariate, LogAgeing, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..effects.wrap import as_effects
@@ -57,12 +57,15 @@ class Errors:
         falls, rises = (self.each * SAME < other.each).sum(), (self.each > SAME * other.each).sum()
         return bool(falls >= MOSTLY * rises)
 
-    def worth(self, effect: Effect, other: Errors) -> bool:
+    def worth(self, effect: Effect, other: Errors, proven: bool = False) -> bool:
         """Whether a model with one effect more is to be kept.
 
         It must be of use in most blocks. What depends on time alone promises nothing for later data: it must not raise
-        either error, and lower them by more than what two equal models may differ by.
+        either error, and lower them by more than what two equal models may differ by. A proven drift or ageing must
+        lower the later one by more than it raises the other: the first block, held out, is told backwards.
         """
+        if proven and isinstance(effect, Drift | LogAgeing) and self.later * SAME < other.later:
+            return self.ratio(other) <= 1
         if not (self.better_than(other) and self.falls_mostly(other)):
             return False
         if not effect.of_time_alone:
@@ -103,8 +106,11 @@ def _unseen(X: Any) -> float:
 
 
 def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:
-    """An unfitted copy with one effect more; a missing lag of the temperature or of a column joins those there are."""
-    extended: DynamicBiasRegressor = clone(model)
+    """An unfitted copy with one effect more; a missing lag of the temperature or of a column joins those there are.
+
+    Products of lags are those of the model: what is better or worse is so for the effect.
+    """
+    extended: DynamicBiasRegressor = clone(model).set_params(products=model.products_)
     if isinstance(effect, ThermalLag) and len(model.time_constants_):
         return extended.set_params(**_with_times(model, None, effect.time_constants))
     if (
@@ -120,7 +126,7 @@ def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegr
             longer = clone(other).set_params(time_constants=[float(tau) for tau in times])
             extended.set_params(effects=[clone(e) for e in (*own[:i], longer, *own[i + 1 :])])
             return extended
-    return model.with_effect(effect)
+    return model.with_effect(effect).set_params(products=model.products_)
 
 
 def _with_times(model: DynamicBiasRegressor, thermometer: Any, more: Any) -> dict[str, Any]:

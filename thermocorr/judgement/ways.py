@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from .causes import Search
-from .choice import Cause, Tried
+from .choice import Cause, Tried, bent
 from .levels import FEW_CAUSES, MANY_CAUSES, WAYS
-from .pool import Pool
+from .pool import Key, Pool
 
 
 def searched(pool: Pool, anywhere: Collection[str]) -> tuple[Search, list[Cause], list[Tried]]:
@@ -15,21 +15,32 @@ def searched(pool: Pool, anywhere: Collection[str]) -> tuple[Search, list[Cause]
 
     What is taken in first decides what is left for the next. Two effects at once may look like a third one, and what
     that leaves like several more. Where many causes were found, the search is begun with one that cannot be told from
-    the first, came next to it, or was found later; fewer causes that are likelier stand.
+    the first, came next to it, or was found later; fewer causes that are likelier stand. A column that is late may have
+    taken part of another cause upon itself, a drift: the search is begun with the column as it is, and as many causes
+    that are likelier stand.
     """
     search = Search(pool, anywhere)
     causes, last = search.causes()
-    if not FEW_CAUSES < len(causes) <= MANY_CAUSES:
-        return search, causes, last
-    best, most = (search, causes, last), _value(search, causes)
-    rivals = [*causes[0].alike[:1], *sorted(causes[0].others, key=lambda t: -t.score)[:1]]
-    firsts = [t.key for t in (*rivals, *(cause.tried for cause in causes[1:]))]
-    for first in [key for key in dict.fromkeys(firsts) if key != causes[0].tried.key][:WAYS]:
+    best, most = (search, causes, last), _value(search, causes) if len(causes) > 1 else 0.0
+    for first, fewer in _other_firsts(causes).items():
         other = Search(pool, anywhere)
         found, tried = other.causes(first=first)
-        if found and len(found) < len(best[1]) and _value(other, found) > most:
+        if found and len(found) <= len(best[1]) - fewer and _value(other, found) > most:
             best, most = (other, found, tried), _value(other, found)
     return best
+
+
+def _other_firsts(causes: Sequence[Cause]) -> dict[Key, bool]:
+    """What the search may begin with instead, and whether it must then end with fewer causes."""
+    firsts: dict[Key, bool] = {}
+    if 1 < len(causes) <= MANY_CAUSES:
+        firsts = {t.key: False for cause in causes for t in cause.others if t.proven and bent(cause.tried, t)}
+    if FEW_CAUSES < len(causes) <= MANY_CAUSES:
+        rivals = [*causes[0].alike[:1], *sorted(causes[0].others, key=lambda t: -t.score)[:1]]
+        for t in (*rivals, *(cause.tried for cause in causes[1:])):
+            firsts.setdefault(t.key, True)
+    firsts.pop(causes[0].tried.key, None) if causes else None
+    return dict(list(firsts.items())[:WAYS])
 
 
 def _value(search: Search, causes: Sequence[Cause]) -> float:
