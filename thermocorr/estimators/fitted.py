@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
@@ -160,6 +161,10 @@ class FittedModel(DoubtedInputs):
         """The time constants in the form of the parameter `time_constants`: a list, or one for each thermometer."""
         found = {name: times.tolist() for name, times in self.thermometers_.items()}
         return found if len(found) > 1 else self.time_constants_.tolist()
+
+    def settled(self) -> Any:
+        """An unfitted copy; products that a fit has chosen are part of it, as its degree is."""
+        return clone(self).set_params(products=self.products_) if hasattr(self, "pipeline_") else clone(self)
 
     def chosen(self) -> dict[str, Any]:
         """What a fit may choose, as parameters that leave no choice: time_constants and products."""

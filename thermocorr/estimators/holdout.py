@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from sklearn.base import clone
 
 from ..records.errors import said_once
 from ..records.reach import where_read
@@ -32,13 +31,8 @@ def time_blocks(reading: np.ndarray, n_blocks: int) -> list[slice]:
 
 
 def fitted_to(model: Any, X: Any, y: Any, sweeps: Sweeps) -> Any:
-    """A clone fitted to some of a record's readings, beside other such fits that leave out others.
-
-    Products that a fitted model has chosen are part of it, as its degree is.
-    """
-    clone_of = clone(model)
-    if hasattr(model, "pipeline_"):
-        clone_of.set_params(products=model.products_)
+    """A copy fitted to some of a record's readings, beside other such fits that leave out others."""
+    clone_of = model.settled()
     clone_of.sweeps = sweeps
     fitted = clone_of.fit(X, y)
     del fitted.sweeps

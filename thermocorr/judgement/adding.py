@@ -110,7 +110,7 @@ def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegr
 
     Products of lags are those of the model: what is better or worse is so for the effect.
     """
-    extended: DynamicBiasRegressor = clone(model).set_params(products=model.products_)
+    extended: DynamicBiasRegressor = model.settled()
     if isinstance(effect, ThermalLag) and len(model.time_constants_):
         return extended.set_params(**_with_times(model, None, effect.time_constants))
     if (
@@ -126,7 +126,7 @@ def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegr
             longer = clone(other).set_params(time_constants=[float(tau) for tau in times])
             extended.set_params(effects=[clone(e) for e in (*own[:i], longer, *own[i + 1 :])])
             return extended
-    return model.with_effect(effect).set_params(products=model.products_)
+    return extended.with_effect(effect)
 
 
 def _with_times(model: DynamicBiasRegressor, thermometer: Any, more: Any) -> dict[str, Any]:
