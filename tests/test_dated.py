@@ -234,3 +234,14 @@ def test_sums_that_decay_are_those_of_a_filter(rows):
         sums = 0.9 * sums + row
         np.testing.assert_allclose(found, sums, rtol=1e-12)
     np.testing.assert_array_equal(columns, kept)
+
+
+@pytest.mark.parametrize(("seed", "size"), [(19, 1.0), (21, 1.1), (22, 0.8)])
+@pytest.mark.parametrize("end", [0, -1])
+def test_a_large_reading_at_an_end_is_neither_a_start_nor_a_step(seed, size, end):
+    """Five standard deviations are rare in normal noise and not in other: a decay within one step is the first row."""
+    record = make_record(4000, noise=0.2, setting=("lab", "outdoor", "chamber")[seed % 3], seed=seed)
+    X, y = record.drop(columns="reading"), record["reading"].copy()
+    y.iloc[end] += size
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert not found.causes and found.verdict == "nothing missing"

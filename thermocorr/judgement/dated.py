@@ -7,11 +7,11 @@ from collections.abc import Collection
 
 import numpy as np
 
-from ..effects import Disturbance, SensitivityStep, Step
+from ..effects import Disturbance, InitialTransient, SensitivityStep, Step
 from ..effects.protocol import Effect
 from .anywhere import step_gains
 from .cuts import change_gains
-from .levels import LEAST_RULE, SHORTEST_STRETCH, STRETCHES
+from .levels import LEAST_RULE, SHORTEST_START, SHORTEST_STRETCH, STRETCHES
 from .likelihood import Comparison
 from .pool import Explanation, Key, Pool
 from .stretches import best_stretch
@@ -37,6 +37,7 @@ def dated(
     found: list[Explanation] = []
     either = Step.kind in kinds or SensitivityStep.kind in kinds
     steps = step_gains(judged, theta, pool.rows.weight, rows) if either else np.zeros(1)
+    steps[:SHORTEST_STRETCH] = steps[max(judged.n - SHORTEST_STRETCH, 0) :] = 0.0  # a few first or last large readings
     if Step.kind in kinds and steps.max() > 0:
         found.append(_from(pool, Step, int(steps.argmax())))
     if SensitivityStep.kind in kinds:
@@ -55,10 +56,16 @@ def dated(
 
 
 def lasting(pool: Pool, effect: Effect) -> bool:
-    """Whether a disturbance is as long as the shortest that is looked for, however it was tuned; True for other kinds.
+    """Whether an effect lasts for as many rows as the shortest that is looked for, however it was tuned.
 
-    A few large readings of heavy tails that follow on one another are none.
+    A few large readings of heavy tails that follow on one another are no disturbance, the first ones no start, and they
+    or the last ones no step. True for other kinds.
     """
+    if isinstance(effect, InitialTransient):
+        return bool(min(map(np.min, effect.decays_.values()), default=0.0) >= SHORTEST_START * pool.spacing)
+    if isinstance(effect, Step):
+        before = np.count_nonzero(pool.data.seconds < effect.seconds_)
+        return bool(SHORTEST_STRETCH <= before <= len(pool.data.seconds) - SHORTEST_STRETCH)
     if not isinstance(effect, Disturbance):
         return True
     start, end = effect.seconds_

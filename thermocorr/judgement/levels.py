@@ -87,6 +87,11 @@ SHORTEST_STRETCH = 8
 """Rows of the shortest disturbance that is looked for, however it is tuned. With 5, three large
 readings of heavy tails (Student, three degrees of freedom) that follow on one another by chance were taken for a
 disturbance in one of twelve records."""
+SHORTEST_START = 4.0
+"""Fastest start-up decay that is looked for, in rows, however it is tuned: it lasts for as many as `SHORTEST_STRETCH`.
+Faster ones are the first rows: in 300 records with heavy tails (Student, three degrees of freedom), three whose first
+reading was a large one were said to have a start (`benchmarks/null_records.py --records 300 --first 140000 --kinds
+"heavy tails"`)."""
 LONGEST_STRETCH = 0.05
 """Longest disturbance that is looked for, as a share of the record: what lasts longer is two steps."""
 LENGTHS = 1.25

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..effects import StaticPolynomial, ThermalLag
+from ..effects import InitialTransient, StaticPolynomial, ThermalLag
 from ..effects.protocol import Effect
+from ..effects.thermal import seconds_array
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.thermometer_errors import thermometer_errors
 from ..records import Record, RecordError
@@ -21,7 +22,7 @@ from .base import ThermalBase
 from .blocks import Averages, averaged, averaged_columns, spans, sums_of
 from .directions import visible
 from .judged_rows import JudgedRows, starts_of
-from .levels import COARSE, FEWEST, FINE, MOST_EMPTY
+from .levels import COARSE, FEWEST, FINE, MOST_EMPTY, SHORTEST_START
 from .likelihood import Comparison
 
 Key = tuple[str, Any]
@@ -57,13 +58,24 @@ class Explanation:
         return self.key, str(sorted((k, v) for k, v in given.items() if k not in tuned))
 
 
+def _of_first_rows(effect: Effect, record: Record) -> bool:
+    """Whether a start is over so soon that it could be a large first reading."""
+    if not isinstance(effect, InitialTransient):
+        return False
+    return bool(seconds_array(effect.time_constants).min(initial=np.inf) < SHORTEST_START * record.usual_step())
+
+
 class Pool:
     """A record, the base that explanations are judged beside, and the explanations."""
 
     def __init__(self, model: DynamicBiasRegressor, record: Record, thermal: ThermalBase, candidates: Sequence[Effect]):
         self.model, self.record = model, record
         base, slow, least = thermal.effects, thermal.slow, thermal.slowest
+        fastest = SHORTEST_START * record.usual_step()
         candidates = [e for e in candidates if not (isinstance(e, ThermalLag) and max(e.time_constants) <= least)]
+        candidates = [
+            e for e in candidates if not (isinstance(e, InitialTransient) and min(e.time_constants) < fastest)
+        ]
         own = starts_of(model, record)
         for effect in (*own, *base, *slow, *candidates):
             effect.learn(record)
