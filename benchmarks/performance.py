@@ -6,7 +6,8 @@
 
 Each line is our processor time over that of something that a user could do instead, or that bounds it from below: the
 least of alternated runs, one BLAS thread. Times differ from machine to machine, ratios hardly: a line fails the check
-where it is more than 1.5 times what ratios.json says, in three tries.
+where it is more than 1.5 times what ratios.json says, in three tries. What is stored only falls, lest a noisy run
+loosens the check: take a line out of ratios.json by hand where it has to grow.
 """
 
 from __future__ import annotations
@@ -320,7 +321,7 @@ def main() -> int:
     parser.add_argument("--check", action="store_true")
     options = parser.parse_args()
     warnings.simplefilter("ignore", RecordWarning)
-    stored = json.loads(STORED.read_text()) if options.check else {}
+    stored = json.loads(STORED.read_text())
     found: dict[str, tuple[Line, float]] = {}
     slow = []
     with threadpool_limits(1):
@@ -334,7 +335,8 @@ def main() -> int:
             print(f"{line.what:52s} over {line.against:44s} {shown(value):>8s}{was}", flush=True)
     if options.write:
         PAGE.write_text(page(found), encoding="utf-8")
-        STORED.write_text(json.dumps({name: round(value, 5) for name, (_, value) in found.items()}, indent=1) + "\n")
+        least = {name: round(min(value, stored.get(name, value)), 5) for name, (_, value) in found.items()}
+        STORED.write_text(json.dumps(least, indent=1) + "\n")
     return 1 if slow else 0
 
 

@@ -61,7 +61,7 @@ def test_a_constant_column_is_the_intercepts_business():
     assert bordered.solution(0.0) is None
 
 
-@pytest.mark.skipif(not is_compiled(), reason="made by the compiled pass (extra 'fast')")
+@pytest.mark.skipif(not is_compiled(), reason="the compiled pass needs numba: pip install 'thermocorr[fast]'")
 @pytest.mark.parametrize("options", [{}, {"alpha": 1e-2}, {"initial_state": "fit", "longest_decay_share": 0.02}])
 def test_a_fit_of_many_runs_is_that_of_its_stretches(options):
     record = make_record(12_000, noise=0.2, seed=3)

@@ -11,7 +11,7 @@ from test_judgement import markov
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.effects import Disturbance
+from thermocorr.effects import Disturbance, InitialTransient, ThermalLag
 from thermocorr.equations.noise import decaying_sums, inverse_kernel
 from thermocorr.judgement.anywhere import filtered
 from thermocorr.judgement.cuts import change_gains, products_from
@@ -245,3 +245,12 @@ def test_a_large_reading_at_an_end_is_neither_a_start_nor_a_step(seed, size, end
     y.iloc[end] += size
     found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
     assert not found.causes and found.verdict == "nothing missing"
+
+
+def test_given_lags_and_starts_may_be_texts():
+    """As everywhere, time constants are seconds or time spans."""
+    record = make_record(2000, seed=1)
+    X, y = record[["temperature"]], record["reading"]
+    model = DynamicBiasRegressor("temperature").fit(X, y)
+    for suspect in (InitialTransient(["2 h"]), InitialTransient(["1 min"]), InitialTransient(), ThermalLag(["5 h"])):
+        assert diagnose(model, X, y, suspects=[suspect]).verdict == "nothing missing"

@@ -59,10 +59,9 @@ def choose(model: Any, X: Any, y: Any, say: Callable[[str], None] = lambda text:
 
 def chosen_products(model: Any) -> bool | int:
     """The parameter `products` of a model whose time constants are chosen; nothing is added where they are given."""
-    if model.products != "auto":
-        return bool(model.products) if model.products in (False, True) else int(model.products)
     found: TimeConstantChoice | None = getattr(model, "search_", None)
-    return found is not None and found.products
+    products: bool | int = model.products if model.products != "auto" else found is not None and found.products
+    return products
 
 
 def choose_again(

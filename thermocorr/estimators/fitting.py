@@ -270,5 +270,6 @@ def white_errors(solution: RidgeSolution, combinations: np.ndarray) -> np.ndarra
     """Standard errors of linear combinations of (U0, coefficients), were the residuals white; shape (k,)."""
     n = solution.n_rows
     variance = solution.residual_sum_of_squares / max(n - solution.rank - 1, 1)
-    through = (combinations[:, 1:] - combinations[:, :1] * solution.mean) @ solution.inverse_triangle  # U0 = mean - ...
+    without_means = combinations[:, 1:] - combinations[:, :1] * solution.mean  # U0 = mean of U - means of Q @ coef
+    through = without_means @ solution.inverse_triangle
     return np.asarray(np.sqrt(variance * (combinations[:, 0] ** 2 / n + np.einsum("ij,ij->i", through, through))))

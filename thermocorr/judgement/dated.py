@@ -11,9 +11,9 @@ from ..effects import Disturbance, InitialTransient, SensitivityStep, Step
 from ..effects.protocol import Effect
 from .anywhere import step_gains
 from .cuts import change_gains
-from .levels import LEAST_RULE, SHORTEST_START, SHORTEST_STRETCH, STRETCHES
+from .levels import LEAST_RULE, SHORTEST_STRETCH, STRETCHES
 from .likelihood import Comparison
-from .pool import Explanation, Key, Pool
+from .pool import Explanation, Key, Pool, of_first_rows
 from .stretches import best_stretch
 
 DATED = (Step.kind, SensitivityStep.kind, Disturbance.kind)
@@ -62,7 +62,7 @@ def lasting(pool: Pool, effect: Effect) -> bool:
     or the last ones no step. True for other kinds.
     """
     if isinstance(effect, InitialTransient):
-        return bool(min(map(np.min, effect.decays_.values()), default=0.0) >= SHORTEST_START * pool.spacing)
+        return not of_first_rows(effect, pool.spacing)
     if isinstance(effect, Step):
         before = np.count_nonzero(pool.data.seconds < effect.seconds_)
         return bool(SHORTEST_STRETCH <= before <= len(pool.data.seconds) - SHORTEST_STRETCH)

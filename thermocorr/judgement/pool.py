@@ -58,11 +58,13 @@ class Explanation:
         return self.key, str(sorted((k, v) for k, v in given.items() if k not in tuned))
 
 
-def _of_first_rows(effect: Effect, record: Record) -> bool:
-    """Whether a start is over so soon that it could be a large first reading."""
-    if not isinstance(effect, InitialTransient):
-        return False
-    return bool(seconds_array(effect.time_constants).min(initial=np.inf) < SHORTEST_START * record.usual_step())
+def of_first_rows(effect: Effect, step: float) -> bool:
+    """Whether a start is over so soon, with so long a step [s], that it could be a large first reading."""
+    return isinstance(effect, InitialTransient) and _times(effect).min(initial=np.inf) < SHORTEST_START * step
+
+
+def _times(effect: ThermalLag | InitialTransient) -> np.ndarray:
+    return seconds_array(effect.time_constants)
 
 
 class Pool:
@@ -71,11 +73,9 @@ class Pool:
     def __init__(self, model: DynamicBiasRegressor, record: Record, thermal: ThermalBase, candidates: Sequence[Effect]):
         self.model, self.record = model, record
         base, slow, least = thermal.effects, thermal.slow, thermal.slowest
-        fastest = SHORTEST_START * record.usual_step()
-        candidates = [e for e in candidates if not (isinstance(e, ThermalLag) and max(e.time_constants) <= least)]
-        candidates = [
-            e for e in candidates if not (isinstance(e, InitialTransient) and min(e.time_constants) < fastest)
-        ]
+        step = record.usual_step()
+        candidates = [e for e in candidates if not (isinstance(e, ThermalLag) and _times(e).max(initial=0.0) <= least)]
+        candidates = [e for e in candidates if not of_first_rows(e, step)]
         own = starts_of(model, record)
         for effect in (*own, *base, *slow, *candidates):
             effect.learn(record)

@@ -21,7 +21,9 @@ def searched(pool: Pool, anywhere: Collection[str]) -> tuple[Search, list[Cause]
     """
     search = Search(pool, anywhere)
     causes, last = search.causes()
-    best, most = (search, causes, last), _value(search, causes) if len(causes) > 1 else 0.0
+    if not 1 < len(causes) <= MANY_CAUSES:
+        return search, causes, last
+    best, most = (search, causes, last), _value(search, causes)
     for first, fewer in _other_firsts(causes).items():
         other = Search(pool, anywhere)
         found, tried = other.causes(first=first)
@@ -32,15 +34,13 @@ def searched(pool: Pool, anywhere: Collection[str]) -> tuple[Search, list[Cause]
 
 def _other_firsts(causes: Sequence[Cause]) -> dict[Key, bool]:
     """What the search may begin with instead, and whether it must then end with fewer causes."""
-    firsts: dict[Key, bool] = {}
-    if 1 < len(causes) <= MANY_CAUSES:
-        firsts = {t.key: False for cause in causes for t in cause.others if t.proven and bent(cause.tried, t)}
-    if FEW_CAUSES < len(causes) <= MANY_CAUSES:
+    plain = [t.key for cause in causes for t in cause.others if t.proven and bent(cause.tried, t)]
+    others: list[Key] = []
+    if len(causes) > FEW_CAUSES:
         rivals = [*causes[0].alike[:1], *sorted(causes[0].others, key=lambda t: -t.score)[:1]]
-        for t in (*rivals, *(cause.tried for cause in causes[1:])):
-            firsts.setdefault(t.key, True)
-    firsts.pop(causes[0].tried.key, None) if causes else None
-    return dict(list(firsts.items())[:WAYS])
+        others = [t.key for t in (*rivals, *(cause.tried for cause in causes[1:]))]
+    firsts = [key for key in dict.fromkeys((*plain, *others)) if key != causes[0].tried.key]
+    return {key: key not in plain for key in firsts[:WAYS]}
 
 
 def _value(search: Search, causes: Sequence[Cause]) -> float:
