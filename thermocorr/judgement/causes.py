@@ -42,7 +42,7 @@ from .levels import (
     WITHIN,
 )
 from .likelihood import Fit
-from .needed import needed, worth_beside
+from .needed import needed, still_helping, worth_beside
 from .pairs import pairs
 from .pool import Explanation, Key, Pool
 from .shifts import Shifts, delays
@@ -226,9 +226,11 @@ class Search:
         if len(found) < 2 and not self.paired:
             return found
         kept = needed(self.judged, found, self._chance_of)
-        if len(kept) == len(found):
-            return kept
-        return worth_beside(kept, self.first_held, [self.pool.coarse(c.tried.explanation.columns) for c in kept])
+        coarse = [self.pool.coarse(c.tried.explanation.columns) for c in kept]
+        helping = still_helping(kept, self.first_held, coarse)
+        if len(helping) == len(found):
+            return found
+        return worth_beside([kept[k] for k in helping], self.first_held, [coarse[k] for k in helping])
 
     def _chance_of(self, gain: float, cause: Cause) -> float:
         """Error probability of a cause that gains so much beside all others, as unevenly as when it was found."""

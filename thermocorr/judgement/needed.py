@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from .choice import Cause
-from .levels import LEVEL
+from .levels import GAIN, LEVEL
 from .likelihood import Comparison
 from .worth import HeldOut
 
@@ -35,6 +35,27 @@ def needed(judged: Comparison, causes: Sequence[Cause], p_value: Callable[[float
             break
         doubtful = [k for k in failed if k in kept] or list(kept)
     return [by_number[k] for k in kept]
+
+
+def still_helping(causes: Sequence[Cause], start: HeldOut, coarse: Sequence[np.ndarray]) -> list[int]:
+    """Which causes stay where all are weighed beside all others: the proven, and what still helps, numbers in `causes`.
+
+    What was taken in because it helped may do harm beside what was found after it: it stood for that. What depends on
+    time alone was not taken in for its help. Parameters as of `worth_beside`.
+    """
+    kept = list(range(len(causes)))
+    while len(kept) > 1:
+        weighed = worth_beside([causes[k] for k in kept], start, [coarse[k] for k in kept])
+        worths = {k: cause.tried.worth.both for k, cause in zip(kept, weighed, strict=True) if _only_helps(cause)}
+        worst = min(worths, key=worths.__getitem__, default=None)
+        if worst is None or worths[worst] >= GAIN:
+            break
+        kept.remove(worst)
+    return kept
+
+
+def _only_helps(cause: Cause) -> bool:
+    return not (cause.tried.proven or cause.tried.explanation.effect.of_time_alone)
 
 
 def worth_beside(causes: Sequence[Cause], start: HeldOut, coarse: Sequence[np.ndarray]) -> list[Cause]:
