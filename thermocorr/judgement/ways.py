@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 
 from .causes import Search
 from .choice import Cause, Tried, bent
-from .levels import FEW_CAUSES, MANY_CAUSES, WAYS
+from .levels import FEW_CAUSES, MANY_CAUSES, SPEAKS_PLAINLY, WAYS
 from .pool import Key, Pool
 
 
@@ -34,13 +34,18 @@ def searched(pool: Pool, anywhere: Collection[str]) -> tuple[Search, list[Cause]
 
 def _other_firsts(causes: Sequence[Cause]) -> dict[Key, bool]:
     """What the search may begin with instead, and whether it must then end with fewer causes."""
-    plain = [t.key for cause in causes for t in cause.others if t.proven and bent(cause.tried, t)]
+    plain = [t.key for cause in causes for t in cause.others if t.proven and _nearly_as_it_is(cause.tried, t)]
     others: list[Key] = []
     if len(causes) > FEW_CAUSES:
         rivals = [*causes[0].alike[:1], *sorted(causes[0].others, key=lambda t: -t.score)[:1]]
         others = [t.key for t in (*rivals, *(cause.tried for cause in causes[1:]))]
     firsts = [key for key in dict.fromkeys((*plain, *others)) if key != causes[0].tried.key]
     return {key: key not in plain for key in firsts[:WAYS]}
+
+
+def _nearly_as_it_is(tried: Tried, plain: Tried) -> bool:
+    """Whether the column as it is explains much of what it explains late or bent."""
+    return bent(tried, plain) and plain.score >= SPEAKS_PLAINLY * tried.score
 
 
 def _value(search: Search, causes: Sequence[Cause]) -> float:
