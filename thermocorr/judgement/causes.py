@@ -21,7 +21,7 @@ from .anywhere import filtered, waves
 from .chance import HelpOfNoise
 from .choice import WAVE, Cause, Tried, bent, chosen, first_of_each, plainer_than, still_sought, trifling
 from .copies import Copies
-from .dated import DATED, MANY, dated, lasting, tries
+from .dated import DATED, MANY, dated, tries
 from .imitations import Imitations
 from .levels import (
     DIFFERENT,
@@ -42,6 +42,7 @@ from .levels import (
     WITHIN,
 )
 from .likelihood import Fit
+from .nearby import move_again, moved
 from .needed import needed, still_helping, worth_beside
 from .pairs import pairs
 from .pool import Explanation, Key, Pool
@@ -92,6 +93,8 @@ class Search:
         self._best: set[int] = set()
         """Numbers of what was the best of its kind in some look, or was taken in."""
         self._chance: HelpOfNoise | None = None
+        self._moved_beside: set[tuple[int, int]] = set()
+        """Causes that were moved, each with the number of causes beside which it was."""
         self.paired = False
         """Whether a cause was proven with another one only."""
 
@@ -113,6 +116,10 @@ class Search:
                 best, rivals = self._of_a_pair()
             if best is None or len(found) - steps == MOST or (found and trifling(best, self.share(best), self.record)):
                 return self._needed(found), tried
+            if move_again(self.pool, self.judged, found, best.key, self._moved_beside):
+                coarse = [self.pool.coarse(cause.tried.explanation.columns) for cause in found]
+                self.held = self.first_held.with_columns(np.column_stack(coarse))
+                continue
             if best.proven and alone:  # else the likelihood has nothing to say on its parameters
                 best = (self._tuned([best], FINER) or [best])[0]
             same = says_the_same(self.judged, best, rivals)
@@ -228,7 +235,7 @@ class Search:
         kept = needed(self.judged, found, self._chance_of)
         coarse = [self.pool.coarse(c.tried.explanation.columns) for c in kept]
         helping = still_helping(kept, self.first_held, coarse)
-        if len(helping) == len(found):
+        if len(helping) == len(found) and not self._moved_beside:
             return found
         return worth_beside([kept[k] for k in helping], self.first_held, [coarse[k] for k in helping])
 
@@ -375,20 +382,8 @@ class Search:
         return self._weighed(which, dict(zip(which, worths, strict=True))) if which else []
 
     def _moved(self, tried: Tried, shares: Sequence[float]) -> int | None:
-        judged, best, found = self.judged, tried.number, None
-        theta = judged.refit([best])[0].theta
-        most = judged.screen(theta, [best])[0]
-        for share in shares:
-            near = self.pool.of(self.tried[best].effect.nearby(self.record, share))
-            which = self._add([each for each in near if lasting(self.pool, each.effect)])
-            if not which:
-                break
-            gains = judged.screen(theta, which)
-            if gains.max() > most:
-                most, best = gains.max(), which[int(gains.argmax())]
-                found = best
-            self._forget([i for i in which if i != best])
-        return found
+        found = moved(self.pool, self.judged.without(()), self.tried[tried.number], shares)
+        return None if found is None else self._add([found])[0]
 
     def _forget(self, which: Iterable[int]) -> None:
         """Explanations that are tried no more, and their columns."""

@@ -302,6 +302,8 @@ SHARES = (0.5, 0.25, 0.1, 0.03)
 """How far parameters are moved, coarse to fine, in a search around the best of each kind."""
 FINER = (0.01, 0.003)
 """Final step sizes for an accepted cause: what inexact parameters leave would look like a further cause."""
+MOVED = 1.0
+"""Log likelihood that a cause must gain by moving its parameters beside causes found later, to be moved at all."""
 TUNED = 4
 """Kinds whose parameters are tuned in each turn."""
 WITHIN = 0.3

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 import numpy as np
-from scipy.linalg import cho_solve, lapack, solve_triangular
+from scipy.linalg import cho_solve, solve_triangular
 
 from ..equations.noise import Bands, fitted_parts, whittle
+from .bandwise import forms, side_by_side, solved, squares_of, weighted
 from .directions import orthonormal
-from .levels import ALIVE, BATCH, PIECES, QUIET, TURNS, WIDE
+from .levels import ALIVE, BATCH, MOVED, PIECES, QUIET, TURNS, WIDE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,10 +109,10 @@ class Comparison:
 
     def _add(self, columns: Sequence[np.ndarray]) -> None:
         together = self.bands.forward(side_by_side(columns))
-        full = np.sqrt(_squares_of(together))
+        full = np.sqrt(squares_of(together))
         first = self.Q[:, : self.n_first]  # not the causes: each may be dropped again
         together.T[:] -= (together.T @ first) @ first.T
-        left = np.sqrt(_squares_of(together))
+        left = np.sqrt(squares_of(together))
         alive = left > ALIVE * np.maximum(full, 1e-300)
         together /= np.where(alive, left, 1.0)
         both = self._products(np.column_stack((self.Q, self.z)), together)
@@ -175,7 +176,7 @@ class Comparison:
 
     def _half(self, theta: np.ndarray) -> np.ndarray:
         """Cholesky factor of the base's weighted products."""
-        A = _weighted(1 / self.S(theta), self.QQ)
+        A = weighted(1 / self.S(theta), self.QQ)
         return np.linalg.cholesky(A + 1e-12 * np.trace(A) / len(A) * np.eye(len(A)))
 
     def first_fit(self, *more: np.ndarray) -> Fit:
@@ -202,8 +203,8 @@ class Comparison:
 
     def gained_beside(self, i: int, columns: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Log likelihood that columns, each of shape (n, k), gain where an explanation is in the base; their widths."""
-        other = copy(self)
-        other.causes, other.explanations = list(self.causes), [self.explanations[i]]
+        other = self.without(())
+        other.explanations = [self.explanations[i]]
         other.add(columns)
         other.adopt(0)
         which = range(1, len(columns) + 1)
@@ -229,14 +230,45 @@ class Comparison:
 
     def level_with(self, kept: Sequence[int]) -> float:
         """Log likelihood of the base with some of the adopted explanations only, the noise estimated anew."""
-        dropped = [cause for k, cause in enumerate(self.causes) if k not in kept]
-        if not dropped:
-            return self.base.level
-        columns = np.setdiff1d(np.arange(self.Q.shape[1]), np.concatenate([np.r_[part] for part in dropped]))
+        return self.without([k for k in range(len(self.causes)) if k not in kept]).base.level
+
+    def without(self, dropped: Sequence[int]) -> Comparison:
+        """The base without some of the adopted explanations, the noise estimated anew; nothing is tried beside it."""
         other = copy(self)
-        other.Q, other.Qz = self.Q[:, columns], self.Qz[:, columns]
-        other.QQ = np.ascontiguousarray(self.QQ[:, columns][:, :, columns])
-        return other.first_fit(self.base.theta).level
+        other.causes, other.explanations = list(self.causes), []
+        if dropped:
+            gone = np.concatenate([np.r_[self.causes[k]] for k in dropped])
+            columns = np.setdiff1d(np.arange(self.Q.shape[1]), gone)
+            other.causes, other.Q, other.Qz = [], self.Q[:, columns], self.Qz[:, columns]
+            other.QQ = np.ascontiguousarray(self.QQ[:, columns][:, :, columns])
+            other.base = other.first_fit(self.base.theta)
+        return other
+
+    def moves(self, k: int, columns: np.ndarray) -> bool:
+        """Put other columns, shape (n, width), in the place of an adopted explanation's; False where they gain nothing.
+
+        As many columns must be left beside the base.
+        """
+        part, other = self.causes[k], copy(self)
+        other.explanations = []
+        other.add([columns])
+        found = other.explanations[0]
+        if found is None or found.rows.shape[1] != part.stop - part.start:
+            return False
+        crossed = found.base.copy()
+        crossed[:, part] = found.own
+        other.Q, other.Qz, other.QQ = self.Q.copy(), self.Qz.copy(), self.QQ.copy()
+        other.Q[:, part], other.Qz[:, part] = found.rows, found.reading
+        other.QQ[:, :, part], other.QQ[:, part] = crossed, crossed.transpose(0, 2, 1)
+        other.base = other.first_fit(self.base.theta)
+        if other.base.level < self.base.level + MOVED:
+            return False
+        for each in self.explanations:
+            if each is not None:
+                each.base[:, part] = self._crossed(found.rows, each.rows)
+        self.Q, self.Qz, self.QQ, self.base = other.Q, other.Qz, other.QQ, other.base
+        self.white = self._white()
+        return True
 
     def _fits(self, which: Sequence[int | None], starts: Sequence[np.ndarray], turns: int) -> list[Fit]:
         theta = np.column_stack(starts)
@@ -252,18 +284,18 @@ class Comparison:
         """Coefficients under a given noise, and the sum of squares that they leave in each band."""
         W = 1 / self.S(theta)
         p = self.Qz.shape[1]
-        A, b = _weighted(W, self.QQ), W @ self.Qz
+        A, b = weighted(W, self.QQ), W @ self.Qz
         found = None if i is None else self.explanations[i]
         if found is not None:
-            B = _weighted(W, found.base)
-            A = np.block([[A, B], [B.T, _weighted(W, found.own)]])
+            B = weighted(W, found.base)
+            A = np.block([[A, B], [B.T, weighted(W, found.own)]])
             b = np.concatenate((b, W @ found.reading))
         coef = solved(A, b)
         base = coef[:p]
-        power = self.zz - 2 * self.Qz @ base + _forms(self.QQ, base, base)
+        power = self.zz - 2 * self.Qz @ base + forms(self.QQ, base, base)
         if found is not None:
             more = coef[p:]
-            power += 2 * _forms(found.base, base, more) - 2 * found.reading @ more + _forms(found.own, more, more)
+            power += 2 * forms(found.base, base, more) - 2 * found.reading @ more + forms(found.own, more, more)
         return coef, np.maximum(power, 1e-12 * self.zz)
 
     def smallest(self, column: np.ndarray, gain: float) -> float:
@@ -334,7 +366,7 @@ class Comparison:
             return gains
         W, half = 1 / self.S(theta), self._half(theta)
         b = solve_triangular(half, W @ self.Qz, lower=True)
-        together = _weighted(W, np.concatenate([f.base for f in founds], axis=2))
+        together = weighted(W, np.concatenate([f.base for f in founds], axis=2))
         base = solve_triangular(half, together, lower=True)
         reading = W @ np.concatenate([f.reading for f in founds], axis=1) - base.T @ b
         at = 0
@@ -344,7 +376,7 @@ class Comparison:
             k = found.rows.shape[1]
             columns, moment = base[:, at : at + k], reading[at : at + k]
             at += k
-            full = _weighted(W, found.own)
+            full = weighted(W, found.own)
             own = full - columns.T @ columns
             if np.all(np.diag(own) > ALIVE**2 * np.diag(full)):
                 gains[i] = 0.5 * float(moment @ solved(own, moment))
@@ -352,36 +384,3 @@ class Comparison:
             total = float(W @ self.zz - b @ b)
             gains = -0.5 * self.free * np.log1p(-np.minimum(2 * gains / total, 1 - 1e-12))
         return gains
-
-
-def _weighted(weights: np.ndarray, products: np.ndarray) -> np.ndarray:
-    """Sum over the bands of cross products, shape (bands, ...), each with its weight."""
-    return np.asarray(weights @ products.reshape(len(products), -1)).reshape(products.shape[1:])
-
-
-def _forms(products: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """``left @ products[g] @ right`` in each band."""
-    return np.asarray(products.reshape(len(products), -1) @ np.outer(left, right).ravel())
-
-
-def side_by_side(columns: Sequence[np.ndarray]) -> np.ndarray:
-    """Columns of several arrays in one, each in one piece of memory (Fortran order)."""
-    return np.concatenate([part.T for part in columns]).T
-
-
-def _squares_of(columns: np.ndarray) -> np.ndarray:
-    """Sum of squares of each column."""
-    return np.asarray(np.einsum("ij,ij->i", columns.T, columns.T))
-
-
-def solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Least squares from normal equations of columns of very different size; directions that are not there stay out."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(A), 1e-300))
-    unit = A * scale[:, None] * scale
-    half, failed = lapack.dpotrf(unit, lower=1)
-    if not failed and np.diag(half).min() > 1e-4:
-        return np.asarray(scale * lapack.dpotrs(half, scale * b, lower=1)[0])
-    values, vectors = np.linalg.eigh(unit)
-    kept = values > 1e-11 * values[-1]
-    V = vectors[:, kept]
-    return np.asarray(scale * (V @ ((V.T @ (scale * b)) / values[kept])))

@@ -8,11 +8,12 @@ from itertools import pairwise
 import numpy as np
 
 from ..equations.noise import Kernel, inverse_kernel
+from .bandwise import solved
 from .choice import Cause
 from .cuts import products_from
 from .dated import DATED
 from .levels import MOMENTS
-from .likelihood import Comparison, solved
+from .likelihood import Comparison
 from .pool import Pool
 
 Interval = tuple[float, float]

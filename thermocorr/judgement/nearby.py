@@ -1,0 +1,52 @@
+"""Parameters of an explanation, moved to where it explains most: those between the points of a grid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from .choice import Cause
+from .dated import MANY, lasting
+from .levels import FINER, SHARES
+from .likelihood import Comparison
+from .pool import Explanation, Key, Pool
+
+
+def moved(pool: Pool, beside: Comparison, explanation: Explanation, shares: Sequence[float]) -> Explanation | None:
+    """An explanation with its parameters moved to where it gains most, by each of `shares`; None where nowhere more.
+
+    `beside` is the base that it stands beside; what else is tried there is forgotten. See `Effect.nearby`.
+    """
+    beside.explanations = []
+    beside.add([explanation.columns])
+    theta = beside.refit([0])[0].theta
+    most, best = beside.screen(theta)[0], explanation
+    for share in shares:
+        near = pool.of(best.effect.nearby(pool.record, share))
+        near = [each for each in near if lasting(pool, each.effect)]
+        if not near:
+            break
+        beside.explanations = []
+        beside.add([each.columns for each in near])
+        gains = beside.screen(theta)
+        if gains.max() > most:
+            most, best = gains.max(), near[int(gains.argmax())]
+    return None if best is explanation else best
+
+
+def move_again(pool: Pool, judged: Comparison, found: list[Cause], key: Key, done: set[tuple[int, int]]) -> bool:
+    """Move causes of a kind and column in `found` to where they explain most beside what was found since; True if any.
+
+    What their parameters miss looks like a further cause of that kind. `done` remembers which cause was moved beside
+    how many: each only once.
+    """
+    before = list(found)
+    for k, cause in enumerate(before):
+        now = cause.tried.explanation
+        if cause.tried.key != key or key in MANY or now.in_model or (k, len(found)) in done:
+            continue
+        done.add((k, len(found)))
+        there = moved(pool, judged.without([cause.adopted]), now, (*SHARES, *FINER))
+        if there is not None and judged.moves(cause.adopted, there.columns):
+            found[k] = replace(cause, tried=replace(cause.tried, explanation=there))
+    return found != before
