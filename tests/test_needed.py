@@ -7,24 +7,24 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.effects import Drift
+from thermocorr.effects import Covariate, Drift
 from thermocorr.judgement.choice import Cause, Tried
 from thermocorr.judgement.likelihood import Comparison
-from thermocorr.judgement.needed import worth_beside
+from thermocorr.judgement.needed import still_helping, worth_beside
 from thermocorr.judgement.pool import Explanation
 from thermocorr.judgement.worth import HeldOut, Worth
 
 N = 3000
 
 
-def cause_of(columns):
+def cause_of(columns, effect=None, p_value=0.0):
     """A cause that nobody has weighed."""
     tried = Tried(
-        explanation=Explanation(Drift(), columns),
+        explanation=Explanation(effect or Drift(), columns),
         number=0,
         score=1.0,
         full=1.0,
-        p_value=0.0,
+        p_value=p_value,
         worth=Worth(later=0.0, blocks=0.0),
         scatter=0.0,
         uneven=False,
@@ -82,3 +82,17 @@ def test_what_a_cause_is_worth_is_told_beside_all_others():
     assert worths[0] == pytest.approx(10 * np.log10(1 + 0.5 / 0.09), abs=0.5)
     assert worths[1] > 35
     assert worth_beside([cause_of(loud)], start, [loud])[0].tried.worth == start.worth([loud])[0]
+
+
+def test_what_only_helped_goes_where_it_stood_for_another_cause():
+    rng = np.random.default_rng(4)
+    there, other, else_ = rng.normal(size=(3, N, 1))
+    stood_for, base = there + else_, np.column_stack((np.ones(N), rng.normal(size=N)))
+    reading = base @ [2.0, 1.0] + there[:, 0] + other[:, 0] + 0.3 * rng.normal(size=N)
+    start, columns = HeldOut(reading[:, None], base), [stood_for, there, other]
+    assert start.worth([stood_for])[0].both > 1  # alone it helps
+    beside = [cause_of(there, Covariate("b")), cause_of(other, Covariate("c"), 1.0)]
+    helps, proven, of_time = Covariate("a"), Covariate("a"), Drift()
+    assert still_helping([cause_of(stood_for, helps, 1.0), *beside], start, columns) == [1, 2]
+    assert still_helping([cause_of(stood_for, proven, 0.0), *beside], start, columns) == [0, 1, 2]
+    assert still_helping([cause_of(stood_for, of_time, 1.0), *beside], start, columns) == [0, 1, 2]

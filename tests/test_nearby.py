@@ -1,0 +1,61 @@
+"""Causes that were found are moved to where they explain most beside those found since."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr.datasets import make_record
+from thermocorr.judgement.likelihood import Comparison
+
+N = 4000
+
+
+@pytest.mark.parametrize(
+    ("effects", "seed"), [({"hinge": 1.0, "lagged_covariate": 1.0}, 6), ({"step": 1.0, "lagged_covariate": 1.0}, 5)]
+)
+def test_what_the_parameters_of_a_cause_miss_is_no_further_cause(effects, seed):
+    record = make_record(84_000, sampling_period=15.0, effects=effects, seed=seed, noise=0.2)
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert sorted(cause.effect.kind for cause in found.causes) == sorted(effects)
+
+
+@pytest.fixture
+def parts():
+    rng = np.random.default_rng(3)
+    base = np.column_stack((np.ones(N), rng.normal(size=N)))
+    near, there, other = rng.normal(size=(3, N, 1))
+    reading = base @ [2.0, 1.0] + there[:, 0] + other[:, 0] + 0.3 * rng.normal(size=N)
+    return reading, base, near + 0.5 * there, there, other
+
+
+def test_a_moved_cause_leaves_what_had_been_left_had_it_been_there_at_once(parts):
+    reading, base, near, there, other = parts
+    run = np.repeat([0, 1], N // 2)
+    moved, fresh = Comparison(reading, base, run), Comparison(reading, base, run)
+    moved.add([near, other, near + other])
+    fresh.add([there, other, near + other])
+    for judged in (moved, fresh):
+        judged.adopt(0)
+        judged.adopt(1)
+    assert moved.moves(0, there)
+    assert moved.base.level == pytest.approx(fresh.base.level, abs=0.1)  # of noise that was estimated another way
+    assert moved.white == pytest.approx(fresh.white, rel=1e-9)
+    for judged in (moved, fresh):
+        judged.add([near])
+    theta = fresh.base.theta
+    np.testing.assert_allclose(moved.screen(theta), fresh.screen(theta), rtol=1e-8, atol=1e-8)
+
+
+def test_no_cause_is_moved_to_where_it_explains_less(parts):
+    reading, base, near, there, _ = parts
+    judged = Comparison(reading, base, np.zeros(N, int))
+    judged.add([there])
+    judged.adopt(0)
+    level, Q = judged.base.level, judged.Q
+    assert not judged.moves(0, near)
+    assert not judged.moves(0, np.column_stack((near, there)))  # nor into more columns
+    assert judged.base.level == level
+    assert judged.Q is Q
