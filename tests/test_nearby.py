@@ -40,7 +40,7 @@ def test_a_moved_cause_leaves_what_had_been_left_had_it_been_there_at_once(parts
     for judged in (moved, fresh):
         judged.adopt(0)
         judged.adopt(1)
-    assert moved.moves(0, there)
+    assert moved.moves(0, there, 100.0)
     assert moved.base.level == pytest.approx(fresh.base.level, abs=0.1)  # of noise that was estimated another way
     assert moved.white == pytest.approx(fresh.white, rel=1e-9)
     for judged in (moved, fresh):
@@ -55,7 +55,8 @@ def test_no_cause_is_moved_to_where_it_explains_less(parts):
     judged.add([there])
     judged.adopt(0)
     level, Q = judged.base.level, judged.Q
-    assert not judged.moves(0, near)
-    assert not judged.moves(0, np.column_stack((near, there)))  # nor into more columns
+    assert not judged.moves(0, near, 0.0)
+    assert not judged.moves(0, np.column_stack((near, there)), 0.0)  # nor into more columns
+    assert not judged.moves(0, there, 1.0)
     assert judged.base.level == level
     assert judged.Q is Q

@@ -78,10 +78,10 @@ def test_a_fitted_model_keeps_no_sweeps_of_others():
 
 
 def test_comparisons_sweep_a_variant_once_or_twice(swept):
-    """Its first block apart: beside it the decays of the start are other ones."""
+    """Its first block apart: beside it the decays of the start are other ones. Once more beside products of lags."""
     X, y = data()
     compared = compare_variants(X, y, temperature="temperature")
-    assert len(swept) == 2 * 2
+    assert len(swept) == 2 * 2 + 1
     swept.clear()
     later_errors(compared.models, X, y)
     assert len(swept) == 2

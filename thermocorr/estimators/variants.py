@@ -174,8 +174,10 @@ def compare_variants(
         "dynamic linear": clone(dynamic).set_params(degree=1, products=False),
         "dynamic nonlinear": clone(dynamic).set_params(degree=degree, products=False),
     }
+    sweeps = {name: Sweeps() for name in variants}
     if products == "auto" and count_to_choose(dynamic.time_constants) != 0:
-        products = clone(dynamic).set_params(degree=degree, products=products).fit(X, y).products_
+        tried = clone(dynamic).set_params(degree=degree, products=products)
+        products = fitted_to(tried, X, y, sweeps["dynamic nonlinear"]).products_
     if products not in ("auto", False):
         variants["dynamic nonlinear with products"] = clone(dynamic).set_params(degree=degree, products=products)
     reading = believed_readings(dynamic, X, y)
@@ -186,10 +188,10 @@ def compare_variants(
     with told(progress, len(variants) * (1 + len(blocks))) as tell:
         for name, variant in variants.items():
             tell(f"{name}: fitting")
-            sweeps = Sweeps()
-            fitted[name] = fitted_to(variant, X, y, sweeps)
+            swept = sweeps.get(name, Sweeps())
+            fitted[name] = fitted_to(variant, X, y, swept)
             inside[name] = np.asarray(fitted[name].residuals(X, y))
-            outside[name] = residuals_of_blocks(variant, X, reading, n_blocks, sweeps, partial(_tell, tell, name))
+            outside[name] = residuals_of_blocks(variant, X, reading, n_blocks, swept, partial(_tell, tell, name))
     record = read_record(X, fitted["static linear"].features_.layout(), y=y, quiet=True)
     smooth = _Smoothing(record, blocks, window)
     raw = reading - np.nanmean(reading)

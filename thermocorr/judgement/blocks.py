@@ -90,8 +90,9 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
     if not pairs:
         return []
     record, effects = pairs[0][0], [effect for _, effect in pairs]
-    widths = [len(effect.names()) for effect in effects]
-    parts: list[list[np.ndarray]] = [[] for _ in effects]
+    edges = np.cumsum([0, *(len(effect.names()) for effect in effects)]).tolist()
+    most = sum(-(-segment.n_rows // width) for segment in record.segments)
+    means, n = np.empty((most, edges[-1]), order="F"), 0  # at once: memory in small pieces costs more than its use
     states: list[Any] = []
     for block in record.blocks(_rows(width, rows), starts=own_starts(record)):
         if block.start == record.segments[block.segment].start:
@@ -101,18 +102,19 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
         starts = np.arange(0, len(block), width)
         count = np.diff(starts, append=len(block)) if even else np.add.reduceat(share, starts)
         share_of_one, kept = 1 / np.maximum(count, 1), slice(None) if count.all() else count > 0
+        first, n = n, n + int(np.count_nonzero(count))
         for i, (own, effect) in enumerate(pairs):
             if isinstance(own, Thinned) and said(effect) in own.exact:
                 columns = own.exact[said(effect)][block.rows]
             else:
                 columns, states[i] = effect.columns(block if own is record else block.of(own), states[i])
-            columns = np.asarray(columns).reshape(len(block), widths[i])
+            columns = np.asarray(columns).reshape(len(block), edges[i + 1] - edges[i])
             if not even:
                 columns = columns * share[:, None]
             if width > 1:
                 columns = sums_of(columns, width)
-            parts[i].append(columns if even and width == 1 else (columns.T * share_of_one).T[kept])
-    return [np.concatenate(part) for part in parts]
+            means[first:n, edges[i] : edges[i + 1]] = (columns.T * share_of_one).T[kept]
+    return [means[:n, low:high] for low, high in pairwise(edges)]
 
 
 def stretch_of(record: Record, n_stretches: int) -> int:

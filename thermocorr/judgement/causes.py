@@ -116,7 +116,8 @@ class Search:
                 best, rivals = self._of_a_pair()
             if best is None or len(found) - steps == MOST or (found and trifling(best, self.share(best), self.record)):
                 return self._needed(found), tried
-            if move_again(self.pool, self.judged, found, best.key, self._moved_beside):
+            gain = best.score + self.price(best.number)
+            if move_again(self.pool, self.judged, found, best.key, gain, self._moved_beside):
                 coarse = [self.pool.coarse(cause.tried.explanation.columns) for cause in found]
                 self.held = self.first_held.with_columns(np.column_stack(coarse))
                 continue

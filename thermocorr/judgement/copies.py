@@ -50,7 +50,7 @@ class Copies:
             copies = [(record, clone(effect)) for record in together]
             for record, copied in copies:
                 copied.learn(record)
-            columns += [pool.rows.weighed(part) for part in averaged_copies(copies, FINE)]
+            columns += [pool.rows.weighed(part, out=part) for part in averaged_copies(copies, FINE)]
         gains, widths = judged.gained_beside(number, columns)
         helped = max(worth.both for worth in held.worth([pool.coarse(part) for part in columns]))
         return cls(inflation=float(2 * gains.sum() / max(widths.sum(), 1)), help=helped)

@@ -152,26 +152,27 @@ class JudgedRows:
         """The constant, as columns are judged, shape (n,)."""
         return self.starts.taken_out(self.weight.copy())
 
-    def weighed(self, columns: np.ndarray) -> np.ndarray:
+    def weighed(self, columns: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
         """Columns, shape (n,) or (n, k), as they are judged: straight over spikes, weighted, less what starts hold.
 
         The same is done to reading and columns, so that noise that wanders has no holes. They lose their means first,
-        to which digits would be lost.
+        to which digits would be lost. They are written to `out`, which may be the columns themselves.
         """
-        return self.starts.taken_out(self._weighted(columns))
+        return self.starts.taken_out(self._weighted(columns, out))
 
-    def _weighted(self, columns: np.ndarray) -> np.ndarray:
+    def _weighted(self, columns: np.ndarray, out: np.ndarray | None) -> np.ndarray:
         """Columns without their means, straight over spikes, times the rows' weights."""
-        if not self.left_out.any():
-            centred = columns - columns.mean(axis=0)
-            return centred if (self.weight == 1).all() else np.asarray((centred.T * self.weight).T)
-        centred = columns - columns[~self.left_out].mean(axis=0)
-        rows, kept = np.flatnonzero(self.left_out), np.flatnonzero(~self.left_out)
-        place = np.searchsorted(kept, rows)
-        low, high = kept[np.maximum(place - 1, 0)], kept[np.minimum(place, len(kept) - 1)]
-        share = np.clip((rows - low) / np.maximum(high - low, 1), 0.0, 1.0)
-        centred[rows] = (centred[low].T * (1 - share) + centred[high].T * share).T
-        return np.asarray((centred.T * self.weight).T)
+        known = ~self.left_out
+        centred = np.subtract(columns, (columns if known.all() else columns[known]).mean(axis=0), out=out)
+        if not known.all():
+            rows, kept = np.flatnonzero(self.left_out), np.flatnonzero(known)
+            place = np.searchsorted(kept, rows)
+            low, high = kept[np.maximum(place - 1, 0)], kept[np.minimum(place, len(kept) - 1)]
+            share = np.clip((rows - low) / np.maximum(high - low, 1), 0.0, 1.0)
+            centred[rows] = (centred[low].T * (1 - share) + centred[high].T * share).T
+        by_row = centred.T
+        by_row *= self.weight
+        return np.asarray(centred)
 
 
 def _outstanding(left: np.ndarray) -> np.ndarray:

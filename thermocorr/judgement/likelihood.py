@@ -17,7 +17,7 @@ from scipy.linalg import cho_solve, solve_triangular
 from ..equations.noise import Bands, fitted_parts, whittle
 from .bandwise import forms, side_by_side, solved, squares_of, weighted
 from .directions import orthonormal
-from .levels import ALIVE, BATCH, MOVED, PIECES, QUIET, TURNS, WIDE
+from .levels import ALIVE, BATCH, PIECES, QUIET, TURNS, WIDE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,7 +222,7 @@ class Comparison:
             return None
         crossed = self._crossed(one.rows, other.rows)
         return ExplanationColumns(
-            rows=np.column_stack((one.rows, other.rows)),
+            rows=np.empty((0, one.rows.shape[1] + other.rows.shape[1])),  # nobody asks for them
             own=np.block([[one.own, crossed], [crossed.transpose(0, 2, 1), other.own]]),
             base=np.concatenate((one.base, other.base), axis=2),
             reading=np.concatenate((one.reading, other.reading), axis=1),
@@ -244,10 +244,10 @@ class Comparison:
             other.base = other.first_fit(self.base.theta)
         return other
 
-    def moves(self, k: int, columns: np.ndarray) -> bool:
-        """Put other columns, shape (n, width), in the place of an adopted explanation's; False where they gain nothing.
+    def moves(self, k: int, columns: np.ndarray, least: float) -> bool:
+        """Put other columns, shape (n, width), in the place of an adopted explanation's; False where that gains little.
 
-        As many columns must be left beside the base.
+        They must gain `least`, in log likelihood, and be as many beside the base.
         """
         part, other = self.causes[k], copy(self)
         other.explanations = []
@@ -261,7 +261,7 @@ class Comparison:
         other.Q[:, part], other.Qz[:, part] = found.rows, found.reading
         other.QQ[:, :, part], other.QQ[:, part] = crossed, crossed.transpose(0, 2, 1)
         other.base = other.first_fit(self.base.theta)
-        if other.base.level < self.base.level + MOVED:
+        if other.base.level < self.base.level + least:
             return False
         for each in self.explanations:
             if each is not None:

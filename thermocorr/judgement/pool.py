@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -92,7 +92,8 @@ class Pool:
         self.base = np.column_stack([self.rows.constant, *map(self.rows.weighed, columns[: len(base)])])
         """Columns of the base, shape (n, p); the constant first."""
         self.reading = self.rows.weighed(self.data.reading)
-        columns = [self.rows.weighed(part) for part in columns[len(base) :]]
+        self.data = self.rows.data = replace(self.data, columns=[])
+        columns = [self.rows.weighed(part, out=part) for part in columns[len(base) :]]
         self.explanations = [Explanation(e, c, True) for e, c in zip(slow, columns[: len(slow)], strict=True)]
         self.explanations += [Explanation(e, c) for e, c in zip(candidates, columns[len(slow) :], strict=True)]
 
@@ -111,7 +112,7 @@ class Pool:
         for effect in effects:
             effect.learn(self.record)
         columns = averaged_columns(self.record, effects, FINE)
-        return [Explanation(e, self.rows.weighed(c)) for e, c in zip(effects, columns, strict=True)]
+        return [Explanation(e, self.rows.weighed(c, out=c)) for e, c in zip(effects, columns, strict=True)]
 
     @cached_property
     def thermometers(self) -> pd.DataFrame:
