@@ -95,7 +95,7 @@ class Search:
         self._chance: HelpOfNoise | None = None
         self._moved_beside: set[tuple[int, int]] = set()
         """Causes that were to be moved, each with the number of causes beside which it was tried."""
-        self.moved = False
+        self.any_moved = False
         """Whether a cause was moved, so that what each is worth is not what it was when it was found."""
         self.paired = False
         """Whether a cause was proven with another one only."""
@@ -121,7 +121,7 @@ class Search:
             gain = best.score + self.price(best.number)
             if move_again(self.pool, self.judged, found, best.key, gain, self._moved_beside):
                 coarse = [self.pool.coarse(cause.tried.explanation.columns) for cause in found]
-                self.held, self.moved = self.first_held.with_columns(np.column_stack(coarse)), True
+                self.held, self.any_moved = self.first_held.with_columns(np.column_stack(coarse)), True
                 continue
             if best.proven and alone:  # else the likelihood has nothing to say on its parameters
                 best = (self._tuned([best], FINER) or [best])[0]
@@ -238,7 +238,7 @@ class Search:
         kept = needed(self.judged, found, self._chance_of)
         coarse = [self.pool.coarse(c.tried.explanation.columns) for c in kept]
         helping = still_helping(kept, self.first_held, coarse)
-        if len(helping) == len(found) and not self.moved:
+        if len(helping) == len(found) and not self.any_moved:
             return found
         return worth_beside([kept[k] for k in helping], self.first_held, [coarse[k] for k in helping])
 
