@@ -30,6 +30,10 @@ def cases(folder: str, share: float = SHARE) -> Iterator[tuple[str, pd.DataFrame
     run = load_real_record("vhd200_resistor", folder, run="run10")
     X, y = run.drop(columns="resistance_ohm"), (run["resistance_ohm"] / 1000 - 1) * 1e6
     yield "vhd200 run10", X, y, "oven_temp_degC", int(share * len(X))
+    runs = load_real_record("vhd200_resistor", folder)
+    runs = runs[runs["run"].isin(["run9", "run10"])]  # the same resistor; the second run is later, and shared as above
+    X, y = runs.drop(columns="resistance_ohm"), (runs["resistance_ohm"] / 1000 - 1) * 1e6
+    yield "vhd200 run9 and run10", X, y, "oven_temp_degC", len(X) - int((1 - share) * (X["run"] == "run10").sum())
     meter = load_real_record("hp34420a_nanovoltmeter", folder, run="100mV")
     for channel in (1, 2):
         X = meter.drop(columns=[name for name in meter.columns if name.endswith("_V")])
@@ -69,7 +73,8 @@ def main() -> None:
     warnings.simplefilter("ignore", RecordWarning)
     for name, X, y, temperature, n in (*cases(options.folder, options.share), *heads(options.folder, options.share)):
         later = slice(n, n + math.ceil(THEN * len(X)))
-        model = DynamicBiasRegressor(temperature, degree=1 if temperature == "recharge_mm" else 2)
+        run = "run" if "run" in X else None
+        model = DynamicBiasRegressor(temperature, degree=1 if temperature == "recharge_mm" else 2, run=run)
         refinement = refine(model, X[:n], y[:n])
         first = refinement.diagnoses[0]
         base = model.fit(X[:n], y[:n])

@@ -272,37 +272,52 @@ def _peaks(values: Floats, usual: Usual, jumps: Jumps, inside: Booleans) -> tupl
     """Peaks of one or two rows beyond the reach, and their heights; jumps that stay are counted."""
     steps = np.diff(values)
     far = np.flatnonzero(np.abs(steps) > usual.reach)
-    rows: list[int] = []
-    heights: list[float] = []
-    staying, k = [], 0
-    while k < len(far):
-        first = int(far[k]) + 1
-        ends = [m for m in range(k + 1, min(k + 1 + LONGEST, len(far))) if far[m] - far[k] <= LONGEST]
-        end = next((m for m in reversed(ends) if _returned(values, first, int(far[m]) + 1, usual)), None)
-        if end is None:
-            if inside[first]:
-                staying.append(abs(float(steps[far[k]])))
-            k += 1
-            continue
-        stop = int(far[end]) + 1
-        height = float(np.abs(values[first:stop] - (values[first - 1] + values[stop]) / 2).min())
-        rows += range(first, stop)
-        heights += [height] * (stop - first)
-        k = end + 1
-    jumps.add(np.array(staying), usual.reach)
-    return np.array(rows, np.intp), np.array(heights)
+    lengths, heights = np.zeros(len(far), np.intp), np.zeros(len(far))
+    for length in range(1, LONGEST + 1):  # of the longest that returns
+        ends = np.flatnonzero(np.isin(far + length, far))
+        returned, height = _returned(values, far[ends] + 1, length, usual)
+        lengths[ends[returned]], heights[ends[returned]] = length, height[returned]
+    stays, free = np.ones(len(far), bool), 0
+    rows: list[NDArray[np.intp]] = []
+    for k in np.flatnonzero(lengths):
+        if far[k] >= free:  # not within the one before
+            free = far[k] + lengths[k] + 1
+            stays[k : np.searchsorted(far, free)] = False
+            rows.append(np.arange(far[k] + 1, free))
+        else:
+            lengths[k] = 0
+    stays[stays] = inside[far[stays] + 1]
+    jumps.add(np.abs(steps[far[stays]]), usual.reach)
+    return np.concatenate([np.zeros(0, np.intp), *rows]), np.repeat(heights, lengths)
 
 
-def _returned(values: Floats, first: int, stop: int, usual: Usual) -> bool:
-    """Whether the rows ``first:stop`` are far from those before and after, which agree, and from the noise nearby."""
-    if first < 1 or stop >= len(values):
-        return False
-    before, after = values[first - 1], values[stop]
-    heights = np.abs(values[first:stop] - (before + after) / 2)
-    near = np.concatenate((values[max(first - NEARBY, 0) : first], values[stop : stop + NEARBY]))
-    noise = max(usual.noise, _noise(np.diff(near)))
-    height = float(heights.min())
-    return height > max(usual.reach, SPIKE * noise) and abs(after - before) <= max(3 * noise, RETURN * height)
+def _returned(values: Floats, first: NDArray[np.intp], length: int, usual: Usual) -> tuple[Booleans, Floats]:
+    """Whether the rows from each of `first` on are far from those before and after, which agree, and from the noise
+    nearby; and how far they are.
+    """
+    returned, heights = np.zeros(len(first), bool), np.zeros(len(first))
+    complete = np.flatnonzero((first > 0) & (first + length < len(values)))
+    first = first[complete]
+    before, after = values[first - 1], values[first + length]
+    away = np.abs(values[first[:, None] + np.arange(length)] - ((before + after) / 2)[:, None])
+    heights[complete] = height = away.min(axis=1)
+    high = height > max(usual.reach, SPIKE * usual.noise)  # else the noise nearby need not be looked at
+    noise = np.maximum(usual.noise, _noise_beside(values, first[high], length))
+    agree = np.abs(after - before)[high] <= np.maximum(3 * noise, RETURN * height[high])
+    returned[complete[high]] = agree & (height[high] > SPIKE * noise)
+    return returned, heights
+
+
+def _noise_beside(values: Floats, first: NDArray[np.intp], length: int) -> Floats:
+    """`_noise` of the rows nearby, before and after those from each of `first` on."""
+    rows = first[:, None] + np.concatenate((np.arange(-NEARBY, 0), np.arange(length, length + NEARBY)))
+    near = values.take(rows, mode="clip")
+    near[(rows < 0) | (rows >= len(values))] = np.nan
+    sizes = np.abs(np.diff(near, axis=1))
+    sizes[~(sizes > 0)] = np.inf  # where it stands still, and beyond the ends
+    moved = np.isfinite(sizes).sum(axis=1)
+    middle = np.take_along_axis(np.sort(sizes, axis=1), np.maximum(moved[:, None] - 1, 0) // 2, axis=1)[:, 0]
+    return np.where(moved > 0, 1.4826 * middle / np.sqrt(2), 0.0)
 
 
 def spikes(values: Floats, rounding: float = 0.0) -> Booleans:

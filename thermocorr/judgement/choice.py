@@ -186,6 +186,11 @@ def bent(t: Tried, plain: Tried) -> bool:
     return t.key[1] is not None and t.key[1] == plain.key[1] and t.size > plain.size
 
 
+def unrecorded(t: Tried, recorded: Tried) -> bool:
+    """Whether an explanation needs no recorded column, of one that does, and helps no more."""
+    return t.key[1] is None and recorded.key[1] is not None and t.worth.both <= recorded.worth.both
+
+
 def plainer_than(best: Tried, same: Sequence[Tried]) -> Tried | None:
     """The column that is added as it is and says what a product with a column says, helping nearly as much; or None.
 

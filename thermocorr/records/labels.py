@@ -32,9 +32,9 @@ def factorized(labels: pd.Series[Any], what: str) -> tuple[NDArray[np.intp], pd.
     missing = labels.isna().to_numpy()
     if missing.any():
         raise RecordError(f"{what} is empty in row {missing.argmax()}. Label every row.")
-    dates = labels.dtype.kind in "mM" and not isinstance(labels.dtype, pd.ArrowDtype)
+    alike = labels.dtype.kind in "biufmM" and not isinstance(labels.dtype, pd.ArrowDtype)
     try:
-        for row, value in enumerate(() if dates else labels):
+        for row, value in enumerate(() if alike or isinstance(labels.dtype, pd.StringDtype) else labels):
             if not isinstance(value, LABELS):
                 raise RecordError(
                     f"{what} holds a {type(value).__name__} in row {row}. Label runs with text, numbers or dates."
