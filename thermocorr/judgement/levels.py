@@ -340,6 +340,9 @@ FURTHER_HELP = 0.99
 """Errors over those before, up to which an effect gets a further lag."""
 FURTHER_LAGS = 3
 """Lags that an effect may get beside the first, each only where data that it was not learned from are better for it."""
+OTHER_TIMES = (0.25, 0.4, 0.63, 1.6, 2.5, 4.0)
+"""Factors on the time constant of an effect that was just added, at which its errors are compared: coarse, for the
+errors of a few blocks are."""
 NEXT_LAG = 2.5
 """Ratio of neighbouring time constants that are tried as further lags of an effect: closer ones say nearly the same."""
 SUPERFLUOUS = 1.001

@@ -172,8 +172,9 @@ def _refined(
     try:
         for number in range(1, max_steps + 1):
             added: Effect | None = None
-            proven = [cause.effect for cause in diagnoses[-1].causes if cause.standing == "proven"]
-            for effect in worth_trying(diagnoses[-1]):
+            causes = [cause for cause in diagnoses[-1].causes if cause.standing == "proven"]
+            proven = [effect for cause in causes for effect in (cause.effect, *cause.confusable_with)]
+            for effect in (*worth_trying(diagnoses[-1]), *instead(diagnoses[-1])):
                 say(f"step {number}: adding {effect.title()}")
                 extended = with_missing(current, effect)
                 extended.fit(X, y)
@@ -187,7 +188,7 @@ def _refined(
                     extended, errors, added = worked_out(extended, X, y, errors, added, say)
                 named = added.label()
             else:
-                proven = proven[:TRIES]
+                proven = [cause.effect for cause in causes[:TRIES]]
                 if len(proven) < 2:
                     break
                 say(f"step {number}: adding {' and '.join(effect.title() for effect in proven)}")
@@ -227,6 +228,11 @@ def worth_trying(found: Diagnosis) -> list[Effect]:
     """Causes to try, those first that are worth most on data that were not learned from."""
     ranked = sorted(found.causes, key=lambda cause: -round(min(cause.gain_db, cause.later_db), 1))
     return [cause.effect for cause in ranked[:TRIES]]
+
+
+def instead(found: Diagnosis) -> list[Effect]:
+    """What the record does not tell from causes, to try where none of them is kept: later data may tell."""
+    return [effect for cause in found.causes[:TRIES] for effect in cause.confusable_with][:TRIES]
 
 
 def _step(number: int, effect: str, change: str, errors: Errors, start: Errors, found: Diagnosis) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..estimators.regressor import DynamicBiasRegressor
 from .adding import Errors
-from .levels import AS_FREEZING, FREEZING, FURTHER_HELP, FURTHER_LAGS, LOWER, MOVES, NEXT_LAG, WIDELY
+from .levels import AS_FREEZING, FREEZING, FURTHER_HELP, FURTHER_LAGS, LOWER, MOVES, NEXT_LAG, OTHER_TIMES, WIDELY
 from .tuning import at_freezing, effects_of, fitted_with, held_fast, tuned
 
 
@@ -52,6 +52,7 @@ def worked_out(
     better = Errors.of(moved, X, y)
     if better.better_than(errors):
         model, errors = moved, better
+    model, errors = _timed(model, X, y, place, errors, say)
     frozen = _freezing(model, X, y, place)
     if frozen is not None and (same := Errors.of(frozen, X, y)).ratio(errors) <= AS_FREEZING:
         model, errors = frozen, same
@@ -73,6 +74,29 @@ def _is_of(effect: Effect, added: Effect) -> bool:
 def _moved(model: DynamicBiasRegressor, X: Any, y: Any, place: int) -> DynamicBiasRegressor:
     """The model with the parameters of one effect where it explains most, the lags of the temperature chosen anew."""
     return fitted_with(model, effects_of(tuned(model, X, y, WIDELY, [place], moves=MOVES, thaw=True)), X, y)
+
+
+def _timed(
+    model: DynamicBiasRegressor, X: Any, y: Any, place: int, errors: Errors, say: Callable[[str], None]
+) -> tuple[DynamicBiasRegressor, Errors]:
+    """The model, and its errors, with the time constant of one effect at which both errors together are least.
+
+    How well the record is told says little of it: lags of the temperature make up for a wrong one, until it is another
+    day. They are chosen anew for each.
+    """
+    effects, best = effects_of(model), FURTHER_HELP
+    times = seconds_array(effects[place].time_constants)
+    if len(times) != 1:
+        return model, errors
+    say(f"trying other time constants of {effects[place].title()}")
+    found = model, errors
+    for tau in times[0] * np.array(OTHER_TIMES):
+        other = clone(effects[place]).set_params(time_constants=[float(tau)])
+        tried = fitted_with(model, [*effects[:place], other, *effects[place + 1 :]], X, y)
+        there = Errors.of(tried, X, y)
+        if there.ratio(errors) <= best:
+            found, best = (tried, there), there.ratio(errors)
+    return found
 
 
 def _freezing(model: DynamicBiasRegressor, X: Any, y: Any, place: int) -> DynamicBiasRegressor | None:
