@@ -138,7 +138,8 @@ class Effect(ParametersOnce):
             for i, number in enumerate(numbers):
                 for factor in (1 / (1 + share), 1 + share):
                     moved = [*numbers[:i], number * factor, *numbers[i + 1 :]]
-                    copies.append(clone(self).set_params(**{name: moved[0] if single else moved}))
+                    if len(set(moved)) == len(moved):  # not one on top of the other
+                        copies.append(clone(self).set_params(**{name: moved[0] if single else moved}))
         return copies
 
     def inputs(self) -> list[Any]:

@@ -22,8 +22,8 @@ from ..records.quantities import number_text, scale_of
 from ..records.text import printable
 from .adding import Errors, with_missing
 from .diagnosis import diagnose
-from .found import WIDTH, Diagnosis
-from .levels import JOINTLY, TRIES
+from .found import WIDTH, Diagnosis, FoundSuspect
+from .levels import CLEARLY_LESS, JOINTLY, TRIES
 from .shorter import shorter
 from .tuning import effects_of, fitted_with, tuned
 from .worked_out import worked_out
@@ -167,35 +167,14 @@ def _refined(
     """Step by step from a fitted model, whose diagnosis is known."""
     say("measuring the error on held-out and on later blocks")
     start = best = Errors.of(current, X, y)
-    diagnoses, unit = [first], first.unit
+    diagnoses = [first]
     rows = [_step(0, "", "given", best, start, diagnoses[0])]
     try:
         for number in range(1, max_steps + 1):
-            added: Effect | None = None
-            causes = [cause for cause in diagnoses[-1].causes if cause.standing == "proven"]
-            proven = [effect for cause in causes for effect in (cause.effect, *cause.confusable_with)]
-            for effect in (*worth_trying(diagnoses[-1]), *instead(diagnoses[-1])):
-                say(f"step {number}: adding {effect.title()}")
-                extended = with_missing(current, effect)
-                extended.fit(X, y)
-                errors = Errors.of(extended, X, y)
-                if errors.worth(effect, best, any(effect is cause for cause in proven)):
-                    added = effect
-                    break
-                say(f"{effect.title()} does not help on data that it was not learned from: {errors.text(unit, best)}")
-            if added is not None:
-                if any(added is effect for effect in proven):
-                    extended, errors, added = worked_out(extended, X, y, errors, added, say)
-                named = added.label()
-            else:
-                proven = [cause.effect for cause in causes[:TRIES]]
-                if len(proven) < 2:
-                    break
-                say(f"step {number}: adding {' and '.join(effect.title() for effect in proven)}")
-                extended, errors = _with_all(current, X, y, proven)
-                if not all(errors.worth(effect, best) for effect in proven):
-                    break
-                named = " and ".join(effect.label() for effect in proven)
+            longer = _extended(current, X, y, best, diagnoses[-1], _at_step(number, say))
+            if longer is None:
+                break
+            extended, errors, named = longer
             current, best, gone = _without_superfluous(extended, X, y, errors)
             diagnoses.append(diagnose(current, X, y, **wanted))
             rows.append(_step(number, named, "added", best, start, diagnoses[-1]))
@@ -215,6 +194,30 @@ def _refined(
     return Refinement(pd.DataFrame(rows), current, tuple(diagnoses))
 
 
+def _at_step(number: int, say: Callable[[str], None]) -> Callable[[str], None]:
+    return lambda text: say(f"step {number}: {text}")
+
+
+def _extended(
+    model: DynamicBiasRegressor, X: Any, y: Any, before: Errors, found: Diagnosis, say: Callable[[str], None]
+) -> tuple[DynamicBiasRegressor, Errors, str] | None:
+    """The model with one cause more, or with all proven ones, its errors, and what was added; None where none helps."""
+    for cause in worth_trying(found):
+        kept = _with_cause(model, X, y, before, cause, found.unit, say)
+        if kept is not None:
+            longer, errors, added = kept
+            if cause.standing == "proven":
+                longer, errors, added = worked_out(longer, X, y, errors, added, say)
+            return longer, errors, added.label()
+    proven = [cause.effect for cause in found.causes if cause.standing == "proven"][:TRIES]
+    if len(proven) < 2:
+        return None
+    say(f"adding {' and '.join(effect.title() for effect in proven)}")
+    longer, errors = _with_all(model, X, y, proven)
+    named = " and ".join(effect.label() for effect in proven)
+    return (longer, errors, named) if all(errors.worth(effect, before) for effect in proven) else None
+
+
 def _with_all(
     model: DynamicBiasRegressor, X: Any, y: Any, effects: Sequence[Effect]
 ) -> tuple[DynamicBiasRegressor, Errors]:
@@ -224,15 +227,36 @@ def _with_all(
     return model, Errors.of(model, X, y)
 
 
-def worth_trying(found: Diagnosis) -> list[Effect]:
+def worth_trying(found: Diagnosis) -> list[FoundSuspect]:
     """Causes to try, those first that are worth most on data that were not learned from."""
-    ranked = sorted(found.causes, key=lambda cause: -round(min(cause.gain_db, cause.later_db), 1))
-    return [cause.effect for cause in ranked[:TRIES]]
+    return sorted(found.causes, key=lambda cause: -round(min(cause.gain_db, cause.later_db), 1))[:TRIES]
 
 
-def instead(found: Diagnosis) -> list[Effect]:
-    """What the record does not tell from causes, to try where none of them is kept: later data may tell."""
-    return [effect for cause in found.causes[:TRIES] for effect in cause.confusable_with][:TRIES]
+def _with_cause(
+    model: DynamicBiasRegressor,
+    X: Any,
+    y: Any,
+    before: Errors,
+    cause: FoundSuspect,
+    unit: str,
+    say: Callable[[str], None],
+) -> tuple[DynamicBiasRegressor, Errors, Effect] | None:
+    """The model with a cause, its errors, and what was added; None where data not learned from speak against it.
+
+    What the record does not tell from the cause takes its place where these data clearly do; what depends on time alone
+    only where the cause is not kept, for it promises nothing for later data.
+    """
+    kept: tuple[DynamicBiasRegressor, Errors, Effect] | None = None
+    for effect in (cause.effect, *cause.confusable_with):
+        say(f"adding {effect.title()}")
+        extended = with_missing(model, effect).fit(X, y)
+        errors = Errors.of(extended, X, y)
+        if not errors.worth(effect, before, cause.standing == "proven"):
+            helpless = "does not help on data that it was not learned from"
+            say(f"{effect.title()} {helpless}: {errors.text(unit, before)}")
+        elif kept is None or (not effect.of_time_alone and errors.ratio(kept[1]) <= CLEARLY_LESS):
+            kept = extended, errors, effect
+    return kept
 
 
 def _step(number: int, effect: str, change: str, errors: Errors, start: Errors, found: Diagnosis) -> dict[str, Any]:

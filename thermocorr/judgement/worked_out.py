@@ -19,7 +19,18 @@ from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..estimators.regressor import DynamicBiasRegressor
 from .adding import Errors
-from .levels import AS_FREEZING, FREEZING, FURTHER_HELP, FURTHER_LAGS, LOWER, MOVES, NEXT_LAG, OTHER_TIMES, WIDELY
+from .levels import (
+    AS_FREEZING,
+    CLEARLY_LESS,
+    FREEZING,
+    FURTHER_HELP,
+    FURTHER_LAGS,
+    LOWER,
+    MOVES,
+    NEXT_LAG,
+    OTHER_TIMES,
+    WIDELY,
+)
 from .tuning import at_freezing, effects_of, fitted_with, held_fast, tuned
 
 
@@ -52,10 +63,10 @@ def worked_out(
     better = Errors.of(moved, X, y)
     if better.better_than(errors):
         model, errors = moved, better
-    model, errors = _timed(model, X, y, place, errors, say)
     frozen = _freezing(model, X, y, place)
     if frozen is not None and (same := Errors.of(frozen, X, y)).ratio(errors) <= AS_FREEZING:
         model, errors = frozen, same
+    model, errors = _timed(model, X, y, place, errors, say)
     longer = _with_further_lags(model, X, y, place, say)
     if longer is not None and (better := Errors.of(longer, X, y)).better_than(errors):
         model, errors = longer, better
@@ -84,7 +95,7 @@ def _timed(
     How well the record is told says little of it: lags of the temperature make up for a wrong one, until it is another
     day. They are chosen anew for each.
     """
-    effects, best = effects_of(model), FURTHER_HELP
+    effects, best = effects_of(model), CLEARLY_LESS
     times = seconds_array(effects[place].time_constants)
     if len(times) != 1:
         return model, errors
