@@ -26,6 +26,7 @@ from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose
 from thermocorr.datasets import load_real_record
 from thermocorr.estimators.holdout import rms
 from thermocorr.judgement.adding import Errors, with_missing
+from thermocorr.judgement.levels import FURTHER_HELP, SAME
 
 FEWEST_DB = 0.3
 """Help of what is not named, on later stretches and on blocks alike, from which it is tried."""
@@ -52,9 +53,10 @@ def tried(name: str, X: pd.DataFrame, y: pd.Series, temperature: str, share: flo
     """Each effect beside the base model of a share of a record."""
     n = int(share * len(X))
     after = slice(n, n + math.ceil(THEN * len(X)))
-    base = DynamicBiasRegressor(temperature).fit(X[:n], y[:n])
+    base = DynamicBiasRegressor(temperature, run="run" if "run" in X else None).fit(X[:n], y[:n])
     found = diagnose(base, X[:n], y[:n])
     before, error = Errors.of(base, X[:n], y[:n]), rms(np.asarray(base.residuals(X[after], y[after]), float))
+    proven = [s.effect for s in found.causes if s.standing == "proven"]
     unnamed = [s for s in found.suspects[found.n_causes :] if min(s.gain_db, s.later_db) >= FEWEST_DB]
     suspects = [*((s.effect, True) for s in found.causes), *((s.effect, False) for s in unnamed)]
     for effect, named in suspects[:MOST]:
@@ -69,6 +71,9 @@ def tried(name: str, X: pd.DataFrame, y: pd.Series, temperature: str, share: flo
             "product": effect.is_product,
             "lower": now.better_than(before),
             "mostly": now.falls_mostly(before),
+            "proven": effect in proven,
+            "neither rises": max(now.held_out / before.held_out, now.later / before.later) <= SAME,
+            "together": now.ratio(before),
             "kept": now.worth(effect, before),
             "held out": _db(now.held_out, before.held_out),
             "later": _db(now.later, before.later),
@@ -99,6 +104,13 @@ def main() -> None:
     rules = {
         "named, both errors together fall": named & ~alone & table["lower"],
         "  and in twice as many blocks as they rise in (kept)": named & ~alone & table["kept"],
+        "  not mostly, proven, no product, neither rises": named
+        & ~alone
+        & ~table["mostly"]
+        & table["proven"]
+        & ~table["product"]
+        & table["neither rises"]
+        & (table["together"] <= FURTHER_HELP),
         "  of time alone, neither rises (kept)": named & alone & table["kept"],
         "not named, both fall by 1 dB": ~named & ~alone & clearly,
         "  and mostly, no product": ~named & ~alone & clearly & table["mostly"] & ~table["product"],

@@ -72,7 +72,7 @@ class Binning:
     def add(
         self,
         block: Block,
-        bins: np.ndarray,
+        bins: slice | np.ndarray,
         at: np.ndarray,
         known: np.ndarray | None,
         readings: np.ndarray,
@@ -91,12 +91,14 @@ class Binning:
                 self.columns = np.zeros((len(self.sums), columns.shape[1]))
             self.columns[bins] += columns
 
-    def bins(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
+    def bins(self, block: Block) -> tuple[slice | np.ndarray, np.ndarray]:
         """Numbers of the bins that a block's rows fall into, and the first of its rows in each."""
-        first, low = self.first[block.segment], block.start - self.starts[block.segment]
+        first, low = int(self.first[block.segment]), block.start - int(self.starts[block.segment])
         if len(block) == block.stop - block.start:  # no row is passed over
-            inside = np.arange(low // self.width, (low + len(block) - 1) // self.width + 1)
-            return first + inside, np.maximum(inside * self.width - low, 0)
+            begin, end = low // self.width, (low + len(block) - 1) // self.width + 1
+            at = np.arange(begin * self.width - low, end * self.width - low, self.width)
+            at[0] = 0
+            return slice(first + begin, first + end), at
         bins = first + (block.places - self.starts[block.segment]) // self.width
         at = np.flatnonzero(np.diff(bins, prepend=-1))
         return bins[at], at

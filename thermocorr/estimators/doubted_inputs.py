@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -34,12 +34,12 @@ class DoubtedInputs:
 
     def filling_error(self) -> FillingError:
         """Propagates the errors of filled cells to the bias."""
-        return FillingError(self._laws_of_inputs(one.column for one in self.features_.filling_.stand_ins))
+        return FillingError([*self._laws_of_inputs(one.column for one in self.features_.filling_.stand_ins)])
 
     def gap_error(self) -> GapError:
         """Propagates what happened in gaps of later rows to the bias."""
         gaps = self.features_.history_.gaps
-        return GapError(self._laws_of_inputs(gaps.squares), gaps)
+        return GapError([*self._laws_of_inputs(gaps.squares)], gaps)
 
     def resumed(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
         """A new record tied to the fitted one, with what filled cells may move its bias by."""
@@ -101,7 +101,8 @@ class DoubtedInputs:
         """Flag rows in which gaps may move the bias by more than the residuals' deviation."""
         flags[flags.are("", "outside fitted range", "filled") & (variance > self.residual_std_**2)] = "behind gap"
 
-    def _laws_of_inputs(self, columns: Iterable[Any]) -> list[InputLaw]:
+    def _laws_of_inputs(self, columns: Iterable[Any]) -> Iterator[InputLaw]:
+        """Made when they are asked for."""
         features = self.features_
         temperature = features.history_.record.temperature_name
-        return law_of_inputs(features.effect_list(), self.coef_, temperature, [*columns], self.residual_std_)
+        yield from law_of_inputs(features.effect_list(), self.coef_, temperature, [*columns], self.residual_std_)

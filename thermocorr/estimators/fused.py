@@ -99,7 +99,7 @@ class FusedSweep:
             parts=begins,
             bins=begins,
         )
-        sums = np.zeros((len(bins), len(self._decays) + len(self._shared)))
+        sums = np.zeros((len(begins), len(self._decays) + len(self._shared)))
         parts = list(pieces(self._edges, block.places))
         alone = int(self._coordinates.knows_nothing)  # the others are like the first part, mostly
         for some in (parts[:alone], parts[alone:]):

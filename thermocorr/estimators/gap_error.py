@@ -7,7 +7,7 @@ columns that the device feels late are treated alike.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -127,14 +127,14 @@ class GapError:
         return self._bridges[number, h]
 
 
-def error_behind_gaps(record: Record, laws: Sequence[InputLaw], limit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def error_behind_gaps(record: Record, laws: Iterable[InputLaw], limit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Standard deviation of the bias by what happened in the gaps of a record that a model is fitted to.
 
     Parameters
     ----------
     record : Record
-    laws : sequence of InputLaw
-        Of the columns that the device feels late.
+    laws : iterable of InputLaw
+        Of the columns that the device feels late; looked at where there are gaps.
     limit : float
         What need not be told, in the unit of the reading.
 

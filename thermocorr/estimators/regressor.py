@@ -221,12 +221,13 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
                 prior = known_before(self, features)
                 record = features.learn(X, y, quiet=self.search_ is not None)
                 reading = Reading.of(X, y, record)
+                n_columns = len(features.get_feature_names_out())
                 if prior is None:
-                    require_rows(reading.n_readings, len(features.get_feature_names_out()))
+                    require_rows(reading.n_readings, n_columns)
                 check_plausible(record, reading, prior is not None)
                 self.reading_ = reading if prior is None else reading.widened(prior.temperature_range)
                 self.alpha_ = penalty(self)
-                say(f"fitting {len(features.get_feature_names_out())} columns to {reading.n_readings} readings")
+                say(f"fitting {n_columns} columns to {reading.n_readings} readings")
                 self._solve(record, features, prior)
                 believed = self.without_spoilt(record)  # what filled cells and gaps spoil is known now
                 if believed is not record:

@@ -14,7 +14,7 @@ from .errors import RecordError
 from .gaps import Gaps, least_gap
 from .record import Record, Segment, SegmentStart
 from .screen import Screen
-from .times import Kind, Times
+from .times import Kind, Rows, Times
 
 HISTORY_ROWS = 1 << 17
 """Rows kept of a fitted record. Longer records are thinned; the state at their end is exact all the same."""
@@ -64,21 +64,22 @@ class History:
         stride = max(1, -(-record.n_used // (HISTORY_ROWS if limit is None else limit)))
         kept, segments, at = [], [], 0
         for start, stop, run in record.segments:
-            rows = np.arange(start, stop, stride)
-            if rows[-1] != stop - 1:
-                rows = np.append(rows, stop - 1)
-            kept.append(rows)
-            segments.append(Segment(at, at + len(rows), run))
-            at += len(rows)
+            some = np.arange(start, stop, stride)
+            if some[-1] != stop - 1:
+                some = np.append(some, stop - 1)
+            kept.append(some)
+            segments.append(Segment(at, at + len(some), run))
+            at += len(some)
         order = np.concatenate(kept)
-        rows = order if record.order is None else record.order[order]
+        whole = record.order is None and order[-1] - order[0] == len(order) - 1
+        rows: Rows = slice(int(order[0]), int(order[-1]) + 1) if whole else record.rows_at(order)
         times, ticks = record.times, record.times.ticks
         if ticks is None:
-            thin = Times(len(rows), "rows", rows + times.first_row, period=times.period)
+            thin = Times(len(order), "rows", record.rows_at(order) + times.first_row, period=times.period)
         else:
-            thin = replace(times, n=len(rows), ticks=ticks[rows].copy())
+            thin = replace(times, n=len(order), ticks=np.array(ticks[rows]))
         columns = {name: np.array(values[rows], np.float64) for name, values in record.columns.items()}
-        skipped = np.flatnonzero(np.isin(order, record.skipped))
+        skipped = np.flatnonzero(np.isin(order, record.skipped)) if len(record.skipped) else record.skipped
         small = Record(thin, record.temperature_name, columns, tuple(segments), skipped=skipped)
         return cls(
             kind=times.kind,

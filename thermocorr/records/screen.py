@@ -154,16 +154,15 @@ def _sampled(record: Record, column: NDArray[Any]) -> list[Floats]:
     """Stretches of consecutive values: all of them, or some of a long record."""
     ends = np.cumsum([segment.n_rows for segment in record.segments])
     if ends[-1] <= SAMPLES * SAMPLE_ROWS:
-        parts = [np.arange(segment.start, segment.stop) for segment in record.segments]
+        parts = [(segment.start, segment.stop) for segment in record.segments]
     else:
         parts = []
         for place in np.linspace(0, ends[-1] - SAMPLE_ROWS, SAMPLES).astype(int).tolist():
             number = int(np.searchsorted(ends, place, side="right"))
             stop = record.segments[number].stop
             start = stop - int(ends[number]) + place
-            parts.append(np.arange(start, min(start + SAMPLE_ROWS, stop)))
-    values = np.asarray(column[record.rows_at(np.concatenate(parts))], float)
-    return np.split(values, np.cumsum([len(part) for part in parts])[:-1])
+            parts.append((start, min(start + SAMPLE_ROWS, stop)))
+    return [np.asarray(column[record.rows(start, stop)], float) for start, stop in parts]
 
 
 def _limits(record: Record, column: NDArray[Any], usual: Usual, found: Scanned, spikes: Rows) -> Limits:
