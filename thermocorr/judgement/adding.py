@@ -19,7 +19,7 @@ from ..estimators.thermometers import Thermometers
 from ..records.numbers import numeric_reading
 from ..records.quantities import quantity_texts
 from ..records.thinned import ThinnedLog
-from .levels import HELD_OUT_BLOCKS, HELPS, MOSTLY, SAME, SUPERFLUOUS
+from .levels import FURTHER_HELP, HELD_OUT_BLOCKS, HELPS, MOSTLY, SAME, SUPERFLUOUS
 
 
 @dataclass(frozen=True)
@@ -57,21 +57,24 @@ class Errors:
         falls, rises = (self.each * SAME < other.each).sum(), (self.each > SAME * other.each).sum()
         return bool(falls >= MOSTLY * rises)
 
-    def worth(self, effect: Effect, other: Errors, proven: bool = False) -> bool:
+    def worth(self, effect: Effect, other: Errors, proven: bool = False, absorbed: bool = False) -> bool:
         """Whether a model with one effect more is to be kept.
 
         It must be of use in most blocks. What depends on time alone promises nothing for later data: it must not raise
         either error, and lower them by more than what two equal models may differ by. A proven drift or ageing must
-        lower the later one by more than it raises the other: the first block, held out, is told backwards.
+        lower the later one by more than it raises the other: the first block, held out, is told backwards. Another
+        proven effect, no product, may be of use in few blocks where neither error rises and both together fall; what
+        the model's slow lags have absorbed of it has lowered them before, so they need not fall.
         """
+        worse = max(_ratio(self.held_out, other.held_out), _ratio(self.later, other.later))
         if proven and isinstance(effect, Drift | LogAgeing) and self.later * SAME < other.later:
             return self.ratio(other) <= 1
+        told = proven and not (effect.of_time_alone or effect.is_product)
+        if told and not worse > SAME and (absorbed or self.ratio(other) <= FURTHER_HELP):
+            return True
         if not (self.better_than(other) and self.falls_mostly(other)):
             return False
-        if not effect.of_time_alone:
-            return True
-        worse = max(_ratio(self.held_out, other.held_out), _ratio(self.later, other.later))
-        return not worse > SAME and self.ratio(other) * SAME <= 1
+        return not effect.of_time_alone or (not worse > SAME and self.ratio(other) * SAME <= 1)
 
     def least(self, other: Errors) -> Errors:
         """Elementwise minimum."""

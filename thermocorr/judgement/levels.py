@@ -337,7 +337,7 @@ AS_FREEZING = 1.02
 tell no less. Of soil at 5 cm it is 1.013, and 0.62 K on the rest instead of 0.72; of its first 60 %, and of soil at
 25 cm, 0.97."""
 FURTHER_HELP = 0.99
-"""Errors over those before, up to which an effect gets a further lag."""
+"""Errors over those before, up to which an effect gets a further lag, or a proven one is kept that few blocks show."""
 FURTHER_LAGS = 3
 """Lags that an effect may get beside the first, each only where data that it was not learned from are better for it."""
 OTHER_TIMES = (0.25, 0.4, 0.63, 1.6, 2.5, 4.0)

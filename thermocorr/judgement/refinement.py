@@ -251,7 +251,8 @@ def _with_cause(
         say(f"adding {effect.title()}")
         extended = with_missing(model, effect).fit(X, y)
         errors = Errors.of(extended, X, y)
-        if not errors.worth(effect, before, cause.standing == "proven"):
+        proven = effect is cause.effect and cause.standing == "proven"
+        if not errors.worth(effect, before, proven, cause.in_model):
             helpless = "does not help on data that it was not learned from"
             say(f"{effect.title()} {helpless}: {errors.text(unit, before)}")
         elif kept is None or (not effect.of_time_alone and errors.ratio(kept[1]) <= CLEARLY_LESS):
