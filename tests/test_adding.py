@@ -5,7 +5,7 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, diagnose, refine
 from thermocorr.datasets import load_real_record, make_record
-from thermocorr.effects import Covariate, Drift, LogAgeing, Step
+from thermocorr.effects import Covariate, Drift, Interaction, LogAgeing, Step
 from thermocorr.estimators.holdout import rms
 from thermocorr.judgement.adding import Errors
 from thermocorr.judgement.refinement import worth_trying
@@ -65,6 +65,18 @@ def test_the_error_must_fall_in_most_blocks():
     assert of_blocks(0.2, 1.0, 1.0, 1.0, 1.0, 1.0).worth(Step(100.0), before)  # a step lies in some blocks
     assert not of_blocks(0.2, 1.1, 1.1, 1.1, 1.0, 1.0).worth(Step(100.0), before)  # and spoils no others
     assert of_blocks(0.2, np.nan, 1.0, 1.0, 1.0, 1.0).worth(Covariate("supply"), before)
+
+
+def test_a_proven_effect_may_be_of_use_in_few_blocks_where_neither_error_rises():
+    few = np.array([0.5, 1.01, 1.01, 1.01, 1.01, 1.01])
+    before = Errors(1.0, 1.0, np.ones(6))
+    assert Errors(0.9, 1.0, few).worth(Covariate("supply"), before, proven=True)
+    assert not Errors(0.9, 1.0, few).worth(Covariate("supply"), before)
+    assert not Errors(0.9, 1.01, few).worth(Covariate("supply"), before, proven=True)
+    assert not Errors(1.0, 1.0, few).worth(Covariate("supply"), before, proven=True)
+    assert Errors(1.0, 1.0, few).worth(Covariate("supply"), before, proven=True, absorbed=True)
+    assert not Errors(0.9, 1.0, few).worth(Interaction("supply"), before, proven=True)
+    assert not Errors(0.9, 1.0, few).worth(Step(100.0), before, proven=True)
 
 
 def test_errors_of_each_block_stand_behind_those_of_all():
