@@ -65,7 +65,7 @@ class FusedSweep:
         self.chunks = FusedFactors(columns.first[-1] + 1, len(edges) - 1, self._shared)
         """Factors of ``[1 | Q | U]``, one for each stretch."""
         zero, starts = (None, own_starts(record)) if begun is None else (begun.zero, {0: begun.start})
-        for block in record.blocks(columns.block_rows(), zero, starts):
+        for block in record.blocks(columns.block_rows(self.binning.whole), zero, starts):
             if block.start == record.segments[block.segment].start:
                 self._begin(block, None if begun is None else begun.states)
             self._take(block)
@@ -99,7 +99,7 @@ class FusedSweep:
             parts=begins,
             bins=begins,
         )
-        sums = np.zeros((len(begins), len(self._decays) + len(self._shared)))
+        sums = np.zeros((len(begins), 1 if self.binning.whole else len(self._decays) + len(self._shared)))
         parts = list(pieces(self._edges, block.places))
         alone = int(self._coordinates.knows_nothing)  # the others are like the first part, mostly
         for some in (parts[:alone], parts[alone:]):

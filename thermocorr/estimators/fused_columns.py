@@ -19,6 +19,8 @@ FEWEST = 1 << 13
 """Rows from which on one pass is the faster way: before, what it does once for every stretch takes longer."""
 _NUMBERS = 1 << 17
 """Numbers that a block of rows may hold, inputs and columns made for the pass: 1 MiB."""
+_OF_WHOLE = 3 << 16
+"""The same of a record that is kept whole, which takes more memory afterwards."""
 _NOTHING = np.zeros(0)
 
 
@@ -54,9 +56,9 @@ class FusedColumns:
                 self._places.setdefault(segment, []).extend(range(first, first + len(taus)))
                 first += len(taus)
 
-    def block_rows(self) -> int:
-        """Rows of a block: as many as leave the memory small."""
-        return max(_NUMBERS // (6 + sum(self.first[i + 1] - self.first[i] for i in self.ready)), 256)
+    def block_rows(self, whole: bool) -> int:
+        """Rows of a block: as many as leave the memory small; `whole` says that the record is kept whole."""
+        return max((_OF_WHOLE if whole else _NUMBERS) // (6 + sum(self.first[i + 1] - self.first[i] for i in self.ready)), 256)
 
     def shared(self) -> list[int]:
         """Columns that every segment has, in the order of the pass: the 1, lags, those made for it, the reading."""

@@ -8,6 +8,7 @@ hold, and the spikes of the fitted record, by time and value. A spike in new dat
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -152,15 +153,15 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
 
 def _sampled(record: Record, column: NDArray[Any]) -> list[Floats]:
     """Stretches of consecutive values: all of them, or some of a long record."""
-    ends = np.cumsum([segment.n_rows for segment in record.segments])
+    ends = np.cumsum([segment.n_rows for segment in record.segments]).tolist()
     if ends[-1] <= SAMPLES * SAMPLE_ROWS:
         parts = [(segment.start, segment.stop) for segment in record.segments]
     else:
         parts = []
         for place in np.linspace(0, ends[-1] - SAMPLE_ROWS, SAMPLES).astype(int).tolist():
-            number = int(np.searchsorted(ends, place, side="right"))
+            number = bisect_right(ends, place)
             stop = record.segments[number].stop
-            start = stop - int(ends[number]) + place
+            start = stop - ends[number] + place
             parts.append((start, min(start + SAMPLE_ROWS, stop)))
     return [np.asarray(column[record.rows(start, stop)], float) for start, stop in parts]
 
