@@ -20,7 +20,7 @@ FEWEST = 1 << 13
 _NUMBERS = 1 << 17
 """Numbers that a block of rows may hold, inputs and columns made for the pass: 1 MiB."""
 _OF_WHOLE = 3 << 16
-"""The same of a record that is kept whole, which takes more memory afterwards."""
+"""Numbers that a block may hold of a record that is kept whole, which takes more memory afterwards: 1.5 MiB."""
 _NOTHING = np.zeros(0)
 
 
@@ -58,7 +58,8 @@ class FusedColumns:
 
     def block_rows(self, whole: bool) -> int:
         """Rows of a block: as many as leave the memory small; `whole` says that the record is kept whole."""
-        return max((_OF_WHOLE if whole else _NUMBERS) // (6 + sum(self.first[i + 1] - self.first[i] for i in self.ready)), 256)
+        numbers = _OF_WHOLE if whole else _NUMBERS
+        return max(numbers // (6 + sum(self.first[i + 1] - self.first[i] for i in self.ready)), 256)
 
     def shared(self) -> list[int]:
         """Columns that every segment has, in the order of the pass: the 1, lags, those made for it, the reading."""
