@@ -15,7 +15,7 @@ def searched(pool: Pool, anywhere: Collection[str]) -> tuple[Search, list[Cause]
 
     What is taken in first decides what is left for the next. Two effects at once may look like a third one, and what
     that leaves like several more. Where many causes were found, the search is begun with one that cannot be told from
-    the first, came next to it, or was found later; fewer causes that are likelier stand. A column that is late may have
+    the first, came next to it, was found later, or came after that; fewer causes that are likelier stand. A column that is late may have
     taken part of another cause upon itself, a drift: the search is begun with the column as it is, and as many causes
     that are likelier stand.
     """
@@ -37,8 +37,9 @@ def _other_firsts(causes: Sequence[Cause]) -> dict[Key, bool]:
     plain = [t.key for cause in causes for t in cause.others if t.proven and _nearly_as_it_is(cause.tried, t)]
     others: list[Key] = []
     if len(causes) > FEW_CAUSES:
-        rivals = [*causes[0].alike[:1], *sorted(causes[0].others, key=lambda t: -t.score)[:1]]
-        others = [t.key for t in (*rivals, *(cause.tried for cause in causes[1:]))]
+        next_best = sorted(causes[0].others, key=lambda t: -t.score)
+        later = [cause.tried for cause in causes[1:]]
+        others = [t.key for t in (*causes[0].alike[:1], *next_best[:1], *later, *next_best[1:])]
     firsts = [key for key in dict.fromkeys((*plain, *others)) if key != causes[0].tried.key]
     return {key: key not in plain for key in firsts[:WAYS]}
 
