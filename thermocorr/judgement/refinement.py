@@ -85,13 +85,15 @@ def refine(
 
     Two errors decide: on held-out blocks of time, and on blocks of the later half, each foretold from everything before
     it. A cause that diagnosis names is kept only if one of them falls by more than the other rises, and the error falls
-    in twice as many blocks as it rises in; where later blocks cannot tell, held-out ones decide. What depends on time
-    alone must lower them, and raise neither; a proven drift or ageing may raise the held-out one by less than it lowers
-    the later one. Where no cause is kept alone, the proven ones are tried together: one may spoil what another is
-    worth. A proven effect that acts late is worked out: its parameters are moved to where it explains most beside the
-    model's own lags, a knee is put at freezing point where the two errors rise by no more than 2 %, and it gets further
-    lags as long as each lowers them by 1 %. An effect that a later one makes superfluous leaves again; at the end the
-    effects' parameters are tuned together.
+    in twice as many blocks as it rises in; where later blocks cannot tell, held-out ones decide. A proven one that
+    raises neither may be of use in few blocks. What depends on time alone must lower them, and raise neither; a proven
+    drift or ageing may raise the held-out one by less than it lowers the later one. What cannot be told from a cause is
+    tried as well: it takes its place where the errors are a tenth less, or where the cause is not kept. Where no cause
+    is kept alone, the proven ones are tried together: one may spoil what another is worth. A proven effect that acts
+    late is worked out: its parameters are moved to where it explains most beside the model's own lags, a knee is put at
+    freezing point where the two errors rise by no more than 2 %, another time constant is taken where they are a tenth
+    less, and it gets further lags as long as each lowers them by 1 %. An effect that a later one makes superfluous
+    leaves again; at the end the effects' parameters are tuned together.
 
     Parameters
     ----------
