@@ -21,6 +21,8 @@ from .cutting import pieces
 from .fused_columns import FusedColumns
 from .fused_factors import FusedFactors
 
+ALONE = 4096
+"""Rows that tell the coordinates of the others, at most: their columns are written down."""
 _NOTHING = np.zeros(0)
 
 
@@ -101,7 +103,9 @@ class FusedSweep:
         )
         sums = np.zeros((len(begins), 1 if self.binning.whole else len(self._decays) + len(self._shared)))
         parts = list(pieces(self._edges, block.places))
-        alone = int(self._coordinates.knows_nothing)  # the others are like the first part, mostly
+        alone = int(self._coordinates.knows_nothing)  # the others are like these rows, mostly
+        if alone:
+            parts = [*_cut(parts[0], ALONE), *parts[1:]]
         for some in (parts[:alone], parts[alone:]):
             if some:
                 crossed = self._crossed(block, rows, [part for _, part in some], sums)
@@ -182,3 +186,10 @@ class FusedSweep:
         n_hidden = len(self._decays) - len(self._places)
         self.chunks.add([*self._places, *self._shared], n_hidden, self._gathered)
         self._gathered = []
+
+
+def _cut(part: tuple[int, slice], n_rows: int) -> list[tuple[int, slice]]:
+    """The first rows of a part of a block, and the others where there are any."""
+    chunk, rows = part
+    middle = rows.start + n_rows
+    return [part] if middle >= rows.stop else [(chunk, slice(rows.start, middle)), (chunk, slice(middle, rows.stop))]

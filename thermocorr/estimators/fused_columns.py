@@ -17,10 +17,9 @@ WIDEST = 32
 """Columns of all segments up to which one pass is the faster way: beyond them the blocks of LAPACK are."""
 FEWEST = 1 << 13
 """Rows from which on one pass is the faster way: before, what it does once for every stretch takes longer."""
-_NUMBERS = 1 << 17
-"""Numbers that a block of rows may hold, inputs and columns made for the pass: 1 MiB."""
-_OF_WHOLE = 3 << 16
-"""Numbers that a block may hold of a record that is kept whole, which takes more memory afterwards: 1.5 MiB."""
+_NUMBERS, _OF_WHOLE = 3 << 17, 3 << 16
+"""Numbers that a block of rows may hold, inputs and columns made for the pass (3 MiB); fewer of a record so short that
+it is kept whole: its few blocks come from memory that nobody has touched, and larger ones gain nothing."""
 _NOTHING = np.zeros(0)
 
 
