@@ -18,13 +18,9 @@ CASES = [
     ("chamber", "box", 635, CURVED),  # a hinge and three more
     ("lab", "slab", 644, CURVED),  # a hinge and both
     ("chamber", "layered", 618, ("interaction", "sensitivity_drift")),  # three changes of sensitivity and a disturbance
-    (
-        "lab",
-        "layered",
-        1002,
-        ("covariate", "drift"),
-    ),  # the column, late by a third of the record, and half of the drift
+    ("lab", "layered", 1002, ("covariate", "drift")),  # the column, late by a third of the record, and half the drift
     ("lab", "plate", 1017, ("drift", "covariate")),  # likewise
+    ("chamber", "layered", 1302, ("lagged_modulation", "sensitivity_drift")),  # three steps of sensitivity
 ]
 
 
