@@ -93,11 +93,11 @@ def _timed(
     """The model, and its errors, with the time constant of one effect at which both errors together are least.
 
     How well the record is told says little of it: lags of the temperature make up for a wrong one, until it is another
-    day. They are chosen anew for each.
+    day. They are chosen anew for each. Where the errors are hardly larger than the residual there is nothing to gain.
     """
     effects, best = effects_of(model), CLEARLY_LESS
-    times = seconds_array(effects[place].time_constants)
-    if len(times) != 1:
+    times, residual = seconds_array(effects[place].time_constants), model.residual_std_
+    if len(times) != 1 or errors.ratio(Errors(residual, residual)) * best <= 1:
         return model, errors
     say(f"trying other time constants of {effects[place].title()}")
     found = model, errors
