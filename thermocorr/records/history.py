@@ -73,13 +73,13 @@ class History:
         order = kept[0] if len(kept) == 1 else np.concatenate(kept)
         whole = record.order is None and order[-1] - order[0] == len(order) - 1
         rows: Rows = slice(int(order[0]), int(order[-1]) + 1) if whole else record.rows_at(order)
-        copy = whole or None  # rows by number are copied already
+        copied = np.array if whole else np.asarray  # rows by number are copied already
         times, ticks = record.times, record.times.ticks
         if ticks is None:
             thin = Times(len(order), "rows", record.rows_at(order) + times.first_row, period=times.period)
         else:
-            thin = replace(times, n=len(order), ticks=np.array(ticks[rows], copy=copy))
-        columns = {name: np.array(values[rows], np.float64, copy=copy) for name, values in record.columns.items()}
+            thin = replace(times, n=len(order), ticks=copied(ticks[rows]))
+        columns = {name: copied(values[rows], np.float64) for name, values in record.columns.items()}
         skipped = np.flatnonzero(np.isin(order, record.skipped)) if len(record.skipped) else record.skipped
         small = Record(thin, record.temperature_name, columns, tuple(segments), skipped=skipped)
         return cls(
