@@ -201,12 +201,13 @@ class Search:
     def _likelier(self, best: Tried, rivals: Sequence[Tried], own: Sequence[Tried]) -> Tried:
         """Best proven rival that is likelier than every explanation of the kind and helps half as much; or `best`.
 
-        The same column bent or late must be likelier by more than a tie, as must be what says nearly the same as a
-        recorded column without one, and helps no more.
+        The same column bent or late must be likelier by more than a tie; what needs no recorded column, and helps no
+        more, by a tie.
         """
         score, full, least = max(t.score for t in own), max(t.full for t in own), HALF * best.worth.mean
-        more = [min(t.score - score, t.full - full) - TIE * (bent(t, best) or unrecorded(t, best)) for t in rivals]
+        more = [min(t.score - score, t.full - full) - TIE * bent(t, best) for t in rivals]
         likelier = [t for t, m in zip(rivals, more, strict=True) if t.proven and m > 0 and t.worth.mean >= least]
+        likelier = [t for t in likelier if t.score >= score + TIE or not unrecorded(t, best)]
         same = says_the_same(self.judged, best, likelier)
         return max(same, key=lambda t: t.score, default=best)
 
