@@ -319,13 +319,15 @@ def decays(elapsed: Floats, time_constants: Floats) -> Floats:
     array([[1.    ],
            [0.3679]])
     """
-    columns = np.empty((len(elapsed), len(time_constants)), order="F")
-    for j, time_constant in enumerate(time_constants):
-        if len(elapsed) and elapsed.min() > FELT * time_constant:
-            columns[:, j] = 0.0
+    columns = np.zeros((len(elapsed), len(time_constants)), order="F")
+    least, most = elapsed.min(initial=np.inf), elapsed.max(initial=-np.inf)
+    for column, time_constant in zip(columns.T, time_constants, strict=True):
+        if least > FELT * time_constant:
             continue
-        exponent = elapsed / -time_constant
+        np.divide(elapsed, -time_constant, out=column)
+        over = column < -FELT if most >= FELT * time_constant * (1 - 1e-12) else None  # its quotient is rounded
         with np.errstate(under="ignore"):
-            np.exp(exponent, out=columns[:, j])
-        columns[exponent < -FELT, j] = 0.0
+            np.exp(column, out=column)
+        if over is not None:
+            column[over] = 0.0
     return columns
