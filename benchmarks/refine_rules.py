@@ -104,7 +104,7 @@ def main() -> None:
     rules = {
         "named, both errors together fall": named & ~alone & table["lower"],
         "  and in twice as many blocks as they rise in (kept)": named & ~alone & table["kept"],
-        "  not mostly, proven, no product, neither rises": named
+        "  not mostly, proven, no product, neither rises (kept)": named
         & ~alone
         & ~table["mostly"]
         & table["proven"]

@@ -50,6 +50,8 @@ CHUNK = 32_000
 HALO = 64
 """Rows to either side that decide on a row, missing ones included."""
 _BINS, _PER_OCTAVE = 512, 8
+_DEVIATION = 1.4826 / np.sqrt(2)
+"""Standard deviation of white Gaussian noise, over the median size of its steps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +113,7 @@ def _noise(steps: Floats) -> float:
     """Standard deviation of white noise with these steps, from their median; 0 where nothing moves."""
     sizes = np.abs(steps)
     moved = np.sort(sizes[sizes > 0])  # a quantised reading stands still most of the time
-    return 1.4826 * _share(moved, 0.5) / np.sqrt(2) if len(moved) else 0.0
+    return float(_DEVIATION * _share(moved, 0.5)) if len(moved) else 0.0
 
 
 def peak_heights(steps: Floats) -> Floats:
@@ -317,7 +319,7 @@ def _noise_beside(values: Floats, first: NDArray[np.intp], length: int) -> Float
     sizes[~(sizes > 0)] = np.inf  # where it stands still, and beyond the ends
     moved = np.isfinite(sizes).sum(axis=1)
     middle = np.take_along_axis(np.sort(sizes, axis=1), np.maximum(moved[:, None] - 1, 0) // 2, axis=1)[:, 0]
-    return np.where(moved > 0, 1.4826 * middle / np.sqrt(2), 0.0)
+    return np.where(moved > 0, _DEVIATION * middle, 0.0)
 
 
 def spikes(values: Floats, rounding: float = 0.0) -> Booleans:

@@ -90,7 +90,7 @@ def _moved(model: DynamicBiasRegressor, X: Any, y: Any, place: int) -> DynamicBi
 def _timed(
     model: DynamicBiasRegressor, X: Any, y: Any, place: int, errors: Errors, say: Callable[[str], None]
 ) -> tuple[DynamicBiasRegressor, Errors]:
-    """The model, and its errors, with the time constant of one effect at which both errors together are least.
+    """The model, and its errors, with another time constant of one effect where both errors together are clearly less.
 
     How well the record is told says little of it: lags of the temperature make up for a wrong one, until it is another
     day. They are chosen anew for each. Where the errors are hardly larger than the residual there is nothing to gain.
