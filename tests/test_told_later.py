@@ -66,7 +66,7 @@ def test_two_time_constants_are_not_moved_one_on_top_of_the_other():
 
 @pytest.mark.parametrize("share", [0.6, 0.7])
 def test_the_room_beside_two_runs_of_a_resistor(measured, share):
-    """The second run cools at its end. Neither a drift nor slow lags foretell it: 1.2 and 3.6 ppm."""
+    """The room cools at the end of the second run. Slow lags do not foretell it: 3.6 and 3.0 ppm."""
     runs = load_real_record("vhd200_resistor", measured)
     runs = runs[runs["run"].isin(["run9", "run10"])]
     X, y = runs.drop(columns="resistance_ohm"), (runs["resistance_ohm"] / 1000 - 1) * 1e6
