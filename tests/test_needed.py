@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -96,3 +98,17 @@ def test_what_only_helped_goes_where_it_stood_for_another_cause():
     assert still_helping([cause_of(stood_for, helps, 1.0), *beside], start, columns) == [1, 2]
     assert still_helping([cause_of(stood_for, proven, 0.0), *beside], start, columns) == [0, 1, 2]
     assert still_helping([cause_of(stood_for, of_time, 1.0), *beside], start, columns) == [0, 1, 2]
+
+
+@pytest.mark.parametrize(("score", "kept"), [(10.0, [1]), (20.0, [0, 1])])
+def test_a_proven_column_that_harms_beside_all_others_stays_on_strong_evidence_only(score, kept):
+    """In two stretches it goes with the reading, and then against it: neither is foretold from the other."""
+    rng = np.random.default_rng(5)
+    t = np.arange(N) / N
+    column = rng.normal(size=N) * ((abs(t - 0.5) < 0.1) | (abs(t - 0.8) < 0.1))
+    there, base = rng.normal(size=(N, 1)), np.column_stack((np.ones(N), t))
+    reading = there[:, 0] + 2 * column * np.sign(0.65 - t) + 0.3 * rng.normal(size=N)
+    start, columns = HeldOut(reading[:, None], base), [column[:, None], there]
+    foreign = cause_of(columns[0], Covariate("a"))
+    foreign = replace(foreign, tried=replace(foreign.tried, score=score))
+    assert still_helping([foreign, cause_of(there, Covariate("b"))], start, columns) == kept

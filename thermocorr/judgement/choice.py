@@ -135,7 +135,7 @@ def chosen(
 
     Where nothing is proven and nothing helps much, what depends on time alone may be what wanders: see `_settling`.
     """
-    proven = [t for t in tried if t.named and not _harms(t)]
+    proven = [t for t in tried if t.named and not harms(t)]
     helpful = [t for t in proven if t.worth.both >= GAIN]
     if not proven:
         helpful = [t for t in tried if t.worth.both >= _enough(t) and _spoken_for(t) and not by_chance(t)]
@@ -206,7 +206,7 @@ def plainer_than(best: Tried, same: Sequence[Tried]) -> Tried | None:
     return max((t for t in added if t.worth.both >= least), key=lambda t: t.score, default=None)
 
 
-def _harms(t: Tried) -> bool:
+def harms(t: Tried) -> bool:
     """Whether data that were not learned from speak against a recorded column; it must be clear but for a product."""
     if t.key[1] is None or max(t.worth.later, t.worth.blocks) >= 0:
         return False

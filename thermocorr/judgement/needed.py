@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .choice import Cause
+from .choice import Cause, harms
 from .levels import GAIN, LEVEL
 from .likelihood import Comparison
 from .worth import HeldOut
@@ -38,24 +38,29 @@ def needed(judged: Comparison, causes: Sequence[Cause], p_value: Callable[[float
 
 
 def still_helping(causes: Sequence[Cause], start: HeldOut, coarse: Sequence[np.ndarray]) -> list[int]:
-    """Which causes stay where all are weighed beside all others: the proven, and what still helps, numbers in `causes`.
+    """Which causes stay where all are weighed beside all others, numbers in `causes`.
 
-    What was taken in because it helped may do harm beside what was found after it: it stood for that. What depends on
-    time alone was not taken in for its help. Parameters as of `worth_beside`.
+    What was taken in because it helped may do harm beside what was found after it: it stood for that. So may a recorded
+    column that was proven; it stays where it would be accused if it were found now (`harms`). What depends on time
+    alone was not taken in for its help. Parameters as of `worth_beside`.
     """
     kept = list(range(len(causes)))
     while len(kept) > 1:
         weighed = worth_beside([causes[k] for k in kept], start, [coarse[k] for k in kept])
-        worths = {k: cause.tried.worth.both for k, cause in zip(kept, weighed, strict=True) if _only_helps(cause)}
+        worths = {k: cause.tried.worth.both for k, cause in zip(kept, weighed, strict=True) if _stood_for_more(cause)}
         worst = min(worths, key=worths.__getitem__, default=None)
-        if worst is None or worths[worst] >= GAIN:
+        if worst is None:
             break
         kept.remove(worst)
     return kept
 
 
-def _only_helps(cause: Cause) -> bool:
-    return not (cause.tried.proven or cause.tried.explanation.effect.of_time_alone)
+def _stood_for_more(cause: Cause) -> bool:
+    """Whether a cause, with what it is worth beside all others, is no longer one."""
+    tried = cause.tried
+    if tried.proven:
+        return harms(tried)
+    return tried.worth.both < GAIN and not tried.explanation.effect.of_time_alone
 
 
 def worth_beside(causes: Sequence[Cause], start: HeldOut, coarse: Sequence[np.ndarray]) -> list[Cause]:
