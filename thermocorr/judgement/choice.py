@@ -138,7 +138,7 @@ def chosen(
     proven = [t for t in tried if t.named and not harms(t)]
     helpful = [t for t in proven if t.worth.both >= GAIN]
     if not proven:
-        helpful = [t for t in tried if t.worth.both >= least_help(t) and _spoken_for(t) and not by_chance(t)]
+        helpful = [t for t in tried if t.worth.both >= _enough(t) and _spoken_for(t) and not by_chance(t)]
     if not proven and not helpful:
         return _settling(tried, settles)
     least = NEAR * max((t.worth.both for t in helpful), default=-np.inf)
@@ -215,7 +215,7 @@ def harms(t: Tried) -> bool:
     return t.worth.mean <= -GAIN and not t.sure
 
 
-def least_help(t: Tried) -> float:
+def _enough(t: Tried) -> float:
     """Help from which what is not proven is named [dB]; columns of other places and products may help by chance."""
     return CLEAR if t.key[1] is not None or t.explanation.effect.is_product else GAIN
 

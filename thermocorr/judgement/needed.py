@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from .choice import Cause, harms, least_help
-from .levels import LEVEL
+from .choice import Cause, harms
+from .levels import GAIN, LEVEL
 from .likelihood import Comparison
 from .worth import HeldOut
 
@@ -40,9 +40,9 @@ def needed(judged: Comparison, causes: Sequence[Cause], p_value: Callable[[float
 def still_helping(causes: Sequence[Cause], start: HeldOut, coarse: Sequence[np.ndarray]) -> list[int]:
     """Which causes stay where all are weighed beside all others, numbers in `causes`.
 
-    What was taken in because it helped may help little or do harm beside what was found after it: it stood for that. So
-    may a recorded column that was proven. Either stays where its worth would let it be chosen if it were found now.
-    What depends on time alone was not taken in for its help. Parameters as of `worth_beside`.
+    What was taken in because it helped may do harm beside what was found after it: it stood for that. So may a recorded
+    column that was proven; it stays where it would be accused if it were found now (`harms`). What depends on time
+    alone was not taken in for its help. Parameters as of `worth_beside`.
     """
     kept = list(range(len(causes)))
     while len(kept) > 1:
@@ -56,11 +56,11 @@ def still_helping(causes: Sequence[Cause], start: HeldOut, coarse: Sequence[np.n
 
 
 def _stood_for_more(cause: Cause) -> bool:
-    """Whether a cause, with what it is worth beside all others, would not be chosen."""
+    """Whether a cause, with what it is worth beside all others, is no longer one."""
     tried = cause.tried
     if tried.proven:
         return harms(tried)
-    return tried.worth.both < least_help(tried) and not tried.explanation.effect.of_time_alone
+    return tried.worth.both < GAIN and not tried.explanation.effect.of_time_alone
 
 
 def worth_beside(causes: Sequence[Cause], start: HeldOut, coarse: Sequence[np.ndarray]) -> list[Cause]:
