@@ -186,9 +186,7 @@ def _refined(
         if len(diagnoses) > 1:
             say("tuning the effects' parameters together")
             moved = tuned(current, X, y, JOINTLY, range(len(effects_of(current))))
-            if (
-                moved is not current
-            ):  # the lags chosen anew, in each block, too, as they are for what it is compared with
+            if moved is not current:  # with lags chosen anew, as what it is compared with has them
                 moved = fitted_with(current, effects_of(moved), X, y)
             errors = best if moved is current else Errors.of(moved, X, y)
             if errors.better_than(best):
