@@ -58,6 +58,14 @@ class Answers:
         self.u, self.u_smoothed = (np.full(n, np.nan) for _ in range(2))
         self.flags = Flags(n)
 
+    def __setitem__(self, rows: slice, samples: Sequence[Corrected]) -> None:
+        for name, column in zip(Corrected._fields, zip(*samples, strict=True), strict=True):
+            if name != "flags":
+                getattr(self, name)[rows] = column
+            elif any(column):
+                for k, sample in zip(range(rows.start, rows.stop), samples, strict=True):
+                    self.flags[k] = sample.flag
+
     def frame(self, X: Any, names: Sequence[str]) -> pd.DataFrame:
         """The columns of these names, beside the rows of X."""
         result = {name: getattr(self, COLUMNS.get(name, name)) for name in names}
@@ -94,9 +102,14 @@ def _floats(values: Any) -> np.ndarray:
     return array
 
 
+def _whole(column: Any) -> Any:
+    """All rows of a column; pandas' as they are, for a slice of one copies what is said about it (`attrs`)."""
+    return column if isinstance(column, pd.Series | pd.DataFrame) else column[:]
+
+
 def readings(y: Any, n: int) -> np.ndarray:
     """Readings as floats, NaN where there is none, shape (n,)."""
-    values = _floats(as_pandas(y)[:])
+    values = _floats(_whole(as_pandas(y)))
     values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
     if values.shape != (n,):
         raise RecordError(
@@ -108,7 +121,7 @@ def readings(y: Any, n: int) -> np.ndarray:
 def column_of(X: Any, name: Any, role: Any) -> np.ndarray:
     """A column as floats, NaN for what is missing; RecordError, in a sentence, for one that is none."""
     try:
-        return _floats(X[name][:] if is_frame(X) else X[:, name])
+        return _floats(_whole(X[name]) if is_frame(X) else X[:, name])
     except (KeyError, IndexError, TypeError, ValueError):
         return _floats(numeric_column(X, name, role))  # the same, or a sentence about what is wrong
 

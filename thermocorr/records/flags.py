@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -68,4 +69,10 @@ class Flags:
 
     def column(self) -> Any:
         """A column of a DataFrame."""
-        return pd.Series(self.names).array.take(self.codes.astype(np.intp))
+        return _texts(tuple(self.names)).take(self.codes.astype(np.intp))
+
+
+@cache
+def _texts(names: tuple[str, ...]) -> Any:
+    """An array of pandas' own texts: to make one takes longer than to correct a few samples."""
+    return pd.Series(names).array
