@@ -64,11 +64,8 @@ class Bodies(NamedTuple):
 
 
 @_inline
-def _factors_of_steps(steps, n, rate, first_order, decay, gain):  # type: ignore[no-untyped-def]
+def _factors_of_steps(steps, longest, per_step, n, rate, first_order, decay, gain):  # type: ignore[no-untyped-def]
     """exp(-r) and (1 - exp(-r))/r of r = step * rate: exp(f) - 1 by its series, r = -2^s f, and doubled s times."""
-    longest = 0.0
-    for k in range(n):
-        longest = max(longest, steps[k])
     doublings, scaled = 0, rate
     while longest * scaled > 0.25 and doublings < 13:
         scaled *= 0.5
@@ -84,9 +81,11 @@ def _factors_of_steps(steps, n, rate, first_order, decay, gain):  # type: ignore
     for _ in range(doublings):
         for k in range(n):
             decay[k] *= 2.0 + decay[k]
+    if doublings:
+        tau = 1.0 / rate
+        for k in range(n):
+            gain[k] = -decay[k] * (per_step[k] * tau)
     for k in range(n):
-        if doublings:
-            gain[k] = -decay[k] / (steps[k] * rate)
         decay[k] += 1.0
     if not first_order:
         gain[:n] = 1.0
@@ -234,9 +233,14 @@ def _fill(rows, bodies, at, n, z, change, decay, gain):  # type: ignore[no-untyp
         change[k] = T[k] - T[k - 1]
     bodies.temperature[0] = T[n - 1]
     if not bodies.regular:
+        steps, per_step, longest = rows.steps[at : at + n], np.empty(n), 0.0
+        for k in range(n):
+            longest = max(longest, steps[k])
+            per_step[k] = 1.0 / steps[k]
         for j in range(D + J):
             if j >= D or bodies.decays[j] > 0.0:
-                _factors_of_steps(rows.steps[at:], n, bodies.rates[j], bodies.first_order, decay[j], gain[j])
+                rate = bodies.rates[j]
+                _factors_of_steps(steps, longest, per_step, n, rate, bodies.first_order, decay[j], gain[j])
     for j in range(D):  # eq. (18)
         left = bodies.decays[j] if at == 0 else bodies.decays[j] * decay[j, 0]
         for k in range(n):
