@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from .choice import Cause, harms
-from .levels import GAIN, LEVEL
+from .dated import MANY
+from .levels import GAIN, LATE, LEVEL
 from .likelihood import Comparison
 from .worth import HeldOut
 
@@ -41,13 +42,15 @@ def still_helping(causes: Sequence[Cause], start: HeldOut, coarse: Sequence[np.n
     """Which causes stay where all are weighed beside all others, numbers in `causes`.
 
     What was taken in because it helped may do harm beside what was found after it: it stood for that. So may a recorded
-    column that was proven; it stays where it would be accused if it were found now (`harms`). What depends on time
-    alone was not taken in for its help. Parameters as of `worth_beside`.
+    column that was proven; it stays where it would be accused if it were found now (`harms`), and beside `LATE` others
+    where it does harm neither on later stretches nor on held-out blocks. What depends on time alone was not taken in
+    for its help. Parameters as of `worth_beside`.
     """
     kept = list(range(len(causes)))
     while len(kept) > 1:
         weighed = worth_beside([causes[k] for k in kept], start, [coarse[k] for k in kept])
-        worths = {k: cause.tried.worth.both for k, cause in zip(kept, weighed, strict=True) if _stood_for_more(cause)}
+        late = sum(cause.tried.key not in MANY for cause in weighed) > LATE
+        worths = {k: c.tried.worth.both for k, c in zip(kept, weighed, strict=True) if _stood_for_more(c, late)}
         worst = min(worths, key=worths.__getitem__, default=None)
         if worst is None:
             break
@@ -55,11 +58,11 @@ def still_helping(causes: Sequence[Cause], start: HeldOut, coarse: Sequence[np.n
     return kept
 
 
-def _stood_for_more(cause: Cause) -> bool:
+def _stood_for_more(cause: Cause, late: bool) -> bool:
     """Whether a cause, with what it is worth beside all others, is no longer one."""
     tried = cause.tried
     if tried.proven:
-        return harms(tried)
+        return harms(tried) or (late and tried.key[1] is not None and tried.worth.both <= -GAIN)
     return tried.worth.both < GAIN and not tried.explanation.effect.of_time_alone
 
 
