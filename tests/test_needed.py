@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -19,12 +17,12 @@ from thermocorr.judgement.worth import HeldOut, Worth
 N = 3000
 
 
-def cause_of(columns, effect=None, p_value=0.0):
+def cause_of(columns, effect=None, p_value=0.0, score=1.0):
     """A cause that nobody has weighed."""
     tried = Tried(
         explanation=Explanation(effect or Drift(), columns),
         number=0,
-        score=1.0,
+        score=score,
         full=1.0,
         p_value=p_value,
         worth=Worth(later=0.0, blocks=0.0),
@@ -109,6 +107,18 @@ def test_a_proven_column_that_harms_beside_all_others_stays_on_strong_evidence_o
     there, base = rng.normal(size=(N, 1)), np.column_stack((np.ones(N), t))
     reading = there[:, 0] + 2 * column * np.sign(0.65 - t) + 0.3 * rng.normal(size=N)
     start, columns = HeldOut(reading[:, None], base), [column[:, None], there]
-    foreign = cause_of(columns[0], Covariate("a"))
-    foreign = replace(foreign, tried=replace(foreign.tried, score=score))
-    assert still_helping([foreign, cause_of(there, Covariate("b"))], start, columns) == kept
+    causes = [cause_of(columns[0], Covariate("a"), score=score), cause_of(there, Covariate("b"))]
+    assert still_helping(causes, start, columns) == kept
+
+
+@pytest.mark.parametrize(("others", "stays"), [(1, True), (8, False)])
+def test_beside_many_causes_a_proven_column_must_not_harm_later_data(others, stays):
+    """It goes with the reading at first and against it in the end, and its evidence is strong."""
+    rng = np.random.default_rng(6)
+    t, column, there = np.arange(N) / N, rng.normal(size=N), rng.normal(size=(N, 8))
+    reading = there.sum(axis=1) + 2 * column * np.sign(0.6 - t) + 0.3 * rng.normal(size=N)
+    start = HeldOut(reading[:, None], np.column_stack((np.ones(N), t, there[:, others:])))
+    causes = [cause_of(column[:, None], Covariate("a"), score=20.0)]
+    causes += [cause_of(there[:, [k]], Covariate(f"b{k}")) for k in range(others)]
+    kept = still_helping(causes, start, [cause.tried.explanation.columns for cause in causes])
+    assert kept == list(range(0 if stays else 1, others + 1))
