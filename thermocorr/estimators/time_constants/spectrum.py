@@ -271,11 +271,12 @@ class _Misfit:
 
     def errors(self, sets: Sequence[tuple[int, ...]]) -> np.ndarray:
         """Misfit of each set; sets of equal width are solved together."""
-        widths = np.array([len(self.columns(members)) for members in sets])
+        columns_of = [self.columns(members) for members in sets]
+        widths = np.array([len(columns) for columns in columns_of])
         errors = np.empty(len(sets))
         for width in np.unique(widths):
             which = np.flatnonzero(widths == width)
-            columns = np.array([self.columns(sets[i]) for i in which.tolist()])
+            columns = np.array([columns_of[i] for i in which.tolist()])
             moment = self.moment[columns]
             matrix = self.gram[columns[:, :, None], columns[:, None, :]] + 1e-11 * np.eye(width)
             solved = np.linalg.solve(matrix, moment[:, :, None])[:, :, 0]
