@@ -9,7 +9,7 @@ import numpy as np
 
 from .choice import Cause, harms
 from .dated import MANY
-from .levels import GAIN, LATE, LEVEL
+from .levels import GAIN, LATE, LEVEL, OUTWEIGHS
 from .likelihood import Comparison
 from .worth import HeldOut
 
@@ -43,8 +43,8 @@ def still_helping(causes: Sequence[Cause], start: HeldOut, coarse: Sequence[np.n
 
     What was taken in because it helped may do harm beside what was found after it: it stood for that. So may a recorded
     column that was proven; it stays where it would be accused if it were found now (`harms`), and beside `LATE` others
-    where it does harm neither on later stretches nor on held-out blocks. What depends on time alone was not taken in
-    for its help. Parameters as of `worth_beside`.
+    where its evidence outweighs any harm. What depends on time alone was not taken in for its help. Parameters as of
+    `worth_beside`.
     """
     kept = list(range(len(causes)))
     while len(kept) > 1:
@@ -62,7 +62,8 @@ def _stood_for_more(cause: Cause, late: bool) -> bool:
     """Whether a cause, with what it is worth beside all others, is no longer one."""
     tried = cause.tried
     if tried.proven:
-        return harms(tried) or (late and tried.key[1] is not None and tried.worth.both <= -GAIN)
+        spoilt = tried.key[1] is not None and tried.worth.both <= -GAIN and tried.score < OUTWEIGHS
+        return harms(tried) or (late and spoilt)
     return tried.worth.both < GAIN and not tried.explanation.effect.of_time_alone
 
 

@@ -93,7 +93,8 @@ def refine(
     late is worked out: its parameters are moved to where it explains most beside the model's own lags, a knee is put at
     freezing point where the two errors rise by no more than 2 %, another time constant is taken where they are a tenth
     less, and it gets further lags as long as each lowers them by 1 %. An effect that a later one makes superfluous
-    leaves again; at the end the effects' parameters are tuned together.
+    leaves again; at the end the effects' parameters are tuned together, and kept so where the two errors, the lags of
+    the temperature chosen anew, are less.
 
     Parameters
     ----------
