@@ -259,9 +259,9 @@ LATE = 8
 what no simple law says. On soil (seeds 11, 14, 18), columns of other places found after six to forty causes had scores
 up to 66, those above `STRONG` with scatters of 1.4 and more; of six planted ones three had less than one."""
 OUTWEIGHS = 28.0
-"""Score up to which a recorded column beside more than `LATE` causes is none where it does harm on later stretches or on
-held-out blocks. On soil (seeds 62 to 65), three columns of other places that did harm by up to 16 dB had 6 to 27, and
-four of five planted ones that did as much 33 to 190: what a slow column does later is foretold from few swings."""
+"""Score up to which a recorded column, beside more than `LATE` causes, is none where it does harm on later stretches or
+on held-out blocks. On soil (seeds 62 to 65) three columns of other places that did so had 6 to 27, and four of five
+planted ones 33 to 194: what a slow column does later is told from few swings."""
 MOST_WAVES = 6
 """Waves that are looked for: noise that comes and goes looks like waves without number. Of eleven effects planted on
 soil at 25 cm (seed 11), five are found with any number of waves, six with six."""
