@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -10,6 +11,7 @@ import pandas as pd
 import pytest
 
 from thermocorr import __version__, load_model
+from thermocorr.__main__ import start
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.files.result_files import result_columns
@@ -256,3 +258,12 @@ def test_columns_that_only_look_like_results_stay_suspects():
     assert result_columns(["u", "corrected", "bias", "flag", "pressure", "u_thermocorr"]) == [
         "corrected", "bias", "flag", "u_thermocorr",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("given", "threads"), [({}, "1"), ({"OMP_NUM_THREADS": "3"}, None), ({"OPENBLAS_NUM_THREADS": "2"}, "2")]
+)
+def test_the_command_keeps_openblas_to_one_thread_unless_told_otherwise(monkeypatch, given, threads):
+    monkeypatch.setattr("os.environ", dict(given))
+    monkeypatch.setattr("thermocorr.command.cli.main", lambda: os.environ.get("OPENBLAS_NUM_THREADS"))
+    assert start() == threads
