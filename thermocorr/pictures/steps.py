@@ -64,7 +64,7 @@ class RefinementDisplay:
         only.set_xlim(-0.4, n - 0.6)
         for i, step in enumerate(each_row(self.steps)):
             if i:
-                above = step.held_out_rms >= step.rms
+                above = _free_above(step, only.get_yscale() == "log")
                 only.annotate(
                     f"{step.db:+.1f} dB", (i, step.held_out_rms), xytext=(0, 9 if above else -9),
                     textcoords="offset points", ha="center", va="bottom" if above else "top", fontsize=8,
@@ -75,6 +75,15 @@ class RefinementDisplay:
         legend_above(only)
         self.axes_, self.ax_, self.figure_ = axes, only, only.figure
         return self
+
+
+def _free_above(step: Any, logarithmic: bool) -> bool:
+    """Whether there is more room for a label above the error on held-out blocks than below it."""
+    errors = np.array([step.held_out_rms, step.rms, step.later_rms])
+    with np.errstate(divide="ignore"):
+        places = np.log(errors) if logarithmic else errors
+    apart = places[1:] - places[0]
+    return bool(apart[apart > 0].min(initial=np.inf) >= -apart[apart <= 0].max(initial=-np.inf))
 
 
 def _name(step: Any) -> str:

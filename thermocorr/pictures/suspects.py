@@ -85,6 +85,6 @@ class SuspectsDisplay:
         plain(only)
         only.grid(False, axis="y")
         only.set_xlabel(
-            f"gain on blocks of time not learned from [dB]; blue: named (proven at p <= {self.level:g}, or helpful)"
+            f"gain on blocks of time not learned from [dB]\nblue: named (proven at p <= {self.level:g}, or helpful)"
         )
         return self
