@@ -93,12 +93,13 @@ def main(n: int) -> None:
     whole = OnlineCorrector(model)
     print("update_many, all at once  :", rate(lambda: (whole.reset(), whole.update_many(X, y)), n, 3))
 
-    def chunks(size: int) -> None:
+    def chunks(size: int, rows: int) -> None:
         live = OnlineCorrector(model)
-        for start in range(0, n, size):
+        for start in range(0, rows, size):
             live.update_many(X[start : start + size], y[start : start + size])
 
-    print("update_many, 1000 at once :", rate(lambda: chunks(1000), n, 3))
+    for size, rows in ((1000, n), (100, n // 10), (10, n // 50), (1, n // 100)):
+        print(f"update_many, {size:4d} at once :", rate(lambda size=size, rows=rows: chunks(size, rows), rows, 3))
 
     print("\nlive against the whole record:")
     expected = model.bias(X).to_numpy()
