@@ -153,6 +153,10 @@ class Effect(ParametersOnce):
         """Names of the columns, known after `learn`."""
         raise NotImplementedError
 
+    def n_columns(self) -> int:
+        """Number of the names."""
+        return len(self.names())
+
     def terms(self) -> list[str]:
         """The columns as a model's equation writes them: by their names, unless these leave something unsaid."""
         return self.names()
@@ -178,6 +182,10 @@ class Effect(ParametersOnce):
     def says_signals(self) -> bool:
         """Whether `signals` is the formula, and not `columns` of the effect's own."""
         return type(self).columns is Effect.columns
+
+    def alive(self, block: Block) -> slice:
+        """Which columns may be other than zero in a block: all but the own ones of other segments."""
+        return slice(None)
 
     def fill(self, block: Block, state: Any, columns: np.ndarray) -> Any:
         """Write the columns of a block into an array of shape (n, len(names())); returns the state for the next one."""
@@ -225,7 +233,7 @@ class Effect(ParametersOnce):
         columns : array of shape (n,) or (n, len(names()))
         state : object
         """
-        columns = np.empty((len(block), len(self.names())), order="F")
+        columns = np.empty((len(block), self.n_columns()), order="F")
         return columns, self._fill_said(block, state, columns)
 
     def memory(self) -> float:

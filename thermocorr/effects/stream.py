@@ -53,7 +53,7 @@ def walk(
     extra : int
         Free columns to leave behind the effects' own.
     """
-    widths = [len(effect.names()) for effect in effects]
+    widths = [effect.n_columns() for effect in effects]
     width = sum(widths)
     current: list[Any] = []
     for block in record.blocks(size, zero, starts):

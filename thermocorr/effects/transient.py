@@ -11,6 +11,7 @@ import numpy as np
 from sklearn.utils._param_validation import Interval
 
 from ..equations import decays
+from ..equations.lags import FELT
 from ..records import BLOCK_ROWS, Block, Record, Segment
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, time_text
@@ -105,9 +106,30 @@ class InitialTransient(Effect):
             for tau in taus
         ]
 
+    def n_columns(self) -> int:
+        """Number of the names, of which a record of many segments has thousands."""
+        return sum(map(len, self.decays_.values()))
+
     def own(self, block: Block) -> np.ndarray:
         """Decays of a block's own segment, shape (n, those of the segment)."""
         return decays(block.elapsed, self.decays_.get(block.segment, np.zeros(0)))  # eq. (18)
+
+    def alive(self, block: Block) -> slice:
+        """The columns of the fitted segment that the block goes on; none once they are over."""
+        key, felt = block.segment_key, self._felt(block)
+        first = self.first_column_[key] if key is not None and len(felt) else 0
+        return slice(first, first + len(felt))
+
+    def _felt(self, block: Block) -> np.ndarray:
+        """Time constants [s] of the decays of the fitted segment that the block goes on; none once they are over."""
+        taus = np.zeros(0) if block.segment_key is None else self.decays_.get(block.segment_key, np.zeros(0))
+        return taus if len(taus) and block.least_elapsed() <= FELT * np.max(taus) else np.zeros(0)
+
+    def fill(self, block: Block, state: Any, columns: np.ndarray) -> Any:
+        """Write the columns of a block as `signals` says them, without a word on each of the zeros."""
+        columns[:] = 0.0
+        columns[:, self.alive(block)] = decays(block.elapsed, self._felt(block))  # eq. (18)
+        return state
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """Decays of the segment, zeros elsewhere [1]."""

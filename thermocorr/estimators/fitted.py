@@ -285,11 +285,12 @@ class FittedModel(DoubtedInputs):
     def weighed(self, steps: Iterator[Walked]) -> Iterator[tuple[Block, np.ndarray]]:
         """Each block of a walk, and the contributions of all effects in its rows, shape (n, n_effects)."""
         effects, coef = self.features_.effect_list(), self.coef_
-        edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
+        edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
         for step in steps:
             parts = np.empty((len(step.block), len(effects)), order="F")  # sums over effects go column by column
             for i, (low, high) in enumerate(pairwise(edges)):
-                parts[:, i] = _weighted(step.columns[:, low:high], coef[low:high])
+                alive = effects[i].alive(step.block)
+                parts[:, i] = _weighted(step.columns[:, low:high][:, alive], coef[low:high][alive])
             yield step.block, parts
 
     def block_flags(self, block: Block, reading: np.ndarray | None) -> Flags:

@@ -35,7 +35,7 @@ class FusedColumns:
 
     def __init__(self, effects: Sequence[Effect], starts: InitialTransient | None):
         self.effects = effects
-        self.first = list(accumulate((len(effect.names()) for effect in effects), initial=1))
+        self.first = list(accumulate((effect.n_columns() for effect in effects), initial=1))
         """Where the columns of each effect begin, and the place of the reading behind them all."""
         self.lags = [i for i, effect in enumerate(effects) if _is_lag(effect)]
         self.ready = [i for i, effect in enumerate(effects) if not (_is_lag(effect) or _is_decay(effect))]
@@ -82,7 +82,7 @@ def _is_decay(effect: Effect) -> bool:
 
 def can_be_fused(record: Record, effects: Sequence[Effect], starts: InitialTransient | None) -> bool:
     """Whether there is compiled code, and it has something to do: many rows, lags of one rule between samples."""
-    shared = sum(len(effect.names()) for effect in effects if not _is_decay(effect))
+    shared = sum(effect.n_columns() for effect in effects if not _is_decay(effect))
     if not is_compiled() or record.n_used < FEWEST or shared > WIDEST:
         return False
     lags: list[Any] = [effect for effect in effects if _is_lag(effect)]

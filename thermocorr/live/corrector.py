@@ -36,7 +36,7 @@ from .resumable import Resumable
 from .smoothing import MovingAverage, Tracker
 from .state import StreamState
 
-_SHORT = 32
+_SHORT = 64
 """Fewer rows are faster one by one than in a block."""
 _PIECE = 1 << 16
 """Rows of one block at most."""

@@ -51,6 +51,11 @@ class History:
             return self.known_gaps
         return Gaps.of(self.record, tuple(self.record.columns), least_gap(self.record, self.usual_step, self.stride))
 
+    @cached_property
+    def _segment_starts(self) -> list[tuple[float, object]]:
+        """Stamp of the first kept row of each segment, and its run."""
+        return [(self.record.stamp(segment.start), segment.run) for segment in self.record.segments]
+
     @classmethod
     def of(
         cls,
@@ -209,10 +214,8 @@ class History:
     def _segment_before(self, stamp: float, run: object) -> int | None:
         """The fitted segment of this run that starts last among those that start no later than `stamp`."""
         best, best_stamp = None, -np.inf
-        for key, segment in enumerate(self.record.segments):
-            first = self.record.stamp(segment.start)
-            same_run = segment.run == run or run is None or segment.run is None
-            if same_run and best_stamp <= first <= stamp:
+        for key, (first, of_run) in enumerate(self._segment_starts):
+            if best_stamp <= first <= stamp and (of_run == run or run is None or of_run is None):
                 best, best_stamp = key, first
         return best
 
