@@ -147,14 +147,17 @@ def fits(n: int, quick: bool) -> list[Line]:
     ]
 
 
-def segments() -> Line:
+def segments() -> list[Line]:
     """300 runs in place of one."""
     X, y = record(84_000)
     runs = X.assign(run=np.arange(len(X)) * 300 // len(X))
     many = DynamicBiasRegressor("temperature", TAUS[:4], run="run", run_offset="same")
     rest = DynamicBiasRegressor("temperature", TAUS[:4], run="run", run_offset="same", initial_state="equilibrium")
-    what = "fit of 300 runs with start-up decays, 84 000 rows"
-    return Line(what, "without the decays", lambda: many.fit(runs, y), lambda: rest.fit(runs, y), 5)
+    what, fitted = "300 runs with start-up decays, 84 000 rows", lambda: many.fit(runs, y)
+    return [
+        Line(f"fit of {what}", "without the decays", fitted, lambda: rest.fit(runs, y), 5),
+        Line(f"predict of {what}", "its fit", lambda: many.predict(runs), fitted, 5),
+    ]
 
 
 def searches(n: int, sets: int, quick: bool) -> Line:
@@ -197,6 +200,11 @@ def others() -> list[Line]:
             live.reset()
             live.update_many(X[:5000], y[:5000])
 
+    def in_hundreds() -> None:
+        live.reset()
+        for start in range(0, 5000, 100):
+            live.update_many(X[start : start + 100], y[start : start + 100])
+
     plain, german = (Path(tempfile.mkdtemp()) / "log.csv" for _ in range(2))
     table = pd.DataFrame({"time": np.arange(300_000) * STEP, "temperature": 23.456 + np.arange(300_000) % 97 / 7})
     table["reading"] = 10 * table["temperature"]
@@ -212,6 +220,7 @@ def others() -> list[Line]:
         Line("predict, 84 000 rows", "its fit", predicted, given),
         Line("evaluate (corrected, model, residual, flags)", "predict", lambda: model.evaluate(X, y), predicted),
         Line("live, 5000 samples one by one", "in one block", one_by_one, together, 5, scale=0.1),
+        Line("live, 5000 samples in blocks of 100", "one by one", in_hundreds, one_by_one, 5),
         Line("search and fit (defaults), 84 000 rows", "fit of 6 given", chosen, given),
         Line("diagnose, nothing missing, 84 000 rows", "search and fit", judged, chosen, 3),
         Line("uncertainties of all rows", "search and fit", lambda: uncertain(searched, X, y), chosen, 3),
@@ -228,7 +237,7 @@ def uncertain(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series) -> obj
 
 def lines(check: bool) -> list[Line]:
     """All comparisons, or the quick ones."""
-    quick = [*fits(84_000, True), segments(), searches(84_000, 10, True), *others()]
+    quick = [*fits(84_000, True), *segments(), searches(84_000, 10, True), *others()]
     return quick if check else [*quick, *fits(1_000_000, False), searches(1_000_000, 4, False), long_csv()]
 
 

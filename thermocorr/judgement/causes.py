@@ -43,7 +43,7 @@ from .levels import (
 )
 from .likelihood import Fit
 from .nearby import move_again, moved
-from .needed import needed, still_helping, worth_beside
+from .needed import first_proven, needed, still_helping, worth_beside
 from .pairs import pairs
 from .pool import Explanation, Key, Pool
 from .shifts import Shifts, delays
@@ -101,7 +101,7 @@ class Search:
         """Whether a cause was proven with another one only."""
 
     def causes(self, first: Key | None = None) -> tuple[list[Cause], list[Tried]]:
-        """The causes, and what was tried last without being one; with `first`, the first cause is of that kind."""
+        """The causes, and what was tried last; with `first`, the first one is of that kind, or there are none."""
         found: list[Cause] = []
         if self.pool.rows.exact:
             return [], []
@@ -109,7 +109,8 @@ class Search:
             steps = sum(cause.tried.key in MANY for cause in found)
             tried = still_sought(self.believed(self.look(), found), found, steps)
             if first is not None and not found:
-                best = self._choice([t for t in tried if t.key == first], found)[1]
+                of_kind = [t for t in tried if t.key == first]
+                best = self._choice(of_kind, found)[1] or next(iter(of_kind), None)
                 rivals = [t for t in tried if best is not None and t.score >= best.score - TIE]
             else:
                 tried, best, rivals = self._choice(tried, found)
@@ -117,6 +118,7 @@ class Search:
             if not alone and (found or first is None):
                 best, rivals = self._of_a_pair()
             if best is None or len(found) - steps == MOST or (found and trifling(best, self.share(best), self.record)):
+                found = found if first is None else first_proven(self.judged, found, self.price, self._chance_of)
                 return self._needed(found), tried
             gain = best.score + self.price(best.number)
             if move_again(self.pool, self.judged, found, best.key, gain, self._moved_beside):

@@ -14,6 +14,26 @@ from .likelihood import Comparison
 from .worth import HeldOut
 
 
+def first_proven(
+    judged: Comparison,
+    causes: list[Cause],
+    price: Callable[[int], float],
+    p_value: Callable[[float, Cause], float],
+) -> list[Cause]:
+    """The causes, where the first is proven, before or beside the others; none where it is not.
+
+    Of two products each makes the other look like noise: neither is proven before the other is taken in. `price` gives
+    what an explanation gains by chance, `p_value` the error probability of a gain in log likelihood by a cause.
+    """
+    if not causes or causes[0].tried.proven:
+        return causes
+    first, own = causes[0].tried, [cause.adopted for cause in causes]
+    gain = judged.level_with(own) - judged.level_with(own[1:])
+    score = gain - price(first.number)
+    tried = replace(first, score=score, full=score, p_value=p_value(gain, causes[0]))
+    return [replace(causes[0], tried=tried), *causes[1:]] if tried.proven else []
+
+
 def needed(judged: Comparison, causes: Sequence[Cause], p_value: Callable[[float, Cause], float]) -> list[Cause]:
     """The causes that are still proven beside all others that are kept.
 

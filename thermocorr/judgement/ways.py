@@ -15,9 +15,9 @@ def searched(pool: Pool, anywhere: Collection[str]) -> tuple[Search, list[Cause]
 
     What is taken in first decides what is left for the next. Two effects at once may look like a third one, and what
     that leaves like several more. Where many causes were found, the search is begun with one that cannot be told from
-    the first, came next to it, was found later, or came after that; fewer causes that are likelier stand. A column that
-    is late may have taken part of another cause upon itself, a drift: the search is begun with the column as it is, and
-    as many causes that are likelier stand.
+    the first, came next to it, was found later, or came after that, be it proven only beside what is found then; fewer
+    causes that are likelier stand. A column that is late may have taken part of another cause upon itself, a drift: the
+    search is begun with the column as it is, and as many causes that are likelier stand.
     """
     search = Search(pool, anywhere)
     causes, last = search.causes()
