@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from .causes import Search
-from .choice import Cause, Tried, bent
-from .levels import FEW_CAUSES, MANY_CAUSES, SPEAKS_PLAINLY, WAYS
+from .choice import Cause, Tried, bent, harms
+from .levels import FEW_CAUSES, MANY_CAUSES, MOST, SPEAKS_PLAINLY, WAYS
 from .pool import Key, Pool
 
 
@@ -17,23 +17,29 @@ def searched(pool: Pool, anywhere: Collection[str]) -> tuple[Search, list[Cause]
     that leaves like several more. Where many causes were found, the search is begun with one that cannot be told from
     the first, came next to it, was found later, or came after that, be it proven only beside what is found then; fewer
     causes that are likelier stand. A column that is late may have taken part of another cause upon itself, a drift: the
-    search is begun with the column as it is, and as many causes that are likelier stand.
+    search is begun with the column as it is, and as many causes that are likelier stand. Where none was found, a column
+    that is proven may have been refused for the harm that it does while a drift is missing: the search is begun with
+    it, and several causes that are likelier stand.
     """
     search = Search(pool, anywhere)
     causes, last = search.causes()
-    if not 1 < len(causes) <= MANY_CAUSES:
-        return search, causes, last
     best, most = (search, causes, last), _value(search, causes)
-    for first, fewer in _other_firsts(causes).items():
+    for first, more in _other_firsts(causes, last).items():
         other = Search(pool, anywhere)
         found, tried = other.causes(first=first)
-        if found and len(found) <= len(best[1]) - fewer and _value(other, found) > most:
+        several = len(found) > (0 if causes else 1)
+        if several and len(found) <= len(best[1]) + more and _value(other, found) > most:
             best, most = (other, found, tried), _value(other, found)
     return best
 
 
-def _other_firsts(causes: Sequence[Cause]) -> dict[Key, bool]:
-    """What the search may begin with instead, and whether it must then end with fewer causes."""
+def _other_firsts(causes: Sequence[Cause], last: Sequence[Tried]) -> dict[Key, int]:
+    """What the search may begin with instead, and how many more causes than now it may then end with."""
+    if not causes:
+        refused = [t for t in last if t.proven and harms(t)]
+        return {t.key: MOST for t in sorted(refused, key=lambda t: -t.score)[:1]}
+    if not 1 < len(causes) <= MANY_CAUSES:
+        return {}
     plain = [t.key for cause in causes for t in cause.others if t.proven and _nearly_as_it_is(cause.tried, t)]
     others: list[Key] = []
     if len(causes) > FEW_CAUSES:
@@ -41,7 +47,7 @@ def _other_firsts(causes: Sequence[Cause]) -> dict[Key, bool]:
         later = [cause.tried for cause in causes[1:]]
         others = [t.key for t in (*causes[0].alike[:1], *next_best[:1], *later, *next_best[1:])]
     firsts = [key for key in dict.fromkeys((*plain, *others)) if key != causes[0].tried.key]
-    return {key: key not in plain for key in firsts[:WAYS]}
+    return {key: 0 if key in plain else -1 for key in firsts[:WAYS]}
 
 
 def _nearly_as_it_is(tried: Tried, plain: Tried) -> bool:
