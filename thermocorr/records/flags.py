@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -72,7 +72,7 @@ class Flags:
         return _texts(tuple(self.names)).take(self.codes.astype(np.intp))
 
 
-@cache
+@lru_cache(maxsize=64)
 def _texts(names: tuple[str, ...]) -> Any:
     """An array of pandas' own texts: to make one takes longer than to correct a few samples."""
     return pd.Series(names).array
