@@ -111,14 +111,14 @@ def test_a_proven_column_that_harms_beside_all_others_stays_on_strong_evidence_o
     assert still_helping(causes, start, columns) == kept
 
 
-@pytest.mark.parametrize(("others", "stays"), [(1, True), (8, False)])
-def test_beside_many_causes_a_proven_column_must_not_harm_later_data(others, stays):
-    """It goes with the reading at first and against it in the end, and its evidence is strong."""
+@pytest.mark.parametrize(("others", "score", "stays"), [(1, 20.0, True), (8, 20.0, False), (8, 40.0, True)])
+def test_beside_many_causes_a_proven_column_must_not_harm_unless_its_evidence_outweighs_it(others, score, stays):
+    """It goes with the reading at first and against it in the end."""
     rng = np.random.default_rng(6)
     t, column, there = np.arange(N) / N, rng.normal(size=N), rng.normal(size=(N, 8))
     reading = there.sum(axis=1) + 2 * column * np.sign(0.6 - t) + 0.3 * rng.normal(size=N)
     start = HeldOut(reading[:, None], np.column_stack((np.ones(N), t, there[:, others:])))
-    causes = [cause_of(column[:, None], Covariate("a"), score=20.0)]
+    causes = [cause_of(column[:, None], Covariate("a"), score=score)]
     causes += [cause_of(there[:, [k]], Covariate(f"b{k}")) for k in range(others)]
     kept = still_helping(causes, start, [cause.tried.explanation.columns for cause in causes])
     assert kept == list(range(0 if stays else 1, others + 1))

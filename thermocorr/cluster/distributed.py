@@ -270,7 +270,7 @@ class DistributedRecord(Record):
             sum(lengths),
             offset,
         )
-        width = 2 + sum(len(effect.names()) for effect in effects)
+        width = 2 + sum(effect.n_columns() for effect in effects)
         chunks = [TriangularFactor(width) for _ in edges[1:]]
         for found, _ in results:
             for i, chunk in found.items():

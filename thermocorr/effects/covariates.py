@@ -66,7 +66,7 @@ class Covariate(Effect):
     def units(self) -> list[str]:
         """The column's unit where its name tells it (``room_rh_pct``)."""
         unit = unit_of(self.column, None)
-        return [(f"{unit}^{self.power}" if self.power > 1 and unit else unit)] * len(self.names())
+        return [(f"{unit}^{self.power}" if self.power > 1 and unit else unit)] * self.n_columns()
 
     def _value(self, x: Signals) -> Any:
         return x[self.column] if self.power == 1 else x[self.column] ** self.power

@@ -83,7 +83,7 @@ class Lead(Effect):
 
     def units(self) -> list[str]:
         """K."""
-        return ["K"] * len(self.names())
+        return ["K"] * self.n_columns()
 
     def memory(self) -> float:
         """The longest time constant [s]."""

@@ -101,7 +101,7 @@ class LagProducts(Effect):
         """K^2, and K^3 for products of three."""
         J = len(self.time_constants_)
         second = J * (J + 1) // 2 + (J if self.temperature_products else 0)
-        return ["K^2"] * second + ["K^3"] * (len(self.names()) - second)
+        return ["K^2"] * second + ["K^3"] * (self.n_columns() - second)
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """Products of lag differences, and of T - T0 with them [K^2], [K^3]."""

@@ -14,8 +14,6 @@ from ..records import Block, Record, seconds_of
 from .expressions import words_of
 from .signals import BlockSignals, Signals
 
-_WIDE = 64
-"""Columns from which on most are zero: the start-up decays of other segments."""
 SINCE_START = "s since the start"
 """Unit of a parameter that is a moment of the record, for which a date will do as well."""
 TEMPERATURE = "unit of the temperature"
@@ -163,7 +161,7 @@ class Effect(ParametersOnce):
 
     def units(self) -> list[str]:
         """Unit of each column; "" where it has none or where nobody knows."""
-        return [""] * len(self.names())
+        return [""] * self.n_columns()
 
     def explained(self, temperature: str) -> str:
         """What the names of the columns mean, below a model's equation; "" where nothing is left to explain.
@@ -184,7 +182,7 @@ class Effect(ParametersOnce):
         return type(self).columns is Effect.columns
 
     def alive(self, block: Block) -> slice:
-        """Which columns may be other than zero in a block: all but the own ones of other segments."""
+        """Which columns may be other than zero in a block: all, unless the effect knows better."""
         return slice(None)
 
     def fill(self, block: Block, state: Any, columns: np.ndarray) -> Any:
@@ -209,12 +207,8 @@ class Effect(ParametersOnce):
                 f"{type(self).__name__}.signals returned {len(said)} columns for {columns.shape[1]} names. Return one "
                 "for each name."
             )
-        wide = len(said) > _WIDE
-        if wide:
-            columns[:] = 0.0
         for i, column in enumerate(said):
-            if not wide or isinstance(column, np.ndarray) or column:
-                columns[:, i] = column
+            columns[:, i] = column
         return x.state()
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
@@ -234,7 +228,7 @@ class Effect(ParametersOnce):
         state : object
         """
         columns = np.empty((len(block), self.n_columns()), order="F")
-        return columns, self._fill_said(block, state, columns)
+        return columns, self.fill(block, state, columns)
 
     def memory(self) -> float:
         """Longest time constant of the state [s]: how long an unknown start is felt. 0 without a state."""

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..equations import LagState, decays, lag_differences
 from ..equations.compiled import play
@@ -200,8 +201,14 @@ class BlockSignals(Signals):
         return np.interp(now - delay, *known)  # left of all samples: the first value
 
     def decays(self, of_segments: Mapping[int, Numbers]) -> list[Any]:
+        own = list(decays(self.block.elapsed, felt_decays(self.block, of_segments)).T)  # eq. (18)
         columns: list[Any] = []
         for key, taus in of_segments.items():
-            felt = key == self.block.segment_key and self.block.least_elapsed() <= FELT * np.max(taus)
-            columns += list(decays(self.block.elapsed, np.asarray(taus)).T) if felt else [0.0] * len(taus)  # eq. (18)
+            columns += own if own and key == self.block.segment_key else [0.0] * len(taus)
         return columns
+
+
+def felt_decays(block: Block, of_segments: Mapping[int, Numbers]) -> NDArray[Any]:
+    """Time constants [s] of the decays of the fitted segment that a block goes on; none once they are over."""
+    taus = np.asarray(() if block.segment_key is None else of_segments.get(block.segment_key, ()), float)
+    return taus if len(taus) and block.least_elapsed() <= FELT * taus.max() else np.zeros(0)

@@ -11,11 +11,10 @@ import numpy as np
 from sklearn.utils._param_validation import Interval
 
 from ..equations import decays
-from ..equations.lags import FELT
 from ..records import BLOCK_ROWS, Block, Record, Segment
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, time_text
-from .signals import Signals
+from .signals import Signals, felt_decays
 from .thermal import seconds_array
 
 MOST_SUSPECTED = 30
@@ -116,19 +115,14 @@ class InitialTransient(Effect):
 
     def alive(self, block: Block) -> slice:
         """The columns of the fitted segment that the block goes on; none once they are over."""
-        key, felt = block.segment_key, self._felt(block)
-        first = self.first_column_[key] if key is not None and len(felt) else 0
-        return slice(first, first + len(felt))
-
-    def _felt(self, block: Block) -> np.ndarray:
-        """Time constants [s] of the decays of the fitted segment that the block goes on; none once they are over."""
-        taus = np.zeros(0) if block.segment_key is None else self.decays_.get(block.segment_key, np.zeros(0))
-        return taus if len(taus) and block.least_elapsed() <= FELT * np.max(taus) else np.zeros(0)
+        count = len(felt_decays(block, self.decays_))
+        first = self.first_column_[block.segment_key] if count and block.segment_key is not None else 0
+        return slice(first, first + count)
 
     def fill(self, block: Block, state: Any, columns: np.ndarray) -> Any:
         """Write the columns of a block as `signals` says them, without a word on each of the zeros."""
         columns[:] = 0.0
-        columns[:, self.alive(block)] = decays(block.elapsed, self._felt(block))  # eq. (18)
+        columns[:, self.alive(block)] = decays(block.elapsed, felt_decays(block, self.decays_))  # eq. (18)
         return state
 
     def signals(self, x: Signals) -> Sequence[Any]:

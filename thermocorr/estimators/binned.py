@@ -126,7 +126,7 @@ def binned_columns(effects: Sequence[Effect], history: History, bins: Binned) ->
     """
     record = history.record
     known = None if bins.known is None else np.unpackbits(bins.known, count=record.n_rows).astype(bool)
-    means = np.zeros((len(bins.begins), sum(len(effect.names()) for effect in effects)))
+    means = np.zeros((len(bins.begins), sum(effect.n_columns() for effect in effects)))
     count = np.zeros(len(bins.begins))
     edges = np.searchsorted(bins.segment, np.arange(len(record.segments) + 1))
     ends: list[list[object]] = []

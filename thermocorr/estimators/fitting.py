@@ -100,7 +100,7 @@ def _by_itself(record: Any, effects: Sequence[Effect], edges: np.ndarray, starts
     if starts is None:
         given: Swept = record.sweep_effects(effects, edges)
         return given
-    swept, n = record.sweep_effects([starts, *effects], edges), len(starts.names())
+    swept, n = record.sweep_effects([starts, *effects], edges), starts.n_columns()
     chunks = []
     for chunk in swept.chunks:
         felt = [column for column in range(1, n + 1) if chunk.r[:, column].any()]
@@ -147,7 +147,7 @@ def decays_first(effects: Sequence[Effect]) -> tuple[list[int], list[int]]:
     Decays are soon over; while they stand first, `TriangularFactor` passes over them.
     """
     order = sorted(range(len(effects)), key=lambda i: not isinstance(effects[i], InitialTransient))
-    widths = [len(effect.names()) for effect in effects]
+    widths = [effect.n_columns() for effect in effects]
     starts = dict(zip(order, np.cumsum([0, *(widths[i] for i in order)]).tolist(), strict=False))
     columns = [starts[i] + k for i in range(len(effects)) for k in range(widths[i])]
     return order, [sum(widths), *columns, sum(widths) + 1]

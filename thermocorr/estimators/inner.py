@@ -43,7 +43,7 @@ def inner_blocks(model: Any, steps: Iterator[Walked]) -> Iterator[Inner]:
         For a model without lags: a static model knows of nothing inside.
     """
     effects = model.features_.effect_list()
-    edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
+    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
     lag = next((k for k, effect in enumerate(effects) if type(effect) is ThermalLag), None)
     if lag is None or not len(effects[lag].time_constants_):
         raise ValueError("The model has no lags: a static model knows of no temperature inside of the device.")

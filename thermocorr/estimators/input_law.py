@@ -54,7 +54,7 @@ def law_of_inputs(
     deviation : float
         Standard deviation of the residuals, beside which late errors are forgotten.
     """
-    edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
+    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
     parts = [(effect, coef[low:high]) for effect, low, high in zip(effects, edges, edges[1:], strict=False)]
     return [_law(column, parts, temperature, FELT * deviation) for column in columns]
 

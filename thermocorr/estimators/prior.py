@@ -178,7 +178,7 @@ class LawPrior:
         rows[:, -1] = self.noise * root @ self.mean
         at, lags = 1, self._lags(effects, thermometers)
         for effect in effects:
-            width = len(effect.names())
+            width = effect.n_columns()
             if isinstance(effect, InitialTransient):
                 starts = [
                     self._starts(taus, lags, at + effect.first_column_[key], rows.shape[1])
@@ -315,7 +315,7 @@ def law_of(
     powers = [
         power
         for effect in effects
-        for power in (effect.powers() if isinstance(effect, StaticPolynomial) else [0] * len(effect.names()))
+        for power in (effect.powers() if isinstance(effect, StaticPolynomial) else [0] * effect.n_columns())
     ]
     return Law(
         columns=tuple(names[i] for i in law),

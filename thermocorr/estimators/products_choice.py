@@ -73,7 +73,7 @@ def products_help(
     except RecordError:  # too short for so many columns
         return False
     factored = factors_of(features, record, reading, np.unique(np.concatenate(taus)), replace(settings, cv=BLOCKS))
-    layout, products = factored.layout, len(features.effect_list()[-1].names())
+    layout, products = factored.layout, features.effect_list()[-1].n_columns()
     lags = layout.columns([i for i, tau in enumerate(layout.grid) if tau in taus[layout.owner[i]]])
     alpha = found.alpha * reading.n_readings / found.factored.reading.n_readings
     without = [*range(1, layout.n_free - products), *lags]

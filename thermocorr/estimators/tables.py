@@ -27,7 +27,7 @@ def coefficient_table(
     names, kinds, units = ["U0"], ["reference reading"], [reading.unit]
     for effect in effects:
         names += effect.names()
-        kinds += [effect.label()] * len(effect.names())
+        kinds += [effect.label()] * effect.n_columns()
         units += [_per(reading, unit) for unit in effect.units()]
     return pd.DataFrame(
         {

@@ -153,7 +153,7 @@ def _felt(
 
 def _place_of_gain(effects: Sequence[Effect], name: Any, temperature: Any) -> int:
     """Number of the column whose coefficient is a thermometer's static gain."""
-    edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
+    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
     own = [isinstance(e, StaticPolynomial) if name == temperature else name in e.inputs() for e in effects]
     return int(edges[own.index(True)])
 

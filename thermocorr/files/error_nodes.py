@@ -73,7 +73,7 @@ def unpack_errors(
     wider = items(node["wider"], f"{where}.wider")
     for i, item in enumerate(wider):
         effects, history = _unpack_wider(item, f"{where}.wider[{i}]", effects, history, codec)
-    width = 1 + sum(len(effect.names()) for effect in effects)
+    width = 1 + sum(effect.n_columns() for effect in effects)
     noise = _unpack_noise(node["noise"], f"{where}.noise")
     return JointErrors(
         effects=effects,

@@ -369,7 +369,7 @@ def _restore_features(features: DiffusiveFeatures, node: dict[str, Any], where: 
         names = list(features.get_feature_names_out())
         for effect in effects:
             effect.label()
-            if len(effect.units()) != len(effect.names()):
+            if len(effect.units()) != effect.n_columns():
                 raise ValueError(f"{type(effect).__name__} has another number of units than of names")
     except Exception as error:
         raise ModelFileError(f"{where}.effects cannot name their columns: {error}") from None

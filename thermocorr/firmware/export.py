@@ -131,7 +131,7 @@ def export_to(
         history=history,
         continues=continue_from_fit,
     )
-    edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
+    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
     weights = [np.asarray(model.coef_[low:high], float) for low, high in pairwise(edges)]
     states = [None] * len(effects) if not continue_from_fit else list(target.fitted_history.end_states[-1])
     parts = [(effects[i], weights[i], states[i]) for i in removed]

@@ -90,7 +90,7 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
     if not pairs:
         return []
     record, effects = pairs[0][0], [effect for _, effect in pairs]
-    edges = np.cumsum([0, *(len(effect.names()) for effect in effects)]).tolist()
+    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)]).tolist()
     most = sum(-(-segment.n_rows // width) for segment in record.segments)
     means, n = np.empty((most, edges[-1]), order="F"), 0  # at once: memory in small pieces costs more than its use
     states: list[Any] = []
@@ -154,7 +154,7 @@ def with_exact(short: Thinned, record: Record, effects: Sequence[Effect]) -> Thi
     assert record.reading is not None
     for effect in effects:
         effect.learn(record)
-    edges = np.cumsum([0, *(len(effect.names()) for effect in effects)])
+    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
     sums, counts = np.zeros((short.n_rows, edges[-1])), np.zeros(short.n_rows)
     for step in walk(effects, record, starts=own_starts(record)):
         known = np.isfinite(np.asarray(record.reading[step.block.rows], float))

@@ -53,7 +53,7 @@ class OwnStart(Effect):
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """Decays of the block's segment, zeros where it has fewer than others."""
         own = self.transient_.own(block)
-        return np.pad(own, ((0, 0), (0, len(self.names()) - own.shape[1]))), None
+        return np.pad(own, ((0, 0), (0, self.n_columns() - own.shape[1]))), None
 
 
 def starts_of(model: DynamicBiasRegressor, record: Record) -> list[Effect]:

@@ -73,7 +73,7 @@ def largest_lag(model: DynamicBiasRegressor) -> float | None:
     if not len(model.time_constants_):
         return None
     before = takewhile(lambda effect: not isinstance(effect, ThermalLag), model.features_.effect_list())
-    start = sum(len(effect.names()) for effect in before)
+    start = sum(effect.n_columns() for effect in before)
     mu = np.abs(model.coef_[start : start + len(model.time_constants_)])
     return float(model.time_constants_[int(mu.argmax())])
 

@@ -70,7 +70,7 @@ class Stream:
             stepper_of(effect, history.record.times, history.zero, temperature) for effect in self.effects
         ]
         self._removed = [effect.removed_by_correct for effect in features.effect_list()]
-        edges = np.cumsum([0, *(len(effect.names()) for effect in self.effects)]).tolist()
+        edges = np.cumsum([0, *(effect.n_columns() for effect in self.effects)]).tolist()
         coef = np.zeros(edges[-1])
         coef[: len(model.coef_)] = model.coef_
         counted = [*self._removed, *(False for _ in self.effects[len(self._removed) :])]

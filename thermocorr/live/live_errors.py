@@ -36,7 +36,7 @@ class LiveErrors:
             history, end_states=tuple([*states, *(wide[i] for i in more)] for states, wide in ends)
         )
         """The fitted record, with the states of all these effects."""
-        edges = np.cumsum([0, *(len(effect.names()) for effect in self.effects)])
+        edges = np.cumsum([0, *(effect.n_columns() for effect in self.effects)])
         place = {
             id(effect): range(low, high) for effect, (low, high) in zip(self.effects, pairwise(edges), strict=True)
         }

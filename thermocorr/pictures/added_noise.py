@@ -75,7 +75,7 @@ def _loudest(model: Any, X: Any, n_rows: float) -> str:
     rows = record.rows(longest.start, min(longest.stop, longest.start + LOOKED_AT))
     columns = np.asarray(model.features_.transform(X.iloc[rows] if hasattr(X, "iloc") else X[rows]), float)
     removed = np.concatenate(
-        [np.full(len(effect.names()), effect.removed_by_correct) for effect in model.features_.effect_list()]
+        [np.full(effect.n_columns(), effect.removed_by_correct) for effect in model.features_.effect_list()]
     )
     made = columns * model.coef_ * removed
     sizes = [allan_deviation(part[np.isfinite(part)], 1.0, [round(n_rows)]).deviation for part in made.T]

@@ -133,10 +133,10 @@ def _columns(fitted: Any, effects: list[Effect], times: np.ndarray, step: float)
     shown = -np.expm1(-seconds / late) if late else np.arange(len(seconds)) > 0
     frame = pd.DataFrame({"seconds": seconds, name: T0 + step * shown})
     record = read_record(frame, Layout(name, "seconds"), quiet=True)
-    result = np.zeros((len(times), sum(len(effect.names()) for effect in effects)))
+    result = np.zeros((len(times), sum(effect.n_columns() for effect in effects)))
     at = 0
     for effect in effects:
-        width = len(effect.names())
+        width = effect.n_columns()
         if follows_temperature(effect):
             block = next(record.blocks(len(seconds)))
             columns = np.asarray(effect.columns(block, None)[0]).reshape(len(seconds), width)

@@ -64,7 +64,7 @@ class LagColumns:
         starts = InitialTransient(few.tolist(), share if fitted and many else 0.0)
         for effect in (lag, *further, transient, starts):
             effect.learn(record)
-        n_free = 1 + sum(len(effect.names()) for effect in features.effect_list())
+        n_free = 1 + sum(effect.n_columns() for effect in features.effect_list())
         grid = np.tile(time_constants, 1 + len(further))
         owned: list[list[int]] = [[] for _ in grid]
         decays = []

@@ -64,7 +64,7 @@ class Sweeps:
         known = self._known.setdefault(key, [[] for _ in edges[1:]])
         assert record.reading is not None
         own = [np.array(record.reading[record.rows(low, high)], float) for low, high in pairwise(edges.tolist())]
-        none = TriangularFactor(2 + sum(len(effect.names()) for effect in effects))
+        none = TriangularFactor(2 + sum(effect.n_columns() for effect in effects))
         found = [
             _found(reading, stretches) if np.isfinite(reading).any() else _Stretch(reading, none, offset)
             for reading, stretches in zip(own, known, strict=True)

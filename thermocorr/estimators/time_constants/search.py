@@ -187,7 +187,7 @@ def learned(features: DiffusiveFeatures, X: Any, y: Any) -> tuple[Record, Readin
     """Let the features learn a record; refuse one that nothing can be learned from."""
     record = features.learn(X, y)
     reading = Reading.of(X, y, record)
-    require_rows(reading.n_readings, sum(len(effect.names()) for effect in features.effect_list()))
+    require_rows(reading.n_readings, sum(effect.n_columns() for effect in features.effect_list()))
     check_plausible(record, reading)
     return record, reading
 
@@ -343,7 +343,7 @@ def _evenly_spread(
     features: DiffusiveFeatures, record: Record, reading: Reading, span: float, settings: SearchSettings
 ) -> TimeConstantChoice:
     """Too few readings to choose from: a few time constants, evenly spread in the logarithm."""
-    n_static = sum(len(effect.names()) for effect in features.effect_list())
+    n_static = sum(effect.n_columns() for effect in features.effect_list())
     count = 3 if settings.count is None else settings.count
     count = max(1, min(count, (reading.n_readings - n_static - 2) // 4))
     grid = spread(log_grid(record.usual_step(), span), span, count)

@@ -115,14 +115,14 @@ def _slower(effects: Sequence[Effect], grid: np.ndarray, longest: float) -> np.n
     """Lags with all time constants of a grid that are slower than the longest one, shape (1 + p,)."""
     slow = [np.zeros(1, bool)]
     for effect in effects:
-        wide = np.array_equal(getattr(effect, "time_constants", ()), grid) and len(effect.names()) == len(grid)
-        slow.append(grid > longest if wide and len(grid) else np.zeros(len(effect.names()), bool))
+        wide = np.array_equal(getattr(effect, "time_constants", ()), grid) and effect.n_columns() == len(grid)
+        slow.append(grid > longest if wide and len(grid) else np.zeros(effect.n_columns(), bool))
     return np.concatenate(slow)
 
 
 def _priors(effects: Sequence[Effect], own: Sequence[Effect]) -> list[np.ndarray]:
     """Columns of the lags and of the decays that are not the model's own: 1 for those, 0 for others, shape (1 + p,)."""
-    edges = np.cumsum([1, *(len(effect.names()) for effect in effects)])
+    edges = np.cumsum([1, *(effect.n_columns() for effect in effects)])
     groups = []
     for start, effect, narrow in zip(edges, effects, own, strict=False):
         known = narrow.names()
