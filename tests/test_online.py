@@ -270,6 +270,8 @@ def test_bad_calls_say_what_is_wrong(default):
         live.update_many(X[["humidity"]], y)
     with pytest.raises(RecordError, match="is not a number in row 3"):
         live.update_many(X.astype(object).assign(temperature=["1", "2", "3", "x"] * 750), y)
+    with pytest.raises(RecordError, match="The reading y is not a number in row 3: 'x'"):
+        live.update_many(X, ["1", "2", "3", "x"] * 750)
     with pytest.raises(RecordError, match="times of kind"):
         live.update_many(X.reset_index(drop=True), y)
     with pytest.raises(TypeError, match="must be a DynamicBiasRegressor"):

@@ -14,7 +14,7 @@ from ..records import RecordError
 from ..records.errors import quoted
 from ..records.flags import Flags
 from ..records.labels import check_dates, out_of_reach
-from ..records.numbers import as_pandas, is_frame, numeric_column
+from ..records.numbers import as_numbers, as_pandas, is_frame, numeric_column
 from ..records.screen import Limits
 from ..records.times import BEYOND
 
@@ -109,7 +109,12 @@ def _whole(column: Any) -> Any:
 
 def readings(y: Any, n: int) -> np.ndarray:
     """Readings as floats, NaN where there is none, shape (n,)."""
-    values = _floats(_whole(as_pandas(y)))
+    given = _whole(as_pandas(y))
+    try:
+        values = _floats(given)
+    except (TypeError, ValueError):  # the same, or a sentence about what is wrong
+        given = given if isinstance(given, pd.Series) else np.asarray(given)
+        values = _floats(as_numbers(given, "The reading y", "reading"))
     values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
     if values.shape != (n,):
         raise RecordError(
