@@ -200,6 +200,7 @@ class Effect(ParametersOnce):
         return state
 
     def _fill_said(self, block: Block, state: Any, columns: np.ndarray) -> Any:
+        """`fill` by the formula."""
         x = BlockSignals(block, state)
         said = self.signals(x)
         if len(said) != columns.shape[1]:
@@ -228,7 +229,7 @@ class Effect(ParametersOnce):
         state : object
         """
         columns = np.empty((len(block), self.n_columns()), order="F")
-        return columns, self.fill(block, state, columns)
+        return columns, self._fill_said(block, state, columns)
 
     def memory(self) -> float:
         """Longest time constant of the state [s]: how long an unknown start is felt. 0 without a state."""

@@ -119,7 +119,7 @@ class InitialTransient(Effect):
         first = self.first_column_[block.segment_key] if count and block.segment_key is not None else 0
         return slice(first, first + count)
 
-    def fill(self, block: Block, state: Any, columns: np.ndarray) -> Any:
+    def _fill_said(self, block: Block, state: Any, columns: np.ndarray) -> Any:
         """Write the columns of a block as `signals` says them, without a word on each of the zeros."""
         columns[:] = 0.0
         columns[:, self.alive(block)] = decays(block.elapsed, felt_decays(block, self.decays_))  # eq. (18)
