@@ -92,6 +92,10 @@ class Errors:
         return self.held_out <= SUPERFLUOUS * other.held_out and not self.later > SUPERFLUOUS * other.later
 
 
+Extended = tuple[DynamicBiasRegressor, Errors, list[Effect]]
+"""A model with further effects, its errors, and these effects."""
+
+
 def _ratio(now: float, before: float) -> float:
     return now / before if before else 1.0  # an exact record
 

@@ -340,6 +340,8 @@ AS_FREEZING = 1.02
 """Errors over those of the knee that was found, up to which a knee is taken to be freezing point: blocks of a record
 tell no less. Of soil at 5 cm it is 1.013, and 0.62 K on the rest instead of 0.72; of its first 60 %, and of soil at
 25 cm, 0.97."""
+ON_EITHER_SIDE = 0.05
+"""Share of the temperatures that must lie on either side of freezing point for a knee to be looked for there."""
 FURTHER_HELP = 0.99
 """Errors over those before, up to which an effect gets a further lag, or a proven one is kept that few blocks show."""
 FURTHER_LAGS = 3
@@ -348,8 +350,9 @@ OTHER_TIMES = (0.25, 0.4, 0.63, 1.6, 2.5, 4.0)
 """Factors on the time constant of an effect that was just added, at which its errors are compared: coarse, for the
 errors of a few blocks are."""
 CLEARLY_LESS = 0.9
-"""Errors over those before, up to which another time constant takes the place of the one that explains most. Of the
-room beside a resistor it is 0.67, and 0.24 ppm on the rest instead of 0.37; with 0.99, soil had 0.65 K, not 0.61."""
+"""Errors over those before, up to which something else takes the place of what a diagnosis names: another time
+constant than the one that explains most, or a knee at freezing point. Of the room beside a resistor it is 0.67, and
+0.24 ppm on the rest instead of 0.37; with 0.99, soil had 0.65 K, not 0.61."""
 NEXT_LAG = 2.5
 """Ratio of neighbouring time constants that are tried as further lags of an effect: closer ones say nearly the same."""
 SUPERFLUOUS = 1.001

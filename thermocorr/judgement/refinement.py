@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from ..effects import Covariate, LaggedCovariate
+from ..effects import Covariate, Hinge, LaggedCovariate
 from ..effects.protocol import Effect
 from ..estimators.progress import Progress, told
 from ..estimators.regressor import DynamicBiasRegressor
@@ -20,9 +20,10 @@ from ..pictures.words import effect_text
 from ..records.errors import said_once
 from ..records.quantities import number_text, scale_of
 from ..records.text import printable
-from .adding import Errors, with_missing
+from .adding import Errors, Extended, with_missing
 from .diagnosis import diagnose
 from .found import WIDTH, Diagnosis, FoundSuspect
+from .freezing import with_knee_at_freezing
 from .levels import CLEARLY_LESS, JOINTLY, TRIES
 from .shorter import shorter
 from .tuning import effects_of, fitted_with, tuned
@@ -89,8 +90,10 @@ def refine(
     raises neither may be of use in few blocks. What depends on time alone must lower them, and raise neither; a proven
     drift or ageing may raise the held-out one by less than it lowers the later one. What cannot be told from a cause is
     tried as well: it takes its place where the errors are a tenth less, or where the cause is not kept. Where no cause
-    is kept alone, the proven ones are tried together: one may spoil what another is worth. A proven effect that acts
-    late is worked out: its parameters are moved to where it explains most beside the model's own lags, a knee is put at
+    is kept alone, the proven ones are tried together: one may spoil what another is worth. Where there are causes and
+    none is kept, or one of time alone or a product, and temperatures cross freezing point, a knee there takes its place
+    if the errors are a tenth less: it is expected before anything was measured. A proven effect that acts late is
+    worked out: its parameters are moved to where it explains most beside the model's own lags, a knee is put at
     freezing point where the two errors rise by no more than 2 %, another time constant is taken where they are a tenth
     less, and it gets further lags as long as each lowers them by 1 %. An effect that a later one makes superfluous
     leaves again; at the end the effects' parameters are tuned together, and kept so where the two errors, the lags of
@@ -174,7 +177,7 @@ def _refined(
     rows = [_step(0, "", "given", best, start, diagnoses[0])]
     try:
         for number in range(1, max_steps + 1):
-            longer = _extended(current, X, y, best, diagnoses[-1], _at_step(number, say))
+            longer = _extended(current, X, y, best, diagnoses[-1], wanted["exclude"], _at_step(number, say))
             if longer is None:
                 break
             extended, errors, named = longer
@@ -204,32 +207,44 @@ def _at_step(number: int, say: Callable[[str], None]) -> Callable[[str], None]:
 
 
 def _extended(
-    model: DynamicBiasRegressor, X: Any, y: Any, before: Errors, found: Diagnosis, say: Callable[[str], None]
+    model: DynamicBiasRegressor,
+    X: Any,
+    y: Any,
+    before: Errors,
+    found: Diagnosis,
+    exclude: Collection[str],
+    say: Callable[[str], None],
 ) -> tuple[DynamicBiasRegressor, Errors, str] | None:
-    """The model with one cause more, or with all proven ones, its errors, and what was added; None where none helps."""
+    """The model with one cause more, or with all proven ones, its errors, and what was added; None where none helps.
+
+    Causes that do not help, that depend on time alone, and products may stand for a knee at freezing point.
+    """
+    kept = _with_causes(model, X, y, before, found, say)
+    vague = kept is None or all(effect.of_time_alone or effect.is_product for effect in kept[2])
+    if found.causes and vague and Hinge.kind not in exclude:
+        kept = with_knee_at_freezing(model, X, y, before, before if kept is None else kept[1], say) or kept
+    return None if kept is None else (*kept[:2], " and ".join(effect.label() for effect in kept[2]))
+
+
+def _with_causes(
+    model: DynamicBiasRegressor, X: Any, y: Any, before: Errors, found: Diagnosis, say: Callable[[str], None]
+) -> Extended | None:
+    """The model with the first cause that helps, or with all proven ones: one may spoil what another is worth."""
     for cause in worth_trying(found):
         kept = _with_cause(model, X, y, before, cause, found.unit, say)
         if kept is not None:
             longer, errors, added = kept
             if cause.standing == "proven":
                 longer, errors, added = worked_out(longer, X, y, errors, added, say)
-            return longer, errors, added.label()
+            return longer, errors, [added]
     proven = [cause.effect for cause in found.causes if cause.standing == "proven"][:TRIES]
     if len(proven) < 2:
         return None
     say(f"adding {' and '.join(effect.title() for effect in proven)}")
-    longer, errors = _with_all(model, X, y, proven)
-    named = " and ".join(effect.label() for effect in proven)
-    return (longer, errors, named) if all(errors.worth(effect, before) for effect in proven) else None
-
-
-def _with_all(
-    model: DynamicBiasRegressor, X: Any, y: Any, effects: Sequence[Effect]
-) -> tuple[DynamicBiasRegressor, Errors]:
-    """The model with several effects: what one is worth alone may be spoilt by another that is missing."""
-    for effect in effects:
+    for effect in proven:
         model = with_missing(model, effect).fit(X, y)
-    return model, Errors.of(model, X, y)
+    errors = Errors.of(model, X, y)
+    return (model, errors, proven) if all(errors.worth(effect, before) for effect in proven) else None
 
 
 def worth_trying(found: Diagnosis) -> list[FoundSuspect]:

@@ -44,12 +44,11 @@ def tuned(
     which: Sequence[int],
     *,
     moves: int = 1,
-    thaw: bool = False,
 ) -> DynamicBiasRegressor:
     """A fitted model with parameters of some effects moved to the least residual, time constants of the lags held.
 
     Each effect of `which` is moved at most `moves` times by each of `shares`, see `Effect.nearby`. A knee at freezing
-    point stays there, unless `thaw`. The model itself where its residual falls by nothing.
+    point stays there. The model itself where its residual falls by nothing.
     """
     effects, start = effects_of(model), model.residual_std_
     best = held_fast(model).fit(X, y)
@@ -59,7 +58,7 @@ def tuned(
             before = least
             for i in which:
                 for near in effects[i].nearby(record, share):
-                    if not thaw and at_freezing(model, effects[i]) and not at_freezing(model, near):
+                    if at_freezing(model, effects[i]) and not at_freezing(model, near):
                         continue
                     tried = [*effects[:i], near, *effects[i + 1 :]]
                     other = fitted_with(best, tried, X, y)

@@ -84,7 +84,7 @@ def _is_of(effect: Effect, added: Effect) -> bool:
 
 def _moved(model: DynamicBiasRegressor, X: Any, y: Any, place: int) -> DynamicBiasRegressor:
     """The model with the parameters of one effect where it explains most, the lags of the temperature chosen anew."""
-    return fitted_with(model, effects_of(tuned(model, X, y, WIDELY, [place], moves=MOVES, thaw=True)), X, y)
+    return fitted_with(model, effects_of(tuned(model, X, y, WIDELY, [place], moves=MOVES)), X, y)
 
 
 def _timed(
@@ -157,4 +157,4 @@ def _with_the_next_lag(held: DynamicBiasRegressor, X: Any, y: Any, place: int) -
             other = fitted_with(held, [*effects[:place], longer, *effects[place + 1 :]], X, y)
             if other.residual_std_ < least:
                 best, least = other, other.residual_std_
-    return None if best is None else tuned(best, X, y, WIDELY, [place], moves=MOVES, thaw=True)
+    return None if best is None else tuned(best, X, y, WIDELY, [place], moves=MOVES)
