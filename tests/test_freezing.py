@@ -23,9 +23,7 @@ def freezing(*, name="air_temp_degC", factor=1.0, zero=0.0, bend=0.4, at=0.0, se
     bent = Hinge(at, time_constants=[TAU])
     plain = pd.DataFrame({"air_temp_degC": T}, index=record.index)
     late = DynamicBiasRegressor("air_temp_degC", time_constants=[], effects=[bent]).fit(plain, record["reading"])
-    column = late.features_.transform(plain)[:, -2:].sum(
-        axis=1
-    )  # the bent side, and its lag difference
+    column = late.features_.transform(plain)[:, -2:].sum(axis=1)  # the bent side, and its lag difference
     return pd.DataFrame({name: factor * T + zero}, index=record.index), record["reading"] + bend * column
 
 
