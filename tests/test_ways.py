@@ -35,6 +35,16 @@ def test_two_effects_are_two_causes(setting, device, seed, kinds):
     assert {cause.effect.kind for cause in found.causes} == set(kinds) and len(found.causes) == 2
 
 
+def test_of_two_products_and_a_wave_no_steps_of_sensitivity_are_made():
+    """Five steps of the sensitivity and a wave were told, the likelihood 182 lower: a product is noise to the other."""
+    kinds = ("periodic", "interaction", "lagged_modulation")
+    options = {"sampling_period": 30.0, "setting": "chamber", "device": "box", "noise": 0.2, "seed": 1623}
+    record = make_record(23_040, effects=dict.fromkeys(kinds, 1.0), **options)
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert {cause.effect.kind for cause in found.causes} == set(kinds) and len(found.causes) == 3
+
+
 def test_a_column_that_harms_while_a_drift_is_missing_is_named_beside_it():
     """Alone it is proven, and does harm on later data: nothing was named, and the likelihood 130 lower."""
     options = {"sampling_period": 60.0, "setting": "lab", "device": "plate", "noise": 0.2, "seed": 1445}
