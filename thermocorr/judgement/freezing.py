@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from ..effects import Hinge
 from ..effects.grids import temperature_quantiles, time_grid
 from ..estimators.regressor import DynamicBiasRegressor
-from .adding import Errors, Extended
-from .levels import CLEARLY_LESS, FREEZING, ON_EITHER_SIDE
-from .tuning import at_freezing, effects_of, fitted_with
+from .adding import Errors, Extended, with_missing
+from .levels import CLEARLY_LESS, ON_EITHER_SIDE
+from .tuning import at_freezing, effects_of, freezing
 
 
 def freezing_point(model: DynamicBiasRegressor) -> float | None:
@@ -24,7 +22,7 @@ def freezing_point(model: DynamicBiasRegressor) -> float | None:
 
     That is so where the record hardly crosses it, where the unit is not known, and where the model has such a knee.
     """
-    zero = FREEZING.get(model.reading_.temperature_unit, np.nan)
+    zero = freezing(model)
     low, high = temperature_quantiles(model.features_.history_.record, (ON_EITHER_SIDE, 1 - ON_EITHER_SIDE))
     known = any(at_freezing(model, effect) for effect in effects_of(model))
     return zero if low < zero < high and not known else None
@@ -45,7 +43,7 @@ def with_knee_at_freezing(
     best, ratio = None, CLEARLY_LESS
     for late in ((), *((tau,) for tau in time_grid(model.features_.history_.record, 5.0, 0.1))):
         knee = Hinge(zero, time_constants=late)
-        longer = fitted_with(model, [*effects_of(model), knee], X, y)
+        longer = with_missing(model, knee).fit(X, y)
         if longer.residual_std_ > CLEARLY_LESS * model.residual_std_:
             continue
         errors = Errors.of(longer, X, y)

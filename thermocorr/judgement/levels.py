@@ -239,8 +239,9 @@ FEW_CAUSES = 2
 """Causes beyond which another first one is tried, if there is one: of a drift of sensitivity and a product, four causes
 were made that began with a step (`benchmarks/several_effects.py`, chamber 618)."""
 MANY_CAUSES = 6
-"""Causes beyond which no other way is tried but one, nor that beyond so many kinds, and none is moved: what so many
-explain has no simple law. In soil that freezes, beside ten others, a knee at 0 degC moved to 3 degC."""
+"""Causes beyond which none is moved, and the search begins anew with a product alone; with so many kinds of them with
+nothing: what so many explain has no simple law. In soil that freezes, beside ten others, a knee at 0 degC moved to
+3 degC."""
 SPEAKS_PLAINLY = 0.5
 """Share of a late or bent column's score from which the column as it is may be what is there: beside a drift it had 90
 and 96 % of it, of a modulation 12 % (`benchmarks/several_effects.py`, lab 1002, 1017 and 1006)."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
 from sklearn.base import clone
 
 from ..effects import Hinge
@@ -31,9 +32,14 @@ def held_fast(model: DynamicBiasRegressor) -> DynamicBiasRegressor:
     return copy.set_params(**model.chosen(), alpha=model.alpha_)
 
 
+def freezing(model: DynamicBiasRegressor) -> float:
+    """Freezing point in the unit of a fitted model's temperature; NaN where that is no unit of temperature."""
+    return FREEZING.get(model.reading_.temperature_unit, np.nan)
+
+
 def at_freezing(model: DynamicBiasRegressor, effect: Effect) -> bool:
     """Whether an effect is a knee at freezing point, in the unit of a fitted model's temperature."""
-    return isinstance(effect, Hinge) and effect.knee == FREEZING.get(model.reading_.temperature_unit)
+    return isinstance(effect, Hinge) and effect.knee == freezing(model)
 
 
 def tuned(

@@ -22,7 +22,6 @@ from .adding import Errors
 from .levels import (
     AS_FREEZING,
     CLEARLY_LESS,
-    FREEZING,
     FURTHER_HELP,
     FURTHER_LAGS,
     LOWER,
@@ -31,7 +30,7 @@ from .levels import (
     OTHER_TIMES,
     WIDELY,
 )
-from .tuning import at_freezing, effects_of, fitted_with, held_fast, tuned
+from .tuning import at_freezing, effects_of, fitted_with, freezing, held_fast, tuned
 
 
 def worked_out(
@@ -116,7 +115,7 @@ def _freezing(model: DynamicBiasRegressor, X: Any, y: Any, place: int) -> Dynami
     It is the one temperature at which a knee is expected before anything was measured.
     """
     effects, (low, high) = effects_of(model), model.temperature_range_
-    knee, zero = effects[place], FREEZING.get(model.reading_.temperature_unit, np.inf)
+    knee, zero = effects[place], freezing(model)
     if not isinstance(knee, Hinge) or at_freezing(model, knee) or not low < zero < high:
         return None
     effects[place] = clone(knee).set_params(knee=zero)
