@@ -13,7 +13,7 @@ from sklearn.preprocessing import SplineTransformer
 from thermocorr import DynamicBiasRegressor, RecordError, WhereDisplay, diagnose, refine
 from thermocorr.command.analyze import places
 from thermocorr.datasets import load_voltage_reference, make_record
-from thermocorr.effects import Covariate, Effect, Hysteresis, LaggedCovariate
+from thermocorr.effects import Covariate, Effect, Hinge, Hysteresis, LaggedCovariate
 from thermocorr.effects.protocol import EffectInfo
 from thermocorr.effects.wrap import TransformerEffect
 from thermocorr.judgement.adding import with_missing
@@ -332,3 +332,11 @@ def test_a_second_lag_of_a_column_joins_the_first():
     assert [effect.time_constants for effect in joined.effects] == [[60.0, 3600.0]]
     assert len(with_missing(model, LaggedCovariate("pressure", [60.0])).effects) == 2
     assert len(with_missing(model, LaggedCovariate("humidity", [60.0], power=2)).effects) == 2
+
+
+def test_a_second_lag_of_a_knee_joins_the_first():
+    model = DynamicBiasRegressor("temperature", effects=[Hinge(0.0, time_constants=["1 h"])])
+    joined = with_missing(model, Hinge(0.0, time_constants=[60.0]))
+    assert [effect.time_constants for effect in joined.effects] == [[60.0, 3600.0]]
+    assert len(with_missing(model, Hinge(1.0, time_constants=[60.0])).effects) == 2
+    assert len(with_missing(model, Hinge(0.0, "below", [60.0])).effects) == 2

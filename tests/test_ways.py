@@ -45,6 +45,16 @@ def test_of_two_products_and_a_wave_no_steps_of_sensitivity_are_made():
     assert {cause.effect.kind for cause in found.causes} == set(kinds) and len(found.causes) == 3
 
 
+def test_two_products_with_one_column_are_found_behind_a_third():
+    """Beside the products of lags neither gains more than noise does, and both together 50 in log likelihood."""
+    kinds = ("lag_products", "interaction", "lagged_modulation")
+    options = {"sampling_period": 60.0, "setting": "lab", "device": "slab", "noise": 0.2, "seed": 1600}
+    record = make_record(20_160, effects=dict.fromkeys(kinds, 1.0), **options)
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert {cause.effect.kind for cause in found.causes} == set(kinds) and len(found.causes) == 3
+
+
 def test_a_column_that_harms_while_a_drift_is_missing_is_named_beside_it():
     """Alone it is proven, and does harm on later data: nothing was named, and the likelihood 130 lower."""
     options = {"sampling_period": 60.0, "setting": "lab", "device": "plate", "noise": 0.2, "seed": 1445}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ..effects import Drift, LaggedCovariate, LogAgeing, ThermalLag
+from ..effects import Drift, Hinge, LaggedCovariate, LogAgeing, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..effects.wrap import as_effects
@@ -113,7 +113,7 @@ def _unseen(X: Any) -> float:
 
 
 def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:
-    """An unfitted copy with one effect more; a missing lag of the temperature or of a column joins those there are.
+    """An unfitted copy with one effect more; a missing lag of temperature, a column or a knee joins those there are.
 
     Products of lags are those of the model: what is better or worse is so for the effect.
     """
@@ -128,7 +128,7 @@ def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegr
         return extended.set_params(**_with_times(model, effect.column, effect.time_constants))
     own = [other for _, other in as_effects(model.effects)]
     for i, other in enumerate(own):
-        if isinstance(effect, LaggedCovariate) and isinstance(other, LaggedCovariate) and _same_column(effect, other):
+        if isinstance(effect, Hinge | LaggedCovariate) and same_but_for_lags(effect, other):
             times = sorted({*seconds_array(other.time_constants), *seconds_array(effect.time_constants)})
             longer = clone(other).set_params(time_constants=[float(tau) for tau in times])
             extended.set_params(effects=[clone(e) for e in (*own[:i], longer, *own[i + 1 :])])
@@ -145,5 +145,7 @@ def _with_times(model: DynamicBiasRegressor, thermometer: Any, more: Any) -> dic
     return {**model.chosen(), "time_constants": times if len(times) > 1 else times[name]}
 
 
-def _same_column(one: LaggedCovariate, other: LaggedCovariate) -> bool:
-    return (one.column, one.power, one.hold) == (other.column, other.power, other.hold)
+def same_but_for_lags(one: Effect, other: Effect) -> bool:
+    """Whether two effects that may have lags of their own, knees or columns, differ in these at most."""
+    params = [{k: v for k, v in e.get_params(deep=False).items() if k != "time_constants"} for e in (one, other)]
+    return type(one) is type(other) and params[0] == params[1]

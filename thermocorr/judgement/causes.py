@@ -44,7 +44,7 @@ from .levels import (
 from .likelihood import Fit
 from .nearby import move_again, moved
 from .needed import first_proven, needed, still_helping, worth_beside
-from .pairs import pairs
+from .pairs import may_hide, pairs
 from .pool import Explanation, Key, Pool
 from .shifts import Shifts, delays
 from .worth import HeldOut, Worth
@@ -157,9 +157,9 @@ class Search:
             tried = sorted((self._beside_copies(t) if t.key == best.key else t for t in tried), key=lambda t: -t.score)
 
     def _of_a_pair(self) -> tuple[Tried | None, list[Tried]]:
-        """The plainer one of two slow changes that are proven together, and its rivals beside the other; or None."""
-        slow = [i for i, e in enumerate(self.tried) if e.effect.of_time_alone and e.key[0] not in ANYWHERE]
-        near, n_pairs = pairs(self.judged, self.tried, [i for i in slow if self.judged.width(i)])
+        """The plainer one of two that hide one another, proven together, and its rivals beside the other; or None."""
+        which = [i for i, e in enumerate(self.tried) if may_hide(e) and e.key[0] not in ANYWHERE]
+        near, n_pairs = pairs(self.judged, self.tried, [i for i in which if self.judged.width(i)])
         if not near:
             return None, []
         most, tests = near[0], self._looks * (self.n_tests + LOOKS * n_pairs)

@@ -234,7 +234,7 @@ ALIKE = 0.5
 """Share of what a cause makes of the reading that a rival could make as well, above which the two are not told apart.
 Explanations that are as good but say something else are further causes."""
 PAIRS = 5
-"""Likeliest pairs of slow changes, by the noise that stands, for which it is estimated anew."""
+"""Likeliest pairs that hide one another, by the noise that stands, for which it is estimated anew."""
 FEW_CAUSES = 2
 """Causes beyond which another first one is tried, if there is one: of a drift of sensitivity and a product, four causes
 were made that began with a step (`benchmarks/several_effects.py`, chamber 618)."""

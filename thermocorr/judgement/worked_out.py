@@ -18,7 +18,7 @@ from ..effects.grids import time_grid
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..estimators.regressor import DynamicBiasRegressor
-from .adding import Errors
+from .adding import Errors, same_but_for_lags
 from .levels import (
     AS_FREEZING,
     CLEARLY_LESS,
@@ -74,11 +74,10 @@ def worked_out(
 
 def _is_of(effect: Effect, added: Effect) -> bool:
     """Whether an effect of the model is the one that was added, and has lags of its own; it may have more of them."""
-    if not isinstance(effect, Hinge | LaggedCovariate) or type(effect) is not type(added):
+    if not isinstance(effect, Hinge | LaggedCovariate) or not same_but_for_lags(effect, added):
         return False
-    own, fewer = effect.get_params(deep=False), added.get_params(deep=False)
-    times, least = (seconds_array(params.pop("time_constants")) for params in (own, fewer))
-    return own == fewer and set(least.tolist()) <= set(times.tolist())
+    times, least = seconds_array(effect.time_constants), seconds_array(added.time_constants)
+    return set(least.tolist()) <= set(times.tolist())
 
 
 def _moved(model: DynamicBiasRegressor, X: Any, y: Any, place: int) -> DynamicBiasRegressor:
