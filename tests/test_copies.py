@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -88,8 +90,7 @@ def weighed(inflation, helped, later=3.0, blocks=2.0):
         worth=Worth(later=later, blocks=blocks), scatter=3.0, uneven=False,
     )  # fmt: skip
     search = object.__new__(Search)
-    search.price = lambda number: 5.0
-    search._p_value = lambda gain, number: float(np.exp(-gain))
+    search.family = SimpleNamespace(price=lambda number: 5.0, p_value=lambda gain, number: float(np.exp(-gain)))
     search.copies = {before.key: Copies(inflation=inflation, help=helped)}
     return search._beside_copies(before)
 

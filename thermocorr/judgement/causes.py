@@ -6,25 +6,20 @@ anew? And what is it worth: how far does the error fall on data that it was not 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
-from scipy import stats
 from scipy.special import chdtrc
 
-from ..effects import Delay, Periodic
 from .alike import says_the_same, superfluous
-from .anywhere import filtered, waves
 from .chance import HelpOfNoise
-from .choice import WAVE, Cause, Tried, bent, chosen, first_of_each, plainer_than, still_sought, trifling, unrecorded
+from .choice import Cause, Tried, bent, chosen, first_of_each, plainer_than, still_sought, trifling, unrecorded
 from .copies import Copies
-from .dated import DATED, MANY, dated, tries
+from .dated import MANY
+from .family import ANYWHERE, Family
 from .imitations import Imitations
 from .levels import (
-    DIFFERENT,
     FINER,
     GAIN,
     HALF,
@@ -33,24 +28,17 @@ from .levels import (
     LOOKS,
     MOST,
     MOST_STEPS,
-    OF_PRODUCTS,
-    SCATTER,
     SETTLED,
     SHARES,
     TIE,
     TUNED,
     WITHIN,
 )
-from .likelihood import Fit
 from .nearby import move_again, moved
 from .needed import first_proven, needed, still_helping, worth_beside
 from .pairs import may_hide, pairs
-from .pool import Explanation, Key, Pool
-from .shifts import Shifts, delays
+from .pool import Key, Pool
 from .worth import HeldOut, Worth
-
-ANYWHERE = (*DATED, Periodic.kind, Delay.kind)
-"""Kinds that are looked for at every row, at every period and at every delay of whole rows."""
 
 
 class Search:
@@ -67,31 +55,15 @@ class Search:
 
     def __init__(self, pool: Pool, anywhere: Collection[str] = ANYWHERE, small: float = 0.0):
         self.pool, self.record = pool, pool.record
-        self.tried = list(pool.explanations)
         self.judged = pool.compared(pool.base)
-        self.judged.add([explanation.columns for explanation in self.tried])
+        self.family = Family(pool, self.judged, anywhere, small)
         white = self.judged.innovation
         self.structured = max(self.judged.unexplained() - white, LEAST_STRUCTURE * white)
         """Mean square beside the base, beyond the noise that nothing foresees."""
         self.held = self.first_held = HeldOut(pool.coarse(pool.reading[:, None]), pool.coarse(pool.base))
-        self.coarse = [pool.coarse(explanation.columns) for explanation in self.tried]
-        keys = [explanation.key for explanation in self.tried]
-        self.sizes = {key: keys.count(key) for key in dict.fromkeys(keys)}
-        every = {WAVE: self.judged.n, **tries(self.judged.n)}  # every row, every period
-        self.sizes |= {key: size for key, size in every.items() if key[0] in anywhere}
-        self.n_tests = LOOKS * sum(min(size, DIFFERENT) for size in self.sizes.values())
-        if Delay.kind in anywhere:
-            late: Key = (Delay.kind, None)
-            self.sizes[late] = self.sizes.get(late, 0) + 2 * self.shifts.most  # and between rows
-        self.anywhere, self.small = anywhere, small
         self.imitations = Imitations(pool)
-        self.tests = {key: max(self.n_tests, LOOKS * size) for key, size in self.sizes.items()}
-        """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
-
         self.copies: dict[Key, Copies] = {}
         """Copies of columns that were compared with theirs beside the present base."""
-        self._best: set[int] = set()
-        """Numbers of what was the best of its kind in some look, or was taken in."""
         self._chance: HelpOfNoise | None = None
         self._moved_beside: set[tuple[int, int]] = set()
         """Causes that were to be moved, each with the number of causes beside which it was tried."""
@@ -118,9 +90,9 @@ class Search:
             if not alone and (found or first is None):
                 best, rivals = self._of_a_pair()
             if best is None or len(found) - steps == MOST or (found and trifling(best, self.share(best), self.record)):
-                found = found if first is None else first_proven(self.judged, found, self.price, self._chance_of)
+                found = found if first is None else first_proven(self.judged, found, self.family.price, self._chance_of)
                 return self._needed(found), tried
-            gain = best.score + self.price(best.number)
+            gain = best.score + self.family.price(best.number)
             if move_again(self.pool, self.judged, found, best.key, gain, self._moved_beside):
                 coarse = [self.pool.coarse(cause.tried.explanation.columns) for cause in found]
                 self.held, self.any_moved = self.first_held.with_columns(np.column_stack(coarse)), True
@@ -133,7 +105,7 @@ class Search:
                 best, same = plainer, says_the_same(self.judged, plainer, [*rivals, best])
             alike = first_of_each([*same, *superfluous(self.judged, best, same, rivals)])
             others = [t for t in tried if t.key != best.key]
-            self._keep_only({best.number, *(t.number for t in (*first_of_each(tried), *alike))})
+            self.family.keep_only({best.number, *(t.number for t in (*first_of_each(tried), *alike))})
             found.append(self._taken_in(best, alike, others))
             if best.key in MANY:
                 least = max((t.score for t in others if t.key not in MANY), default=0.0)
@@ -158,22 +130,21 @@ class Search:
 
     def _of_a_pair(self) -> tuple[Tried | None, list[Tried]]:
         """The plainer one of two that hide one another, proven together, and its rivals beside the other; or None."""
-        which = [i for i, e in enumerate(self.tried) if may_hide(e) and e.key[0] not in ANYWHERE]
-        near, n_pairs = pairs(self.judged, self.tried, [i for i in which if self.judged.width(i)])
+        family, judged = self.family, self.judged
+        alive = [i for i in family.alive() if family.tried[i].key[0] not in ANYWHERE]
+        near, n_pairs = pairs(judged, family.tried, [i for i in alive if may_hide(family.tried[i])])
         if not near:
             return None, []
-        most, tests = near[0], self._looks * (self.n_tests + LOOKS * n_pairs)
-        width = self.judged.width(most.first) + self.judged.width(most.second)
+        most, tests = near[0], family.looks * (family.n_tests + LOOKS * n_pairs)
+        width = judged.width(most.first) + judged.width(most.second)
         chance = float(tests * chdtrc(width, 2 * max(most.gain, 0.0)))
-        together = self.held.worth([np.column_stack((self.coarse[most.first], self.coarse[most.second]))])[0]
-        if chance > LEVEL or together.both < GAIN:
+        together = np.column_stack((family.coarse[most.first], family.coarse[most.second]))
+        if chance > LEVEL or self.held.worth([together])[0].both < GAIN:
             return None, []
+        gains = {pair.first: pair.gain - family.price(pair.second) for pair in near if pair.second == most.second}
         other = [pair.first for pair in near if pair.second == most.second and pair.gain >= most.gain - TIE]
-        worths = dict(zip(other, self.held.worth([self.coarse[i] for i in other]), strict=True))
-        gains = {pair.first: pair.gain - self.price(pair.second) for pair in near if pair.second == most.second}
         both = [
-            replace(t, p_value=chance, score=gains[t.number] - self.price(t.number))
-            for t in self._weighed(other, worths)
+            replace(t, p_value=chance, score=gains[t.number] - family.price(t.number)) for t in self._weighed(other)
         ]
         self.paired |= both[0].proven
         return (both[0], both[1:]) if both[0].proven else (None, [])
@@ -183,9 +154,9 @@ class Search:
         copies = self.copies.get(t.key)
         if copies is None or copies.excess == 1:
             return t
-        price, outdoes = self.price(t.number), copies.outdone_by(t.worth)
+        price, outdoes = self.family.price(t.number), copies.outdone_by(t.worth)
         gain, full = (t.score + price) / copies.excess, (t.full + price) / copies.excess
-        chance = self._p_value(gain, t.number)
+        chance = self.family.p_value(gain, t.number)
         if outdoes:
             return replace(t, p_value=chance, outdoes=True)
         copied = chance > LEVEL >= t.p_value
@@ -218,17 +189,15 @@ class Search:
         number, share = len(self.judged.causes), self.share(best)
         cause = Cause(tried=best, alike=tuple(alike), others=tuple(others), share=share, adopted=number)
         self.judged.adopt(best.number)
-        self.held = self.held.with_columns(self.coarse[best.number])
+        self.held = self.held.with_columns(self.family.coarse[best.number])
         return cause
 
     def _further_steps(self, most: int, least: float) -> list[Cause]:
         """Steps and disturbances one after the other, as long as each is proven and likelier than any other kind."""
         found: list[Cause] = []
-        kinds = [kind for kind, _ in MANY if kind in self.anywhere]
+        kinds = [kind for kind, _ in MANY if kind in self.family.anywhere]
         while len(found) < most:
-            theta = self.judged.base.theta
-            i = self._add(dated(self.pool, self.judged, theta, filtered(self.judged, theta), kinds))
-            tried = self._weighed(i, dict(zip(i, self.held.worth([self.coarse[k] for k in i]), strict=True)))
+            tried = self._weighed(self.family.add_dated(kinds))
             best = max(tried, key=lambda t: t.score, default=None)
             if best is None or not best.proven or best.score < least:
                 break
@@ -249,37 +218,20 @@ class Search:
     def _chance_of(self, gain: float, cause: Cause) -> float:
         """Error probability of a cause that gains so much beside all others, as unevenly as when it was found."""
         number = cause.tried.number
-        gain /= max(1.0, cause.tried.scatter / self._usual_scatter(number))
-        return self._p_value(gain, number, cause.adopted)
-
-    def _p_value(self, gain: float, i: int, found: int | None = None) -> float:
-        """Error probability of an explanation, the whole family having been tried (Wilks 1938; Bonferroni).
-
-        It was tried beside each number of causes up to those `found`, all so far by default. What a better thermal part
-        could do without is held against the hypothesis that it is negligible.
-        """
-        explanation = self.tried[i]
-        tests, width = self.tests.get(explanation.key, 1.0), explanation.columns.shape[1]
-        small, twice = self.small if explanation.effect.thermal_rank else 0.0, 2 * max(gain, 0.0)
-        chance = stats.ncx2.sf(twice, width, small) if small else chdtrc(width, twice)
-        return float(min(1.0, (self._looks if found is None else 1 + found) * tests * chance))
-
-    @property
-    def _looks(self) -> int:
-        """How often the whole family has been tried: beside each number of causes so far."""
-        return 1 + len(self.judged.causes)
+        gain /= max(1.0, cause.tried.scatter / self.family.usual_scatter(number))
+        return self.family.p_value(gain, number, cause.adopted)
 
     def look(self) -> list[Tried]:
         """The best of each kind and column beside the present base, best first."""
         self.copies = {}
-        self._add(self._anywhere())
+        self.family.add_anywhere()
         white = self.judged.only_white()
-        alive = [i for i in range(len(self.tried)) if self.judged.width(i)]
+        alive = self.family.alive()
         screened = [self.judged.screen(self.judged.base.theta), self.judged.screen(white, profiled=True)]
-        worths = dict(zip(alive, self.held.worth([self.coarse[i] for i in alive]), strict=True))
-        ranks = [{i: gains[i] - self.price(i) for i in alive} for gains in screened]
+        worths = self._worths(alive)
+        ranks = [{i: gains[i] - self.family.price(i) for i in alive} for gains in screened]
         ranks.append({i: worths[i].both for i in alive if worths[i].both >= GAIN})
-        keys = [explanation.key for explanation in self.tried]
+        keys = [explanation.key for explanation in self.family.tried]
         best = [{keys[i]: i for i in sorted(rank, key=rank.__getitem__)} for rank in ranks]
         first = dict.fromkeys(i for of_each in best for i in of_each.values())
         found = self._weighed(list(first), worths)
@@ -292,86 +244,19 @@ class Search:
         taken = judged.unexplained() - judged.unexplained(tried.number)
         return float(np.clip(taken / max(self.structured, 1e-300), 0.0, 1.0))
 
-    def price(self, i: int) -> float:
-        """What an explanation's columns, tuned parameters and the choice of them gain by chance (Schwarz 1978)."""
-        return 0.5 * math.log(self.judged.n) * self.judged.width(i) + self._price_of_tuning(i)
-
-    def _price_of_tuning(self, i: int) -> float:
-        tried = self.tried[i]
-        return max(0.5 * math.log(self.judged.n) * tried.n_tuned, math.log(self.sizes.get(tried.key, 1)))
-
     def by_chance(self, tried: Tried) -> bool:
         """Whether noise like the base's gives some explanation or other so much help in more than a few records."""
         if self._chance is None or self._chance.held is not self.held:
-            self._chance = HelpOfNoise(self.pool, self.judged, self.held, self.tried, self.coarse)
+            self._chance = HelpOfNoise(self.pool, self.judged, self.held, self.family.tried, self.family.coarse)
         return self._chance.gives(tried.key, tried.worth)
 
-    def _anywhere(self) -> list[Explanation]:
-        """The best moments of all rows, wave of all periods and delay, under wandering and under white noise."""
-        judged, pool = self.judged, self.pool
-        found: list[Explanation] = []
-        for theta in (judged.base.theta, judged.only_white()) if self.anywhere else ():
-            rows = filtered(judged, theta)
-            found += dated(pool, judged, theta, rows, self.anywhere)
-            if Periodic.kind in self.anywhere:
-                found += waves(pool, judged, theta, rows)
-            if Delay.kind in self.anywhere and self.shifts.most:
-                found += delays(pool, self.shifts, judged, theta, rows)
-        return found
+    def _weighed(self, which: Sequence[int], worths: dict[int, Worth] | None = None) -> list[Tried]:
+        worths, fits = worths or self._worths(which), self.judged.refit(which)
+        weighed = [self.family.weighed(i, fit, worths[i]) for i, fit in zip(which, fits, strict=True)]
+        return [self._beside_copies(tried) for tried in weighed]
 
-    @cached_property
-    def shifts(self) -> Shifts:
-        """The temperature at every delay."""
-        return Shifts(self.judged, self.pool.temperature, self.pool.data.segment, self.pool.rows.weight)
-
-    def _add(self, explanations: Sequence[Explanation]) -> list[int]:
-        self.judged.add([explanation.columns for explanation in explanations])
-        self.tried += explanations
-        self.coarse += [self.pool.coarse(explanation.columns) for explanation in explanations]
-        return list(range(len(self.tried) - len(explanations), len(self.tried)))
-
-    def _keep_only(self, best: Collection[int]) -> None:
-        """Forget what was tried beyond the pool and is not the best of its kind: each look tries some seventy more."""
-        self._best.update(best)
-        self._forget(set(range(len(self.pool.explanations), len(self.tried))) - self._best)
-
-    def _weighed(self, which: Sequence[int], worths: dict[int, Worth]) -> list[Tried]:
-        fits = self.judged.refit(which)
-        plain = [fit.level - self.judged.base.level for fit in fits]
-        scatters = [self._scatter(i, fit, gain) for i, fit, gain in zip(which, fits, plain, strict=True)]
-        gains = [
-            gain / max(1.0, scatter / self._usual_scatter(i))
-            for i, gain, scatter in zip(which, plain, scatters, strict=True)
-        ]
-        tried = [
-            Tried(
-                explanation=self.tried[i],
-                number=i,
-                score=gain - self.price(i),
-                full=full - self.price(i),
-                p_value=self._p_value(gain, i),
-                worth=worths[i],
-                scatter=scatter,
-                tuning=self._price_of_tuning(i),
-                uneven=self._p_value(gain, i) > LEVEL >= self._p_value(full, i),
-            )
-            for i, gain, full, scatter in zip(which, gains, plain, scatters, strict=True)
-        ]
-        return [self._beside_copies(t) for t in tried]
-
-    def _scatter(self, i: int, fit: Fit, gain: float) -> float:
-        """How unevenly the evidence for an explanation lies over the record; 0 where it does not matter."""
-        if gain <= self.price(i) or self.tried[i].effect.of_time_alone:  # what lies in one stretch is decided there
-            return 0.0
-        return self.judged.scatter(i, fit.theta)
-
-    def _usual_scatter(self, i: int) -> float:
-        """Scatter up to which evidence counts in full, the benefit of the doubt.
-
-        Products with a recorded column, of which there are most, have none.
-        """
-        explanation = self.tried[i]
-        return OF_PRODUCTS if explanation.effect.is_product and explanation.key[1] is not None else SCATTER
+    def _worths(self, which: Sequence[int]) -> dict[int, Worth]:
+        return dict(zip(which, self.held.worth([self.family.coarse[i] for i in which]), strict=True))
 
     def _tuned(self, found: Sequence[Tried], shares: Sequence[float] = SHARES) -> list[Tried]:
         """The best few kinds with their parameters moved to where they explain most.
@@ -385,16 +270,8 @@ class Search:
         laws = {t.explanation.law: t for t in reversed(able) if t.key in kinds}
         moved = [self._moved(tried, shares) for tried in laws.values()]
         which = [i for i in moved if i is not None]
-        worths = self.held.worth([self.coarse[i] for i in which])
-        return self._weighed(which, dict(zip(which, worths, strict=True))) if which else []
+        return self._weighed(which) if which else []
 
     def _moved(self, tried: Tried, shares: Sequence[float]) -> int | None:
-        found = moved(self.pool, self.judged.without(()), self.tried[tried.number], shares)
-        return None if found is None else self._add([found])[0]
-
-    def _forget(self, which: Iterable[int]) -> None:
-        """Explanations that are tried no more, and their columns."""
-        for i in which:
-            self.judged.explanations[i] = None
-            self.tried[i] = replace(self.tried[i], columns=self.tried[i].columns[:0].copy())
-            self.coarse[i] = self.coarse[i][:0].copy()
+        found = moved(self.pool, self.judged.without(()), self.family.tried[tried.number], shares)
+        return None if found is None else self.family.add([found])[0]

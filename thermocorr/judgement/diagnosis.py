@@ -22,9 +22,10 @@ from ..records.numbers import is_frame
 from ..records.record_log import as_data
 from .base import ThermalBase
 from .candidates import as_fitted, candidates_of, given_effects, record_of, suspect_record
-from .causes import ANYWHERE, Search
+from .causes import Search
 from .choice import Cause, Tried, first_of_each
 from .dated import DATED
+from .family import ANYWHERE
 from .found import Diagnosis, FoundSuspect
 from .lacking import lacking
 from .left import what_is_left

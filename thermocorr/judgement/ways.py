@@ -69,4 +69,4 @@ def _nearly_as_it_is(tried: Tried, plain: Tried) -> bool:
 def _value(search: Search, causes: Sequence[Cause]) -> float:
     """Log likelihood of the record with these causes, less what their columns and choice would gain by chance."""
     level = search.judged.level_with([cause.adopted for cause in causes])
-    return level - sum(search.price(cause.tried.number) for cause in causes)
+    return level - sum(search.family.price(cause.tried.number) for cause in causes)

@@ -1,0 +1,163 @@
+"""Everything that is tried, and what each explanation would gain by chance: its price and its error probability."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from scipy import stats
+from scipy.special import chdtrc
+
+from ..effects import Delay, Periodic
+from .anywhere import filtered, waves
+from .choice import WAVE, Tried
+from .dated import DATED, dated, tries
+from .levels import DIFFERENT, LEVEL, LOOKS, OF_PRODUCTS, SCATTER
+from .likelihood import Comparison, Fit
+from .pool import Explanation, Key, Pool
+from .shifts import Shifts, delays
+from .worth import Worth
+
+ANYWHERE = (*DATED, Periodic.kind, Delay.kind)
+"""Kinds that are looked for at every row, at every period and at every delay of whole rows."""
+
+
+class Family:
+    """The explanations that are compared; each has the number that it has in the comparison.
+
+    Parameters
+    ----------
+    pool : Pool
+    judged : Comparison
+        Gets the columns of every explanation.
+    anywhere : collection of str
+        Kinds that are looked for at every row, period or delay.
+    small : float
+        Twice the log likelihood up to which what a better thermal part could do without is too small for a word.
+    """
+
+    def __init__(self, pool: Pool, judged: Comparison, anywhere: Collection[str], small: float):
+        self.pool, self.judged, self.anywhere, self.small = pool, judged, anywhere, small
+        self.tried: list[Explanation] = []
+        self.coarse: list[np.ndarray] = []
+        """Their columns, as data not learned from are judged on."""
+        self._best: set[int] = set()
+        """Numbers of what was the best of its kind in some look, or was taken in."""
+        self.add(pool.explanations)
+        keys = [explanation.key for explanation in self.tried]
+        self.sizes = {key: keys.count(key) for key in dict.fromkeys(keys)}
+        every = {WAVE: judged.n, **tries(judged.n)}  # every row, every period
+        self.sizes |= {key: size for key, size in every.items() if key[0] in anywhere}
+        self.n_tests = LOOKS * sum(min(size, DIFFERENT) for size in self.sizes.values())
+        if Delay.kind in anywhere:
+            late: Key = (Delay.kind, None)
+            self.sizes[late] = self.sizes.get(late, 0) + 2 * self.shifts.most  # and between rows
+        self.tests = {key: max(self.n_tests, LOOKS * size) for key, size in self.sizes.items()}
+        """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
+
+    def add(self, explanations: Sequence[Explanation]) -> list[int]:
+        """Further explanations; returns their numbers."""
+        self.judged.add([explanation.columns for explanation in explanations])
+        self.tried += explanations
+        self.coarse += [self.pool.coarse(explanation.columns) for explanation in explanations]
+        return list(range(len(self.tried) - len(explanations), len(self.tried)))
+
+    def add_anywhere(self) -> None:
+        """The best moments of all rows, wave of all periods and delay, under wandering and under white noise."""
+        judged, pool = self.judged, self.pool
+        found: list[Explanation] = []
+        for theta in (judged.base.theta, judged.only_white()) if self.anywhere else ():
+            rows = filtered(judged, theta)
+            found += dated(pool, judged, theta, rows, self.anywhere)
+            if Periodic.kind in self.anywhere:
+                found += waves(pool, judged, theta, rows)
+            if Delay.kind in self.anywhere and self.shifts.most:
+                found += delays(pool, self.shifts, judged, theta, rows)
+        self.add(found)
+
+    def add_dated(self, kinds: Sequence[str]) -> list[int]:
+        """The best moments of some kinds under the noise that stands; returns their numbers."""
+        theta = self.judged.base.theta
+        return self.add(dated(self.pool, self.judged, theta, filtered(self.judged, theta), kinds))
+
+    @cached_property
+    def shifts(self) -> Shifts:
+        """The temperature at every delay."""
+        return Shifts(self.judged, self.pool.temperature, self.pool.data.segment, self.pool.rows.weight)
+
+    def keep_only(self, best: Collection[int]) -> None:
+        """Forget what was tried beyond the pool and is not the best of its kind: each look tries some seventy more."""
+        self._best.update(best)
+        self._forget(set(range(len(self.pool.explanations), len(self.tried))) - self._best)
+
+    def _forget(self, which: Iterable[int]) -> None:
+        """Explanations that are tried no more, and their columns."""
+        for i in which:
+            self.judged.explanations[i] = None
+            self.tried[i] = replace(self.tried[i], columns=self.tried[i].columns[:0].copy())
+            self.coarse[i] = self.coarse[i][:0].copy()
+
+    def alive(self) -> list[int]:
+        """Numbers of explanations that say something beside the present base."""
+        return [i for i in range(len(self.tried)) if self.judged.width(i)]
+
+    def price(self, i: int) -> float:
+        """What an explanation's columns, tuned parameters and the choice of them gain by chance (Schwarz 1978)."""
+        return 0.5 * math.log(self.judged.n) * self.judged.width(i) + self.price_of_tuning(i)
+
+    def price_of_tuning(self, i: int) -> float:
+        """What the tuned parameters and the choice of them gain by chance."""
+        tried = self.tried[i]
+        return max(0.5 * math.log(self.judged.n) * tried.n_tuned, math.log(self.sizes.get(tried.key, 1)))
+
+    @property
+    def looks(self) -> int:
+        """How often the whole family has been tried: beside each number of causes so far."""
+        return 1 + len(self.judged.causes)
+
+    def p_value(self, gain: float, i: int, found: int | None = None) -> float:
+        """Error probability of an explanation, the whole family having been tried (Wilks 1938; Bonferroni).
+
+        It was tried beside each number of causes up to those `found`, all so far by default. What a better thermal part
+        could do without is held against the hypothesis that it is negligible.
+        """
+        explanation = self.tried[i]
+        tests, width = self.tests.get(explanation.key, 1.0), explanation.columns.shape[1]
+        small, twice = self.small if explanation.effect.thermal_rank else 0.0, 2 * max(gain, 0.0)
+        chance = stats.ncx2.sf(twice, width, small) if small else chdtrc(width, twice)
+        return float(min(1.0, (self.looks if found is None else 1 + found) * tests * chance))
+
+    def weighed(self, i: int, fit: Fit, worth: Worth) -> Tried:
+        """An explanation with what speaks for it: its fit beside the base, and what it is worth beside it."""
+        full = fit.level - self.judged.base.level
+        price, scatter = self.price(i), self._scatter(i, fit, full)
+        gain = full / max(1.0, scatter / self.usual_scatter(i))
+        chance = self.p_value(gain, i)
+        return Tried(
+            explanation=self.tried[i],
+            number=i,
+            score=gain - price,
+            full=full - price,
+            p_value=chance,
+            worth=worth,
+            scatter=scatter,
+            tuning=self.price_of_tuning(i),
+            uneven=chance > LEVEL >= self.p_value(full, i),
+        )
+
+    def _scatter(self, i: int, fit: Fit, gain: float) -> float:
+        """How unevenly the evidence for an explanation lies over the record; 0 where it does not matter."""
+        if gain <= self.price(i) or self.tried[i].effect.of_time_alone:  # what lies in one stretch is decided there
+            return 0.0
+        return self.judged.scatter(i, fit.theta)
+
+    def usual_scatter(self, i: int) -> float:
+        """Scatter up to which evidence counts in full, the benefit of the doubt.
+
+        Products with a recorded column, of which there are most, have none.
+        """
+        explanation = self.tried[i]
+        return OF_PRODUCTS if explanation.effect.is_product and explanation.key[1] is not None else SCATTER
