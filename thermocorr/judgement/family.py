@@ -43,7 +43,7 @@ class Family:
         self.pool, self.judged, self.anywhere, self.small = pool, judged, anywhere, small
         self.tried: list[Explanation] = []
         self.coarse: list[np.ndarray] = []
-        """Their columns, as data not learned from are judged on."""
+        """Columns of the explanations, as data not learned from are judged on."""
         self._best: set[int] = set()
         """Numbers of what was the best of its kind in some look, or was taken in."""
         self.add(pool.explanations)
