@@ -6,7 +6,8 @@ anew? And what is it worth: how far does the error fall on data that it was not 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -71,15 +72,31 @@ class Search:
         """Whether a cause was moved, so that what each is worth is not what it was when it was found."""
         self.paired = False
         """Whether a cause was proven with another one only."""
+        self._first_look: list[Tried] | None = None
 
-    def causes(self, first: Key | None = None) -> tuple[list[Cause], list[Tried]]:
-        """The causes, and what was tried last; with `first`, the first one is of that kind, or there are none."""
+    def anew(self) -> Search:
+        """Another search of the same causes that has found none; both must not have begun. The first look is shared."""
+        if self._first_look is None and not self.pool.rows.exact:
+            self._first_look = self.look()
+        other = copy(self)
+        other.judged, other._moved_beside = self.judged.copy(), set()
+        other.family = self.family.beside(other.judged)
+        return other
+
+    def causes(
+        self, first: Key | None = None, hopeless: Callable[[Search, Sequence[Cause]], bool] = lambda *_: False
+    ) -> tuple[list[Cause], list[Tried]]:
+        """The causes, and what was tried last; with `first`, the first one is of that kind, or there are none.
+
+        There are none, either, where those found so far are `hopeless`.
+        """
         found: list[Cause] = []
         if self.pool.rows.exact:
             return [], []
         while True:
             steps = sum(cause.tried.key in MANY for cause in found)
-            tried = still_sought(self.believed(self.look(), found), found, steps)
+            looked = self._first_look if self._first_look is not None and not found else self.look()
+            tried = still_sought(self.believed(looked, found), found, steps)
             if first is not None and not found:
                 of_kind = [t for t in tried if t.key == first]
                 best = self._choice(of_kind, found)[1] or next(iter(of_kind), None)
@@ -110,6 +127,8 @@ class Search:
             if best.key in MANY:
                 least = max((t.score for t in others if t.key not in MANY), default=0.0)
                 found += self._further_steps(MOST_STEPS - steps - 1, least)
+            if hopeless(self, found):
+                return [], tried
 
     def _choice(self, tried: Sequence[Tried], found: Sequence[Cause]) -> tuple[list[Tried], Tried | None, list[Tried]]:
         """What was tried, the best, or none, and its rivals.
@@ -204,11 +223,15 @@ class Search:
             found.append(self._taken_in(best))
         return found
 
+    def proven_beside(self, found: Sequence[Cause]) -> list[Cause]:
+        """The causes that are not made superfluous by later ones."""
+        return needed(self.judged, found, self._chance_of)
+
     def _needed(self, found: list[Cause]) -> list[Cause]:
-        """The causes that are not made superfluous by later ones; where some are, the others are weighed anew."""
+        """The causes that are needed beside the later ones; where some are not, the others are weighed anew."""
         if len(found) < 2 and not self.paired:
             return found
-        kept = needed(self.judged, found, self._chance_of)
+        kept = self.proven_beside(found)
         coarse = [self.pool.coarse(c.tried.explanation.columns) for c in kept]
         helping = still_helping(kept, self.first_held, coarse)
         if len(helping) == len(found) and not self.any_moved:

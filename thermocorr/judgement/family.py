@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -57,6 +58,13 @@ class Family:
             self.sizes[late] = self.sizes.get(late, 0) + 2 * self.shifts.most  # and between rows
         self.tests = {key: max(self.n_tests, LOOKS * size) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
+
+    def beside(self, judged: Comparison) -> Family:
+        """The same family where another comparison, which holds the same explanations, adopts them."""
+        other = copy(self)
+        other.judged, other.tried, other.coarse = judged, list(self.tried), list(self.coarse)
+        other._best = set(self._best)
+        return other
 
     def add(self, explanations: Sequence[Explanation]) -> list[int]:
         """Further explanations; returns their numbers."""

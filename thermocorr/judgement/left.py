@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..estimators.evenness import BURST
 from .imitations import together
-from .levels import OF_THERMOMETER, PROVABLE, RANKED, STRUCTURE, TO_A_DECADE, WANDERS
+from .levels import OF_THERMOMETER, PROVABLE, RANKED, TO_A_DECADE, WANDERS
 from .likelihood import Comparison
 from .pool import Pool
 
@@ -80,8 +80,7 @@ def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = (), cop
     wandering = float(np.sqrt(max(total - theta[0], 0.0))) * judged.unit
     floor = float(np.sqrt(innovation * counts)) * judged.unit
     times = pool.spacing * judged.bands.times
-    proven = judged.base.level - judged.white > STRUCTURE
-    structured = bool(proven and not pool.rows.exact and wandering > WANDERS * floor)
+    structured = bool(judged.wanders and not pool.rows.exact and wandering > WANDERS * floor)
     seconds = pool.data.seconds
     middle = pool.rows.weighed(np.arange(judged.n) >= judged.n // 2)
     drift = pool.rows.weighed(seconds / max(float(np.ptp(seconds)), 1e-300))

@@ -246,7 +246,7 @@ SPEAKS_PLAINLY = 0.5
 """Share of a late or bent column's score from which the column as it is may be what is there: beside a drift it had 90
 and 96 % of it, of a modulation 12 % (`benchmarks/several_effects.py`, lab 1002, 1017 and 1006)."""
 WAYS = 3
-"""Other first causes that are tried, each of which costs as much as the first search."""
+"""Other first causes that are tried, each of which costs as much as the first search, but for its first look."""
 MOST = 16
 """Causes that are looked for, one after the other, steps not counted. Soil has a dozen of its own: of 22 effects
 planted there (seed 11), 9 are found with eight, 14 with sixteen, which take half as long again."""

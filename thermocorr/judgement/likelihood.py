@@ -17,7 +17,7 @@ from scipy.linalg import cho_solve, solve_triangular
 from ..equations.noise import Bands, fitted_parts, whittle
 from .bandwise import forms, side_by_side, solved, squares_of, weighted
 from .directions import orthonormal
-from .levels import ALIVE, BATCH, PIECES, QUIET, TURNS, WIDE
+from .levels import ALIVE, BATCH, PIECES, QUIET, STRUCTURE, TURNS, WIDE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +88,11 @@ class Comparison:
         return self.base.level - float(self.share.sum()) * float(np.log(self.unit))
 
     @property
+    def wanders(self) -> bool:
+        """Whether noise that wanders is far likelier than white noise, beside the base."""
+        return self.base.level - self.white > STRUCTURE
+
+    @property
     def n(self) -> int:
         """Rows."""
         return len(self.z)
@@ -133,6 +138,12 @@ class Comparison:
         """Columns of an explanation that the base does not hold already."""
         found = self.explanations[i]
         return 0 if found is None else found.rows.shape[1]
+
+    def copy(self) -> Comparison:
+        """The same explanations beside the same base; what either adopts is not the other's."""
+        other = copy(self)
+        other.explanations, other.causes = list(self.explanations), list(self.causes)
+        return other
 
     def adopt(self, i: int) -> None:
         """Take an explanation into the base."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Collection, Sequence
 
 from .causes import Search
 from .choice import Cause, Tried, bent, harms
-from .levels import FEW_CAUSES, MANY_CAUSES, MOST, SPEAKS_PLAINLY, WAYS
+from .dated import MANY
+from .levels import FEW_CAUSES, MANY_CAUSES, MOST, SPEAKS_PLAINLY, TIE, WAYS
 from .pool import Key, Pool
 
 
@@ -14,23 +17,56 @@ def searched(pool: Pool, anywhere: Collection[str]) -> tuple[Search, list[Cause]
     """A search, its causes, and what was tried last.
 
     What is taken in first decides what is left for the next. Two effects at once may look like a third one, and what
-    that leaves like several more. Where many causes were found, the search is begun with one that cannot be told from
-    the first, came next to it, was found later, or came after that, be it proven only beside what is found then, or
-    with a product whose evidence is greater but uneven; fewer causes that are likelier stand. A column that is late may
-    have taken part of another cause upon itself, a drift: the search is begun with the column as it is, and as many
-    causes that are likelier stand. Where none was found, a column that is proven may have been refused for the harm
-    that it does while a drift is missing: the search is begun with it, and several causes that are likelier stand.
+    that leaves like several more. Where many causes were found and leave noise that wanders, the search is begun with
+    one that cannot be told from the first, came next to it, was found later, or came after that, be it proven only
+    beside what is found then, or with a product whose evidence is greater but uneven; fewer causes that are likelier
+    stand. A column that is late may have taken part of another cause upon itself, a drift: the search is begun with the
+    column as it is, and as many causes that are likelier stand. Where none was found, a column that is proven may have
+    been refused for the harm that it does while a drift is missing: the search is begun with it, and several causes
+    that are likelier stand.
     """
-    search = Search(pool, anywhere)
-    causes, last = search.causes()
+    start, way = Search(pool, anywhere), _Ways()
+    search = start.anew()
+    causes, last = search.causes(hopeless=way.led_there)
     best, most = (search, causes, last), _value(search, causes)
     for first, more in _other_firsts(causes, last).items():
-        other = Search(pool, anywhere)
-        found, tried = other.causes(first=first)
+        if more < 0 and not best[0].judged.wanders:  # nothing is left that fewer causes could explain
+            break
+        other, way.most = start.anew(), len(best[1]) + more
+        found, tried = other.causes(first=first, hopeless=way.leads_nowhere)
         several = len(found) > (0 if causes else 1)
-        if several and len(found) <= len(best[1]) + more and _value(other, found) > most:
+        if several and len(found) <= way.most and _value(other, found) > most:
             best, most = (other, found, tried), _value(other, found)
     return best
+
+
+class _Ways:
+    """What ways have come to: another one need not go on from where one of them was already."""
+
+    def __init__(self) -> None:
+        self.most = 0
+        """Causes beyond which a way is of no use."""
+        self.levels: dict[frozenset[tuple[Key, int]], float] = {}
+        """Log likelihood of the record with causes of so many kinds and columns, the greatest so far."""
+
+    def led_there(self, search: Search, found: Sequence[Cause]) -> bool:
+        """Remember how likely the causes so far are; never hopeless."""
+        there = frozenset(Counter(cause.tried.key for cause in found).items())
+        self.levels[there] = max(search.judged.base.level, self.levels.get(there, -math.inf))
+        return False
+
+    def leads_nowhere(self, search: Search, found: Sequence[Cause]) -> bool:
+        """Whether another way was there, with causes of the same kinds that are as likely, or there are too many."""
+        there = frozenset(Counter(cause.tried.key for cause in found).items())
+        if self.levels.get(there, -math.inf) >= search.judged.base.level - TIE:
+            return True
+        self.led_there(search, found)
+        return _lasting(found) > self.most and _lasting(search.proven_beside(found)) > self.most
+
+
+def _lasting(causes: Sequence[Cause]) -> int:
+    """How many causes there are, but for steps and disturbances: a better cause makes superfluous many of them."""
+    return sum(cause.tried.key not in MANY for cause in causes)
 
 
 def _other_firsts(causes: Sequence[Cause], last: Sequence[Tried]) -> dict[Key, int]:
