@@ -345,7 +345,7 @@ def test_a_column_that_matters_in_one_stretch_alone_is_not_proven_but_said(seed,
     assert found.verdict == "unexplained" and not found.causes
     assert "covariate: fan" in found.left.uneven and "A few stretches of the record follow" in str(found)
     assert "white noise" not in str(found)
-    monkeypatch.setattr("thermocorr.judgement.causes.SCATTER", 1e9)
+    monkeypatch.setattr("thermocorr.judgement.family.SCATTER", 1e9)
     assert diagnose(model, X, y).causes[0].label == "covariate: fan"  # without the rule it is
 
 

@@ -66,7 +66,7 @@ class Search:
         self.copies: dict[Key, Copies] = {}
         """Copies of columns that were compared with theirs beside the present base."""
         self._chance: HelpOfNoise | None = None
-        self._moved_beside: set[tuple[int, int]] = set()
+        self.moved_beside: set[tuple[int, int]] = set()
         """Causes that were to be moved, each with the number of causes beside which it was tried."""
         self.any_moved = False
         """Whether a cause was moved, so that what each is worth is not what it was when it was found."""
@@ -79,7 +79,7 @@ class Search:
         if self._first_look is None and not self.pool.rows.exact:
             self._first_look = self.look()
         other = copy(self)
-        other.judged, other._moved_beside = self.judged.copy(), set()
+        other.judged, other.moved_beside = self.judged.copy(), set()
         other.family = self.family.beside(other.judged)
         return other
 
@@ -110,7 +110,7 @@ class Search:
                 found = found if first is None else first_proven(self.judged, found, self.family.price, self._chance_of)
                 return self._needed(found), tried
             gain = best.score + self.family.price(best.number)
-            if move_again(self.pool, self.judged, found, best.key, gain, self._moved_beside):
+            if move_again(self.pool, self.judged, found, best.key, gain, self.moved_beside):
                 coarse = [self.pool.coarse(cause.tried.explanation.columns) for cause in found]
                 self.held, self.any_moved = self.first_held.with_columns(np.column_stack(coarse)), True
                 continue

@@ -45,7 +45,7 @@ class Family:
         self.tried: list[Explanation] = []
         self.coarse: list[np.ndarray] = []
         """Columns of the explanations, as data not learned from are judged on."""
-        self._best: set[int] = set()
+        self.best: set[int] = set()
         """Numbers of what was the best of its kind in some look, or was taken in."""
         self.add(pool.explanations)
         keys = [explanation.key for explanation in self.tried]
@@ -60,10 +60,10 @@ class Family:
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
 
     def beside(self, judged: Comparison) -> Family:
-        """The same family where another comparison, which holds the same explanations, adopts them."""
+        """A copy of the family where another comparison, which holds the same explanations, adopts them."""
         other = copy(self)
         other.judged, other.tried, other.coarse = judged, list(self.tried), list(self.coarse)
-        other._best = set(self._best)
+        other.best = set(self.best)
         return other
 
     def add(self, explanations: Sequence[Explanation]) -> list[int]:
@@ -98,8 +98,8 @@ class Family:
 
     def keep_only(self, best: Collection[int]) -> None:
         """Forget what was tried beyond the pool and is not the best of its kind: each look tries some seventy more."""
-        self._best.update(best)
-        self._forget(set(range(len(self.pool.explanations), len(self.tried))) - self._best)
+        self.best.update(best)
+        self._forget(set(range(len(self.pool.explanations), len(self.tried))) - self.best)
 
     def _forget(self, which: Iterable[int]) -> None:
         """Explanations that are tried no more, and their columns."""

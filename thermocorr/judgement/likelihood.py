@@ -140,7 +140,7 @@ class Comparison:
         return 0 if found is None else found.rows.shape[1]
 
     def copy(self) -> Comparison:
-        """The same explanations beside the same base; what either adopts is not the other's."""
+        """A copy with the explanations beside the base; what either adopts is not the other's."""
         other = copy(self)
         other.explanations, other.causes = list(self.explanations), list(self.causes)
         return other

@@ -76,11 +76,10 @@ def _other_firsts(causes: Sequence[Cause], last: Sequence[Tried]) -> dict[Key, i
         return {t.key: MOST for t in sorted(refused, key=lambda t: -t.score)[:1]}
     if len(causes) < 2 or len({cause.tried.key for cause in causes}) > MANY_CAUSES:
         return {}
-    plain: list[Key] = []
-    others = [t.key for t in _uneven_products(causes[0])[:1]] if len(causes) > FEW_CAUSES else []
-    if len(causes) <= MANY_CAUSES:
-        plain = [t.key for cause in causes for t in cause.others if t.proven and _nearly_as_it_is(cause.tried, t)]
-    if FEW_CAUSES < len(causes) <= MANY_CAUSES:
+    plain = [t.key for cause in causes for t in cause.others if t.proven and _nearly_as_it_is(cause.tried, t)]
+    others: list[Key] = []
+    if len(causes) > FEW_CAUSES:
+        others = [t.key for t in _uneven_products(causes[0])[:1]]
         next_best = sorted(causes[0].others, key=lambda t: -t.score)
         later = [cause.tried for cause in causes[1:]]
         others += [t.key for t in (*causes[0].alike[:1], *next_best[:1], *later, *next_best[1:])]
