@@ -15,7 +15,7 @@ from scipy.special import chdtrc
 
 from .alike import says_the_same, superfluous
 from .chance import HelpOfNoise
-from .choice import Cause, Tried, bent, chosen, first_of_each, plainer_than, still_sought, trifling, unrecorded
+from .choice import Cause, Tried, bent, chosen, first_of_each, plainer_than, started, still_sought, trifling, unrecorded
 from .copies import Copies
 from .dated import MANY
 from .family import ANYWHERE, Family
@@ -136,6 +136,9 @@ class Search:
         A recorded column is compared with copies of it moved in time before it is chosen.
         """
         tried = list(tried)
+        start, alike = started(tried, self._adds)
+        if start is not None:
+            return tried, start, alike
         while True:
             best, rivals = chosen(tried, self.by_chance, lambda t: self.share(t) >= SETTLED)
             if best is None:
@@ -146,6 +149,11 @@ class Search:
                 return tried, best, rivals
             self.copies[best.key] = Copies.of(self.pool, self.judged, self.held, best.number, best.explanation.effect)
             tried = sorted((self._beside_copies(t) if t.key == best.key else t for t in tried), key=lambda t: -t.score)
+
+    def _adds(self, one: Tried, other: Tried) -> bool:
+        """Whether the second explanation is proven where the first is in the base."""
+        gains, _ = self.judged.gained_beside(one.number, [other.explanation.columns])
+        return self.family.p_value(float(gains[0]), other.number) <= LEVEL
 
     def _of_a_pair(self) -> tuple[Tried | None, list[Tried]]:
         """The plainer one of two that hide one another, proven together, and its rivals beside the other; or None."""

@@ -122,6 +122,23 @@ def trifling(t: Tried, share: float, record: Record) -> bool:
     return isinstance(record, Thinned) and share < TRIFLE and t.worth.mean < TRIFLING_HELP
 
 
+def started(tried: Sequence[Tried], adds: Callable[[Tried, Tried], bool]) -> tuple[Tried | None, list[Tried]]:
+    """The start of the record, which the model has, where it is proven and nothing proven is likelier; and its rivals.
+
+    A lead may be likelier, with fewer columns, though nothing but the start speaks for it: it must add to it. `adds`
+    says whether the second of two explanations is proven beside the first.
+    """
+    own = [t for t in tried if t.proven and t.explanation.is_start]
+    start = max(own, key=lambda t: (t.size[0], t.score), default=None)
+    if start is None:
+        return None, []
+    least = max(t.score for t in own)
+    likelier = [t for t in tried if t.named and not harms(t) and t.score > least]
+    if not all(t.explanation.effect.thermal_rank and not adds(start, t) for t in likelier):
+        return None, []
+    return start, [t for t in tried if as_likely(t, start) and t.score > 0]
+
+
 def chosen(
     tried: Sequence[Tried], by_chance: Callable[[Tried], bool], settles: Callable[[Tried], bool]
 ) -> tuple[Tried | None, list[Tried]]:
@@ -156,13 +173,13 @@ def chosen(
     rivals = [
         t
         for t in tried
-        if (_as_likely(t, best) and t.score > 0)
+        if (as_likely(t, best) and t.score > 0)
         or (best in helpful and _spoken_for(t) and t.worth.both >= NEAR * best.worth.both)
     ]
     return best, rivals
 
 
-def _as_likely(t: Tried, best: Tried) -> bool:
+def as_likely(t: Tried, best: Tried) -> bool:
     """Whether an explanation scores as much as the best, or would if no tuned parameter had a price.
 
     A plainer one comes first for it, but the record does not tell them apart.

@@ -114,7 +114,7 @@ def _conclude(
     residual, rms = residuals_of(model, read, search.pool.record)
     doubts = [[tried for tried in last if tried.uneven], [tried for tried in last if tried.copied]]
     labels = [[effect_text(tried.explanation.effect) for tried in first_of_each(doubt)] for doubt in doubts]
-    rest = what_is_left(search.pool, search.judged, *labels)
+    rest = what_is_left(search.pool, search.judged, residual, *labels)
     floor = rms if search.pool.rows.exact else min(rest.floor, rms)
     moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, causes)]
     quiet = rms * quiet_share(residual, search.pool.record, [(loud.start, loud.end) for loud in rest.loud])
@@ -148,11 +148,13 @@ def _conclude(
 
 
 def _not_silently(cause: Cause) -> Cause:
-    """A slow lag of the model as what it cannot be told from, where that is proven as well; else as it is.
+    """A slow lag of the model, or its start, as what it can't be told from, where that is proven as well; or as it is.
 
     The model has taken for a slow body what may as well be a drift: that it has it already is not to be passed over.
     """
     proven = [t for t in cause.alike if t.proven and not t.explanation.in_model and t.key[0] not in DATED]
+    if cause.tried.explanation.is_start:  # a lead looks like it there
+        proven = [t for t in proven if t.explanation.effect.of_time_alone]
     if not cause.tried.explanation.in_model or not proven:
         return cause
     best = max(proven, key=lambda t: t.score)

@@ -19,7 +19,20 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Block, Record
 from .blocks import Averages
 from .directions import orthonormal
-from .levels import BEYOND, FAR, FEW, GROUPS, HELD, ROBUST, ROUNDING, START_HELD, STARTS
+from .levels import (
+    BEYOND,
+    FAR,
+    FEW,
+    FEW_HELD,
+    FEW_STARTS,
+    GROUPS,
+    HELD,
+    MANY_STARTS,
+    ROBUST,
+    ROUNDING,
+    START_HELD,
+    STARTS,
+)
 
 
 class OwnStart(Effect):
@@ -29,22 +42,28 @@ class OwnStart(Effect):
     ----------
     transient : InitialTransient
         The model's decays.
+    slowest : float
+        Time constant [s] beyond which a decay competes with drift and ageing instead.
+    which : slice
+        Of which segments.
     """
 
     kind = "own_start"
     of_time_alone = True
 
-    def __init__(self, transient: InitialTransient):
-        self.transient = transient
+    def __init__(self, transient: InitialTransient, slowest: float = np.inf, which: slice = slice(None)):
+        self.transient, self.slowest, self.which = transient, slowest, which
 
     def learn(self, record: Record) -> None:
         """Find the decays of each segment that has any in the model."""
         self.transient_ = clone(self.transient)
         self.transient_.learn(record)
-        between = [
-            np.geomspace(own.min() / BEYOND, own.max() * BEYOND, STARTS) for own in self.transient_.decays_.values()
-        ]
-        self.transient_.decays_ = dict(zip(self.transient_.decays_, between, strict=True))
+        number = STARTS if len(record.segments) > MANY_STARTS else FEW_STARTS
+        self.transient_.decays_ = {
+            key: np.geomspace(own.min() / BEYOND, max(min(own.max() * BEYOND, self.slowest), own.min()), number)
+            for key, own in self.transient_.decays_.items()
+            if key in range(len(record.segments))[self.which]
+        }
 
     def names(self) -> list[str]:
         """Names of the columns, as many as the segment with most decays has."""
@@ -56,11 +75,17 @@ class OwnStart(Effect):
         return np.pad(own, ((0, 0), (0, self.n_columns() - own.shape[1]))), None
 
 
-def starts_of(model: DynamicBiasRegressor, record: Record) -> list[Effect]:
-    """The start-up decays of a model of several segments; none for a single one, whose decays are suspects."""
-    if len(record.segments) < 2:
-        return []
-    return [OwnStart(effect) for effect in model.features_.effect_list() if isinstance(effect, InitialTransient)]
+def starts_of(model: DynamicBiasRegressor, record: Record, slowest: float) -> tuple[list[Effect], list[Effect]]:
+    """The start-up decays of a model that are held, and those that compete, none slower than a time constant [s].
+
+    Behind a pause nobody knows what a device keeps of the time before. Whether it was at rest when the record began,
+    the record says: an ageing looks like many decays.
+    """
+    own = [effect for effect in model.features_.effect_list() if isinstance(effect, InitialTransient)]
+    if len(record.segments) > MANY_STARTS:
+        return [OwnStart(effect) for effect in own], []
+    later = [OwnStart(effect, slowest, slice(1, None)) for effect in own if len(record.segments) > 1]
+    return list(later), [OwnStart(effect, slowest, slice(1)) for effect in own]
 
 
 class Starts:
@@ -76,9 +101,10 @@ class Starts:
 
     def __init__(self, columns: np.ndarray, segment: np.ndarray):
         edges = np.flatnonzero(np.diff(segment, prepend=-1, append=-1))
+        least = START_HELD if len(edges) - 1 > MANY_STARTS else FEW_HELD
         parts = [slice(low, high) for low, high in pairwise(edges.tolist())]
         held = [
-            orthonormal(columns[rows], START_HELD) if columns[rows].any() else np.zeros((rows.stop - rows.start, 0))
+            orthonormal(columns[rows], least) if columns[rows].any() else np.zeros((rows.stop - rows.start, 0))
             for rows in parts
         ]
         self.first, self.lengths = edges[:-1], np.diff(edges)

@@ -31,7 +31,8 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
     own = [clone(effect) for effect in model.features_.effect_list() if not isinstance(effect, InitialTransient)]
     for effect in own:
         effect.learn(pool.record)
-    thin = np.column_stack([pool.rows.constant, *map(pool.rows.weighed, averaged_columns(pool.record, own, FINE))])
+    lags = map(pool.rows.weighed, averaged_columns(pool.record, own, FINE))
+    thin = np.column_stack([pool.rows.constant, *lags, *pool.start])
     most = search.judged.total - pool.compared(thin).total
     if most < small / 2:  # the many lags themselves gain no more than that
         return []

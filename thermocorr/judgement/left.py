@@ -10,10 +10,12 @@ import numpy as np
 import pandas as pd
 
 from ..estimators.evenness import BURST
+from ..estimators.holdout import rms
 from .imitations import together
-from .levels import OF_THERMOMETER, PROVABLE, RANKED, TO_A_DECADE, WANDERS
+from .levels import OF_THERMOMETER, PROVABLE, RANKED, ROBUST, TAILS, TO_A_DECADE, WANDERS
 from .likelihood import Comparison
 from .pool import Pool
+from .residual import quiet_rows
 
 
 class Loud(NamedTuple):
@@ -61,6 +63,14 @@ class Left:
     """Amplitude spectral densities by frequency [Hz], in the unit of y over sqrt(Hz): ``residual`` beside all causes,
     ``noise`` as the judgement takes it, and its ``white`` part."""
 
+    tails: float = 1.0
+    """Rms of the model's residual, stretches of loud noise aside, over what its median says of Gaussian noise."""
+
+    @property
+    def absurd(self) -> bool:
+        """Whether a few readings make most of the residual: no noise has such tails."""
+        return self.tails > TAILS
+
     @property
     def of_thermometers(self) -> bool:
         """Whether what wanders is no more than the errors of the thermometers make in the reading."""
@@ -69,11 +79,14 @@ class Left:
     @property
     def unknown(self) -> bool:
         """Whether there is structure whose cause is not known."""
-        return (self.structured and not self.of_thermometers) or bool(self.uneven)
+        return (self.structured and not self.of_thermometers) or bool(self.uneven) or self.absurd
 
 
-def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = (), copied: Sequence[str] = ()) -> Left:
-    """Describe the noise beside the last base, and name what is `uneven`, or `copied`."""
+def what_is_left(
+    pool: Pool, judged: Comparison, residual: np.ndarray, uneven: Sequence[str] = (), copied: Sequence[str] = ()
+) -> Left:
+    """Describe the noise beside the last base, and the residual of each row; name what is `uneven`, or `copied`."""
+    loud = _loud(pool)
     theta, counts = judged.base.theta, float(np.median(pool.data.counts))
     innovation = judged.innovation
     total = float(np.average(judged.S(theta), weights=judged.bands.sizes))  # slow parts have not had their time
@@ -93,7 +106,8 @@ def what_is_left(pool: Pool, judged: Comparison, uneven: Sequence[str] = (), cop
         uneven=tuple(uneven),
         copied=tuple(copied),
         spikes=_spikes(pool),
-        loud=_loud(pool),
+        loud=loud,
+        tails=_tails(quiet_rows(residual, pool.record, [(each.start, each.end) for each in loud])),
         thermometers=pool.thermometers if structured else pd.DataFrame(),
         smallest_drift=judged.smallest(drift, PROVABLE),
         smallest_step=judged.smallest(middle, PROVABLE),
@@ -136,6 +150,13 @@ def _loud(pool: Pool) -> tuple[Loud, ...]:
         for low, high in edges.tolist()
     ]
     return tuple(sorted(found, key=lambda loud: -loud.size)[:RANKED])
+
+
+def _tails(residual: np.ndarray) -> float:
+    """Rms over the standard deviation of Gaussian noise of the same median size; 1 where that is nothing."""
+    sizes = np.abs(residual[np.isfinite(residual)])
+    usual = ROBUST * float(np.median(sizes)) if len(sizes) else 0.0
+    return rms(sizes) / usual if usual > 0 else 1.0
 
 
 def _spikes(pool: Pool) -> tuple[float, ...]:

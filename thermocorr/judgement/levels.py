@@ -37,17 +37,22 @@ FEWEST_SAMPLES = 8
 APART = 0.02
 """Difference of the logarithms of two time constants below which they are one."""
 SLOWEST = 0.1
-"""Slowest lag of the base, as a share of all segments together; none is slower than the longest segment. Slower lags
-take drift, ageing and slow columns upon themselves; they stand among the suspects instead."""
+"""Slowest lag of the base, as a share of all segments together; none is slower than the longest segment. Slower ones
+take drift, ageing and slow columns upon themselves: they are suspects instead."""
 STARTS = 7
-"""Decays of the start of a segment that suspects are judged beside, evenly in the logarithm: the model's own few leave
-what bodies between and beyond them keep of the time before. In 300 runs of an hour that was a hysteresis."""
+"""Decays of the start of a segment that suspects are judged beside: the model's own few leave what bodies between and
+beyond them keep of the time before. In 300 runs of an hour that was a hysteresis."""
 BEYOND = 2.0
 """How far they reach beyond the model's fastest and slowest, as a factor."""
 START_HELD = 0.1
 """Size of a direction that they span, over that of the first, below which it is left out: each costs what it takes of
 slow causes. In 300 runs all that thirteen decays span hid a humidity (error probability 1e-94 with three directions of
 each run), and two directions left a hysteresis that was not there."""
+MANY_STARTS = 30
+"""Segments beyond which so few decays and directions of each are held. In fewer they cost little, and what they left of
+a device that was not at rest behind a pause was named as a start, though nothing was hidden, in one record of four."""
+FEW_STARTS, FEW_HELD = 14, 0.003
+"""Decays, and size of a direction (as of `STARTS` and `START_HELD`), where there are no more segments than that."""
 GROUPS = 16
 """Groups of segments, every sixteenth in one, whose starts are taken together for what they cost in each band of
 frequency: what one segment's directions share with another's so far away is next to nothing."""
@@ -70,38 +75,35 @@ LEAST_OWN = 0.1
 FAINT = 1e-9
 """Share of the inverse covariance of a noise that is too little to be carried along from row to row."""
 TAKEN = 2_000
-"""Rows at which it is computed what the base holds of a law that changes there; straight lines go between. With 250
-rows the gain of a change is wrong by up to 3 % on simulated devices, with 2 000 by less than 1 %."""
+"""Rows at which it is computed what the base holds of a law that changes there, straight lines between: the gain of a
+change is wrong by less than 1 % on simulated devices, with 250 rows by up to 3 %."""
 LEAST_RULE = 0.05
-"""Share of the record, a piece, before and after the moment at which another law begins: one that is learned from a few
-last rows is tested by none, and foretells all that comes. Of a heater's record, one in the last 3 % lowered the error
-on held-out blocks by 2 dB and made four times the error afterwards."""
+"""Share of the record before and after the moment at which another law begins: one learned from a few last rows is
+tested by none. Of a heater's record, one in the last 3 % lowered the error on held-out blocks by 2 dB and made four
+times the error afterwards."""
 NYQUIST = 0.98
 """Fastest wave that is tried, over half the sampling frequency: at it, sine and cosine are one column."""
 LATEST = 0.01
 """Longest delay that is looked for, as a share of the longest segment. Longer ones are much like slow lags."""
 BETWEEN = (-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
-"""Rows beside the best delay of whole rows at which delays are tried, too. On a measured record whose steps are uneven,
-the best of whole rows had 12 of the 28 in log likelihood of the true delay between them."""
+"""Rows beside the best delay of whole rows at which delays are tried, too: on a measured record of uneven steps the best
+of whole rows had 12 of the 28 in log likelihood of the true delay."""
 SHORTEST_STRETCH = 8
-"""Rows of the shortest disturbance that is looked for, however it is tuned. With 5, three large
-readings of heavy tails (Student, three degrees of freedom) that follow on one another by chance were taken for a
-disturbance in one of twelve records."""
+"""Rows of the shortest disturbance that is looked for, however it is tuned. With 5, three large readings of heavy tails
+(Student, three degrees) that follow on one another were taken for a disturbance in one of twelve records."""
 SHORTEST_START = 4.0
 """Fastest start-up decay that is looked for, in rows, however it is tuned: it lasts for as many as `SHORTEST_STRETCH`.
-Faster ones are the first rows: in 300 records with heavy tails (Student, three degrees of freedom), three whose first
-reading was a large one were said to have a start (`benchmarks/null_records.py --records 300 --first 140000 --kinds
-"heavy tails"`)."""
+Of 300 records with heavy tails, three whose first reading was a large one were said to have a start
+(`benchmarks/null_records.py --records 300 --first 140000 --kinds "heavy tails"`)."""
 LONGEST_STRETCH = 0.05
 """Longest disturbance that is looked for, as a share of the record: what lasts longer is two steps."""
 LENGTHS = 1.25
 """Ratio of successive trial lengths: a stretch between two of them keeps nine tenths of its gain, and is then moved."""
 STRETCHES = 40
 """Tests that the search for a disturbance counts for, per row of the record. White noise asks for 4.0 to 5.3 (largest
-gain of 400 records of 2 500 and of 10 000 rows, upper quantiles); noise that wanders has excursions that look like one,
-and the noise is estimated anew without them: with 5, 6 of 450 records of flicker and noise that remembers 30 or 100
-rows had an error probability of .001 or less (`benchmarks/null_records.py --records 150 --first 70000 --kinds flicker
-"2 %" "30 rows"`)."""
+gain of 400 records of 2 500 and of 10 000 rows); noise that wanders has excursions that look like one: with 5, 6 of 450
+records of flicker and noise that remembers 30 or 100 rows had an error probability of .001 or less
+(`benchmarks/null_records.py --records 150 --first 70000 --kinds flicker "2 %" "30 rows"`)."""
 FAR = 8.0
 """Distance of a row from the median of five around it, in robust standard deviations of such distances, beyond which it
 is not judged: six standard deviations of white noise, which two million rows of it do not reach. Where one reading in
@@ -117,8 +119,7 @@ a disturbance. Without a limit, two of four records with heavy tails (Student, t
 with bursts were said to have short disturbances."""
 AROUND = 33
 """Rows of that median: the shortest disturbance must not move it. With 5, three to five large readings of heavy tails
-that follow on one another moved it, and were named in three of 240 records (Student, seeds 8400 to 8639), with 33 in
-none."""
+that follow on one another moved it, and were named in three of 240 records (seeds 8400 to 8639), with 33 in none."""
 ROUNDING = 1e-14
 """Size of what the base leaves of the reading, over the usual reading, that is arithmetic: nothing is looked for."""
 
@@ -135,8 +136,7 @@ delay planted on measured records makes was in the base of 22 lags, with coeffic
 ALIVE = 1e-4
 """Length of a column outside the base, over its whole length, below which it is nothing new."""
 BATCH = 24
-"""Explanations that are transformed at a time: their columns stay near the processor. Ten times as many take twice as
-long."""
+"""Explanations that are transformed at a time, so that their columns stay near the processor: twice as fast."""
 WIDE = 20
 """Cross products of two groups of columns up to which one sum over all bands is faster than a matrix product in each:
 of start-up decays in 30 segments, 900, it takes ten times as long."""
@@ -157,8 +157,7 @@ else, and lagged modulations were what was named of other places on soil, with s
 columns alike, the current of a heater was no longer named, whose evidence scatters, too."""
 OUTDONE = 2.0
 """Help over the most that a copy helps, from which a column that helps by `GAIN` is told from its copies. A heater,
-snow and the moisture of soil help 3 to 20 times as much as their copies; columns of other places do harm, or help
-less."""
+snow and the moisture of soil help 3 to 20 times as much as their copies; those of other places less, or harm."""
 COPIES = 39
 """Copies of a recorded column, moved in time, whose evidence is compared with its own."""
 LEAST_MOVED = 0.05
@@ -293,8 +292,11 @@ worth nothing; the walk is what is to be said."""
 LEAST_STRUCTURE = 0.01
 """Least structured variance, over the variance of the noise, that shares are told of: of nothing, no share is told."""
 STRUCTURE = 12.0
-"""Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: eight parts
-are estimated, for which 12 has an error probability of 0.002 (chi-square, eight degrees of freedom)."""
+"""Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: for eight
+parts, 12 has an error probability of 0.002."""
+TAILS = 3.0
+"""Rms of the residual over its usual size from which a few readings make most of it. Student's t with three degrees
+has 1.5, one reading in a hundred of eight times the size 1.3, one in thirty of sixty times the size 11."""
 WANDERS = 0.1
 """Standard deviation of the wandering noise over that of one sample, below which it is not reported."""
 SEVERAL = 3

@@ -20,9 +20,9 @@ from ..records import Record, RecordError
 from ..records.thinned import Thinned
 from .base import ThermalBase
 from .blocks import Averages, averaged, averaged_columns, spans, sums_of
-from .directions import visible
-from .judged_rows import JudgedRows, starts_of
-from .levels import COARSE, FEWEST, FINE, MOST_EMPTY, SHORTEST_START
+from .directions import orthonormal, visible
+from .judged_rows import JudgedRows, OwnStart, starts_of
+from .levels import COARSE, FEW_HELD, FEWEST, FINE, MOST_EMPTY, SHORTEST_START
 from .likelihood import Comparison
 
 Key = tuple[str, Any]
@@ -36,12 +36,17 @@ class Explanation:
     columns: np.ndarray = field(repr=False)
     """Shape (n, k)."""
     in_model: bool = False
-    """Whether the model has it already: slow lags that the base of the judgement does without."""
+    """Whether the model has it already: slow lags and the start, which the base of the judgement does without."""
 
     @property
     def key(self) -> Key:
         """Kind and column; what the model has already is a kind of its own."""
         return ("in the model", None) if self.in_model else key_of(self.effect)
+
+    @property
+    def is_start(self) -> bool:
+        """Whether it is the start of the record, as far as the model has it."""
+        return self.in_model and self.effect.of_time_alone
 
     @cached_property
     def n_tuned(self) -> int:
@@ -76,10 +81,11 @@ class Pool:
         step = record.usual_step()
         candidates = [e for e in candidates if not (isinstance(e, ThermalLag) and _times(e).max(initial=0.0) <= least)]
         candidates = [e for e in candidates if not of_first_rows(e, step)]
-        own = starts_of(model, record)
-        for effect in (*own, *base, *slow, *candidates):
+        own, first = starts_of(model, record, thermal.slowest)
+        self._started_by = thermal.slowest if first else 0.0
+        for effect in (*own, *first, *base, *slow, *candidates):
             effect.learn(record)
-        self.data: Averages = averaged(record, [*own, *base, *slow, *candidates], FINE)
+        self.data: Averages = averaged(record, [*own, *base, *first, *slow, *candidates], FINE)
         if len(self.data.reading) < FEWEST:
             raise RecordError(
                 f"The record is too short to judge: {len(self.data.reading)} readings, and {FEWEST} are "
@@ -93,9 +99,18 @@ class Pool:
         """Columns of the base, shape (n, p); the constant first."""
         self.reading = self.rows.weighed(self.data.reading)
         self.data = self.rows.data = replace(self.data, columns=[])
-        columns = [self.rows.weighed(part, out=part) for part in columns[len(base) :]]
-        self.explanations = [Explanation(e, c, True) for e, c in zip(slow, columns[: len(slow)], strict=True)]
-        self.explanations += [Explanation(e, c) for e, c in zip(candidates, columns[len(slow) :], strict=True)]
+        columns = columns[len(base) :]
+        columns[: len(first)] = [orthonormal(part, FEW_HELD) for part in columns[: len(first)]]
+        columns = [self.rows.weighed(part, out=part) for part in columns]
+        effects = [*first, *slow, *candidates]
+        has = [True] * len(first + slow) + [self._has(effect) for effect in candidates]
+        self.explanations = [Explanation(*each) for each in zip(effects, columns, has, strict=True) if each[1].size]
+        self.start = [e.columns for e in self.explanations if isinstance(e.effect, OwnStart)]
+        """What the start of the record may be in the model, each of shape (n, k)."""
+
+    def _has(self, effect: Effect) -> bool:
+        """Whether the model has an effect already: a decay of the start of the record that is no slow one."""
+        return isinstance(effect, InitialTransient) and _times(effect).max(initial=0.0) <= self._started_by
 
     def compared(self, base: np.ndarray) -> Comparison:
         """The record beside columns of a base, shape (n, p)."""
@@ -112,7 +127,8 @@ class Pool:
         for effect in effects:
             effect.learn(self.record)
         columns = averaged_columns(self.record, effects, FINE)
-        return [Explanation(e, self.rows.weighed(c, out=c)) for e, c in zip(effects, columns, strict=True)]
+        columns = [self.rows.weighed(part, out=part) for part in columns]
+        return [Explanation(e, c, self._has(e)) for e, c in zip(effects, columns, strict=True)]
 
     @cached_property
     def thermometers(self) -> pd.DataFrame:

@@ -65,11 +65,16 @@ def _added(record: Thinned, rows: np.ndarray, values: np.ndarray, sums: np.ndarr
 
 def quiet_share(residual: np.ndarray, record: Record, loud: Sequence[tuple[float, float]]) -> float:
     """Rms residual outside of stretches of loud noise, first and last time [s], over that of all rows."""
+    quiet = quiet_rows(residual, record, loud)
+    return rms(quiet) / max(rms(residual), 1e-300) if loud and np.isfinite(quiet).any() else 1.0
+
+
+def quiet_rows(residual: np.ndarray, record: Record, loud: Sequence[tuple[float, float]]) -> np.ndarray:
+    """The residual of rows outside of stretches of loud noise, first and last time [s]."""
     if not loud:
-        return 1.0
+        return residual
     seconds = record.times.seconds(np.arange(len(residual)), record.first_stamp())
-    quiet = np.all([(seconds < start) | (seconds > end) for start, end in loud], axis=0)
-    return rms(residual[quiet]) / max(rms(residual), 1e-300) if np.isfinite(residual[quiet]).any() else 1.0
+    return residual[np.all([(seconds < start) | (seconds > end) for start, end in loud], axis=0)]
 
 
 def single_rms(residual: np.ndarray, record: Thinned) -> float:

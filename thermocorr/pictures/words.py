@@ -169,7 +169,7 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
         if VERDICTS[verdict].in_doubt and not left.of_thermometers:
             to_log = next(text for limit, text in _TO_LOG if left.correlation_time <= limit)
             said.append(f"To learn its cause, log what changes as slowly: {to_log}.")
-    elif not left.uneven:
+    elif not left.uneven and not left.absurd:
         beside = "" if VERDICTS[verdict].calm or VERDICTS[verdict].unknown else "Beside these causes, w"
         said.append(f"{beside or 'W'}hat is left looks like white noise.")
     said += thermometer_sentences(left, unit)
@@ -182,6 +182,11 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
         said.append(
             f"What is left goes with {', '.join(left.copied[:3])}, and nearly as well with copies of it moved in time: "
             "a few slow swings prove nothing. A longer record would tell."
+        )
+    if left.absurd:
+        said.append(
+            f"A few readings make most of the residual: its rms is {left.tails:.2g} times what is usual in it. "
+            "Readings that are none spoil the fit: find them in the residual, and leave them out (NaN, or mask=...)."
         )
     if left.spikes:
         said.append(
