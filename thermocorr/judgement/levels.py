@@ -86,8 +86,8 @@ NYQUIST = 0.98
 LATEST = 0.01
 """Longest delay that is looked for, as a share of the longest segment. Longer ones are much like slow lags."""
 BETWEEN = (-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
-"""Rows beside the best delay of whole rows at which delays are tried, too: on a measured record of uneven steps the best
-of whole rows had 12 of the 28 in log likelihood of the true delay."""
+"""Rows beside the best delay of whole rows at which delays are tried, too: on a measured record of uneven steps, the
+best of whole rows had 12 of the 28 in log likelihood of the true delay."""
 SHORTEST_STRETCH = 8
 """Rows of the shortest disturbance that is looked for, however it is tuned. With 5, three large readings of heavy tails
 (Student, three degrees) that follow on one another were taken for a disturbance in one of twelve records."""
