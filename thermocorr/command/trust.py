@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..estimators import DynamicBiasRegressor
-from ..estimators.reading import check_median
+from ..estimators.reading import check_median, check_unit
 from ..records.quantities import span_text
 
 ENOUGH = 5
@@ -37,6 +37,13 @@ class RowTrust:
         }
         self._first: dict[Any, list[float]] = {name: [] for name in self._ranges}
         self._flags: Counter[str] = Counter()
+        self._called: dict[Any, str] = {}
+
+    def read_from(self, columns: Mapping[Any, str]) -> None:
+        """Say which column of the log each thermometer is; RecordError where its header says another unit."""
+        self._called = dict(columns)
+        for thermometer, column in columns.items():
+            check_unit("temperature", column, str(thermometer))
 
     def look(self, values: Mapping[Any, Any]) -> None:
         """Look at the temperatures of a row, or of several; RecordError where they are in another unit."""
@@ -44,7 +51,7 @@ class RowTrust:
             given = np.atleast_1d(np.asarray(values[name], float))
             self._first[name] += given[np.isfinite(given)].tolist()
             if len(self._first[name]) >= ENOUGH:
-                check_median(float(np.median(self._first.pop(name))), name, *self._ranges[name])
+                check_median(float(np.median(self._first.pop(name))), self._called.get(name, name), *self._ranges[name])
 
     def count(self, flags: Iterable[str]) -> None:
         """Count rows by their flags."""

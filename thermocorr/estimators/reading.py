@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..records import Record, RecordError, RecordWarning
 from ..records.errors import quoted, times_word
-from ..records.units import unit_of
+from ..records.units import unit_of, units_differ
 from .flat import flat_text, is_flat, resolved
 
 USUAL_STDS = 10.0
@@ -88,6 +88,39 @@ def check_plausible(record: Record, reading: Reading, known_before: bool = False
             "column, and was the instrument running?",
             RecordWarning,
             stacklevel=3,
+        )
+
+
+def check_reading_unit(fitted: Reading, y: Any, X: Any) -> None:
+    """Refuse readings whose name says another unit than that of the fitted ones."""
+    name = y.columns[0] if isinstance(y, pd.DataFrame) and y.shape[1] == 1 else getattr(y, "name", None)
+    if name is not None:
+        check_unit("reading", str(name), fitted.name, unit_of(name, y) or unit_of(name, X), fitted.unit)
+
+
+def check_unit(role: str, name: str, fitted: str, unit: str | None = None, fitted_unit: str | None = None) -> None:
+    """Refuse a column in another unit than the fitted column has, where both units are written.
+
+    Parameters
+    ----------
+    role : str
+        What the column is: "reading", "temperature".
+    name, fitted : str
+        Names of the column and of the fitted one.
+    unit, fitted_unit : str, optional
+        Their units, "" where nobody knows; those in their names by default.
+
+    Raises
+    ------
+    RecordError
+        Where the units differ.
+    """
+    unit = unit_of(name, None) if unit is None else unit
+    fitted_unit = unit_of(fitted, None) if fitted_unit is None else fitted_unit
+    if units_differ(name, unit, fitted, fitted_unit):
+        raise RecordError(
+            f"The {role} {quoted(name)} is in {unit}, and the model was fitted to {quoted(fitted)} in {fitted_unit}. "
+            f"Convert the column to {fitted_unit}, or rename it if its header is wrong."
         )
 
 

@@ -12,6 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects.protocol import refuse_foresight
 from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
+from ..estimators.reading import check_reading_unit
 from ..records import RecordError, read_record
 from ..records.errors import quoted
 from ..records.numbers import is_frame
@@ -292,6 +293,7 @@ class OnlineCorrector(Resumable):
         X = as_data(X)
         X = X if is_frame(X) else np.asarray(X)
         n, stream, run = len(X), self._stream, self.model.run
+        check_reading_unit(self.model.reading_, y, X)
         reading = np.full(n, np.nan) if y is None else readings(y, n)
         values = {stream.temperature: column_of(X, stream.temperature, "temperature")}
         values |= {name: column_of(X, name, "column") for name in self.columns}
