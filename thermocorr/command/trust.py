@@ -10,10 +10,9 @@ import numpy as np
 
 from ..estimators import DynamicBiasRegressor
 from ..estimators.reading import check_median, check_unit
+from ..records.other_units import ENOUGH
 from ..records.quantities import span_text
 
-ENOUGH = 5
-"""Temperatures that tell their unit: fewer may be damaged ones, which are flagged."""
 MANY = 0.1
 """Share of flagged rows from which on it is said how many there are."""
 

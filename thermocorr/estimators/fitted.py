@@ -229,6 +229,7 @@ class FittedModel(DoubtedInputs):
         """Why a row deserves no trust, or "".
 
         "no temperature", "no reading", "sentinel" or "spike" (of the temperature or the reading, see `screen`),
+        "other unit" (a single temperature that looks like kelvin where degC was fitted, or the other way round),
         "washout", "outside fitted range". And, of rows with cells that were missing and are filled (see `fill`):
         "filled", and "thermometer lost" where that may move the bias by more than the residuals' standard deviation:
         late bodies feel it for a while after the cells are known again. "behind gap" where what the temperature may
