@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import pickle
 
 import numpy as np
@@ -12,7 +13,7 @@ from effect_records import EXAMPLES, NAMES, columns_of, learned, log, read, whol
 from scipy.signal import lfilter
 from sklearn.base import clone
 
-from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, load_model, save_model
 from thermocorr.effects import (
     CATALOGUE,
     Covariate,
@@ -36,6 +37,7 @@ from thermocorr.effects import (
     Step,
     ThermalLag,
 )
+from thermocorr.files.model_file import signed
 from thermocorr.records import Layout, read_record
 
 # --------------------------------------------------------------------------------------- the catalogue
@@ -154,8 +156,20 @@ def test_with_effect_adds_to_whatever_was_given(given):
     X = log(300)
     model = DynamicBiasRegressor(time_constants=[300.0], effects=given)
     names = model.with_effect(Hysteresis(0.5)).fit(X, X["temperature"]).coef_table().index
-    assert list(names[-2:]) == (["rate", "hysteresis[0.5 K]"] if given else ["decay[300 s]", "hysteresis[0.5 K]"])
+    assert list(names[-2:]) == (["rate", "hysteresis[0.5]"] if given else ["decay[300 s]", "hysteresis[0.5]"])
     assert model.effects is given
+
+
+def test_a_file_with_the_former_name_of_a_play_is_read(tmp_path):
+    """It was ``hysteresis[0.5 K]``, for records in degF too."""
+    X = log(300)
+    model = DynamicBiasRegressor(time_constants=[300.0], effects=[Hysteresis(0.5)]).fit(X, X["temperature"])
+    save_model(model, tmp_path / "model.json")
+    node = json.loads((tmp_path / "model.json").read_text())
+    assert node["model"]["columns"][-1] == "hysteresis[0.5]"
+    node["model"]["columns"][-1] = "hysteresis[0.5 K]"
+    (tmp_path / "model.json").write_bytes(signed({key: node[key] for key in ("provenance", "model")}))
+    np.testing.assert_array_equal(load_model(tmp_path / "model.json").predict(X), model.predict(X))
 
 
 def test_all_kinds_in_one_model():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from thermocorr.datasets import load_voltage_reference, make_record
 from thermocorr.effects import Covariate, Effect, Hinge, Hysteresis, LaggedCovariate
 from thermocorr.effects.protocol import EffectInfo
 from thermocorr.effects.wrap import TransformerEffect
+from thermocorr.firmware import export_c
 from thermocorr.judgement.adding import with_missing
 from thermocorr.judgement.blocks import averaged
 from thermocorr.pictures.words import aspect_text, each_row, place_text
@@ -303,6 +305,26 @@ def test_the_temperature_is_called_by_the_name_of_its_column():
     array = np.asarray(X[["oven"]])
     bare = diagnose(DynamicBiasRegressor(0, [60.0]).fit(array, y.to_numpy()), array, y.to_numpy())
     assert "temperature" in {aspect_text(row) for row in each_row(bare.where)}
+
+
+def test_differences_of_temperatures_in_degf_are_said_in_degf(tmp_path):
+    """No K stands where the record has none."""
+    record = make_record(5000, effects={"hysteresis": 2.0}, seed=1)
+    X, y = (record[["temperature"]] * 1.8 + 32).rename(columns={"temperature": "case [degF]"}), record["reading"]
+    model = DynamicBiasRegressor("case [degF]", ["10 min"], degree=1).fit(X, y)
+    found = diagnose(model, X, y)
+    assert isinstance(found.best, Hysteresis)
+    rows = {row.aspect: row for row in each_row(found.where)}
+    assert aspect_text(rows["rate"]) == "rate [degF/h]"
+    assert aspect_text(rows["lag difference"]) == "lag difference, 10 min [degF]"
+    told = model.with_effect(found.best).fit(X, y)
+    html = found.to_html()
+    cells = re.findall(r"<(?:td|p)>(.*?)</(?:td|p)>", html, flags=re.S)
+    for text in (str(found), places(found), told.equation(), str(told.coef_table()), *cells):
+        assert not re.search(r"(?<![A-Za-z])K(?![A-Za-z])", text)
+    source = export_c(told, tmp_path).paths[1].read_text()
+    assert "ppm/degF" in source and "/K" not in source
+    assert f"width {found.best.width:.3f} \u00b0F" in html and "rate [degF/h]" in " ".join(cells)
 
 
 def test_the_data_are_read_once(monkeypatch):

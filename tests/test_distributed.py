@@ -190,7 +190,7 @@ def test_parts_that_make_no_record_are_refused(client, record, parts, words):
 
 def test_what_cannot_be_done_in_parts_is_refused(client, record):
     log = DistributedLog(client, parts_of(record, [4000]))
-    with pytest.raises(RecordError, match=r"'hysteresis: 0.5 K' carries a state that is no plain lag's"):
+    with pytest.raises(RecordError, match=r"'hysteresis: width 0.5' carries a state that is no plain lag's"):
         DynamicBiasRegressor("temperature", [300.0], effects=[Hysteresis(0.5)]).fit(log, log["reading"])
     with pytest.raises(RecordError, match="one of its columns"):
         DynamicBiasRegressor("temperature", [300.0]).fit(log, record["reading"])

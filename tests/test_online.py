@@ -30,6 +30,24 @@ from thermocorr.datasets import make_record
 from thermocorr.effects import Drift, LaggedCovariate
 
 
+def test_temperatures_in_another_unit_do_not_drive_the_states(default):
+    """Single ones are as if they had not come, live and in a whole record; a block of them is refused as by predict."""
+    model, X, y = default
+    some, readings = X[900:1000], y[900:1000]
+    odd = some.copy()
+    odd.iloc[40:43, odd.columns.get_loc("temperature")] += 273.15
+    missing = odd.where(odd["temperature"] < 100.0)
+    live = OnlineCorrector(model)
+    with pytest.raises(RecordError, match="looks like kelvin where degC was fitted"):
+        live.update_many(some.assign(temperature=some["temperature"] + 273.15), readings)
+    singly = one_by_one(live, odd, readings)
+    agree(model, odd, readings, [one.corrected for one in singly], [one.flag for one in singly])
+    block = OnlineCorrector(model).update_many(odd, readings)
+    agree(model, odd, readings, block["corrected"], block["flag"])
+    assert block["flag"].eq("other unit").to_numpy().nonzero()[0].tolist() == [40, 41, 42]
+    np.testing.assert_allclose(block["corrected"], model.correct(missing, readings), rtol=1e-12)
+
+
 @pytest.fixture(scope="module")
 def default():
     """The default kind of model (six lags, degree 2) fitted to the first third of a stream, and the stream."""

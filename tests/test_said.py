@@ -11,7 +11,15 @@ import pytest
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import Ridge
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError, TimeConstantSearch, diagnose, save_model
+from thermocorr import (
+    DynamicBiasRegressor,
+    OnlineCorrector,
+    RecordError,
+    TimeConstantSearch,
+    diagnose,
+    load_model,
+    save_model,
+)
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 
@@ -51,14 +59,19 @@ def test_a_log_in_kelvin_is_refused(bench, tmp_path, capsys, way):
     more = ("--follow", "--idle", "0.1") if way == "followed" else ()
     assert correct(bench, path, *more, "--out", tmp_path / "out.csv") == 2
     assert "looks like kelvin where degC was fitted. Convert 'temperature' first." in capsys.readouterr().err
-    assert way == "followed" or not (tmp_path / "out.csv").exists()
+    if way == "followed":  # a single row may be a damaged one; no number comes of it
+        out = pd.read_csv(tmp_path / "out.csv")
+        assert set(out["flag"]) == {"other unit"} and out["corrected"].isna().all()
+    else:
+        assert not (tmp_path / "out.csv").exists()
 
 
 def test_a_single_row_in_another_unit_is_flagged(bench, tmp_path, capsys):
     log = bench[1][:100].copy()
-    log.loc[50, "temperature"] += 273.15
-    assert correct(bench, written(tmp_path, log)) == 0
-    assert "outside fitted range" in capsys.readouterr().out
+    log.loc[50:52, "temperature"] += 273.15
+    assert correct(bench, written(tmp_path, log), "--out", tmp_path / "out.csv") == 0
+    assert "3 of 100 lines got no result: 3 other unit" in capsys.readouterr().err
+    assert pd.read_csv(tmp_path / "out.csv")["flag"].eq("other unit").to_numpy().nonzero()[0].tolist() == [50, 51, 52]
 
 
 def test_degrees_fahrenheit_are_asked_back(bench, tmp_path, capsys):
@@ -67,6 +80,68 @@ def test_degrees_fahrenheit_are_asked_back(bench, tmp_path, capsys):
     said = capsys.readouterr().err
     assert said.count("if 'temperature' is in degF, convert it first") == 1
     assert f"{ROWS} of {ROWS} lines are flagged" in said and "outside fitted range: the model was fitted to" in said
+
+
+@pytest.fixture(scope="module")
+def with_units(tmp_path_factory):
+    """As `bench`, with units in the headers."""
+    folder = tmp_path_factory.mktemp("units")
+    log = make_record(ROWS, seed=3).reset_index()[["time", "temperature", "reading"]]
+    log = log.set_axis(["time", "room [degC]", "U [V]"], axis=1)
+    model = DynamicBiasRegressor("room [degC]", time="time", time_constants=["10 min"])
+    save_model(model.fit(log.drop(columns="U [V]"), log["U [V]"]), folder / "model.json")
+    return folder, log
+
+
+@pytest.mark.parametrize("way", ["whole", "followed"])
+@pytest.mark.parametrize(
+    ("renamed", "factor", "option", "said"),
+    [
+        (
+            {"U [V]": "U [mV]"},
+            1000.0,
+            "--reading",
+            "reading 'U [mV]' is in mV, and the model was fitted to 'U [V]' in V",
+        ),
+        (
+            {"room [degC]": "room [degF]"},
+            1.8,
+            "--temperature",
+            "temperature 'room [degF]' is in degF, and the model was fitted to 'room [degC]' in degC",
+        ),
+    ],
+)
+def test_a_header_with_another_unit_is_refused(with_units, tmp_path, capsys, way, renamed, factor, option, said):
+    (old, new), more = *renamed.items(), ("--follow", "--idle", "0.1") if way == "followed" else ()
+    path = written(tmp_path, with_units[1].assign(**{old: factor * with_units[1][old]}).rename(columns=renamed))
+    assert correct(with_units, path, option, new, *more, "--out", tmp_path / "out.csv") == 2
+    error = capsys.readouterr().err
+    assert said in error and "Convert the column to " in error and "or rename it if its header is wrong" in error
+    assert not (tmp_path / "out.csv").exists()
+
+
+@pytest.mark.parametrize("name", ["U", "U [V]", "U_V", "reading (raw)"])
+def test_a_header_with_the_same_unit_or_none_is_read(with_units, tmp_path, capsys, name):
+    path = written(tmp_path, with_units[1].rename(columns={"U [V]": name}))
+    assert correct(with_units, path, "--reading", name) == 0
+
+
+def test_readings_whose_name_has_another_unit_are_refused(with_units):
+    log, model = with_units[1], load_model(with_units[0] / "model.json")
+    X = log.drop(columns="U [V]")
+    wrong = (1000.0 * log["U [V]"]).rename("U [mV]")
+    model.correct(X, wrong.rename(None))  # nothing is said of the unit
+    for done in (model.correct, model.residuals, model.evaluate, model.flags, OnlineCorrector(model).update_many):
+        with pytest.raises(RecordError, match=r"'U \[mV\]' is in mV, and the model was fitted to 'U \[V\]' in V"):
+            done(X, wrong)
+
+
+def test_the_question_of_degf_names_the_column_of_this_log(with_units, tmp_path, capsys):
+    log = with_units[1].rename(columns={"room [degC]": "hall"})
+    path = written(tmp_path, log.assign(hall=1.8 * log["hall"] + 32.0))
+    assert correct(with_units, path, "--temperature", "hall", "--out", tmp_path / "out.csv") == 0
+    said = capsys.readouterr().err
+    assert "if 'hall' is in degF, convert it first" in said and "room [degC]" not in said
 
 
 def test_rows_that_deserve_no_trust_are_counted(bench, tmp_path, capsys):

@@ -277,6 +277,21 @@ def test_a_sensor_counts_in_kelvin_whatever_the_thermometer_shows(fitted):
     np.testing.assert_allclose(moved, 0.2, rtol=0.01)
 
 
+def test_a_budget_in_degf_says_the_same_of_the_thermometer_as_one_in_degc(fitted):
+    """0.02 K at 10 ppm/K are 0.2 ppm: number, unit and sensitivity belong together."""
+    _, X, y, _ = fitted
+    hot = (X * 1.8 + 32).rename(columns={"temperature": "room_degF"})
+    lines = []
+    for log in (X, hot):
+        model = DynamicBiasRegressor(log.columns[0], TIMES, degree=1).fit(log, y)
+        budget = model.uncertainty(log, y, sensor=Sensor(drift_since_learning=0.02)).budget(1000)
+        lines.append(next(line for line in budget.lines if "thermometer" in line.quantity))
+    for line in lines:
+        assert (line.uncertainty, line.unit) == (0.02, "K")
+        assert line.sensitivity == pytest.approx(10, rel=0.01)
+        assert line.contribution == pytest.approx(lines[0].contribution, rel=1e-6)
+
+
 def test_parts_of_one_estimate_share_their_degrees_of_freedom(fitted):
     _, X, y, _ = fitted
     signed = DynamicBiasRegressor("temperature", ["3 h"]).fit(X, y).uncertainty(X, y)

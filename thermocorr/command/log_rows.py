@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from ..estimators.reading import check_unit
 from ..files.result_files import new_names
 from ..foreign import RUN
 from ..live.corrector import OnlineCorrector
@@ -98,7 +99,10 @@ class LogRows:
         model = self.live.model
         named = self._thermometers()
         self._temperature = self._place(named.get(self._temperature_name, self._temperature_name), "temperature")
-        self._reading = self._place(self.options.reading or model.reading_.name, "reading")
+        self.trust.read_from(named)
+        reading = self.options.reading or model.reading_.name
+        self._reading = self._place(reading, "reading")
+        check_unit("reading", reading, model.reading_.name, fitted_unit=model.reading_.unit)
         guesses = (self._time_name, *TIME_NAMES)
         name = self.options.time or model.time or next((n for n in guesses if n in header), "time")
         self._time = self._place(name, "time") if self._timed else None

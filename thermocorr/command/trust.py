@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..estimators import DynamicBiasRegressor
-from ..estimators.reading import check_median
+from ..estimators.reading import check_median, check_unit
+from ..records.other_units import ENOUGH
 from ..records.quantities import span_text
 
-ENOUGH = 5
-"""Temperatures that tell their unit: fewer may be damaged ones, which are flagged."""
 MANY = 0.1
 """Share of flagged rows from which on it is said how many there are."""
 
@@ -37,6 +36,13 @@ class RowTrust:
         }
         self._first: dict[Any, list[float]] = {name: [] for name in self._ranges}
         self._flags: Counter[str] = Counter()
+        self._called: dict[Any, str] = {}
+
+    def read_from(self, columns: Mapping[Any, str]) -> None:
+        """Say which column of the log each thermometer is; RecordError where its header says another unit."""
+        self._called = dict(columns)
+        for thermometer, column in columns.items():
+            check_unit("temperature", column, str(thermometer))
 
     def look(self, values: Mapping[Any, Any]) -> None:
         """Look at the temperatures of a row, or of several; RecordError where they are in another unit."""
@@ -44,7 +50,7 @@ class RowTrust:
             given = np.atleast_1d(np.asarray(values[name], float))
             self._first[name] += given[np.isfinite(given)].tolist()
             if len(self._first[name]) >= ENOUGH:
-                check_median(float(np.median(self._first.pop(name))), name, *self._ranges[name])
+                check_median(float(np.median(self._first.pop(name))), self._called.get(name, name), *self._ranges[name])
 
     def count(self, flags: Iterable[str]) -> None:
         """Count rows by their flags."""

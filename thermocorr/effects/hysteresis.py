@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from numbers import Real
 from typing import Any
@@ -11,11 +12,13 @@ from sklearn.utils._param_validation import Interval
 
 from ..records import Record
 from .grids import temperature_quantiles
-from .protocol import Effect, EffectInfo
+from .protocol import TEMPERATURE_DIFFERENCE, Effect, EffectInfo
 from .signals import Signals
 
 _SHARES = np.geomspace(0.03, 0.9, 10)
 """Widths to try, as shares of the range that holds 96 % of the temperatures."""
+_FORMER = re.compile(r"^(hysteresis\[[^ \]]+) K\]$")
+"""How the column was called once."""
 
 
 class Hysteresis(Effect):
@@ -28,7 +31,7 @@ class Hysteresis(Effect):
     Parameters
     ----------
     width : float
-        w [K].
+        w, in the unit of the temperature [K].
 
     Raises
     ------
@@ -44,7 +47,7 @@ class Hysteresis(Effect):
         bench_check="Go to the same temperature from above and from below and wait: the difference stays, however "
         "long the wait and however slow the approach.",
         formula="hysteresis[w] = p - T, where the play p stays put until T is w/2 away and is then dragged along",
-        parameters={"width": "K"},
+        parameters={"width": TEMPERATURE_DIFFERENCE},
         tuned=("width",),
         example={"width": 0.8},
         place=4.0,
@@ -65,8 +68,8 @@ class Hysteresis(Effect):
         self._validate_params()
 
     def names(self) -> list[str]:
-        """``hysteresis[0.5 K]``."""
-        return [f"hysteresis[{self.width:.6g} K]"]
+        """``hysteresis[0.5]``."""
+        return [f"hysteresis[{self.width:.6g}]"]
 
     def units(self) -> list[str]:
         """K."""
@@ -77,5 +80,16 @@ class Hysteresis(Effect):
         return [x.play(x.T, self.width) - x.T]
 
     def label(self) -> str:
-        """``hysteresis: 0.5 K``."""
-        return f"hysteresis: {self.width:.6g} K"
+        """``hysteresis: width 0.5``."""
+        return f"hysteresis: width {self.width:.6g}"
+
+
+def present_name(name: str) -> str:
+    """The name that a column has now, where a file may have a former one, with a unit that was not always right.
+
+    Examples
+    --------
+    >>> present_name("hysteresis[0.5 K]"), present_name("lag[900 s]")
+    ('hysteresis[0.5]', 'lag[900 s]')
+    """
+    return _FORMER.sub(r"\1]", name)

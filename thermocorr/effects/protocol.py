@@ -18,6 +18,8 @@ SINCE_START = "s since the start"
 """Unit of a parameter that is a moment of the record, for which a date will do as well."""
 TEMPERATURE = "unit of the temperature"
 """Unit of a parameter that is a temperature, and no difference of temperatures."""
+TEMPERATURE_DIFFERENCE = "K, or degF where the temperature is in degF"
+"""Unit of a parameter that is a difference of temperatures."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class EffectInfo:
     """What its columns are, in the words of their names."""
     parameters: Mapping[str, str] = field(default_factory=dict)
     """Unit of each parameter of the constructor that has one: "s" for time spans, `SINCE_START` for moments,
-    `TEMPERATURE` for temperatures."""
+    `TEMPERATURE` for temperatures, `TEMPERATURE_DIFFERENCE` for their differences."""
     tuned: tuple[str, ...] = ()
     """Positive parameters (or lists of them) that a local search may scale."""
     example: Mapping[str, Any] = field(default_factory=dict)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
@@ -24,7 +25,7 @@ from .features import DiffusiveFeatures
 from .fitting import standard_errors
 from .inner import Inner, inner_blocks
 from .prior import Law, law_of
-from .reading import Reading, check_range
+from .reading import Reading, check_range, check_reading_unit
 from .tables import coefficient_table, distinct, equation_text
 from .threads import one_blas_thread
 
@@ -228,17 +229,23 @@ class FittedModel(DoubtedInputs):
         """Why a row deserves no trust, or "".
 
         "no temperature", "no reading", "sentinel" or "spike" (of the temperature or the reading, see `screen`),
+        "other unit" (a single temperature that looks like kelvin where degC was fitted, or the other way round),
         "washout", "outside fitted range". And, of rows with cells that were missing and are filled (see `fill`):
         "filled", and "thermometer lost" where that may move the bias by more than the residuals' standard deviation:
         late bodies feel it for a while after the cells are known again. "behind gap" where what the temperature may
         have done in gaps between rows moves it by as much.
         """
-        reading = None if y is None else numeric_reading(y, X)
+        reading = None if y is None else self.reading_numbers(X, y)
         record, starts, _ = self.judged(X)
         flags = no_flags(record)
         for block in record.blocks(starts=starts, zero=self.features_.history_.zero):
             flags[block.rows] = self.block_flags(block, None if reading is None else reading[block.rows])
         return like(X, flags.column() if isinstance(X, pd.DataFrame) else flags.texts(), "flag")
+
+    def reading_numbers(self, X: Any, y: Any) -> NDArray[Any]:
+        """Readings as numbers, row by row beside X; RecordError where their name says another unit than the fit's."""
+        check_reading_unit(self.reading_, y, X)
+        return numeric_reading(y, X)
 
     def _all_coefficients(self) -> np.ndarray:
         return np.concatenate(([self.intercept_], self.coef_))

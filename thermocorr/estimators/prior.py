@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..effects import InitialTransient, LaggedCovariate, SeveralSteps, StaticPolynomial, ThermalLag
+from ..effects.hysteresis import present_name
 from ..effects.protocol import Effect, time_text
 from ..equations import RidgeSolution, TriangularFactor
 from ..records import RecordError
@@ -140,7 +141,7 @@ class LawPrior:
     def _read(cls, prior: Mapping[str, Any]) -> LawPrior:
         if set(prior) != {each.name for each in fields(cls)}:
             raise ValueError(f"The 'prior' parameter has the entries {sorted(map(str, prior))}: that is no LawPrior.")
-        columns = tuple(map(str, prior["columns"]))
+        columns = tuple(present_name(str(name)) for name in prior["columns"])
         dimensions = {"mean": 1, "covariance": 2, "spread": 2}
         arrays = {name: np.asarray(prior[name], float) for name in dimensions}
         right = all(arrays[name].shape == (len(columns),) * n for name, n in dimensions.items())

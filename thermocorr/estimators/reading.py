@@ -11,7 +11,8 @@ import pandas as pd
 
 from ..records import Record, RecordError, RecordWarning
 from ..records.errors import quoted, times_word
-from ..records.units import unit_of
+from ..records.other_units import ENOUGH, first_median, other_units, unit_told_by
+from ..records.units import unit_of, units_differ
 from .flat import flat_text, is_flat, resolved
 
 USUAL_STDS = 10.0
@@ -91,22 +92,59 @@ def check_plausible(record: Record, reading: Reading, known_before: bool = False
         )
 
 
+def check_reading_unit(fitted: Reading, y: Any, X: Any) -> None:
+    """Refuse readings whose name says another unit than that of the fitted ones."""
+    name = y.columns[0] if isinstance(y, pd.DataFrame) and y.shape[1] == 1 else getattr(y, "name", None)
+    if name is not None:
+        check_unit("reading", str(name), fitted.name, unit_of(name, y) or unit_of(name, X), fitted.unit)
+
+
+def check_unit(role: str, name: str, fitted: str, unit: str | None = None, fitted_unit: str | None = None) -> None:
+    """Refuse a column in another unit than the fitted column has, where both units are written.
+
+    Parameters
+    ----------
+    role : str
+        What the column is: "reading", "temperature".
+    name, fitted : str
+        Names of the column and of the fitted one.
+    unit, fitted_unit : str, optional
+        Their units, "" where nobody knows; those in their names by default.
+
+    Raises
+    ------
+    RecordError
+        Where the units differ.
+    """
+    unit = unit_of(name, None) if unit is None else unit
+    fitted_unit = unit_of(fitted, None) if fitted_unit is None else fitted_unit
+    if units_differ(name, unit, fitted, fitted_unit):
+        raise RecordError(
+            f"The {role} {quoted(name)} is in {unit}, and the model was fitted to {quoted(fitted)} in {fitted_unit}. "
+            f"Convert the column to {fitted_unit}, or rename it if its header is wrong."
+        )
+
+
 def check_range(record: Record, thermometer: Any, low: float, high: float) -> None:
     """Refuse a temperature in another unit than the fitted one, which had this range."""
-    first = record.segments[0]
-    rows = record.kept(first.start, min(first.stop, first.start + (1 << 16)))
-    check_median(float(np.nanmedian(record.columns[thermometer][rows])), thermometer, low, high)
+    check_median(first_median(record, thermometer), thermometer, low, high)
+
+
+def check_block(temperatures: np.ndarray, thermometer: Any, low: float, high: float) -> None:
+    """`check_range` of a block of a stream; a few rows tell nothing, for they may be damaged ones."""
+    known = temperatures[np.isfinite(temperatures)]
+    if len(known) >= ENOUGH:
+        check_median(float(np.median(known)), thermometer, low, high)
 
 
 def check_median(median: float, thermometer: Any, low: float, high: float) -> None:
     """Refuse a temperature, the median of several rows, in another unit than the fitted one; warn of likely degF."""
     span = high - low
-    for offset, said in ((273.15, "kelvin where degC was fitted"), (-273.15, "degC where kelvin was fitted")):
-        if abs(median - offset - (low + high) / 2) < span + 20.0 and not low - span <= median <= high + span:
-            raise RecordError(
-                f"The temperature is about {median:.6g} here and was {low:.6g} to {high:.6g} in the fitted record: "
-                f"that looks like {said}. Convert {quoted(thermometer)} first."
-            )
+    if said := unit_told_by(median, other_units(low, high)):
+        raise RecordError(
+            f"The temperature is about {median:.6g} here and was {low:.6g} to {high:.6g} in the fitted record: "
+            f"that looks like {said}. Convert {quoted(thermometer)} first."
+        )
     if low <= (median - 32.0) / 1.8 <= high and median > high + span + FAHRENHEIT_BEYOND:
         warnings.warn(
             f"The temperature is about {median:.4g} here and was {low:.4g} to {high:.4g} in the fitted record: if "

@@ -16,7 +16,6 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from ..effects.wrap import EffectsParameters, as_effects
 from ..records import Block, Record, RecordWarning, seconds_of
 from ..records.flags import Flags
-from ..records.numbers import numeric_reading
 from .aligned import like, no_flags
 from .choosing import choose, choose_again, chosen_products, count_to_choose, penalty
 from .cutting import equal_edges
@@ -275,7 +274,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         leaves all readings far behind. With `return_std` a tuple: its standard uncertainty beside it, the model taken
         for complete; `uncertainty` has more to say.
         """
-        reading = numeric_reading(y, X)
+        reading = self.reading_numbers(X, y)
         if return_std:
             corrected, u = self._uncertain(X, "corrected", np.asarray(reading, float))
         else:
@@ -287,7 +286,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
     def residuals(self, X: Any, y: Any) -> Any:
         """Measured minus modelled reading, NaN as in `correct`. A Series where X is a DataFrame."""
-        parts, believed = self._parts(X, numeric_reading(y, X))
+        parts, believed = self._parts(X, self.reading_numbers(X, y))
         return like(X, believed - (parts.sum(axis=1) + self.intercept_), "residual")
 
     def evaluate(self, X: Any, y: Any, return_std: bool = False) -> pd.DataFrame:
@@ -295,7 +294,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
         Warns as `correct` does. With `return_std` a column more: `u`, the standard uncertainty of `corrected`.
         """
-        reading = numeric_reading(y, X)
+        reading = self.reading_numbers(X, y)
         n_rows = len(reading)
         columns: dict[str, Any] = {name: np.full(n_rows, np.nan) for name in ("corrected", "model", "residual")}
         flags = Flags(0)
@@ -374,7 +373,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
     def evaluated_blocks(self, X: Any, y: Any) -> Iterator[tuple[Block, dict[str, np.ndarray], Flags]]:
         """The columns of `evaluate` as arrays, with the block (times, segment, temperature) that they belong to."""
-        reading = numeric_reading(y, X)
+        reading = self.reading_numbers(X, y)
         removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
         for block, parts in self.judged_blocks(X):
             given = np.asarray(reading[block.rows], float)

@@ -14,6 +14,7 @@ from ..effects import StaticPolynomial
 from ..estimators.cancellation import Cancellation
 from ..files import Outputs
 from ..records import RecordWarning, seconds_of
+from ..records.units import difference_unit
 from .c99 import C99
 from .composer import Composer, refuse
 from .costs import FirmwareExport
@@ -128,6 +129,7 @@ def export_to(
         period=_period(sampling_period, history),
         reference_temperature=float(np.float32(T0)) if dtype == "float" else T0,
         temperature_name=static.temperature_name_,
+        degree=difference_unit(model.reading_.temperature_unit) if hasattr(model, "reading_") else "K",
         history=history,
         continues=continue_from_fit,
     )

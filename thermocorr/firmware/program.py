@@ -194,7 +194,7 @@ class Program:
     # What effects read: the temperature and recorded columns, counted from a value nearby so that no digit is lost.
 
     def temperature(self) -> Input:
-        """The temperature less `Target.reference_temperature` [K]."""
+        """The temperature less `Target.reference_temperature` [K, or degF]."""
         return Input(
             value=Variable("temperature"),
             before=Kept("temperature"),
@@ -203,7 +203,7 @@ class Program:
             change="change",
             reference=self.target.reference_temperature,
             said="T",
-            unit="K",
+            unit=self.target.degree,
         )
 
     def column(self, name: Any, near: float) -> Input:

@@ -129,7 +129,7 @@ class Words:
         def lead() -> Costed:
             return Costed(play - value, Operations(adds=1))
 
-        return lambda after: p + composer.local(play, "lead", after, lead, "K")
+        return lambda after: p + composer.local(play, "lead", after, lead, self.target.degree)
 
     def _delayed(self, word: Delayed, p: Polynomial, state: Any, name: str, stage: int) -> Later:
         """A ring of the last values; a straight line between two of them."""

@@ -27,6 +27,8 @@ class Target:
     reference_temperature: float
     """Temperature from which the code counts, exact in `dtype`."""
     temperature_name: Any
+    degree: str = "K"
+    """Unit of a difference of temperatures."""
     history: History | None = None
     """Fitted record, where the model still has it."""
     continues: bool = False

@@ -15,6 +15,7 @@ from ..effects.protocol import Effect
 from ..equations import allan_deviation
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record
+from ..records.units import difference_unit
 from .blocks import Averages, averaged
 from .levels import (
     BAND,
@@ -53,8 +54,9 @@ def where_it_fails(
     """
     lag, recorded = largest_lag(model), [name for name in record.columns if name != record.temperature_name]
     effects: list[Effect] = [Rate(), *([] if lag is None else [ThermalLag([lag])]), *(Covariate(c) for c in recorded)]
-    aspects: list[dict[str, Any]] = [{"aspect": "rate", "unit": "K/h"}]
-    aspects += [] if lag is None else [{"aspect": "lag difference", "time_constant": lag, "unit": "K"}]
+    degree = difference_unit(model.reading_.temperature_unit)
+    aspects: list[dict[str, Any]] = [{"aspect": "rate", "unit": f"{degree}/h"}]
+    aspects += [] if lag is None else [{"aspect": "lag difference", "time_constant": lag, "unit": degree}]
     aspects += [{"aspect": "column", "column": name} for name in recorded]
     aspects.append({"aspect": "temperature", "column": record.temperature_name})
     for effect in effects:

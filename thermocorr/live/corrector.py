@@ -12,12 +12,12 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects.protocol import refuse_foresight
 from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
+from ..estimators.reading import check_block, check_reading_unit
 from ..records import RecordError, read_record
 from ..records.errors import quoted
 from ..records.numbers import is_frame
 from ..records.read import times_of
 from ..records.record_log import as_data
-from ..records.screen import Screen
 from .advance import Advanced, Stream
 from .filled import NOTHING
 from .given import (
@@ -106,7 +106,7 @@ class OnlineCorrector(Resumable):
         self.continues, self.first_row = bool(continues), first_row
         self.errors = LiveErrors(model) if uncertainty else None
         self._stream = Stream(model, self.continues, self.errors)
-        self._screen = self._stream.history.screen or Screen()
+        self._screen = self._stream.history.later_screen
         self.columns = tuple(self._stream.inputs)
         """Recorded columns that the model needs beside the temperature."""
         self._given = [column_text(column) for column in self.columns]
@@ -287,16 +287,18 @@ class OnlineCorrector(Resumable):
         -------
         DataFrame
             `corrected`, `bias`, `flag`, and `smoothed`, `reference`, `u`, `u_smoothed` where they were asked for; rows
-            as they came.
+            as they came. RecordError for readings or temperatures in another unit, as `correct`.
         """
         X = as_data(X)
         X = X if is_frame(X) else np.asarray(X)
         n, stream, run = len(X), self._stream, self.model.run
+        check_reading_unit(self.model.reading_, y, X)
         reading = np.full(n, np.nan) if y is None else readings(y, n)
         values = {stream.temperature: column_of(X, stream.temperature, "temperature")}
         values |= {name: column_of(X, name, "column") for name in self.columns}
         if not n:
             return Answers(0).frame(X, self.names)
+        check_block(values[stream.temperature], stream.temperature, *self.model.temperature_range_)
         times = times_of(X, self.model.features_.layout())
         labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run])
         short = n + 1 if n < _SHORT else 1

@@ -28,6 +28,7 @@ FLAGS = {
     "behind gap": "nobody recorded the temperature for a while, and what it may have done then exceeds the noise",
     "sentinel": "a code for no value",
     "spike": "an isolated spike",
+    "other unit": "the temperature looks like kelvin where degC was fitted, or the other way round",
 }
 
 

@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from ..effects.protocol import SINCE_START, TEMPERATURE
+from ..effects.protocol import SINCE_START, TEMPERATURE, TEMPERATURE_DIFFERENCE
 from ..estimators.verdicts import VERDICTS
 from ..pictures.protocols import DiagnosisLike
 from ..pictures.words import each_row, effect_text, left_sentences
 from ..records.quantities import scale_of, span_text
+from ..records.units import difference_unit
 from .data import PageData
 from .figures import placed
 from .html import Section, plain, section, unit_text
@@ -134,7 +135,11 @@ def parameters_text(effect: Any, data: PageData | Scales) -> str:
         elif unit in ("s", SINCE_START):
             shown = [span_text(number) for number in numbers]
         else:
-            unit = unit_text(data.temperature_unit if unit == TEMPERATURE else unit)
+            degrees = {
+                TEMPERATURE: data.temperature_unit,
+                TEMPERATURE_DIFFERENCE: difference_unit(data.temperature_unit),
+            }
+            unit = unit_text(degrees.get(unit, unit))
             shown = [f"{plain(v, 3)} {unit}" for v in numbers]
         parts.append(f"{name.replace('_', ' ').removesuffix('s' if len(several) == 1 else '')} {', '.join(shown)}")
     return "; ".join(parts)

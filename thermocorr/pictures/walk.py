@@ -15,7 +15,6 @@ from ..estimators.tables import distinct
 from ..estimators.time_constant_search import TimeConstantSearch
 from ..estimators.uncertainty.rows import ErrorWalk
 from ..records import Block, Record
-from ..records.numbers import numeric_reading
 from .timeline import TimeLine, zone_of
 
 
@@ -45,7 +44,7 @@ class Walk:
 
     def __init__(self, model: Any, X: Any, y: Any = None):
         self.model = regressor_of(model)
-        self._reading = None if y is None else numeric_reading(y, X)
+        self._reading = None if y is None else self.model.reading_numbers(X, y)
         self._blocks = self.model.contribution_blocks(X)
         self._first = next(self._blocks)  # a record has at least one block
         self.record: Record = self._first[0].record

@@ -22,7 +22,7 @@ MANY_SPIKES = 10
 """Spikes that are listed at most."""
 MANY_MOMENTS = 6
 """Moments of a cause that are listed at most."""
-_HEADS = {"rate": "rate [K/h]", "hour": "hour of day (UTC)", "frequency": "frequency"}
+_HEADS = {"hour": "hour of day (UTC)", "frequency": "frequency"}
 
 
 def each_row(table: pd.DataFrame) -> Iterator[Any]:
@@ -38,7 +38,9 @@ def aspect_text(row: Any) -> str:
     if row.aspect == "column" or (row.aspect == "temperature" and isinstance(row.column, str)):
         return printable(row.column)
     if row.aspect == "lag difference":
-        return f"lag difference, {span_text(row.time_constant)} [K]"
+        return f"lag difference, {span_text(row.time_constant)} [{row.unit}]"
+    if row.aspect == "rate":
+        return f"rate [{row.unit}]"
     return _HEADS.get(row.aspect, str(row.aspect))
 
 

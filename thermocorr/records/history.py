@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .errors import RecordError
 from .gaps import Gaps, least_gap
+from .other_units import other_units
 from .record import Record, Segment, SegmentStart
 from .screen import Screen
 from .times import Kind, Rows, Times
@@ -50,6 +51,15 @@ class History:
         if self.known_gaps is not None:
             return self.known_gaps
         return Gaps.of(self.record, tuple(self.record.columns), least_gap(self.record, self.usual_step, self.stride))
+
+    @cached_property
+    def later_screen(self) -> Screen:
+        """`screen`, with the temperatures that the fitted ones show to be in another unit; nothing where it is None."""
+        if self.screen is None:
+            return Screen()
+        fitted = np.delete(self.record.columns[self.record.temperature_name], self.record.skipped)
+        limits = replace(self.screen.temperature, elsewhere=other_units(float(fitted.min()), float(fitted.max())))
+        return replace(self.screen, temperature=limits)
 
     @cached_property
     def _segment_starts(self) -> list[tuple[float, object]]:
@@ -149,7 +159,7 @@ class History:
                 "the same kind of time (dates with or without zone, time spans, seconds, or none at all)."
             )
         if self.screen is not None:
-            record = self.screen.without_codes(record, self.max_gap)
+            record = self.later_screen.without_codes(record, self.max_gap)
         if self.kind == "rows":
             record = self._place_rows(record)
         if self.screen is not None:

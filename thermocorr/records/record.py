@@ -38,7 +38,7 @@ class Refused(NamedTuple):
     what: str
     """ "reading" or "temperature"."""
     reason: str
-    """ "spike" or "sentinel"."""
+    """ "spike", "sentinel" or "other unit"."""
     rows: NDArray[np.intp]
     """Rows of the user's record, shape (n,)."""
     values: Floats

@@ -3,7 +3,8 @@
 A reading that is refused is not learned from. A temperature that is refused is passed over as if its row had not been
 recorded: the lags go straight across, and are not poisoned. What later rows are screened by is known at each row alone,
 so that blocks, live samples and the record itself agree: the codes for "no value" that the record has or could not
-hold, and the spikes of the fitted record, by time and value. A spike in new data is not known at its row.
+hold, the spikes of the fitted record, by time and value, and temperatures that look like another unit. A spike in new
+data is not known at its row.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from ..equations.spikes import ABSURD, ALL_CODES, CHUNK, OVERLOAD, Scanned, Usual, usual_of
 from .errors import RecordError, quoted, times_word
+from .other_units import OtherUnit, first_median, unit_told_by
 from .record import Record, Refused
 from .times import Floats
 
@@ -28,7 +30,7 @@ MOST_KEPT = 10_000
 """Spikes that are known again in later rows at most."""
 LISTED = 10
 """Rows that a note lists."""
-SPIKE, SENTINEL = "spike", "sentinel"
+SPIKE, SENTINEL, OTHER_UNIT = "spike", "sentinel", "other unit"
 
 Rows = NDArray[np.intp]
 
@@ -43,6 +45,8 @@ class Limits:
     """Numbers that stand for "no value"; beyond 1e30 all do."""
     spikes: dict[Any, float] = field(default_factory=dict)
     """Time stamp and value of each spike of the fitted record."""
+    elsewhere: tuple[OtherUnit, ...] = ()
+    """What is a usual value in another unit, and none in the fitted one."""
 
     @cached_property
     def _between(self) -> tuple[float, float]:
@@ -57,6 +61,13 @@ class Limits:
         near = np.flatnonzero((values <= low) | (values >= high))
         return near[np.isin(values[near], self.codes) | (np.abs(values[near]) >= OVERLOAD)] if len(near) else near
 
+    def in_other_unit(self, values: NDArray[Any]) -> Rows:
+        """Numbers of the values that look like another unit."""
+        found = np.zeros(len(values), bool)
+        for low, high, _ in self.elsewhere:
+            found |= (values > low) & (values < high)
+        return np.flatnonzero(found)
+
     def spiked(self, values: NDArray[Any], stamp_of: Callable[[int], Any]) -> Rows:
         """Numbers of the values that are spikes of the fitted record; `stamp_of` gives a number's time stamp."""
         if not self.spikes:
@@ -65,15 +76,23 @@ class Limits:
         return np.array([k for k in alike.tolist() if self.spikes.get(stamp_of(k)) == values[k]], np.intp)
 
     def reason(self, value: float, stamp: Any) -> str:
-        """Why a value is none: "sentinel", "spike"; "" where it is one, or is missing."""
+        """Why a value is none: "sentinel", "spike", "other unit"; "" where it is one, or is missing."""
         low, high = self._between
         if (value <= low or value >= high) and (abs(value) >= OVERLOAD or value in self.codes):
             return SENTINEL
-        return SPIKE if self.spikes and self.spikes.get(stamp) == value else ""
+        if self.spikes and self.spikes.get(stamp) == value:
+            return SPIKE
+        for low, high, _ in self.elsewhere:
+            if low < value < high:
+                return OTHER_UNIT
+        return ""
 
     def reasons(self, values: NDArray[Any], stamp_of: Callable[[int], Any]) -> list[tuple[Rows, str]]:
         """`reason` of many values: their numbers, by reason."""
-        found = (self.spiked(values, stamp_of), SPIKE), (self.coded(values), SENTINEL)
+        found = (
+            (self.in_other_unit(values), OTHER_UNIT), (self.spiked(values, stamp_of), SPIKE),
+            (self.coded(values), SENTINEL),
+        )  # fmt: skip
         return [(rows, reason) for rows, reason in found if len(rows)]
 
 
@@ -85,11 +104,20 @@ class Screen:
     reading: Limits = field(default_factory=Limits)
 
     def without_codes(self, record: Record, max_gap: float | None) -> Record:
-        """The record without the temperatures that are codes."""
-        values, found = record.columns[record.temperature_name], []
+        """The record without the temperatures that are codes, or single ones in another unit.
+
+        A record that is in another unit as a whole is left as it is, to be refused.
+        """
+        values, coded, odd = record.columns[record.temperature_name], [], []
         for low, high in _chunks(record):  # as floats: 1e30 is none of half precision
-            found.append(low + self.temperature.coded(np.asarray(values[record.rows(low, high)], float)))
-        return without(record, "temperature", SENTINEL, np.concatenate(found), max_gap)
+            chunk = np.asarray(values[record.rows(low, high)], float)
+            coded.append(low + self.temperature.coded(chunk))
+            odd.append(low + self.temperature.in_other_unit(chunk))
+        record = without(record, "temperature", SENTINEL, np.concatenate(coded), max_gap)
+        elsewhere = np.concatenate(odd)
+        if len(elsewhere) and unit_told_by(first_median(record, record.temperature_name), self.temperature.elsewhere):
+            return record
+        return without(record, "temperature", OTHER_UNIT, elsewhere, max_gap)
 
     def without_spikes(self, record: Record, max_gap: float | None) -> Record:
         """The record without the temperatures that are spikes of the fitted one."""

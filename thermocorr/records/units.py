@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from .quantities import prefix_and_unit
+
 _SUFFIXES = {
     "degC": "degC", "degF": "degF", "K": "K", "C": "degC", "ohm": "ohm", "kohm": "kohm", "V": "V", "mV": "mV",
     "uV": "uV", "nV": "nV", "A": "A", "mA": "mA", "uA": "uA", "ppm": "ppm", "ppb": "ppb", "pct": "%", "percent": "%",
@@ -27,6 +29,8 @@ DEGREES = ("degC", "degF", "K")
 """Units of temperatures."""
 TEMPERATURES = re.compile(r"temp|ambient|room|oven|case|thermo|^t$|^t[_ ]", re.IGNORECASE)
 """Names that temperatures go by."""
+_SAME = {"mbar": "hPa"}
+"""Units of the same size by other names."""
 _KNOWN = {unit: unit for unit in _SUFFIXES.values()}
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*(?:[\[(<](?P<inside>[^\[\]()<>]+)[\])>]|\s/\s*(?P<behind>\S+))\s*")
 _OHM_SIGN = str.maketrans({"\u2126": "\u03a9"})
@@ -36,6 +40,30 @@ _OHM_SIGN = str.maketrans({"\u2126": "\u03a9"})
 def difference_unit(unit: str) -> str:
     """Unit of a difference of temperatures in `unit`: K, but degF for degF."""
     return "degF" if unit == "degF" else "K"
+
+
+def units_differ(name: str, unit: str, other_name: str, other_unit: str) -> bool:
+    """Whether two columns' units, where both are written, say that one's numbers are none for the other.
+
+    A single letter at the end of a name may be no unit (``"dut_A"``, ``"dut_C"``): it is believed where both would be
+    units of the same quantity.
+
+    Examples
+    --------
+    >>> units_differ("U [V]", "V", "U [mV]", "mV"), units_differ("T_C", "degC", "T_K", "K")
+    (True, True)
+    >>> units_differ("dut_A", "A", "dut_C", "degC"), units_differ("p [hPa]", "hPa", "p [mbar]", "mbar")
+    (False, False)
+    """
+    one, other = _SAME.get(unit, unit), _SAME.get(other_unit, other_unit)
+    if not one or not other or one == other:
+        return False
+    of_one_quantity = prefix_and_unit(one)[1] == prefix_and_unit(other)[1] or {one, other} <= set(DEGREES)
+    return of_one_quantity or not (_ends_in_letter(name) or _ends_in_letter(other_name))
+
+
+def _ends_in_letter(name: str) -> bool:
+    return name[-2:-1] == "_"
 
 
 def unit_of(name: object, data: Any) -> str:

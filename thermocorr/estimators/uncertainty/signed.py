@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from ...records import Record
-from ...records.units import difference_unit
 from .asked_rows import asked_rows
 from .budget import Budget, BudgetLine, coverage_factor, effective_dof
 from .declared import Reference, Sensor
@@ -100,7 +99,6 @@ class Uncertainty:
         at = self._rows(rows)
         mean = self._mean_variances(at)
         unit = self.model.reading_.unit
-        kelvin = difference_unit(self.model.reading_.temperature_unit)
         lines = [
             *(
                 BudgetLine(quantity=name, estimate=estimate, uncertainty=mean[part] ** 0.5, unit=unit,
@@ -114,7 +112,7 @@ class Uncertainty:
                     ("structure", "effects that may be missing", np.nan, 1.0),
                 )
             ),
-            self._sensor_line(mean["sensor"], kelvin, unit),
+            self._sensor_line(mean["sensor"], unit),
             BudgetLine(quantity="reference of the level", estimate=np.nan, uncertainty=self.reference.uncertainty,
                  unit=unit, dof=self.reference.dof, type="B" if self.reference.declared else "B, not declared"),
         ]  # fmt: skip
@@ -249,11 +247,11 @@ class Uncertainty:
             "noise": white, "wander": max(wander - 2 * alike, 0.0), "level": level, "coefficients": rest,
         }  # fmt: skip
 
-    def _sensor_line(self, variance: float, kelvin: str, unit: str) -> BudgetLine:
-        offset = self.sensor.offset
+    def _sensor_line(self, variance: float, unit: str) -> BudgetLine:
+        offset = self.sensor.offset  # in K, whatever the thermometer shows
         if offset > 0 and not (self.sensor.own_noise or self.sensor.time_constant):
             return BudgetLine(quantity="thermometer, change since learning", estimate=0.0, uncertainty=offset,
-                        unit=kelvin, sensitivity=variance**0.5 / offset, type="B")  # fmt: skip
+                        unit="K", sensitivity=variance**0.5 / offset, type="B")  # fmt: skip
         declared = variance > 0 or self.sensor != Sensor()
         return BudgetLine(quantity="thermometer", estimate=np.nan, uncertainty=variance**0.5, unit=unit,
                     type="B" if declared else "B, not declared")  # fmt: skip
