@@ -2,6 +2,7 @@
 
     python benchmarks/null_records.py --records 20               # per kind, seeds that served no tuning
     python benchmarks/null_records.py --records 300 --kinds white flicker walk
+    python benchmarks/null_records.py --before 3000               # devices that are not at rest when the record begins
 
 Devices of `make_record` without an effect, whose white noise of one sample is exchanged for another noise of the same
 standard deviation (random walks and slow noises: twice that over the record). Where the noise has misled the search for
@@ -75,12 +76,12 @@ NOISES: dict[str, Noise] = {
 }
 
 
-def judged(kind: str, seed: int, n: int, setting: str) -> dict[str, object]:
-    """One record."""
+def judged(kind: str, seed: int, n: int, setting: str, before: int = 0) -> dict[str, object]:
+    """One record, whose device has followed the temperature for so many rows before."""
     rng = np.random.default_rng([seed, len(kind)])
     record = make_record(
-        n, setting=setting, device=("slab", "plate", "layered", "box")[seed % 4], noise=1e-9, seed=seed
-    )
+        n + before, setting=setting, device=("slab", "plate", "layered", "box")[seed % 4], noise=1e-9, seed=seed
+    ).iloc[before:]
     X, y = record.drop(columns="reading"), record["reading"]
     noise = NOISES[kind](rng, n, X)
     y = y + 0.2 * noise
@@ -108,6 +109,7 @@ def main() -> None:
     parser.add_argument("--records", type=int, default=20, help="for each kind of noise (default 20)")
     parser.add_argument("--first", type=int, default=6000, help="first seed (default 6000)")
     parser.add_argument("--rows", type=int, default=5000)
+    parser.add_argument("--before", type=int, default=0, help="rows before the record begins (default 0: at rest)")
     parser.add_argument("--kinds", nargs="*", default=list(NOISES))
     parser.add_argument("--verbose", action="store_true", help="list who was accused")
     options = parser.parse_args()
@@ -115,7 +117,7 @@ def main() -> None:
     rows = []
     for kind in options.kinds:
         part = [
-            judged(kind, seed, options.rows, ("lab", "outdoor", "chamber")[seed % 3])
+            judged(kind, seed, options.rows, ("lab", "outdoor", "chamber")[seed % 3], options.before)
             for seed in range(options.first, options.first + options.records)
         ]
         rows += part

@@ -12,7 +12,7 @@ import pandas as pd
 from ..estimators.evenness import BURST
 from ..estimators.holdout import rms
 from .imitations import together
-from .levels import OF_THERMOMETER, PROVABLE, RANKED, ROBUST, TAILS, TO_A_DECADE, WANDERS
+from .levels import NINE_TENTHS, OF_THERMOMETER, PROVABLE, RANKED, TAILS, TO_A_DECADE, WANDERS
 from .likelihood import Comparison
 from .pool import Pool
 from .residual import quiet_rows
@@ -64,7 +64,7 @@ class Left:
     ``noise`` as the judgement takes it, and its ``white`` part."""
 
     tails: float = 1.0
-    """Rms of the model's residual, stretches of loud noise aside, over what its median says of Gaussian noise."""
+    """Rms of the model's residual, stretches of loud noise aside, over what nine tenths of it say of Gaussian noise."""
 
     @property
     def absurd(self) -> bool:
@@ -153,9 +153,9 @@ def _loud(pool: Pool) -> tuple[Loud, ...]:
 
 
 def _tails(residual: np.ndarray) -> float:
-    """Rms over the standard deviation of Gaussian noise of the same median size; 1 where that is nothing."""
+    """Rms over the standard deviation of Gaussian noise of which nine tenths are as small; 1 where that is nothing."""
     sizes = np.abs(residual[np.isfinite(residual)])
-    usual = ROBUST * float(np.median(sizes)) if len(sizes) else 0.0
+    usual = float(np.quantile(sizes, 0.9)) / NINE_TENTHS if len(sizes) else 0.0
     return rms(sizes) / usual if usual > 0 else 1.0
 
 

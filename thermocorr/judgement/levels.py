@@ -294,9 +294,9 @@ LEAST_STRUCTURE = 0.01
 STRUCTURE = 12.0
 """Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: for eight
 parts, 12 has an error probability of 0.002."""
-TAILS = 3.0
-"""Rms of the residual over its usual size from which a few readings make most of it. Student's t with three degrees
-has 1.5, one reading in a hundred of eight times the size 1.3, one in thirty of sixty times the size 11."""
+TAILS, NINE_TENTHS = 3.0, 1.645
+"""Rms of the residual over its usual size (nine tenths of Gaussian noise are below 1.645), from which a few readings
+make most of it. Student's t with three degrees has 1.2, one reading in thirty of sixty times the size 10."""
 WANDERS = 0.1
 """Standard deviation of the wandering noise over that of one sample, below which it is not reported."""
 SEVERAL = 3

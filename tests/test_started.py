@@ -1,0 +1,53 @@
+"""A device that was not at rest when the record began, as none is: the model has its start, and nothing is missing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr.datasets import make_record
+from thermocorr.effects import InitialTransient
+
+BEFORE, N = 4000, 12_000
+SETTINGS = [("lab", "slab", 60.0, 31), ("outdoor", "plate", 600.0, 32), ("chamber", "layered", 30.0, 33),
+            ("lab", "box", 60.0, 34)]  # fmt: skip
+
+
+def cut(setting, device, step, seed, effects=None):
+    """A record whose device has followed the room for some time before it begins."""
+    options = {"sampling_period": step, "setting": setting, "device": device, "noise": 0.2, "seed": seed}
+    record = make_record(BEFORE + N, effects=effects, **options).iloc[BEFORE:]
+    return record.drop(columns="reading"), record["reading"]
+
+
+@pytest.mark.parametrize(("setting", "device", "step", "seed"), SETTINGS)
+@pytest.mark.parametrize("pause", [0, 300])
+def test_nothing_is_missing_where_a_record_begins_in_the_middle(setting, device, step, seed, pause):
+    """An initial transient was told, or a lead, of most such records."""
+    X, y = cut(setting, device, step, seed)
+    kept = np.r_[0 : N // 3, N // 3 + pause : N]
+    model = DynamicBiasRegressor("temperature", max_gap=20 * step).fit(X.iloc[kept], y.iloc[kept])
+    found = diagnose(model, X.iloc[kept], y.iloc[kept])
+    assert found.verdict == "nothing missing" and not found.causes
+
+
+def test_an_effect_is_found_beside_a_start():
+    X, y = cut(*SETTINGS[0], effects={"covariate": 1.0})
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert [cause.effect.kind for cause in found.causes] == ["covariate"]
+
+
+def test_a_start_is_missing_where_the_model_has_none():
+    X, y = cut(*SETTINGS[0])
+    model = DynamicBiasRegressor("temperature", initial_state="equilibrium").fit(X, y)
+    assert isinstance(diagnose(model, X, y).best, InitialTransient)
+
+
+def test_an_ageing_is_told_from_the_start_of_a_device_at_rest():
+    """Many decays of free size say as much as it; it has one column."""
+    options = {"sampling_period": 60.0, "setting": "lab", "device": "slab", "noise": 0.2, "seed": 7}
+    record = make_record(20_160, effects={"log_ageing": 2.0}, **options)
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert found.best is not None and found.best.kind == "log_ageing"
