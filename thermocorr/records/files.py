@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import stat
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -175,15 +175,24 @@ FORMATS = {ending: Format("Parquet", _read_parquet) for ending in (".parquet", "
 """Ending -> format of files that are no CSV."""
 
 
-def require_column(names: Iterable[Any], name: str | None, option: str, guesses: tuple[str, ...] = ()) -> str:
-    """The column that an option names, or the first of `guesses` that is there.
+def require_column(
+    names: Iterable[Any],
+    name: str | None,
+    option: str,
+    guesses: tuple[str, ...] = (),
+    taken: Collection[str | None] = (),
+) -> str:
+    """The column that an option names, or the first of `guesses` that is there and not `taken` by another option.
 
     Where none is there as it stands, capitals and a unit behind the name do not count: "Temperature [°C]".
+
+    Raises RecordError for a name that is none of the columns, and where no column is named and none can be guessed.
     """
     columns = [str(column) for column in names]
     if name is None:
-        bare = {name_and_unit(column)[0].strip().lower(): column for column in reversed(columns)}
-        for known in ({column: column for column in columns}, bare):
+        free = [column for column in columns if column not in taken]
+        bare = {name_and_unit(column)[0].strip().lower(): column for column in reversed(free)}
+        for known in ({column: column for column in free}, bare):
             for guess in guesses:
                 if guess in known:
                     return known[guess]

@@ -317,7 +317,8 @@ def _refuse_order(
         raise RecordError(summer_time_text(row, times.label(row), times.label(before)))
     hint = (
         "The rows are shuffled: split with shuffle=False or TimeSeriesSplit; a search that draws rows at random, such "
-        "as HalvingGridSearchCV, cannot be used (GridSearchCV can)."
+        "as HalvingGridSearchCV, cannot be used (GridSearchCV can). If these are no times, name the column that has "
+        "them: --time on the command line, in Python time=..."
         if shuffled
         else "Sort the rows by time; if the log holds several runs, name their column with run=...; local times "
         "without a zone step back when summer time ends."

@@ -1,0 +1,84 @@
+"""What a newcomer meets in the first hour, in Python and on the command line: read as it is meant, or one sentence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thermocorr import DynamicBiasRegressor, load_model, save_model
+from thermocorr.command.cli import main
+from thermocorr.datasets import make_record
+from thermocorr.foreign import HowToRead, joined
+from thermocorr.interactive.bench import Bench
+from thermocorr.interactive.roles import guessed
+from thermocorr.interactive.session_file import reopened, session_text
+from thermocorr.interactive.source import opened
+from thermocorr.interactive.tiles import Store
+
+ROWS = 1200
+
+
+@pytest.fixture(scope="module")
+def record():
+    """A record of a row a minute, with dates as its index."""
+    return make_record(ROWS, seed=3)
+
+
+def as_csv(folder, frame, name="log.csv"):
+    path = folder / name
+    frame.to_csv(path, index=False)
+    return str(path)
+
+
+def analyze(path, *more):
+    return main(["analyze", path, "--time-constants", "5min,90min", "--quiet", *more])
+
+
+# ------------------------------------------------------------------------------------ a column that is called "T"
+
+
+def test_a_column_that_is_named_as_something_else_is_not_the_time(record, tmp_path, capsys):
+    log = record.reset_index()[["time", "temperature", "reading"]]
+    path = as_csv(tmp_path, log.set_axis(["stamp", "T", "t"], axis=1))
+    assert analyze(path, "--temperature", "T", "--reading", "t") == 2
+    assert "Which column is the time? Say it with --time" in capsys.readouterr().err
+    out = tmp_path / "out"
+    named = ("--temperature", "T", "--reading", "reading")
+    assert analyze(as_csv(tmp_path, log.set_axis(["Time", "T", "reading"], axis=1)), *named, "--out", str(out)) == 0
+    assert load_model(out / "model.json").time == "Time"
+
+
+def test_a_model_whose_temperature_is_called_t_corrects_a_log(record, tmp_path, capsys):
+    """The model has its times from an index, and names no column of them."""
+    frame = record.rename(columns={"temperature": "t"})
+    model = DynamicBiasRegressor("t", ["5 min", "90 min"]).fit(frame[["t"]], frame["reading"])
+    save_model(model, tmp_path / "model.json")
+    path = as_csv(tmp_path, frame.reset_index()[["t", "time", "reading"]].rename(columns={"time": "stamp"}))
+    assert main(["correct", "--model", str(tmp_path / "model.json"), path]) == 2
+    assert "Name it with --time" in capsys.readouterr().err
+    assert main(["correct", "--model", str(tmp_path / "model.json"), path, "--time", "stamp"]) == 0
+    corrected = capsys.readouterr().out.splitlines()
+    assert len(corrected) == ROWS + 1
+
+
+def test_several_files_and_the_workbench_know_what_is_no_time(record, tmp_path):
+    log = record.reset_index()
+    room = as_csv(tmp_path, log[["temperature", "time"]].set_axis(["t", "date_time"], axis=1), "room.csv")
+    meter = as_csv(tmp_path, log[["time", "reading"]], "meter.csv")
+    how = HowToRead(reading="reading", no_times=("t", "reading"))
+    np.testing.assert_array_equal(joined([room, meter], None, how).frame["t"], log["temperature"])
+    roles = guessed(pd.read_csv(room).assign(R=1.0), temperature="t", reading="R")
+    assert (roles.time, roles.temperature) == ("date_time", "t")
+
+
+def test_a_session_of_several_files_keeps_what_is_no_time(record, tmp_path):
+    log = record.reset_index()
+    room = as_csv(tmp_path, log[["temperature", "time"]].set_axis(["t", "date_time"], axis=1), "room.csv")
+    meter = as_csv(tmp_path, log[["time", "reading"]], "meter.csv")
+    source = opened([meter, room], HowToRead(reading="reading", no_times=("t",)), join=True)
+    bench = Bench(source, Store(tmp_path), roles=guessed(source.frame, temperature="t", reading="reading"))
+    (tmp_path / "session.json").write_text(session_text(bench))
+    again = reopened(tmp_path / "session.json", Store(tmp_path))
+    assert again.source.how == source.how
+    pd.testing.assert_frame_equal(again.source.frame, source.frame)
