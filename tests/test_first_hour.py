@@ -82,3 +82,36 @@ def test_a_session_of_several_files_keeps_what_is_no_time(record, tmp_path):
     again = reopened(tmp_path / "session.json", Store(tmp_path))
     assert again.source.how == source.how
     pd.testing.assert_frame_equal(again.source.frame, source.frame)
+
+
+# ------------------------------------------------------------------------------------- a gap shorter than a step
+
+
+@pytest.mark.parametrize("time_constants", ["auto", ["5 min"]])
+@pytest.mark.parametrize("timed", [True, False])
+def test_a_gap_shorter_than_the_step_is_refused(record, time_constants, timed):
+    data, own = (record, {}) if timed else (record.reset_index(drop=True), {"sampling_period": 60})
+    said = r"longer than the usual step between rows, which is 1 min: .* Got 10 s. Leave it out, or pass max_gap=180"
+    model = DynamicBiasRegressor("temperature", time_constants, max_gap="10 s", **own)
+    with pytest.raises(ValueError, match=said):
+        model.fit(data[["temperature"]], data["reading"])
+
+
+def test_temperatures_in_a_few_rows_have_a_step_of_their_own(record):
+    """A temperature in every sixth row only: rows that are learned from are six minutes apart."""
+    X = record[["temperature"]].where((np.arange(ROWS) % 6 == 0)[:, None])
+    with pytest.raises(ValueError, match=r"is 6 min: .* Got 2 min"):
+        DynamicBiasRegressor("temperature", ["30 min"], max_gap="2 min").fit(X, record["reading"])
+
+
+def test_rows_that_are_far_apart_can_be_corrected(record):
+    X, y = record[["temperature"]], record["reading"]
+    model = DynamicBiasRegressor("temperature", ["5 min"], max_gap="3 min").fit(X, y)
+    assert np.isfinite(model.correct(X[::10], y[::10])).all()
+
+
+def test_the_command_refuses_a_gap_shorter_than_the_step(record, tmp_path, capsys):
+    log = as_csv(tmp_path, record.reset_index()[["time", "temperature", "reading"]])
+    assert analyze(log, "--max-gap", "10s") == 2
+    said = capsys.readouterr().err
+    assert said.startswith("thermocorr: error: The 'max_gap' parameter must be longer") and said.count("\n") == 1

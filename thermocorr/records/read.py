@@ -26,6 +26,8 @@ GAP_STEPS = 10.0
 """A step of more than so many usual ones is a gap, where there is no `max_gap`."""
 SHUFFLED = 0.2
 """Share of the steps that go back in time, from which on the rows have no order: shuffled ones have half."""
+ALONE = 0.9
+"""Share of the steps that are longer than `max_gap`, from which on rows stand alone and nothing can be learned."""
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
 
@@ -118,6 +120,28 @@ def _refuse_ages(record: Record) -> None:
         raise RecordError(
             f"The record spans more than 292 years: from {record.times.label(first)} in row {first} to "
             f"{record.times.label(last)} in row {last}. Are its dates damaged?"
+        )
+
+
+def check_max_gap(record: Record, layout: Layout) -> None:
+    """Refuse a `max_gap` that is shorter than nearly all steps of a record: each row would be a segment of its own.
+
+    For records that are learned from: a few rows that are corrected may be as far apart as they like.
+
+    Raises ValueError in the words of scikit-learn's parameter checks.
+    """
+    most = layout.longest_step()
+    if most is None:
+        return
+    parts = [record.kept_places(start, min(stop, start + _CHUNK)) for start, stop, _ in record.segments[:_CHUNK]]
+    steps = record.times.steps(record.rows_at(np.concatenate(parts)[:_CHUNK]))[1:]
+    steps = steps[steps > 0]
+    if len(steps) and (steps > most).mean() >= ALONE:
+        usual = float(np.median(steps))
+        raise ValueError(
+            f"The 'max_gap' parameter must be longer than the usual step between rows, which is {span_text(usual)}: "
+            f"each row would be a segment of its own. Got {span_text(most)}. Leave it out, or pass "
+            f"max_gap={3 * usual:.5g}."
         )
 
 
