@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import DynamicBiasRegressor, load_model, save_model
+from thermocorr import DynamicBiasRegressor, ParquetLog, RecordError, load_model, save_model
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.foreign import HowToRead, joined
@@ -115,3 +115,42 @@ def test_the_command_refuses_a_gap_shorter_than_the_step(record, tmp_path, capsy
     assert analyze(log, "--max-gap", "10s") == 2
     said = capsys.readouterr().err
     assert said.startswith("thermocorr: error: The 'max_gap' parameter must be longer") and said.count("\n") == 1
+
+
+# ------------------------------------------------------------------------------------- numbers that are Unix times
+
+
+def with_unix_times(record, unit):
+    ticks = record.index.astype(f"datetime64[{unit}]").astype("int64")
+    return record[["temperature"]].reset_index(drop=True).assign(t=ticks), record["reading"].to_numpy()
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_unix_times_that_are_no_seconds_are_told_from_them(record, tmp_path, unit):
+    """The command reads them; Python, which is given times, says how to make dates of them. Both know them alike."""
+    X, y = with_unix_times(record, unit)
+    model = DynamicBiasRegressor("temperature", ["5 min"], time="t")
+    with pytest.raises(RecordError, match=rf"Unix times in {unit}, .* pandas.to_datetime\(..., unit='{unit}'\)"):
+        model.fit(X, y)
+    dated = model.fit(X.assign(t=pd.to_datetime(X["t"], unit=unit)), y).coef_
+    out = tmp_path / "out"
+    assert analyze(as_csv(tmp_path, X.assign(reading=y)), "--time", "t", "--reading", "reading", "--out", str(out)) == 0
+    assert load_model(out / "model.json").features_.history_.kind == "datetime"
+    seconds, _ = with_unix_times(record, "s")
+    np.testing.assert_allclose(model.fit(seconds, y).coef_, dated, rtol=1e-6)  # seconds since 1970 are seconds
+
+
+def test_numbers_too_large_for_seconds_are_refused(record):
+    X, y = with_unix_times(record, "ms")
+    X.loc[7, "t"] = 5  # one damaged time, and they are no Unix times by their range
+    with pytest.raises(RecordError, match="no seconds, and no Unix times of this century"):
+        DynamicBiasRegressor("temperature", ["5 min"], time="t").fit(X, y)
+
+
+def test_unix_times_in_a_parquet_log_are_told_from_seconds(record, tmp_path):
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    X, y = with_unix_times(record, "ms")
+    X.assign(reading=y).to_parquet(tmp_path / "log.parquet")
+    log = ParquetLog(tmp_path / "log.parquet")
+    with pytest.raises(RecordError, match="Unix times in ms"):
+        DynamicBiasRegressor("temperature", ["5 min"], time="t").fit(log, log["reading"])

@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .by_arrow import dates_by_arrow
+from .epochs import UNIX, refuse_no_seconds
 from .errors import RecordError
 from .grammar import LARGEST
 from .types import kind_of
@@ -19,8 +20,6 @@ Floats = NDArray[np.float64]
 Rows = slice | NDArray[np.intp]
 Kind = Literal["datetime", "datetime with time zone", "timedelta", "seconds", "rows"]
 _NS = 1_000_000_000
-UNIX = (9.4e8, 2.6e9)
-"""Unix times in seconds, 1999 to 2052."""
 BEYOND = "Times may lie 292 years from 1970 at most. Is the date damaged?"
 UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": _NS}
 """Ticks in a second, by the unit that pandas counts in."""
@@ -232,10 +231,14 @@ def within_range(
 
 
 def seconds_within_range(seconds: Floats, where: str, first_row: int = 0) -> Floats:
-    """The times; RecordError where one of them is no time [s] that anything has: differences of these are numbers."""
+    """The times; RecordError where one of them is no time [s] that anything has: differences of these are numbers.
+
+    And for numbers that are Unix times in another unit.
+    """
     if len(seconds) and np.abs(seconds).max() > LARGEST:
         row = int(np.argmax(np.abs(seconds) > LARGEST))
         raise RecordError(f"{where} is {seconds[row]:g} s in row {first_row + row}. Is the time damaged?")
+    refuse_no_seconds(seconds, where, first_row)
     return seconds
 
 
