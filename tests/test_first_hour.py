@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -154,3 +156,66 @@ def test_unix_times_in_a_parquet_log_are_told_from_seconds(record, tmp_path):
     log = ParquetLog(tmp_path / "log.parquet")
     with pytest.raises(RecordError, match="Unix times in ms"):
         DynamicBiasRegressor("temperature", ["5 min"], time="t").fit(log, log["reading"])
+
+
+# ------------------------------------------------------------------------------------------ what an index may hold
+
+
+def told(frame, y, **own):
+    """What is said of a fit, and the fit."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        model = DynamicBiasRegressor("temperature", ["5 min", "90 min"], **own).fit(frame, y)
+    return " ".join(str(w.message) for w in said), model
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda index: index.to_period("min"),
+        lambda index: index.astype(str),
+        lambda index: pd.Index(index.strftime("%Y-%m-%dT%H:%M:%SZ"), dtype="string"),
+        lambda index: pd.Index(list(index.to_pydatetime()), dtype=object),
+    ],
+    ids=["periods", "text", "text with a zone", "datetime objects"],
+)
+def test_an_index_that_holds_times_is_taken(record, make):
+    X, y = record[["temperature"]], record["reading"]
+    wanted = told(X, y)[1]
+    index = make(record.index)
+    said, model = told(X.set_axis(index), y.set_axis(index))
+    assert "no times" not in said
+    np.testing.assert_array_equal(model.coef_, wanted.coef_)  # the same times
+    corrected = model.correct(X.set_axis(index)[700:], y.set_axis(index)[700:])
+    np.testing.assert_array_equal(corrected, wanted.correct(X[700:], y[700:]))
+
+
+def test_an_index_of_dates_with_a_damaged_one_is_refused_by_row(record):
+    index = record.index.astype(str).to_list()
+    index[5] = "2024-03-04 24:61"
+    X = record[["temperature"]].set_axis(pd.Index(index))
+    with pytest.raises(RecordError, match="The index cannot be read as a time in row 5: '2024-03-04 24:61'"):
+        DynamicBiasRegressor("temperature", ["5 min"]).fit(X, record["reading"].to_numpy())
+
+
+@pytest.mark.parametrize(
+    ("index", "what"),
+    [
+        (60.0 * np.arange(ROWS), "numbers, 0 to 71940, which are not taken as times: if they are seconds"),
+        (
+            [f"04.03.2024 {k // 60:02d}:{k % 60:02d}" for k in range(ROWS)],
+            "holds '04.03.2024 00:00' and so on, no dates",
+        ),
+        ([str(20_240_101 + k) for k in range(ROWS)], "holds '20240101' and so on"),
+        (pd.MultiIndex.from_product([["a"], range(ROWS)]), "has 2 levels: make columns of them"),
+    ],
+)
+def test_an_index_that_holds_no_times_is_said(record, index, what):
+    said, _ = told(record[["temperature"]].set_axis(index), record["reading"].to_numpy())
+    assert "The data have no times: rows are taken as 1 s apart" in said and what in said
+    assert told(record[["temperature"]].set_axis(index), record["reading"].to_numpy(), sampling_period=60)[0] == ""
+
+
+def test_numbers_of_rows_are_no_news(record):
+    said, _ = told(record[["temperature"]].set_axis(range(40, 40 + ROWS)), record["reading"].to_numpy())
+    assert "The data have no times" in said and "The index" not in said

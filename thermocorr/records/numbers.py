@@ -116,7 +116,7 @@ def check_same_rows(given: Any, X: Any, name: str) -> None:
     own, others = given.index, X.index
     if type(own) is not type(others) or own.equals(others):
         return
-    if isinstance(others, pd.DatetimeIndex | pd.TimedeltaIndex):
+    if isinstance(others, pd.DatetimeIndex | pd.TimedeltaIndex | pd.PeriodIndex):
         row = int(np.argmax(np.asarray(own != others)))
         raise RecordError(
             f"X and {name} have different times: in row {row}, X has {others[row]} and {name} has {own[row]}. "

@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import RecordError, RecordWarning, listing, times_word
+from .indexes import index_times, no_times_text
 from .labels import factorized
 from .log import Log
 from .numbers import is_frame, numeric_column
@@ -60,8 +61,8 @@ def read_record(
     Parameters
     ----------
     X : DataFrame or array of shape (n_rows, n_columns), Log, or Record
-        Times come from the column `layout.time`, else from a DatetimeIndex or TimedeltaIndex, else rows are
-        `sampling_period` apart. The temperature is the column `layout.temperature`, else the one called
+        Times come from the column `layout.time`, else from an index of dates, periods, spans or dates in text, else
+        rows are `sampling_period` apart. The temperature is the column `layout.temperature`, else the one called
         "temperature", else the first.
     layout : Layout
         Names of special columns and limits.
@@ -190,17 +191,15 @@ def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Tim
     if isinstance(X, Log):
         if X.index_name is not None and layout.sampling_period is None:
             return X.times(X.index_name)
-    elif frame and (
-        isinstance(X.index, pd.DatetimeIndex | pd.TimedeltaIndex)
-        or (isinstance(X.index.dtype, pd.ArrowDtype) and X.index.dtype.kind in "mM")
-    ):
+    elif frame and (times := index_times(X.index)) is not None:
         if layout.sampling_period is not None:
             notes.append("The data have times of their own: sampling_period is not used.")
-        return times_from(X.index, "The index")
+        return times
     if layout.sampling_period is None:
         notes.append(
             "The data have no times: rows are taken as 1 s apart, so time constants count in samples. "
-            "Pass sampling_period=..., time=<column>, or a DataFrame with a DatetimeIndex."
+            f"{no_times_text(X.index if isinstance(X, pd.DataFrame) else None)}Pass sampling_period=..., "
+            "time=<column>, or a DataFrame with a DatetimeIndex."
         )
         return Times(n, "rows")
     return Times(n, "rows", period=seconds_of(layout.sampling_period, "sampling_period"))
