@@ -219,3 +219,53 @@ def test_an_index_that_holds_no_times_is_said(record, index, what):
 def test_numbers_of_rows_are_no_news(record):
     said, _ = told(record[["temperature"]].set_axis(range(40, 40 + ROWS)), record["reading"].to_numpy())
     assert "The data have no times" in said and "The index" not in said
+
+
+# ------------------------------------------------------------------------------------------------- a damaged time
+
+
+def moved(record, rows, by):
+    times = record.index.to_series()
+    times.iloc[rows] += pd.Timedelta(by)
+    return record[["temperature"]].set_axis(pd.DatetimeIndex(times))
+
+
+@pytest.mark.parametrize(
+    ("rows", "by", "said"),
+    [
+        (
+            slice(-1, None),
+            "3650D",
+            r"Row 1199 stands far apart .* follows 2024-03-04 19:58:00 in row 1198 after 9.99 y",
+        ),
+        (slice(-3, None), "3650D", r"Rows 1197 to 1199 stand far apart .* Are their times damaged\? Mend them"),
+        (
+            slice(0, 1),
+            "-3650D",
+            r"Row 0 stands far apart .*, and all the others lie within 20 h. Is its time damaged\?",
+        ),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::thermocorr.RecordWarning")
+def test_rows_whose_time_is_years_away_are_named(record, rows, by, said):
+    with pytest.raises(RecordError, match=said):
+        DynamicBiasRegressor("temperature").fit(moved(record, rows, by), record["reading"].to_numpy())
+
+
+@pytest.mark.parametrize("interleaved", [False, True])
+def test_a_row_far_ahead_is_named_and_not_the_one_behind_it(record, interleaved):
+    X, y = moved(record, slice(58, 59), "3650D"), record["reading"].to_numpy()
+    own, row = {}, 58
+    if interleaved:  # with a second run, row by row
+        X, y = X.loc[X.index.repeat(2)].assign(run=["a", "b"] * ROWS), np.repeat(y, 2)
+        own, row = {"run": "run"}, 116
+    said = f"Row {row} stands far ahead of the others: 2034-03-02 00:58:00 between 2024-03-04 00:57:00 in row"
+    with pytest.raises(RecordError, match=said):
+        DynamicBiasRegressor("temperature", ["5 min"], **own).fit(X, y)
+
+
+def test_a_run_behind_another_is_no_row_far_ahead(record):
+    """The times of a second run that is not named begin anew: the last row of the first one is not damaged."""
+    X = pd.concat([record[["temperature"]][:700], record[["temperature"]][:500]])
+    with pytest.raises(RecordError, match="Time goes backward at row 700"):
+        DynamicBiasRegressor("temperature", ["5 min"]).fit(X, np.zeros(ROWS))

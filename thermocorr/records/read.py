@@ -331,6 +331,12 @@ def _check_steps(
     return np.zeros(0, np.intp)
 
 
+def _is_ahead(times: Times, early: int, row: int, late: int, usual: float) -> bool:
+    """Whether a row's time is far beyond those of its neighbours, which follow on one another."""
+    on, ahead = (times.between(times.stamp(k), times.stamp(early)) for k in (late, row))
+    return 0 < on <= GAP_STEPS * usual < ahead
+
+
 def _refuse_order(
     times: Times, order: NDArray[np.intp] | None, k: int, layout: Layout, shuffled: bool, usual: float
 ) -> None:
@@ -338,6 +344,12 @@ def _refuse_order(
     back = times.between(times.stamp(before), times.stamp(row))
     if times.kind == "datetime" and not shuffled and steps_back_an_hour(back, usual):
         raise RecordError(summer_time_text(row, times.label(row), times.label(before)))
+    early = k - 2 if order is None else int(order[k - 2])
+    if k > 1 and not shuffled and _is_ahead(times, early, before, row, usual):
+        raise RecordError(
+            f"Row {before} stands far ahead of the others: {times.label(before)} between {times.label(early)} in row "
+            f"{early} and {times.label(row)} in row {row}. Is its time damaged? Mend it, or leave the row out."
+        )
     hint = (
         "The rows are shuffled: split with shuffle=False or TimeSeriesSplit; a search that draws rows at random, such "
         "as HalvingGridSearchCV, cannot be used (GridSearchCV can). If these are no times, name the column that has "
