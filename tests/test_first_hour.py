@@ -8,15 +8,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import DynamicBiasRegressor, ParquetLog, RecordError, load_model, save_model
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, ParquetLog, RecordError, load_model, save_model
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
+from thermocorr.effects.moments import since_start
 from thermocorr.foreign import HowToRead, joined
 from thermocorr.interactive.bench import Bench
 from thermocorr.interactive.roles import guessed
 from thermocorr.interactive.session_file import reopened, session_text
 from thermocorr.interactive.source import opened
 from thermocorr.interactive.tiles import Store
+from thermocorr.records import Layout, read_record, seconds_of
 
 ROWS = 1200
 
@@ -269,3 +271,33 @@ def test_a_run_behind_another_is_no_row_far_ahead(record):
     X = pd.concat([record[["temperature"]][:700], record[["temperature"]][:500]])
     with pytest.raises(RecordError, match="Time goes backward at row 700"):
         DynamicBiasRegressor("temperature", ["5 min"]).fit(X, np.zeros(ROWS))
+
+
+# ------------------------------------------------------------------------------------------------- spans in text
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [("1 d", 86_400), ("1d 2h", 93_600), ("1.5 D", 129_600), ("2 w", 1_209_600), ("3 H", 10_800), ("4 S", 4),
+     ("2 days", 172_800), ("5 min", 300), ("P1DT2H", 93_600), ("1 day 02:00:00", 93_600)],
+)  # fmt: skip
+def test_spans_are_read_without_a_warning_of_pandas(record, text, seconds):
+    """Warnings are errors in tests: pandas 3 warns of "d", "w", "H" and "S"."""
+    assert seconds_of(text, "span") == seconds
+    read = read_record(record, Layout("temperature"), quiet=True)
+    assert since_start(text, read) == seconds
+    model = DynamicBiasRegressor("temperature", ["5 min"])
+    spans = record[["temperature"]].set_axis(record.index - record.index[0])
+    live = OnlineCorrector(model.fit(spans, record["reading"].to_numpy()))
+    assert live.stamp(text) == seconds * 10**9
+
+
+@pytest.mark.parametrize("text", ["5 T", "3 L", "1 d 2 U"])
+def test_units_that_only_some_versions_of_pandas_know_are_refused(text):
+    with pytest.raises(ValueError, match="must be a positive time: seconds, or a span such as '15 min'"):
+        seconds_of(text, "span")
+
+
+def test_a_date_is_no_span_with_odd_units(record):
+    read = read_record(record, Layout("temperature"), quiet=True)
+    assert since_start(record.index[60].isoformat(), read) == 3600
