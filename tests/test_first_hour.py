@@ -301,3 +301,37 @@ def test_units_that_only_some_versions_of_pandas_know_are_refused(text):
 def test_a_date_is_no_span_with_odd_units(record):
     read = read_record(record, Layout("temperature"), quiet=True)
     assert since_start(record.index[60].isoformat(), read) == 3600
+
+
+# --------------------------------------------------------------------------------------------------- missing values
+
+
+def test_missing_values_are_told_with_column_and_time(record):
+    X = record[["temperature", "humidity", "pressure"]].copy()
+    X.loc[X.index[[5, 9]], "humidity"] = X.loc[X.index[5], "pressure"] = np.nan
+    needed = ["humidity", "pressure"]
+    two = (
+        "2 rows of 1200 have a missing value, the first is row 5 ('humidity', 'pressure' at 2024-03-04 00:05:00). They"
+    )
+    assert read_record(X, Layout("temperature"), needed=needed, quiet=True).notes[0].startswith(two)
+    seconds = X.reset_index(drop=True).assign(s=60.0 * np.arange(ROWS)).drop(index=9)
+    (note,) = read_record(seconds, Layout("temperature", "s"), needed=needed, quiet=True).notes
+    one = "1 row of 1199 has a missing value, the first is row 5 ('humidity', 'pressure' at 300 s). It is passed"
+    assert note.startswith(one) and "To use its reading too" in note
+    rows = read_record(X.reset_index(drop=True), Layout("temperature", sampling_period=60), needed=needed, quiet=True)
+    assert "the first is row 5 ('humidity', 'pressure')." in rows.notes[0]
+
+
+@pytest.mark.parametrize("lost", ["temperature", "humidity"])
+def test_of_two_thermometers_the_empty_one_is_named(record, lost):
+    X = record[["temperature", "humidity"]].assign(**{lost: np.nan})
+    said = f"No row has a number in '{lost}': all 1200 values are missing. Check the column's name"
+    with pytest.raises(RecordError, match=said):
+        DynamicBiasRegressor(["temperature", "humidity"], ["5 min"]).fit(X, record["reading"])
+
+
+def test_columns_that_are_known_in_different_rows_are_named_all(record):
+    X = record[["temperature", "humidity"]].copy()
+    X.iloc[::2, 0] = X.iloc[1::2, 1] = np.nan
+    with pytest.raises(RecordError, match=r"in every needed column \('temperature', 'humidity'\): all 1200 rows have"):
+        read_record(X, Layout("temperature"), needed=["humidity"])

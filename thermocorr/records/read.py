@@ -16,6 +16,7 @@ from .errors import RecordError, RecordWarning, listing, times_word
 from .indexes import index_times, no_times_text
 from .labels import factorized
 from .log import Log
+from .missing import missing_text, nothing_known_text
 from .numbers import is_frame, numeric_column
 from .quantities import span_text, span_texts
 from .record import Record, Segment, holes
@@ -266,18 +267,16 @@ def _known(record: Record, layout: Layout, notes: list[str]) -> Record:
     max_gap = layout.longest_step()
     known = record.passing_over(missing, max_gap)
     if not known.segments:
-        raise RecordError(
-            f"No row has a number in every needed column ({listing(record.columns)}): all {n} rows have a missing "
-            "value. Check the columns' names and the file they come from."
-        )
-    said = f"{times_word(len(missing), 'row')} of {n} have a missing value, the first is row {record.row(missing[0])}. "
-    said += "They are passed over as if they had not been recorded"
+        raise RecordError(nothing_known_text(record))
+    said = f"{missing_text(record, missing)}. {'It is' if len(missing) == 1 else 'They are'} passed over as if "
+    said += f"{'it' if len(missing) == 1 else 'they'} had not been recorded"
     longest, usual = _longest_hole(known), known.usual_step()
     if longest:
         said += f": temperature is taken as a straight line across, for {span_text(longest)} at most"
         if max_gap is None and longest > GAP_STEPS * usual:
             said += f". Pass max_gap={3 * usual:.5g} to start a new segment after long ones"
-    notes.append(f"{said}. To use their readings too, fill short holes first, for example with X.interpolate(limit=5).")
+    its = f"{'its reading' if len(missing) == 1 else 'their readings'} too, fill short holes first"
+    notes.append(f"{said}. To use {its}, for example with X.interpolate(limit=5).")
     return known
 
 
