@@ -8,7 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector, ParquetLog, RecordError, load_model, save_model
+from thermocorr import (
+    DynamicBiasRegressor,
+    OnlineCorrector,
+    ParquetLog,
+    RecordError,
+    load_model,
+    save_model,
+)
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.effects.moments import since_start

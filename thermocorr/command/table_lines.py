@@ -18,7 +18,8 @@ from ..foreign.live_lines import LineTranslator
 from ..foreign.log_files import plain_head
 from ..foreign.timed import time_column
 from ..records import RecordError
-from ..records.files import existing_file, format_of
+from ..records.files import format_of
+from ..records.paths import existing_file
 from ..records.types import kind_of
 from .lines import CHUNK, FileLines, Lines, PipeLines
 from .stopping import StopSignal

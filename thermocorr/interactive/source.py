@@ -13,7 +13,7 @@ import pandas as pd
 
 from ..foreign import ForeignTable, HowToRead, read_logs, with_times
 from ..records import RecordError, RecordWarning
-from ..records.files import existing_file
+from ..records.paths import existing_file
 from ..records.times import dates_once
 from .trial_records import FIRST, SAMPLES
 

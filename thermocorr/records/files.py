@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import stat
 import warnings
 from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
@@ -17,6 +16,7 @@ from .csvlines import CUT, check_lines, checked_names, header_of
 from .errors import RecordError, RecordWarning, listing, quoted
 from .grammar import MISSING
 from .parquet import open_parquet
+from .paths import existing_file
 from .units import name_and_unit
 
 TIME_NAMES = (
@@ -33,22 +33,6 @@ EVERY_DIGIT: dict[str, Any] = (
     {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
 )
 """How pandas is told to read numbers as they were written: a matter of course from 3.1 on."""
-
-
-def existing_file(path: str | Path) -> Path:
-    """The path of a file that can be read; RecordError where there is none, or only a folder or a pipe."""
-    path = Path(path)
-    try:
-        mode = path.stat().st_mode
-    except FileNotFoundError:
-        raise RecordError(
-            f"There is no file {path}. Check its name and the folder you are in ({Path.cwd()})."
-        ) from None
-    except (OSError, ValueError) as error:
-        raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
-    if stat.S_ISDIR(mode):
-        raise RecordError(f"{path} is a folder. Name the log file in it.")
-    return path
 
 
 class Format(NamedTuple):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -61,6 +63,19 @@ def _from_polars(X: Any) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
+def refuse_no_table(X: Any) -> None:
+    """Raise RecordError for a dict, or the name of a file, where a table is needed."""
+    if not isinstance(X, Mapping | str | PathLike):
+        return
+    made = "for example pandas.DataFrame(X)"
+    if not isinstance(X, Mapping):
+        made = "which pandas.read_csv makes of a file, or ParquetLog(path)"
+    raise RecordError(
+        f"X is a {type(X).__name__}. Pass a DataFrame, {made}: its columns are the temperature and whatever else was "
+        "recorded."
+    )
+
+
 def is_frame(X: Any) -> bool:
     """Whether the data have named columns."""
     return isinstance(X, pd.DataFrame | Log)
@@ -88,6 +103,7 @@ def numeric_column(X: Any, column: object, role: Role = "column") -> NDArray[Any
 
 def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
     """Readings as numbers, row by row beside X."""
+    refuse_no_table(X)
     y = as_pandas(y)
     if isinstance(y, pd.DataFrame):
         if y.shape[1] != 1:
