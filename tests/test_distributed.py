@@ -174,7 +174,7 @@ def _die():
         (lambda r: [r[:4000], r[3990:]], "Part 1 of the log begins at .* before the end of part 0"),
         (lambda r: [r[:4000], r[4000:].assign(temperature=np.nan)], "Part 1 of the log: No row has a number"),
         (lambda r: [r[:4000], r[4000:].assign(temperature=r["temperature"].where(r.index != r.index[5000]))],
-         "Part 1 of the log is not one segment: 1 row of 5000 have a missing value"),
+         "Part 1 of the log is not one segment: 1 row of 5000 has a missing value"),
         (lambda r: [r[:4000], r[4000:][::-1]], "Part 1 of the log: Time goes backward at row 1"),
         (lambda r: [], "no parts"),
     ],

@@ -233,10 +233,10 @@ def test_rows_that_lack_a_needed_value_are_passed_over():
     assert record.reading is not None
     assert np.array_equal(record.reading, y, equal_nan=True)
     assert record.notes[0].startswith(
-        "4 rows of 60 have a missing value, the first is row 0. They are passed over as if they had not been recorded: "
-        "temperature is taken as a straight line across, for 3 s at most. "
+        "4 rows of 60 have a missing value, the first is row 0 ('temperature'). They are passed over as if they had "
+        "not been recorded: temperature is taken as a straight line across, for 3 s at most. "
     )
-    with pytest.raises(RecordError, match="No row has a number in every needed column"):
+    with pytest.raises(RecordError, match="No row has a number in 'temperature': all 60 values are missing"):
         record_of(X * np.nan)
 
 

@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 from thermocorr import ParquetLog, RecordError
 from thermocorr.records import RecordWarning, csvlines
 from thermocorr.records.csvlines import check_lines, fields_of, header_of
-from thermocorr.records.files import existing_file, read_table, require_column
+from thermocorr.records.files import read_table, require_column
 from thermocorr.records.grammar import LARGEST, MISSING, label, number
 from thermocorr.records.numbers import as_numbers
+from thermocorr.records.paths import existing_file
 from thermocorr.records.text import printable
 from thermocorr.records.types import kind_of, kind_of_arrow, require_role
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
+from numbers import Integral
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from joblib import Parallel, delayed
 from sklearn.base import clone
 
@@ -18,6 +20,7 @@ from ..estimators.threads import one_blas_thread
 from ..estimators.time_constants.search import SearchSettings, factors_of, final_alpha, learned, reference_spectrum
 from ..estimators.time_constants.spectrum import POOL_SIZE, Projected, log_grid, project
 from ..records import RecordError
+from ..records.errors import listing, quoted
 from .parts import Part, opened
 
 BATCHES = 64
@@ -82,14 +85,25 @@ def fit_fleet(
     ------
     RecordError
         For a device's record that cannot be used; the message names the device.
+    TypeError, ValueError
+        For devices that have no names, and for no workers.
     """
     model = DynamicBiasRegressor() if model is None else model
+    _check_workers(workers)
+    if not isinstance(devices, Mapping):
+        raise TypeError(
+            f"The 'devices' parameter must be a dict of name to record. Got a {type(devices).__name__}: give each "
+            "device its name, as in {'box 1': record}."
+        )
     names = list(devices)
     if history_rows is not None and history_rows < 1:
         raise ValueError(f"The 'history_rows' parameter must be at least 1. Got {history_rows!r} instead.")
     if not names:
         raise RecordError("The fleet has no devices.")
-    parts = [opened(device) for device in devices.values()]
+    parts = []
+    for name, device in devices.items():
+        with _Named(name, device):
+            parts.append(opened(device))
     if shared_time_constants and isinstance(model.temperature, list):
         raise ValueError(
             "Devices with several thermometers have time constants of their own: shared_time_constants=False."
@@ -105,6 +119,25 @@ def fit_fleet(
             own = [clone(one).set_params(prior=prior) for one in own]
             fleet = _each(workers, _fit, parts, names, [(reading, one, history_rows) for one in own], heard)
     return Fleet(zip(names, fleet, strict=True))
+
+
+def _check_workers(workers: Any) -> None:
+    """Refuse what cannot fit a fleet; ValueError in the words of scikit-learn's parameter checks."""
+    is_number = isinstance(workers, Integral) and not isinstance(workers, bool) and workers != 0
+    if not (workers is None or is_number or isinstance(workers, Executor) or hasattr(workers, "gather")):
+        raise ValueError(
+            "The 'workers' parameter must be a number of processes (1 for this one, -1 for one per core), an executor, "
+            f"a client of Dask, or None. Got {workers!r} instead."
+        )
+
+
+def _reading(part: Part, reading: str) -> Any:
+    """The readings of a device; RecordError where it has no such column."""
+    if isinstance(part, pd.DataFrame) and reading not in part.columns:
+        raise RecordError(
+            f"There is no reading {quoted(reading)} in the data. Its columns are {listing(part.columns)}."
+        )
+    return part[reading]
 
 
 def _with_shared_times(
@@ -155,14 +188,14 @@ def _fit(
 ) -> DynamicBiasRegressor:
     with _Named(name, part):
         own: DynamicBiasRegressor = clone(model)
-        own.fit(part, part[reading])
+        own.fit(part, _reading(part, reading))
     return own if history_rows is None else own.slim(history_rows)
 
 
 def _span(part: Part, name: Any, reading: str, model: DynamicBiasRegressor) -> tuple[float, float]:
     """Usual step and length of a device's record [s]."""
     with _Named(name, part):
-        record = _plain(model).learn(part, part[reading])
+        record = _plain(model).learn(part, _reading(part, reading))
         return record.usual_step(), record.longest_read()
 
 
@@ -173,9 +206,10 @@ def _spectrum(
     with _Named(name, part), one_blas_thread():
         settings = SearchSettings(candidates=grid, longest_decay_share=model.longest_decay_share)
         own = clone(model)
-        own.learn_levels(part, part[reading])
+        y = _reading(part, reading)
+        own.learn_levels(part, y)
         features = _plain(own)
-        factored = factors_of(features, *learned(features, part, part[reading]), grid, settings)
+        factored = factors_of(features, *learned(features, part, y), grid, settings)
         reference = reference_spectrum(factored)
         return factored.projected(reference), final_alpha(factored, reference)
 

@@ -98,7 +98,8 @@ def _run(options: argparse.Namespace) -> int:
     with StopSignal() as stop:
         times = options.time or model.time
         idle = options.idle if options.follow else None
-        lines = open_lines(options.log, options.follow, idle, stop, how_to_read(options), times)
+        how = how_to_read(options, (*live.columns, *model.thermometers_, model.reading_.name, model.run))
+        lines = open_lines(options.log, options.follow, idle, stop, how, times)
         if isinstance(lines, TableLines) and lines.said:
             _complain(f"read as: {', '.join(lines.said)}")
         try:

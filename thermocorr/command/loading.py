@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -81,7 +82,8 @@ def load_log(options: argparse.Namespace) -> Loaded:
     of_files = RUN if len(options.log) > 1 and not options.join else None
     run = of_files if options.run is None else require_column(log.columns, options.run, "run")
     stamped = isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex)
-    time = _time_column(options, table, how, (reading, *thermometers), stamped)
+    how = replace(how, no_times=(*how.no_times, reading, *thermometers))
+    time = _time_column(options, table, how, stamped)
     timed = stamped or time is not None
     if timed and options.sampling_period is not None:
         _note("The data have times of their own: --sampling-period is not used.")
@@ -108,19 +110,16 @@ def load_log(options: argparse.Namespace) -> Loaded:
     return Loaded(table.frame, stamped, model, reading, understood=table.said, results=results)
 
 
-def _time_column(
-    options: argparse.Namespace, table: ForeignTable, how: HowToRead, others: tuple[str, ...], stamped: bool
-) -> str | None:
+def _time_column(options: argparse.Namespace, table: ForeignTable, how: HowToRead, stamped: bool) -> str | None:
     """The column of times; None where the index has them, or the rows are --sampling-period apart."""
     if options.time is not None and options.sampling_period is not None:
         raise RecordError("Give --time or --sampling-period, not both.")
     if stamped and options.time is None:
         return None
-    names = tuple(n for n in TIME_NAMES if n not in others)
     if options.sampling_period is None:
-        return require_column(table.frame.columns, options.time, "time", names)
+        return require_column(table.frame.columns, options.time, "time", TIME_NAMES, how.no_times)
     try:
-        column = require_column(table.frame.columns, None, "time", names)
+        column = require_column(table.frame.columns, None, "time", TIME_NAMES, how.no_times)
     except RecordError:
         return None
     if _goes_forward(table, column, how):

@@ -103,15 +103,17 @@ class LogRows:
         reading = self.options.reading or model.reading_.name
         self._reading = self._place(reading, "reading")
         check_unit("reading", reading, model.reading_.name, fitted_unit=model.reading_.unit)
-        guesses = (self._time_name, *TIME_NAMES)
-        name = self.options.time or model.time or next((n for n in guesses if n in header), "time")
-        self._time = self._place(name, "time") if self._timed else None
         self._others = {column: self._place_or_state(str(named.get(column, column))) for column in self.live.columns}
         self._run, self._one_run = None, None
         if model.run == RUN and RUN not in header:  # learned from several files, each a run: this is one more
             self._one_run = Path(self.options.log).name
         elif model.run is not None:
             self._run = self._place(str(model.run), "")
+        taken = {self._temperature, self._reading, self._run, *(at for at, _ in self._others.values())}
+        free = [name for at, name in enumerate(header) if at not in taken]
+        guesses = (self._time_name, *TIME_NAMES)
+        name = self.options.time or model.time or next((n for n in guesses if n in free), "time")
+        self._time = self._place(name, "time") if self._timed else None
         self._extra = self.live.names
         return [*header, *new_names(self._extra, header)]
 

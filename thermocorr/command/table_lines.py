@@ -18,7 +18,8 @@ from ..foreign.live_lines import LineTranslator
 from ..foreign.log_files import plain_head
 from ..foreign.timed import time_column
 from ..records import RecordError
-from ..records.files import existing_file, format_of
+from ..records.files import format_of
+from ..records.paths import existing_file
 from ..records.types import kind_of
 from .lines import CHUNK, FileLines, Lines, PipeLines
 from .stopping import StopSignal
@@ -45,7 +46,7 @@ class TableLines(Lines):
         self.stamped = isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex)
         self.time_name = str(index.name) if self.stamped and index.name is not None else "time"
         """Name of the index, where that holds the times, or of the column that does."""
-        column = None if self.stamped else time_column(table.frame.columns, time)
+        column = None if self.stamped else time_column(table.frame.columns, time, how)
         if column is not None:
             table, self.time_name = with_times(table, column, how), column
         self.frame = table.frame
@@ -156,7 +157,7 @@ def open_lines(
         if said is not None or path.suffix.lower() in (*SHEETS, *FEATHER, *PACKED):
             what = path.suffix if said is None else said.name
             raise RecordError(f"{path} is {what}, which cannot be followed while it grows. Leave out --follow.")
-        translator = LineTranslator(path, how, lambda names: time_column(names, time))
+        translator = LineTranslator(path, how, lambda names: time_column(names, time, how))
         return TranslatedLines(FileLines(path, follow, idle, stop), translator)
     return TableLines(path, stop, how, time)
 
@@ -174,7 +175,7 @@ def _is_native(path: Path, how: HowToRead, time: str | None) -> bool:
         return True
     if head is None:
         return False
-    column = time_column(head.frame.columns, time)
+    column = time_column(head.frame.columns, time, how)
     try:
         read = head if column is None else with_times(head, column, how)
     except RecordError:  # the whole file may tell more

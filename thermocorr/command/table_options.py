@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from typing import Any
 
 from ..foreign import HowToRead
@@ -99,8 +100,11 @@ def add_learning_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def how_to_read(options: argparse.Namespace) -> HowToRead:
-    """What the user said of the log's file."""
+def how_to_read(options: argparse.Namespace, no_times: Iterable[object] = ()) -> HowToRead:
+    """What the user said of the log's file; further columns that are something else than the times may be given."""
+    named = [options.reading, *(options.temperature or ())]
+    named += [getattr(options, role, None) for role in ("run", "events")]
+    named += [rule.rpartition("=")[0] for rule in getattr(options, "fill", None) or ()]
     return HowToRead(
         separator=options.sep,
         decimal=options.decimal,
@@ -110,4 +114,5 @@ def how_to_read(options: argparse.Namespace) -> HowToRead:
         sheet=options.sheet,
         sort=options.sort,
         reading=options.reading,
+        no_times=tuple(dict.fromkeys(str(name) for name in (*named, *no_times) if name)),
     )

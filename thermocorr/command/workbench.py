@@ -10,7 +10,7 @@ import webbrowser
 from collections.abc import Callable
 
 from ..records import RecordError
-from ..records.files import existing_file
+from ..records.paths import existing_file
 from .loading import check_numbers, parse_time_constants
 from .table_options import add_column_options, add_model_options, add_table_options, how_to_read
 

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..records import seconds_of
+from ..records.times import span_of
 from ._checks import check_choice, check_float, check_int
 from ._compose import STREAMS
 from ._own_columns import of_own_columns
@@ -125,7 +126,7 @@ def _checked(kind: str, name: str, value: Any, start: pd.Timestamp) -> Any:
 def _since(start: pd.Timestamp, moment: str | pd.Timestamp) -> float:
     """Seconds from the record's start to a date, or a span such as "2 days"."""
     try:
-        return float(pd.Timedelta(moment).total_seconds())  # type: ignore[arg-type]  # a Timestamp raises TypeError
+        return float(span_of(moment).total_seconds())
     except (TypeError, ValueError):
         return float((pd.Timestamp(moment) - start).total_seconds())
 

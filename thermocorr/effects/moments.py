@@ -10,6 +10,7 @@ import pandas as pd
 from sklearn.utils._param_validation import Interval
 
 from ..records import Record
+from ..records.times import span_of
 
 MOMENT: list[Any] = [Interval(Real, None, None, closed="neither"), str, pd.Timestamp, pd.Timedelta, np.datetime64]
 """What a moment may be, in scikit-learn's words."""
@@ -20,7 +21,7 @@ def since_start(time: Any, record: Record, name: str = "time", effect: str = "St
     if isinstance(time, Real):
         return float(time)
     try:
-        return pd.Timedelta(time).total_seconds()
+        return float(span_of(time).total_seconds())
     except (ValueError, TypeError):
         pass
     kind = record.times.kind

@@ -17,6 +17,7 @@ from ..effects.protocol import Effect
 from ..effects.stream import Walked, needed_columns, own_starts, resume, walk
 from ..effects.wrap import EffectsParameters, as_effects
 from ..records import History, Layout, Log, Record, RecordError, RecordWarning, read_record
+from ..records.read import check_max_gap
 from ..records.record import SegmentStart
 from ..records.screen import screened
 from .checked import check_columns
@@ -209,6 +210,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         needed = needed_columns([effect for _, effect in further])
         filling = bool(self.thermometers().further or self.fill)
         record = read_record(X, self.layout(), y=y, needed=needed, quiet=quiet or filling)
+        check_max_gap(record, self.layout())
         check_rules(self.fill, [record.temperature_name, *self.thermometers().further], needed)
         n_read, self.screen_, self.filling_ = len(record.notes), None, Filling()
         self.__dict__.pop("history_", None)

@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 
 from ..records import RecordError
+from ..records.epochs import EPOCHS, LARGEST_SECONDS, UNIX, unix_unit
 from ..records.errors import quoted
-from ..records.times import BEYOND, UNIX
+from ..records.times import BEYOND
 from ..records.types import kind_of
 from .values import CLOCK, ELAPSED, first_cell, is_number
 from .zones import in_zone
@@ -24,10 +25,6 @@ DAILY = (0.5, 1.0, 7.0)
 """Steps of logs in whole days and weeks."""
 LABVIEW = 2_082_844_800.0
 """Seconds from 1904, from which LabVIEW counts, to 1970."""
-EPOCHS = {"ms": 1e3, "us": 1e6, "ns": 1e9}
-"""Unit of Unix times -> how many are a second."""
-LARGEST_SECONDS = 1e10
-"""Numbers from here on are no seconds of a log: 300 years."""
 SPANS = {"ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0, "d": 86_400.0, "s": 1.0}
 """Unit of a column of times -> its seconds."""
 
@@ -145,11 +142,9 @@ def _counted(numbers: Any, unit: Any, values: pd.Series[Any]) -> pd.Series[Any]:
 def _form_of(known: np.ndarray, name: str) -> str | None:
     """What numbers of this size are; None for seconds."""
     low, high = float(known.min()), float(known.max())
-    for unit, factor in EPOCHS.items():
-        if UNIX[0] * factor <= low and high < UNIX[1] * factor:
-            return f"unix {unit}"
-    if UNIX[0] <= low and high < UNIX[1]:
-        return "unix s"
+    unit = unix_unit(low, high)
+    if unit is not None:
+        return f"unix {unit}"
     if UNIX[0] + LABVIEW <= low and high < UNIX[1] + LABVIEW:
         raise RecordError(
             f"Are the numbers in {quoted(name)}, such as {known[0]:.10g}, seconds since 1904, as LabVIEW counts them? "

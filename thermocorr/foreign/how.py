@@ -25,12 +25,15 @@ class HowToRead:
     sort: bool = False
     reading: str | None = None
     """The column that keeps its own times, where several are brought on the same: what the instrument shows."""
+    no_times: tuple[str, ...] = ()
+    """Columns that the user names as something else: none of them has the times, whatever it is called."""
 
     def says_something(self) -> bool:
-        """Whether the user says anything of the file, and not only which column is the reading."""
-        return replace(self, reading=None) != HowToRead()
+        """Whether the user says anything of the file, and not only what its columns are."""
+        return replace(self, reading=None, no_times=()) != HowToRead()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "no_times", tuple(self.no_times))
         mark = self.separator
         if mark is not None:
             object.__setattr__(self, "separator", _SAID_SEPARATORS.get(mark.lower(), mark))

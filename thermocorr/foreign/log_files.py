@@ -13,7 +13,8 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.errors import listing
-from ..records.files import existing_file, format_of, read_table
+from ..records.files import format_of, read_table
+from ..records.paths import existing_file
 from .containers import FEATHER, PACKED, SHEETS, feather, refuse_unread, spreadsheet, unpacked
 from .how import ForeignTable, HowToRead
 from .odd_numbers import nearly_numbers

@@ -56,7 +56,7 @@ def as_runs(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> Fo
         raise RecordError(f"There is a column {quoted(RUN)} already: name the runs yourself, in one file, with --run.")
     names = _names(paths)
     parts = [table.frame.assign(**{RUN: name}) for name, table in zip(names, tables, strict=True)]
-    _refuse_other_clocks(parts, paths, time)
+    _refuse_other_clocks(parts, paths, time, how)
     said = tuple(dict.fromkeys(word for table in tables for word in table.said))
     frame = pd.concat(parts, ignore_index=True)
     return ForeignTable(frame=frame, said=said).with_said(_with_units(frame, tables), f"{len(paths)} files, a run each")
@@ -68,7 +68,7 @@ def joined(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> For
     A straight line between two of their values, none before the first and behind the last.
     """
     tables = [_timed(path, time, how) for path in paths]
-    columns = [_time_name(table.frame, time) for table in tables]
+    columns = [_time_name(table.frame, time, how) for table in tables]
     main = next((k for k, table in enumerate(tables) if how.reading in table.frame.columns), None)
     if main is None:
         main = next((k for k, table in enumerate(tables) if "reading" in table.frame.columns), None)
@@ -77,7 +77,7 @@ def joined(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> For
     if any(column is None for column in columns):
         at = columns.index(None)
         raise RecordError(f"{paths[at]} has no column of times that is called so. Files are joined by their times.")
-    _refuse_other_clocks([table.frame for table in tables], paths, time)
+    _refuse_other_clocks([table.frame for table in tables], paths, time, how)
     left: list[str] = []
     frame, index = tables[main].frame, _index(tables[main].frame, str(columns[main]))
     for k, table in enumerate(tables):
@@ -107,16 +107,16 @@ def joined(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> For
 
 def _timed(path: str | Path, time: str | None, how: HowToRead) -> ForeignTable:
     table = read_log(path, how)
-    column = _time_name(table.frame, time)
+    column = _time_name(table.frame, time, how)
     if column is None:
         return table
     table = with_times(table, column, how)
     return table.with_said(table.frame.assign(**{column: dates_once(table.frame[column])}))
 
 
-def _time_name(frame: pd.DataFrame, time: str | None) -> str | None:
+def _time_name(frame: pd.DataFrame, time: str | None, how: HowToRead) -> str | None:
     """The column of times of one of several files, which need not all have the one that is named."""
-    return time_column(frame.columns, time if time in frame.columns else None)
+    return time_column(frame.columns, time if time in frame.columns else None, how)
 
 
 def _index(frame: pd.DataFrame, column: str) -> Any:
@@ -124,11 +124,13 @@ def _index(frame: pd.DataFrame, column: str) -> Any:
     return pd.Index(times) if kind_of(times) != "number" else pd.Index(times.astype(float))
 
 
-def _refuse_other_clocks(frames: Sequence[pd.DataFrame], paths: Sequence[str | Path], time: str | None) -> None:
+def _refuse_other_clocks(
+    frames: Sequence[pd.DataFrame], paths: Sequence[str | Path], time: str | None, how: HowToRead
+) -> None:
     """Refuse files of which one has dates and another seconds, or only some a zone."""
     clocks = []
     for frame in frames:
-        column = _time_name(frame, time)
+        column = _time_name(frame, time, how)
         dtype = None if column is None else frame[column].dtype
         zoned = isinstance(dtype, pd.DatetimeTZDtype)
         clocks.append(None if column is None else "dates with a zone" if zoned else f"{kind_of(frame[column])}s")

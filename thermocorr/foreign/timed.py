@@ -58,10 +58,10 @@ def with_times(table: ForeignTable, column: str | None, how: HowToRead) -> Forei
     return _sorted(table, column) if how.sort else table
 
 
-def time_column(names: Iterable[Any], named: str | None) -> str | None:
-    """The column of times: as named, or called like one; None where there is none."""
+def time_column(names: Iterable[Any], named: str | None, how: HowToRead) -> str | None:
+    """The column of times: as named, or called like one and nothing else by the user; None where there is none."""
     try:
-        return require_column(names, named, "time", TIME_NAMES)
+        return require_column(names, named, "time", TIME_NAMES, how.no_times)
     except RecordError:
         return None
 

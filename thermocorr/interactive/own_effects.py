@@ -9,7 +9,7 @@ from pathlib import Path
 from ..effects import CATALOGUE
 from ..effects.protocol import Effect
 from ..records import RecordError
-from ..records.files import existing_file
+from ..records.paths import existing_file
 
 
 def effects_in(path: str | Path) -> tuple[type[Effect], ...]:

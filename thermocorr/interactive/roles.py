@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 import pandas as pd
@@ -76,7 +76,7 @@ def guessed(
     temperature, reading, time, run : str, optional
         Columns whose role the user knows.
     """
-    time = guessed_time(frame) if time is None else time
+    time = guessed_time(frame, (temperature, reading, run)) if time is None else time
     run = guessed_run(frame, reading) if run is None else run
     numbers = [str(c) for c in frame.columns if kind_of(frame[c]) == "number" and str(c) not in (time, run)]
     if temperature is None:
@@ -88,13 +88,17 @@ def guessed(
     return Roles(temperature=temperature, reading=reading, time=time, run=run)
 
 
-def guessed_time(frame: pd.DataFrame) -> str | None:
-    """The column of times, by its name or by what is in it; None where there is none, or the index has them."""
+def guessed_time(frame: pd.DataFrame, taken: Collection[str | None] = ()) -> str | None:
+    """The column of times, by its name or by what is in it; None where there is none, or the index has them.
+
+    Columns that are `taken` are known to be something else.
+    """
     if isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex):
         return None
-    by_name = {str(name).strip().lower(): str(name) for name in reversed(frame.columns)}
+    names = [name for name in frame.columns if str(name) not in taken]
+    by_name = {str(name).strip().lower(): str(name) for name in reversed(names)}
     time = next((by_name[name] for name in TIME_NAMES if name in by_name), None)
-    return time or next((str(c) for c in frame.columns if kind_of(frame[c]) in ("date", "span")), None)
+    return time or next((str(c) for c in names if kind_of(frame[c]) in ("date", "span")), None)
 
 
 def guessed_run(frame: pd.DataFrame, reading: str | None = None) -> str | None:

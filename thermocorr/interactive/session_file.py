@@ -23,7 +23,8 @@ from .trial_records import SAMPLES
 
 FORMAT, VERSION = "thermocorr session", 1
 SWITCHES = ("sort",)
-"""What is true or false in `HowToRead`; all else is text."""
+LISTS = ("no_times",)
+"""What is true or false in `HowToRead`, and what is a list; all else is text."""
 OWN = "Give the file of your own effects, as you did before: --effects my_effects.py"
 
 
@@ -125,7 +126,9 @@ def _source(node: Any, folder: Path) -> ReadLog:
     known = tuple(item.name for item in dataclasses.fields(HowToRead))
     given = fields(node["how"], "$.log.how", (), known)
     for name, value in given.items():
-        if (type(value) is not bool) if name in SWITCHES else (value is not None and not isinstance(value, str)):
+        if name in LISTS:
+            given[name] = tuple(text(item, f"$.log.how.{name}") for item in items(value, f"$.log.how.{name}"))
+        elif (type(value) is not bool) if name in SWITCHES else (value is not None and not isinstance(value, str)):
             raise ModelFileError(f"$.log.how.{name} holds {value!r}, which does not belong there")
     return opened(paths, HowToRead(**given), join=bool(node["join"]))
 

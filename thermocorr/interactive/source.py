@@ -13,7 +13,7 @@ import pandas as pd
 
 from ..foreign import ForeignTable, HowToRead, read_logs, with_times
 from ..records import RecordError, RecordWarning
-from ..records.files import existing_file
+from ..records.paths import existing_file
 from ..records.times import dates_once
 from .trial_records import FIRST, SAMPLES
 
@@ -57,7 +57,8 @@ class ReadLog:
         """The log as a session file names it."""
         if not self.files:
             return {"built_in": self.name}
-        said = {key: value for key, value in asdict(self.how).items() if value not in (None, False)}
+        given = {**asdict(self.how), "no_times": list(self.how.no_times)}
+        said = {key: value for key, value in given.items() if value not in (None, False, [])}
         return {"files": list(self.files), "how": said, "join": self.join, "sha256": self.digest}
 
 

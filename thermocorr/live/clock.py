@@ -13,7 +13,7 @@ import pandas as pd
 
 from ..records import History, RecordError
 from ..records.grammar import LARGEST
-from ..records.times import BEYOND, Times, date_of_text, difference
+from ..records.times import BEYOND, Times, date_of_text, difference, span_of
 
 _NS = 1_000_000_000
 _EPOCH, _EPOCH_UTC = datetime(1970, 1, 1), datetime(1970, 1, 1, tzinfo=UTC)
@@ -90,7 +90,7 @@ class Clock:
         try:
             if isinstance(time, str) and _BARE.fullmatch(time.strip()):
                 time = float(time)  # pandas would count nanoseconds
-            value: Any = pd.Timedelta(time, unit="s" if isinstance(time, int | float) else None)
+            value: Any = pd.Timedelta(time, unit="s") if isinstance(time, int | float) else span_of(time)
         except (TypeError, ValueError, OverflowError):
             value = pd.NaT
         if value is pd.NaT:

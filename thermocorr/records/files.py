@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import io
-import stat
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +16,7 @@ from .csvlines import CUT, check_lines, checked_names, header_of
 from .errors import RecordError, RecordWarning, listing, quoted
 from .grammar import MISSING
 from .parquet import open_parquet
+from .paths import existing_file
 from .units import name_and_unit
 
 TIME_NAMES = (
@@ -33,22 +33,6 @@ EVERY_DIGIT: dict[str, Any] = (
     {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
 )
 """How pandas is told to read numbers as they were written: a matter of course from 3.1 on."""
-
-
-def existing_file(path: str | Path) -> Path:
-    """The path of a file that can be read; RecordError where there is none, or only a folder or a pipe."""
-    path = Path(path)
-    try:
-        mode = path.stat().st_mode
-    except FileNotFoundError:
-        raise RecordError(
-            f"There is no file {path}. Check its name and the folder you are in ({Path.cwd()})."
-        ) from None
-    except (OSError, ValueError) as error:
-        raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
-    if stat.S_ISDIR(mode):
-        raise RecordError(f"{path} is a folder. Name the log file in it.")
-    return path
 
 
 class Format(NamedTuple):
@@ -175,15 +159,24 @@ FORMATS = {ending: Format("Parquet", _read_parquet) for ending in (".parquet", "
 """Ending -> format of files that are no CSV."""
 
 
-def require_column(names: Iterable[Any], name: str | None, option: str, guesses: tuple[str, ...] = ()) -> str:
-    """The column that an option names, or the first of `guesses` that is there.
+def require_column(
+    names: Iterable[Any],
+    name: str | None,
+    option: str,
+    guesses: tuple[str, ...] = (),
+    taken: Collection[str | None] = (),
+) -> str:
+    """The column that an option names, or the first of `guesses` that is there and not `taken` by another option.
 
     Where none is there as it stands, capitals and a unit behind the name do not count: "Temperature [°C]".
+
+    Raises RecordError for a name that is none of the columns, and where no column is named and none can be guessed.
     """
     columns = [str(column) for column in names]
     if name is None:
-        bare = {name_and_unit(column)[0].strip().lower(): column for column in reversed(columns)}
-        for known in ({column: column for column in columns}, bare):
+        free = [column for column in columns if column not in taken]
+        bare = {name_and_unit(column)[0].strip().lower(): column for column in reversed(free)}
+        for known in ({column: column for column in free}, bare):
             for guess in guesses:
                 if guess in known:
                     return known[guess]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..equations.lags import Structure
+from .quantities import span_text
 from .record import Block, Record
 from .times import Floats
 
@@ -107,4 +108,32 @@ def _is_even(record: Record) -> bool:
     usual = record.usual_step()
     return not len(record.skipped) and all(
         record.duration(segment) <= (segment.n_rows - 1) * usual * (1 + EVEN) for segment in record.segments
+    )
+
+
+def rows_apart(record: Record) -> str:
+    """In words, the rows before or behind a gap that is longer than all the rest of their segment; "" for none.
+
+    They stretch all that counts by a segment's length: is their time damaged?
+    """
+    segment = max(record.segments, key=record.duration)
+    places = record.kept_places(segment.start, segment.stop)
+    steps = np.array(record.times.steps(record.rows_at(places)))
+    if len(steps) < 2:
+        return ""
+    steps[0] = 0.0
+    at, usual = int(steps.argmax()), record.usual_step()
+    longest, rest = float(steps[at]), record.duration(segment) - float(steps[at])
+    if longest <= max(rest, GAP * usual):
+        return ""
+    behind = len(places) - at <= at
+    some = [record.row(int(places[k])) for k in ((at, len(places) - 1) if behind else (0, at - 1))]
+    one = some[0] == some[1]
+    before, after = (record.row(int(places[k])) for k in (at - 1, at))
+    return (
+        f"{f'Row {some[0]} stands' if one else f'Rows {some[0]} to {some[1]} stand'} far apart from the others: "
+        f"{record.times.label(after)} in row {after} follows {record.times.label(before)} in row {before} after "
+        f"{span_text(longest)}, and all the others lie within {span_text(rest)}. "
+        f"{'Is its time' if one else 'Are their times'} damaged? Mend {'it' if one else 'them'}, or leave "
+        f"{'the row' if one else 'the rows'} out; if not, pass max_gap={3 * usual:.5g} to start a new segment there."
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -61,6 +63,19 @@ def _from_polars(X: Any) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
+def refuse_no_table(X: Any) -> None:
+    """Raise RecordError for a dict, or the name of a file, where a table is needed."""
+    if not isinstance(X, Mapping | str | PathLike):
+        return
+    made = "for example pandas.DataFrame(X)"
+    if not isinstance(X, Mapping):
+        made = "which pandas.read_csv makes of a file, or ParquetLog(path)"
+    raise RecordError(
+        f"X is a {type(X).__name__}. Pass a DataFrame, {made}: its columns are the temperature and whatever else was "
+        "recorded."
+    )
+
+
 def is_frame(X: Any) -> bool:
     """Whether the data have named columns."""
     return isinstance(X, pd.DataFrame | Log)
@@ -88,6 +103,7 @@ def numeric_column(X: Any, column: object, role: Role = "column") -> NDArray[Any
 
 def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
     """Readings as numbers, row by row beside X."""
+    refuse_no_table(X)
     y = as_pandas(y)
     if isinstance(y, pd.DataFrame):
         if y.shape[1] != 1:
@@ -116,7 +132,7 @@ def check_same_rows(given: Any, X: Any, name: str) -> None:
     own, others = given.index, X.index
     if type(own) is not type(others) or own.equals(others):
         return
-    if isinstance(others, pd.DatetimeIndex | pd.TimedeltaIndex):
+    if isinstance(others, pd.DatetimeIndex | pd.TimedeltaIndex | pd.PeriodIndex):
         row = int(np.argmax(np.asarray(own != others)))
         raise RecordError(
             f"X and {name} have different times: in row {row}, X has {others[row]} and {name} has {own[row]}. "

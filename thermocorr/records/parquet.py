@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .errors import RecordError, listing, quoted
 from .log import Log
+from .paths import existing_file
 from .times import Kind, Times, seconds_within_range, within_range
 from .types import ColumnKind, kind_of_arrow, require_role
 
@@ -51,6 +52,8 @@ class ParquetLog(Log):
     ):
         self.paths: list[str] = [str(paths)] if isinstance(paths, str | PathLike) else [str(path) for path in paths]
         self.row_groups = None if row_groups is None else list(row_groups)
+        if not self.paths:
+            raise RecordError("A ParquetLog needs a file at least: its list of paths is empty.")
         self._files = [open_parquet(path) for path in self.paths]
         self._schema = self._files[0].schema_arrow
         for path, file in zip(self.paths, self._files, strict=True):
@@ -227,6 +230,9 @@ def open_parquet(path: str | PathLike[str]) -> Any:
         raise ImportError("Reading Parquet needs pyarrow: pip install 'thermocorr[parquet]'.") from None
     try:
         return parquet.ParquetFile(path, memory_map=False)
+    except OSError as error:
+        existing_file(path)
+        raise RecordError(f"{path} cannot be read: {error.strerror or ' '.join(str(error).split())}.") from None
     except (ArrowException, ValueError) as error:
         raise RecordError(f"{path} cannot be read as a table of Parquet: {' '.join(str(error).split())}.") from None
 

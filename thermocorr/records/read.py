@@ -13,8 +13,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import RecordError, RecordWarning, listing, times_word
+from .indexes import index_times, no_times_text
 from .labels import factorized
 from .log import Log
+from .missing import missing_text, nothing_known_text
 from .numbers import is_frame, numeric_column
 from .quantities import span_text, span_texts
 from .record import Record, Segment, holes
@@ -26,6 +28,8 @@ GAP_STEPS = 10.0
 """A step of more than so many usual ones is a gap, where there is no `max_gap`."""
 SHUFFLED = 0.2
 """Share of the steps that go back in time, from which on the rows have no order: shuffled ones have half."""
+ALONE = 0.9
+"""Share of the steps that are longer than `max_gap`, from which on rows stand alone and nothing can be learned."""
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
 
@@ -58,8 +62,8 @@ def read_record(
     Parameters
     ----------
     X : DataFrame or array of shape (n_rows, n_columns), Log, or Record
-        Times come from the column `layout.time`, else from a DatetimeIndex or TimedeltaIndex, else rows are
-        `sampling_period` apart. The temperature is the column `layout.temperature`, else the one called
+        Times come from the column `layout.time`, else from an index of dates, periods, spans or dates in text, else
+        rows are `sampling_period` apart. The temperature is the column `layout.temperature`, else the one called
         "temperature", else the first.
     layout : Layout
         Names of special columns and limits.
@@ -121,6 +125,28 @@ def _refuse_ages(record: Record) -> None:
         )
 
 
+def check_max_gap(record: Record, layout: Layout) -> None:
+    """Refuse a `max_gap` that is shorter than nearly all steps of a record: each row would be a segment of its own.
+
+    For records that are learned from: a few rows that are corrected may be as far apart as they like.
+
+    Raises ValueError in the words of scikit-learn's parameter checks.
+    """
+    most = layout.longest_step()
+    if most is None:
+        return
+    parts = [record.kept_places(start, min(stop, start + _CHUNK)) for start, stop, _ in record.segments[:_CHUNK]]
+    steps = record.times.steps(record.rows_at(np.concatenate(parts)[:_CHUNK]))[1:]
+    steps = steps[steps > 0]
+    if len(steps) and (steps > most).mean() >= ALONE:
+        usual = float(np.median(steps))
+        raise ValueError(
+            f"The 'max_gap' parameter must be longer than the usual step between rows, which is {span_text(usual)}: "
+            f"each row would be a segment of its own. Got {span_text(most)}. Leave it out, or pass "
+            f"max_gap={3 * usual:.5g}."
+        )
+
+
 def times_of(X: Any, layout: Layout) -> Times:
     """Times of the rows as they come, in whatever order: the first step of `read_record`, without its other checks."""
     return _times(X, layout, is_frame(X), len(X), [])
@@ -166,17 +192,15 @@ def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Tim
     if isinstance(X, Log):
         if X.index_name is not None and layout.sampling_period is None:
             return X.times(X.index_name)
-    elif frame and (
-        isinstance(X.index, pd.DatetimeIndex | pd.TimedeltaIndex)
-        or (isinstance(X.index.dtype, pd.ArrowDtype) and X.index.dtype.kind in "mM")
-    ):
+    elif frame and (times := index_times(X.index)) is not None:
         if layout.sampling_period is not None:
             notes.append("The data have times of their own: sampling_period is not used.")
-        return times_from(X.index, "The index")
+        return times
     if layout.sampling_period is None:
         notes.append(
             "The data have no times: rows are taken as 1 s apart, so time constants count in samples. "
-            "Pass sampling_period=..., time=<column>, or a DataFrame with a DatetimeIndex."
+            f"{no_times_text(X.index if isinstance(X, pd.DataFrame) else None)}Pass sampling_period=..., "
+            "time=<column>, or a DataFrame with a DatetimeIndex."
         )
         return Times(n, "rows")
     return Times(n, "rows", period=seconds_of(layout.sampling_period, "sampling_period"))
@@ -243,18 +267,16 @@ def _known(record: Record, layout: Layout, notes: list[str]) -> Record:
     max_gap = layout.longest_step()
     known = record.passing_over(missing, max_gap)
     if not known.segments:
-        raise RecordError(
-            f"No row has a number in every needed column ({listing(record.columns)}): all {n} rows have a missing "
-            "value. Check the columns' names and the file they come from."
-        )
-    said = f"{times_word(len(missing), 'row')} of {n} have a missing value, the first is row {record.row(missing[0])}. "
-    said += "They are passed over as if they had not been recorded"
+        raise RecordError(nothing_known_text(record))
+    said = f"{missing_text(record, missing)}. {'It is' if len(missing) == 1 else 'They are'} passed over as if "
+    said += f"{'it' if len(missing) == 1 else 'they'} had not been recorded"
     longest, usual = _longest_hole(known), known.usual_step()
     if longest:
         said += f": temperature is taken as a straight line across, for {span_text(longest)} at most"
         if max_gap is None and longest > GAP_STEPS * usual:
             said += f". Pass max_gap={3 * usual:.5g} to start a new segment after long ones"
-    notes.append(f"{said}. To use their readings too, fill short holes first, for example with X.interpolate(limit=5).")
+    its = f"{'its reading' if len(missing) == 1 else 'their readings'} too, fill short holes first"
+    notes.append(f"{said}. To use {its}, for example with X.interpolate(limit=5).")
     return known
 
 
@@ -308,6 +330,12 @@ def _check_steps(
     return np.zeros(0, np.intp)
 
 
+def _is_ahead(times: Times, early: int, row: int, late: int, usual: float) -> bool:
+    """Whether a row's time is far beyond those of its neighbours, which follow on one another."""
+    on, ahead = (times.between(times.stamp(k), times.stamp(early)) for k in (late, row))
+    return 0 < on <= GAP_STEPS * usual < ahead
+
+
 def _refuse_order(
     times: Times, order: NDArray[np.intp] | None, k: int, layout: Layout, shuffled: bool, usual: float
 ) -> None:
@@ -315,9 +343,16 @@ def _refuse_order(
     back = times.between(times.stamp(before), times.stamp(row))
     if times.kind == "datetime" and not shuffled and steps_back_an_hour(back, usual):
         raise RecordError(summer_time_text(row, times.label(row), times.label(before)))
+    early = k - 2 if order is None else int(order[k - 2])
+    if k > 1 and not shuffled and _is_ahead(times, early, before, row, usual):
+        raise RecordError(
+            f"Row {before} stands far ahead of the others: {times.label(before)} between {times.label(early)} in row "
+            f"{early} and {times.label(row)} in row {row}. Is its time damaged? Mend it, or leave the row out."
+        )
     hint = (
         "The rows are shuffled: split with shuffle=False or TimeSeriesSplit; a search that draws rows at random, such "
-        "as HalvingGridSearchCV, cannot be used (GridSearchCV can)."
+        "as HalvingGridSearchCV, cannot be used (GridSearchCV can). If these are no times, name the column that has "
+        "them: --time on the command line, in Python time=..."
         if shuffled
         else "Sort the rows by time; if the log holds several runs, name their column with run=...; local times "
         "without a zone step back when summer time ends."

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .errors import RecordError, listing, quoted
 from .log import Log
-from .numbers import as_pandas
+from .numbers import as_pandas, refuse_no_table
 from .quantities import span_text
 from .record import Record
 from .times import Times
@@ -88,5 +88,9 @@ class RecordLog(Log):
 
 
 def as_data(X: Any) -> Any:
-    """Data as the package works with them: a record that was read as a log, tables of other packages as pandas'."""
+    """Data as the package works with them: a record that was read as a log, tables of other packages as pandas'.
+
+    Raises RecordError for a dict, and for the name of a file.
+    """
+    refuse_no_table(X)
     return RecordLog(X) if isinstance(X, Record) else as_pandas(X)

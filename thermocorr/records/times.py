@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -11,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .by_arrow import dates_by_arrow
+from .epochs import UNIX, refuse_no_seconds
 from .errors import RecordError
 from .grammar import LARGEST
 from .types import kind_of
@@ -19,11 +21,13 @@ Floats = NDArray[np.float64]
 Rows = slice | NDArray[np.intp]
 Kind = Literal["datetime", "datetime with time zone", "timedelta", "seconds", "rows"]
 _NS = 1_000_000_000
-UNIX = (9.4e8, 2.6e9)
-"""Unix times in seconds, 1999 to 2052."""
 BEYOND = "Times may lie 292 years from 1970 at most. Is the date damaged?"
 UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": _NS}
 """Ticks in a second, by the unit that pandas counts in."""
+_LETTERS = {"d": "D", "w": "W", "H": "h", "S": "s"}
+"""Units of spans, of one letter, as they may be written and as every version of pandas has them."""
+_UNIT_LETTER = re.compile(r"(?<![^\W\d_])[dwHSTLUN](?![^\W\d_])")
+"""A unit of one letter that some version of pandas has warned of."""
 _FAR = 1 << 62
 """Integers that stay below this differ by one that does not wrap."""
 _DAY = "(?:[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}|[0-9]{8})"
@@ -232,10 +236,14 @@ def within_range(
 
 
 def seconds_within_range(seconds: Floats, where: str, first_row: int = 0) -> Floats:
-    """The times; RecordError where one of them is no time [s] that anything has: differences of these are numbers."""
+    """The times; RecordError where one of them is no time [s] that anything has: differences of these are numbers.
+
+    And for numbers that are Unix times in another unit.
+    """
     if len(seconds) and np.abs(seconds).max() > LARGEST:
         row = int(np.argmax(np.abs(seconds) > LARGEST))
         raise RecordError(f"{where} is {seconds[row]:g} s in row {first_row + row}. Is the time damaged?")
+    refuse_no_seconds(seconds, where, first_row)
     return seconds
 
 
@@ -306,6 +314,31 @@ def date_of_text(text: str) -> Any:
     return parsed.iloc[0]
 
 
+def span_of(value: Any) -> Any:
+    """A time span as pandas reads it, in text ("1 d 2 h") or as an object; NaT for what says that there is none.
+
+    Units are days and weeks, hours and seconds in small letters and in capitals: which of them are out of use differs
+    between versions of pandas.
+
+    Raises ValueError or TypeError for what is no span.
+
+    Examples
+    --------
+    >>> span_of("1 d 2 H").total_seconds()
+    93600.0
+    """
+    if isinstance(value, str) and not value.strip().lstrip("+-").startswith("P"):  # ISO 8601 has capitals of its own
+        value = _UNIT_LETTER.sub(_known_unit, value)
+    return pd.Timedelta(value)
+
+
+def _known_unit(found: re.Match[str]) -> str:
+    """A unit of one letter as every version of pandas knows it."""
+    if found[0] not in _LETTERS:
+        raise ValueError(f"invalid unit abbreviation: {found[0]}")
+    return _LETTERS[found[0]]
+
+
 def seconds_of(value: Any, name: str) -> float:
     """A time span in seconds: a number, or anything that pandas reads as a span ('15 min', Timedelta).
 
@@ -320,7 +353,7 @@ def seconds_of(value: Any, name: str) -> float:
         seconds = float(value)
     else:
         try:
-            seconds = pd.Timedelta(value).total_seconds()
+            seconds = span_of(value).total_seconds()
         except (ValueError, TypeError):
             seconds = float("nan")
     if not (np.isfinite(seconds) and seconds > 0):

@@ -13,6 +13,7 @@ import numpy as np
 from ...effects.thermal import PLAIN, seconds_array
 from ...equations import TriangularFactor, solve_ridge
 from ...records import Record, RecordError
+from ...records.gaps import rows_apart
 from ..cutting import equal_edges
 from ..features import DiffusiveFeatures
 from ..fitting import require_rows
@@ -177,7 +178,11 @@ def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings
     factored = factors_of(features, record, reading, grid, settings)
     cross = factored.cross_validation(settings.scoring)
     if not cross.sides:
-        raise RecordError("No fold has readings both to learn from and to test. Choose other folds with cv=...")
+        raise RecordError(
+            rows_apart(record)
+            or "No fold has readings both to learn from and to test. Record longer, or give time_constants; in "
+            "TimeConstantSearch, choose other folds with cv=..."
+        )
     if settings.method == "spectrum" and explicit is None:
         return _by_spectrum(factored, cross, settings)
     return _by_cross_validation(factored, cross, settings, explicit)
