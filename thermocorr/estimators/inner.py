@@ -24,6 +24,16 @@ class Inner(NamedTuple):
     """Psi_j of eq. (19): how much warmer it is than the ambient, shape (n, J) [K]."""
 
 
+def lags_of(model: Any) -> tuple[np.ndarray, slice]:
+    """Time constants [s] of a fitted model's lags, and which coefficients they have; none where it has no lags."""
+    effects = model.features_.effect_list()
+    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
+    lag = next((k for k, effect in enumerate(effects) if type(effect) is ThermalLag), None)
+    if lag is None:
+        return np.zeros(0), slice(0, 0)
+    return effects[lag].time_constants_, slice(edges[lag], edges[lag + 1])
+
+
 def inner_blocks(model: Any, steps: Iterator[Walked]) -> Iterator[Inner]:
     """Inner temperatures of a fitted model along a walk through a record.
 
@@ -44,10 +54,9 @@ def inner_blocks(model: Any, steps: Iterator[Walked]) -> Iterator[Inner]:
     """
     effects = model.features_.effect_list()
     edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
-    lag = next((k for k, effect in enumerate(effects) if type(effect) is ThermalLag), None)
-    if lag is None or not len(effects[lag].time_constants_):
+    taus, lags = lags_of(model)
+    if not len(taus):
         raise ValueError("The model has no lags: a static model knows of no temperature inside of the device.")
-    lags, taus = slice(edges[lag], edges[lag + 1]), effects[lag].time_constants_
     mu = model.coef_[lags]
     start = next((k for k, effect in enumerate(effects) if type(effect) is InitialTransient), None)
     decays = slice(0, 0) if start is None else slice(edges[start], edges[start + 1])

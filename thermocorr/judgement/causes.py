@@ -136,7 +136,7 @@ class Search:
         A recorded column is compared with copies of it moved in time before it is chosen.
         """
         tried = list(tried)
-        start, alike = started(tried, self._adds)
+        start, alike = started(tried)
         if start is not None:
             return tried, start, alike
         while True:
@@ -150,10 +150,24 @@ class Search:
             self.copies[best.key] = Copies.of(self.pool, self.judged, self.held, best.number, best.explanation.effect)
             tried = sorted((self._beside_copies(t) if t.key == best.key else t for t in tried), key=lambda t: -t.score)
 
-    def _adds(self, one: Tried, other: Tried) -> bool:
-        """Whether the second explanation is proven where the first is in the base."""
-        gains, _ = self.judged.gained_beside(one.number, [other.explanation.columns])
-        return self.family.p_value(float(gains[0]), other.number) <= LEVEL
+    def _beside_start(self, tried: Sequence[Tried]) -> list[Tried]:
+        """What was tried; what a better thermal part would explain, as likely as it is beside all the start may be.
+
+        A lead looks like the start of a device that was not at rest, while nothing but the first rows speaks for it.
+        """
+        start = next((i for i in self.family.alive() if self.family.tried[i].is_start), None)
+        thermal = [t for t in tried if t.proven and t.explanation.effect.thermal_rank]
+        if start is None or not thermal:
+            return list(tried)
+        gains, _ = self.judged.gained_beside(start, [t.explanation.columns for t in thermal])
+        beside = dict(zip([t.number for t in thermal], gains.tolist(), strict=True))
+        return [self._with_gain(t, beside[t.number]) if t.number in beside else t for t in tried]
+
+    def _with_gain(self, t: Tried, gain: float) -> Tried:
+        """An explanation that gains no more than that in log likelihood."""
+        score = min(t.score, gain - self.family.price(t.number))
+        chance = max(t.p_value, self.family.p_value(gain, t.number))
+        return replace(t, score=score, full=min(t.full, score), p_value=chance)
 
     def _of_a_pair(self) -> tuple[Tried | None, list[Tried]]:
         """The plainer one of two that hide one another, proven together, and its rivals beside the other; or None."""
@@ -266,7 +280,7 @@ class Search:
         best = [{keys[i]: i for i in sorted(rank, key=rank.__getitem__)} for rank in ranks]
         first = dict.fromkeys(i for of_each in best for i in of_each.values())
         found = self._weighed(list(first), worths)
-        found += self._tuned(found)
+        found = self._beside_start([*found, *self._tuned(found)])
         return sorted(found, key=lambda tried: -tried.score)
 
     def share(self, tried: Tried) -> float:

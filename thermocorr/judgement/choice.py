@@ -122,19 +122,16 @@ def trifling(t: Tried, share: float, record: Record) -> bool:
     return isinstance(record, Thinned) and share < TRIFLE and t.worth.mean < TRIFLING_HELP
 
 
-def started(tried: Sequence[Tried], adds: Callable[[Tried, Tried], bool]) -> tuple[Tried | None, list[Tried]]:
+def started(tried: Sequence[Tried]) -> tuple[Tried | None, list[Tried]]:
     """The start of the record, which the model has, where it is proven and nothing proven is likelier; and its rivals.
 
-    A lead may be likelier, with fewer columns, though nothing but the start speaks for it: it must add to it. `adds`
-    says whether the second of two explanations is proven beside the first.
+    Hardly any device is at rest when a record begins: what depends on time alone must be likelier by more than a tie.
     """
-    own = [t for t in tried if t.proven and t.explanation.is_start]
-    start = max(own, key=lambda t: (t.size[0], t.score), default=None)
+    start = max((t for t in tried if t.proven and t.explanation.is_start), key=lambda t: t.score, default=None)
     if start is None:
         return None, []
-    least = max(t.score for t in own)
-    likelier = [t for t in tried if t.named and not harms(t) and t.score > least]
-    if not all(t.explanation.effect.thermal_rank and not adds(start, t) for t in likelier):
+    least = {True: start.score + TIE, False: start.score}
+    if any(t.named and not harms(t) and t.score > least[t.explanation.effect.of_time_alone] for t in tried):
         return None, []
     return start, [t for t in tried if as_likely(t, start) and t.score > 0]
 

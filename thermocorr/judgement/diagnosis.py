@@ -148,14 +148,12 @@ def _conclude(
 
 
 def _not_silently(cause: Cause) -> Cause:
-    """A slow lag of the model, or its start, as what it can't be told from, where that is proven as well; or as it is.
+    """A slow lag of the model as what it cannot be told from, where that is proven as well; else as it is.
 
     The model has taken for a slow body what may as well be a drift: that it has it already is not to be passed over.
     """
     proven = [t for t in cause.alike if t.proven and not t.explanation.in_model and t.key[0] not in DATED]
-    if cause.tried.explanation.is_start:  # a lead looks like it there
-        proven = [t for t in proven if t.explanation.effect.of_time_alone]
-    if not cause.tried.explanation.in_model or not proven:
+    if not cause.tried.explanation.in_model or cause.tried.explanation.is_start or not proven:
         return cause
     best = max(proven, key=lambda t: t.score)
     return replace(cause, tried=best, alike=(cause.tried, *(t for t in cause.alike if t is not best)))

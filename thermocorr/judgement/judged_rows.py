@@ -4,88 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.sparse import block_diag
-from sklearn.base import clone
 
-from ..effects import InitialTransient
-from ..effects.protocol import Effect
 from ..equations.spikes import spikes
 from ..estimators.evenness import evenness
-from ..estimators.regressor import DynamicBiasRegressor
-from ..records import Block, Record
 from .blocks import Averages
 from .directions import orthonormal
 from .levels import (
-    BEYOND,
     FAR,
     FEW,
     FEW_HELD,
-    FEW_STARTS,
     GROUPS,
     HELD,
     MANY_STARTS,
     ROBUST,
     ROUNDING,
     START_HELD,
-    STARTS,
 )
-
-
-class OwnStart(Effect):
-    """Start-up decays, eq. (18), each segment's in the same columns: from a model's fastest to its slowest, and beyond.
-
-    Parameters
-    ----------
-    transient : InitialTransient
-        The model's decays.
-    slowest : float
-        Time constant [s] beyond which a decay competes with drift and ageing instead.
-    which : slice
-        Of which segments.
-    """
-
-    kind = "own_start"
-    of_time_alone = True
-
-    def __init__(self, transient: InitialTransient, slowest: float = np.inf, which: slice = slice(None)):
-        self.transient, self.slowest, self.which = transient, slowest, which
-
-    def learn(self, record: Record) -> None:
-        """Find the decays of each segment that has any in the model."""
-        self.transient_ = clone(self.transient)
-        self.transient_.learn(record)
-        number = STARTS if len(record.segments) > MANY_STARTS else FEW_STARTS
-        self.transient_.decays_ = {
-            key: np.geomspace(own.min() / BEYOND, max(min(own.max() * BEYOND, self.slowest), own.min()), number)
-            for key, own in self.transient_.decays_.items()
-            if key in range(len(record.segments))[self.which]
-        }
-
-    def names(self) -> list[str]:
-        """Names of the columns, as many as the segment with most decays has."""
-        return [f"start {k}" for k in range(max(map(len, self.transient_.decays_.values()), default=0))]
-
-    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Decays of the block's segment, zeros where it has fewer than others."""
-        own = self.transient_.own(block)
-        return np.pad(own, ((0, 0), (0, self.n_columns() - own.shape[1]))), None
-
-
-def starts_of(model: DynamicBiasRegressor, record: Record, slowest: float) -> tuple[list[Effect], list[Effect]]:
-    """The start-up decays of a model that are held, and those that compete, none slower than a time constant [s].
-
-    Behind a pause nobody knows what a device keeps of the time before. Whether it was at rest when the record began,
-    the record says: an ageing looks like many decays.
-    """
-    own = [effect for effect in model.features_.effect_list() if isinstance(effect, InitialTransient)]
-    if len(record.segments) > MANY_STARTS:
-        return [OwnStart(effect) for effect in own], []
-    later = [OwnStart(effect, slowest, slice(1, None)) for effect in own if len(record.segments) > 1]
-    return list(later), [OwnStart(effect, slowest, slice(1)) for effect in own]
 
 
 class Starts:

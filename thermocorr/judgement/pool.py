@@ -21,9 +21,10 @@ from ..records.thinned import Thinned
 from .base import ThermalBase
 from .blocks import Averages, averaged, averaged_columns, spans, sums_of
 from .directions import orthonormal, visible
-from .judged_rows import JudgedRows, OwnStart, starts_of
+from .judged_rows import JudgedRows
 from .levels import COARSE, FEW_HELD, FEWEST, FINE, MOST_EMPTY, SHORTEST_START
 from .likelihood import Comparison
+from .starts import OwnStart, starts_of
 
 Key = tuple[str, Any]
 
