@@ -62,7 +62,7 @@ def thermometer_errors(model: Any, X: Any) -> pd.DataFrame:
     rows = []
     for name in (record.temperature_name, *thermometers.further):
         declared = thermometers.of_column(name)
-        noise, resolution = _noise_of(record, name), _resolution_of(record, name)
+        noise, resolution = _noise_of(record, name), resolution_of(_values(record, name))
         found = declared.noise if declared.noise is not None else noise
         step = declared.resolution if declared.resolution is not None else resolution
         in_reading, wandering, gain_error = _felt(model, record, starts, states, name, found, step)
@@ -95,9 +95,8 @@ def _noise_of(record: Record, name: Any) -> float:
     return float(np.sqrt(white_part(_values(record, name))))
 
 
-def _resolution_of(record: Record, name: Any) -> float:
-    """Step of a thermometer; 0 where no two rows in a row read the same, or its values lie on no grid."""
-    parts = _values(record, name)
+def resolution_of(parts: Sequence[np.ndarray]) -> float:
+    """Step of an instrument, from consecutive values; 0 where few in a row are the same, or they lie on no grid."""
     still = sum(int(np.count_nonzero(np.diff(part) == 0)) for part in parts)
     if still < STANDING * sum(max(len(part) - 1, 0) for part in parts):
         return 0.0

@@ -29,6 +29,7 @@ from .levels import (
     LOOKS,
     MOST,
     MOST_STEPS,
+    ROUNDED_OFF,
     SETTLED,
     SHARES,
     TIE,
@@ -106,7 +107,8 @@ class Search:
             alone = best is not None
             if not alone and (found or first is None):
                 best, rivals = self._of_a_pair()
-            if best is None or len(found) - steps == MOST or (found and trifling(best, self.share(best), self.record)):
+            enough = self.rounded or len(found) - steps == MOST
+            if best is None or enough or (found and trifling(best, self.share(best), self.record)):
                 found = found if first is None else first_proven(self.judged, found, self.family.price, self._chance_of)
                 return self._needed(found), tried
             gain = best.score + self.family.price(best.number)
@@ -202,6 +204,12 @@ class Search:
             return replace(t, p_value=chance, outdoes=True)
         copied = chance > LEVEL >= t.p_value
         return replace(t, score=gain - price, full=full - price, p_value=chance, copied=copied)
+
+    @property
+    def rounded(self) -> bool:
+        """Whether what is left is no more than the rounding of the reading, which follows all that the reading does."""
+        left = self.judged.unit * float(np.sqrt(self.judged.unexplained()))
+        return bool(left <= ROUNDED_OFF * self.pool.rounding / np.sqrt(12))
 
     def believed(self, tried: Sequence[Tried], found: Sequence[Cause]) -> Sequence[Tried]:
         """What was tried, less what may be traces of the thermometers' errors where these are as large."""

@@ -114,7 +114,7 @@ def _conclude(
     residual, rms = residuals_of(model, read, search.pool.record)
     doubts = [[tried for tried in last if tried.uneven], [tried for tried in last if tried.copied]]
     labels = [[effect_text(tried.explanation.effect) for tried in first_of_each(doubt)] for doubt in doubts]
-    rest = what_is_left(search.pool, search.judged, residual, *labels)
+    rest = what_is_left(search, residual, *labels)
     floor = rms if search.pool.rows.exact else min(rest.floor, rms)
     moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, causes)]
     quiet = rms * quiet_share(residual, search.pool.record, [(loud.start, loud.end) for loud in rest.loud])

@@ -24,7 +24,7 @@ from .levels import FINE, GAIN, OF_MUCH, SIZEABLE, TIE
 def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str]) -> list[Cause]:
     """At most one cause: what the model's lags lack most, if it is proven, and is much of what is left or helps."""
     pool = search.pool
-    if pool.rows.exact:
+    if pool.rows.exact or search.rounded:
         return []
     rows = float(np.median(pool.data.counts)) * float(np.sum(pool.rows.weight**2))  # in each, the usual noise
     small = rows * SIZEABLE**2  # twice what it gains in white noise

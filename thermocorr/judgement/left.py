@@ -11,6 +11,7 @@ import pandas as pd
 
 from ..estimators.evenness import BURST
 from ..estimators.holdout import rms
+from .causes import Search
 from .imitations import together
 from .levels import NINE_TENTHS, OF_THERMOMETER, PROVABLE, RANKED, TAILS, TO_A_DECADE, WANDERS
 from .likelihood import Comparison
@@ -63,13 +64,15 @@ class Left:
     """Amplitude spectral densities by frequency [Hz], in the unit of y over sqrt(Hz): ``residual`` beside all causes,
     ``noise`` as the judgement takes it, and its ``white`` part."""
 
+    rounding: float = 0.0
+    """Step of the reading, in its unit, where what is left is no more than its rounding; else 0."""
     tails: float = 1.0
     """Rms of the model's residual, stretches of loud noise aside, over what nine tenths of it say of Gaussian noise."""
 
     @property
     def absurd(self) -> bool:
         """Whether a few readings make most of the residual: no noise has such tails."""
-        return self.tails > TAILS
+        return self.tails > TAILS and not self.rounding
 
     @property
     def of_thermometers(self) -> bool:
@@ -82,10 +85,9 @@ class Left:
         return (self.structured and not self.of_thermometers) or bool(self.uneven) or self.absurd
 
 
-def what_is_left(
-    pool: Pool, judged: Comparison, residual: np.ndarray, uneven: Sequence[str] = (), copied: Sequence[str] = ()
-) -> Left:
+def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (), copied: Sequence[str] = ()) -> Left:
     """Describe the noise beside the last base, and the residual of each row; name what is `uneven`, or `copied`."""
+    pool, judged = search.pool, search.judged
     loud = _loud(pool)
     theta, counts = judged.base.theta, float(np.median(pool.data.counts))
     innovation = judged.innovation
@@ -93,7 +95,7 @@ def what_is_left(
     wandering = float(np.sqrt(max(total - theta[0], 0.0))) * judged.unit
     floor = float(np.sqrt(innovation * counts)) * judged.unit
     times = pool.spacing * judged.bands.times
-    structured = bool(judged.wanders and not pool.rows.exact and wandering > WANDERS * floor)
+    structured = bool(judged.wanders and not (pool.rows.exact or search.rounded) and wandering > WANDERS * floor)
     seconds = pool.data.seconds
     middle = pool.rows.weighed(np.arange(judged.n) >= judged.n // 2)
     drift = pool.rows.weighed(seconds / max(float(np.ptp(seconds)), 1e-300))
@@ -107,6 +109,7 @@ def what_is_left(
         copied=tuple(copied),
         spikes=_spikes(pool),
         loud=loud,
+        rounding=pool.rounding if search.rounded else 0.0,
         tails=_tails(quiet_rows(residual, pool.record, [(each.start, each.end) for each in loud])),
         thermometers=pool.thermometers if structured else pd.DataFrame(),
         smallest_drift=judged.smallest(drift, PROVABLE),

@@ -294,6 +294,8 @@ LEAST_STRUCTURE = 0.01
 STRUCTURE = 12.0
 """Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: for eight
 parts, 12 has an error probability of 0.002."""
+ROUNDED_OFF = 1.5
+"""What is left over the usual rounding error of the reading (its step over the root of 12), up to which it is that."""
 TAILS, NINE_TENTHS = 3.0, 1.645
 """Rms of the residual over its usual size (nine tenths of Gaussian noise are below 1.645), from which a few readings
 make most of it. Student's t with three degrees has 1.2, one reading in thirty of sixty times the size 10."""
@@ -333,8 +335,7 @@ the readings afterwards by 1.75 dB on the average of seven effects; see `benchma
 TRIES = 4
 """Causes that are tried in a step, the one worth most on data not learned from first; each costs eleven fits."""
 WIDELY = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)
-"""Steps of the search around the parameters of an effect that was just added: diagnosis has chosen them beside other
-lags than the model's."""
+"""Steps of the search around the parameters of an effect that was just added, chosen beside other lags."""
 MOVES = 8
 """Most moves of one length, of each effect."""
 FREEZING = {"degC": 0.0, "degF": 32.0, "K": 273.15}

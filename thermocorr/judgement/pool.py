@@ -15,7 +15,7 @@ from ..effects import InitialTransient, StaticPolynomial, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..estimators.regressor import DynamicBiasRegressor
-from ..estimators.thermometer_errors import thermometer_errors
+from ..estimators.thermometer_errors import resolution_of, thermometer_errors
 from ..records import Record, RecordError
 from ..records.thinned import Thinned
 from .base import ThermalBase
@@ -139,6 +139,15 @@ class Pool:
         """
         hidden = isinstance(self.record, Thinned)
         return pd.DataFrame() if hidden else thermometer_errors(self.model, self.record)
+
+    @cached_property
+    def rounding(self) -> float:
+        """Step of the reading, to which it is rounded; 0 where it has none, and for averages, which hide it."""
+        if isinstance(self.record, Thinned) or self.record.reading is None or self.data.counts.max() > 1:
+            return 0.0
+        rows = [self.record.kept(segment.start, segment.stop) for segment in self.record.segments]
+        parts = [np.asarray(self.record.reading[each], float) for each in rows]
+        return resolution_of([part[np.isfinite(part)] for part in parts])
 
     @cached_property
     def temperature(self) -> np.ndarray:

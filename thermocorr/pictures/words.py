@@ -171,6 +171,11 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
         if VERDICTS[verdict].in_doubt and not left.of_thermometers:
             to_log = next(text for limit, text in _TO_LOG if left.correlation_time <= limit)
             said.append(f"To learn its cause, log what changes as slowly: {to_log}.")
+    elif left.rounding:
+        said.append(
+            "What is left is no more than the rounding of the reading, in steps of "
+            f"{quantity_text(left.rounding, unit)}: more digits would tell more."
+        )
     elif not left.uneven and not left.absurd:
         beside = "" if VERDICTS[verdict].calm or VERDICTS[verdict].unknown else "Beside these causes, w"
         said.append(f"{beside or 'W'}hat is left looks like white noise.")
