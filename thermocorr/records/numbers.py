@@ -65,7 +65,7 @@ def _from_polars(X: Any) -> pd.DataFrame:
 
 def refuse_no_table(X: Any) -> None:
     """Raise RecordError for a dict, or the name of a file, where a table is needed."""
-    if not isinstance(X, Mapping | str | PathLike):
+    if not isinstance(X, Mapping | str | PathLike) or hasattr(X, "shape"):  # a sparse array may be a mapping
         return
     made = "for example pandas.DataFrame(X)"
     if not isinstance(X, Mapping):
