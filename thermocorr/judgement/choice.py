@@ -125,12 +125,12 @@ def trifling(t: Tried, share: float, record: Record) -> bool:
 def started(tried: Sequence[Tried]) -> tuple[Tried | None, list[Tried]]:
     """The start of the record, which the model has, where it is proven and nothing proven is likelier; and its rivals.
 
-    Hardly any device is at rest when a record begins: what depends on time alone must be likelier by more than a tie.
+    Hardly any device is at rest when a record begins: what depends on time alone must be likelier by half a tie.
     """
     start = max((t for t in tried if t.proven and t.explanation.is_start), key=lambda t: t.score, default=None)
     if start is None:
         return None, []
-    least = {True: start.score + TIE, False: start.score}
+    least = {True: start.score + TIE / 2, False: start.score}
     if any(t.named and not harms(t) and t.score > least[t.explanation.effect.of_time_alone] for t in tried):
         return None, []
     return start, [t for t in tried if as_likely(t, start) and t.score > 0]
