@@ -73,6 +73,8 @@ class Search:
         """Whether a cause was moved, so that what each is worth is not what it was when it was found."""
         self.paired = False
         """Whether a cause was proven with another one only."""
+        self.half_a_pair = False
+        """Whether the last cause was: the other one, not the start of the record, is what it was proven with."""
         self._first_look: list[Tried] | None = None
 
     def anew(self) -> Search:
@@ -104,7 +106,7 @@ class Search:
                 rivals = [t for t in tried if best is not None and t.score >= best.score - TIE]
             else:
                 tried, best, rivals = self._choice(tried, found)
-            alone = best is not None
+            alone, self.half_a_pair = best is not None, False
             if not alone and (found or first is None):
                 best, rivals = self._of_a_pair()
             enough = self.rounded or len(found) - steps == MOST
@@ -139,7 +141,7 @@ class Search:
         """
         tried = list(tried)
         start, alike = started(tried)
-        if start is not None:
+        if start is not None and not self.half_a_pair:
             return tried, start, alike
         while True:
             best, rivals = chosen(tried, self.by_chance, lambda t: self.share(t) >= SETTLED)
@@ -174,7 +176,7 @@ class Search:
     def _of_a_pair(self) -> tuple[Tried | None, list[Tried]]:
         """The plainer one of two that hide one another, proven together, and its rivals beside the other; or None."""
         family, judged = self.family, self.judged
-        alive = [i for i in family.alive() if family.tried[i].key[0] not in ANYWHERE]
+        alive = [i for i in family.alive() if family.tried[i].key[0] not in ANYWHERE and not family.tried[i].is_start]
         near, n_pairs = pairs(judged, family.tried, [i for i in alive if may_hide(family.tried[i])])
         if not near:
             return None, []
@@ -189,7 +191,8 @@ class Search:
         both = [
             replace(t, p_value=chance, score=gains[t.number] - family.price(t.number)) for t in self._weighed(other)
         ]
-        self.paired |= both[0].proven
+        self.half_a_pair = both[0].proven
+        self.paired |= self.half_a_pair
         return (both[0], both[1:]) if both[0].proven else (None, [])
 
     def _beside_copies(self, t: Tried) -> Tried:
