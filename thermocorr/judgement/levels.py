@@ -49,10 +49,10 @@ START_HELD = 0.1
 slow causes. In 300 runs all that thirteen decays span hid a humidity (error probability 1e-94 with three directions of
 each run), and two directions left a hysteresis that was not there."""
 MANY_STARTS = 30
-"""Segments beyond which so few decays and directions of each are held. In fewer they cost little, and what they left of
-a device that was not at rest behind a pause was named as a start, though nothing was hidden, in one record of four."""
-FEW_STARTS, FEW_HELD = 14, 0.003
-"""Decays, and size of a direction (as of `STARTS` and `START_HELD`), where there are no more segments than that."""
+"""Segments beyond which so few decays and directions are held. In fewer they cost little, and what they left of a
+device that was not at rest behind a pause was a start, in one record of four that hid nothing."""
+FEW_STARTS, FEW_HELD, START_TOLD = 14, 0.01, 0.003
+"""Decays, and size of a direction, in fewer segments; the last of the first start, which competes and is not held."""
 GROUPS = 16
 """Groups of segments, every sixteenth in one, whose starts are taken together for what they cost in each band of
 frequency: what one segment's directions share with another's so far away is next to nothing."""

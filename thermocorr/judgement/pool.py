@@ -22,7 +22,7 @@ from .base import ThermalBase
 from .blocks import Averages, averaged, averaged_columns, spans, sums_of
 from .directions import orthonormal, visible
 from .judged_rows import JudgedRows
-from .levels import COARSE, FEW_HELD, FEWEST, FINE, MOST_EMPTY, SHORTEST_START
+from .levels import COARSE, FEWEST, FINE, MOST_EMPTY, SHORTEST_START, START_TOLD
 from .likelihood import Comparison
 from .starts import OwnStart, starts_of
 
@@ -101,7 +101,7 @@ class Pool:
         self.reading = self.rows.weighed(self.data.reading)
         self.data = self.rows.data = replace(self.data, columns=[])
         columns = columns[len(base) :]
-        columns[: len(first)] = [orthonormal(part, FEW_HELD) for part in columns[: len(first)]]
+        columns[: len(first)] = [orthonormal(part, START_TOLD) for part in columns[: len(first)]]
         columns = [self.rows.weighed(part, out=part) for part in columns]
         effects = [*first, *slow, *candidates]
         has = [True] * len(first + slow) + [self._has(effect) for effect in candidates]
