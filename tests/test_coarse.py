@@ -43,7 +43,7 @@ def test_an_effect_larger_than_the_rounding_is_found():
 
 @pytest.mark.parametrize("height", [20.0, 60.0, 300.0])
 @pytest.mark.parametrize(("n", "number"), [(3000, 15), (3000, 50), (30_000, 60), (30_000, 500)])
-def test_spikes_are_told_up_to_a_fiftieth_of_the_readings(n, number, height):
+def test_spikes_are_told_up_to_nearly_a_fiftieth_of_the_readings(n, number, height):
     """From 0.3 % on none was: what is rare enough to be foretold held spikes only."""
     rng = np.random.default_rng(number)
     values, rows = rng.standard_normal(n), rng.choice(np.arange(2, n, 6), number, replace=False)

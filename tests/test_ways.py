@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.judgement.alike import superfluous
+from thermocorr.judgement.causes import Search
 from thermocorr.judgement.choice import Tried
 from thermocorr.judgement.likelihood import Comparison
 from thermocorr.judgement.pool import Explanation
@@ -25,42 +28,49 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("setting", "device", "seed", "kinds"), CASES)
-def test_two_effects_are_two_causes(setting, device, seed, kinds):
+def judged(setting, device, seed, kinds):
     n, step = {"lab": (20_160, 60.0), "chamber": (23_040, 30.0)}[setting]
     options = {"sampling_period": step, "setting": setting, "device": device, "noise": 0.2, "seed": seed}
     record = make_record(n, effects=dict.fromkeys(kinds, 1.0), **options)
     X, y = record.drop(columns="reading"), record["reading"]
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    return diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+
+
+@pytest.mark.parametrize(("setting", "device", "seed", "kinds"), CASES)
+def test_two_effects_are_two_causes(setting, device, seed, kinds):
+    found = judged(setting, device, seed, kinds)
     assert {cause.effect.kind for cause in found.causes} == set(kinds) and len(found.causes) == 2
 
 
-def test_of_two_products_and_a_wave_no_steps_of_sensitivity_are_made():
-    """Five steps of the sensitivity and a wave were told, the likelihood 182 lower: a product is noise to the other."""
-    kinds = ("periodic", "interaction", "lagged_modulation")
-    options = {"sampling_period": 30.0, "setting": "chamber", "device": "box", "noise": 0.2, "seed": 1623}
-    record = make_record(23_040, effects=dict.fromkeys(kinds, 1.0), **options)
-    X, y = record.drop(columns="reading"), record["reading"]
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+@pytest.mark.parametrize(
+    ("setting", "device", "seed", "kinds"),
+    [
+        # five steps of the sensitivity and a wave, the likelihood 182 lower: a product is noise to the other
+        ("chamber", "box", 1623, ("periodic", "interaction", "lagged_modulation")),
+        # beside the products of lags neither gains more than noise does, and both together 50 in log likelihood
+        ("lab", "slab", 1600, ("lag_products", "interaction", "lagged_modulation")),
+    ],
+)
+def test_two_products_are_found_beside_a_third_effect(setting, device, seed, kinds):
+    found = judged(setting, device, seed, kinds)
     assert {cause.effect.kind for cause in found.causes} == set(kinds) and len(found.causes) == 3
 
 
-def test_two_products_with_one_column_are_found_behind_a_third():
-    """Beside the products of lags neither gains more than noise does, and both together 50 in log likelihood."""
-    kinds = ("lag_products", "interaction", "lagged_modulation")
-    options = {"sampling_period": 60.0, "setting": "lab", "device": "slab", "noise": 0.2, "seed": 1600}
-    record = make_record(20_160, effects=dict.fromkeys(kinds, 1.0), **options)
-    X, y = record.drop(columns="reading"), record["reading"]
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
-    assert {cause.effect.kind for cause in found.causes} == set(kinds) and len(found.causes) == 3
+def test_what_one_way_learns_of_copies_is_not_the_others():
+    """A column that was compared with its copies in one way passed in another without."""
+    search = object.__new__(Search)
+    search.pool, search._first_look = SimpleNamespace(rows=SimpleNamespace(exact=True)), None
+    search.judged, search.family = SimpleNamespace(copy=list), SimpleNamespace(beside=list)
+    search.copies, search.moved_beside = {}, set()
+    one, other = search.anew(), search.anew()
+    one.copies["covariate", "c1"] = "compared"
+    one.moved_beside.add((0, 1))
+    assert not (other.copies or other.moved_beside or search.copies or search.moved_beside)
 
 
 def test_a_column_that_harms_while_a_drift_is_missing_is_named_beside_it():
     """Alone it is proven, and does harm on later data: nothing was named, and the likelihood 130 lower."""
-    options = {"sampling_period": 60.0, "setting": "lab", "device": "plate", "noise": 0.2, "seed": 1445}
-    record = make_record(20_160, effects=dict.fromkeys(("lagged_covariate", "drift", "log_ageing"), 1.0), **options)
-    X, y = record.drop(columns="reading"), record["reading"]
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    found = judged("lab", "plate", 1445, ("lagged_covariate", "drift", "log_ageing"))
     assert {cause.effect.kind for cause in found.causes} == {"lagged_covariate", "log_ageing"}
 
 
@@ -86,12 +96,12 @@ def test_a_rival_that_the_best_one_leaves_little_to_say_is_one_of_its_set():
     one, other, else_ = rng.standard_normal((3, n, 1))
     near = one + 0.9 * other  # both say what half of the reading holds
     reading = 0.2 * one[:, 0] + 0.1 * else_[:, 0] + rng.standard_normal(n)
-    judged = Comparison(reading, np.ones((n, 1)), np.zeros(n))
-    judged.add([one, near, else_])
+    beside = Comparison(reading, np.ones((n, 1)), np.zeros(n))
+    beside.add([one, near, else_])
     explained = [
         tried(k, columns, 20.0, kind) for k, (columns, kind) in enumerate(((one, "a"), (near, "b"), (else_, "c")))
     ]
-    assert superfluous(judged, explained[0], [], explained[1:]) == [explained[1]]
-    assert superfluous(judged, explained[0], [explained[1]], explained[1:]) == []
+    assert superfluous(beside, explained[0], [], explained[1:]) == [explained[1]]
+    assert superfluous(beside, explained[0], [explained[1]], explained[1:]) == []
     late = [tried(1, near, 10.0, "b")]  # too unlikely for a rival
-    assert superfluous(judged, explained[0], [], late) == []
+    assert superfluous(beside, explained[0], [], late) == []

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..effects import InitialTransient, ThermalLag
+from ..effects.protocol import Effect
 from ..effects.stream import Walked
 from ..records import Block
 
@@ -26,12 +27,18 @@ class Inner(NamedTuple):
 
 def lags_of(model: Any) -> tuple[np.ndarray, slice]:
     """Time constants [s] of a fitted model's lags, and which coefficients they have; none where it has no lags."""
-    effects = model.features_.effect_list()
-    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
-    lag = next((k for k, effect in enumerate(effects) if type(effect) is ThermalLag), None)
-    if lag is None:
-        return np.zeros(0), slice(0, 0)
-    return effects[lag].time_constants_, slice(edges[lag], edges[lag + 1])
+    lag, columns = _of_kind(model, ThermalLag)
+    return np.zeros(0) if lag is None else lag.time_constants_, columns
+
+
+def _of_kind(model: Any, kind: type[Effect]) -> tuple[Any, slice]:
+    """The first effect of a kind, None where there is none, and which of all columns it has."""
+    at = 0
+    for effect in model.features_.effect_list():
+        if type(effect) is kind:
+            return effect, slice(at, at + effect.n_columns())
+        at += effect.n_columns()
+    return None, slice(0, 0)
 
 
 def inner_blocks(model: Any, steps: Iterator[Walked]) -> Iterator[Inner]:
@@ -52,17 +59,14 @@ def inner_blocks(model: Any, steps: Iterator[Walked]) -> Iterator[Inner]:
     ValueError
         For a model without lags: a static model knows of nothing inside.
     """
-    effects = model.features_.effect_list()
-    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
     taus, lags = lags_of(model)
     if not len(taus):
         raise ValueError("The model has no lags: a static model knows of no temperature inside of the device.")
     mu = model.coef_[lags]
-    start = next((k for k, effect in enumerate(effects) if type(effect) is InitialTransient), None)
-    decays = slice(0, 0) if start is None else slice(edges[start], edges[start + 1])
+    start, decays = _of_kind(model, InitialTransient)
     weights = np.zeros((decays.stop - decays.start, len(taus)))
     if start is not None:
-        own = np.concatenate([*effects[start].decays_.values(), np.zeros(0)])
+        own = np.concatenate([*start.decays_.values(), np.zeros(0)])
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = model.coef_[decays, None] / mu
         weights = np.where((own[:, None] == taus) & (mu != 0), ratio, 0.0)

@@ -82,7 +82,7 @@ class Search:
         if self._first_look is None and not self.pool.rows.exact:
             self._first_look = self.look()
         other = copy(self)
-        other.judged, other.moved_beside = self.judged.copy(), set()
+        other.judged, other.moved_beside, other.copies = self.judged.copy(), set(), {}
         other.family = self.family.beside(other.judged)
         return other
 

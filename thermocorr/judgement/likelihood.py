@@ -245,8 +245,8 @@ class Comparison:
 
     def without(self, dropped: Sequence[int]) -> Comparison:
         """The base without some of the adopted explanations, the noise estimated anew; nothing is tried beside it."""
-        other = copy(self)
-        other.causes, other.explanations = list(self.causes), []
+        other = self.copy()
+        other.explanations = []
         if dropped:
             gone = np.concatenate([np.r_[self.causes[k]] for k in dropped])
             columns = np.setdiff1d(np.arange(self.Q.shape[1]), gone)

@@ -25,17 +25,17 @@ def searched(pool: Pool, anywhere: Collection[str]) -> tuple[Search, list[Cause]
     been refused for the harm that it does while a drift is missing: the search is begun with it, and several causes
     that are likelier stand.
     """
-    start, way = Search(pool, anywhere), _Ways()
+    start, ways = Search(pool, anywhere), _Ways()
     search = start.anew()
-    causes, last = search.causes(hopeless=way.led_there)
+    causes, last = search.causes(hopeless=ways.lead_nowhere)
     best, most = (search, causes, last), _value(search, causes)
     for first, more in _other_firsts(causes, last).items():
         if more < 0 and not best[0].judged.wanders:  # nothing is left that fewer causes could explain
             break
-        other, way.most = start.anew(), len(best[1]) + more
-        found, tried = other.causes(first=first, hopeless=way.leads_nowhere)
+        other, ways.most = start.anew(), len(best[1]) + more
+        found, tried = other.causes(first=first, hopeless=ways.lead_nowhere)
         several = len(found) > (0 if causes else 1)
-        if several and len(found) <= way.most and _value(other, found) > most:
+        if several and len(found) <= ways.most and _value(other, found) > most:
             best, most = (other, found, tried), _value(other, found)
     return best
 
@@ -44,23 +44,18 @@ class _Ways:
     """What ways have come to: another one need not go on from where one of them was already."""
 
     def __init__(self) -> None:
-        self.most = 0
+        self.most = math.inf
         """Causes beyond which a way is of no use."""
         self.levels: dict[frozenset[tuple[Key, int]], float] = {}
         """Log likelihood of the record with causes of so many kinds and columns, the greatest so far."""
 
-    def led_there(self, search: Search, found: Sequence[Cause]) -> bool:
-        """Remember how likely the causes so far are; never hopeless."""
+    def lead_nowhere(self, search: Search, found: Sequence[Cause]) -> bool:
+        """Whether a way was there already, with causes of the same kinds that are as likely, or there are too many."""
         there = frozenset(Counter(cause.tried.key for cause in found).items())
-        self.levels[there] = max(search.judged.base.level, self.levels.get(there, -math.inf))
-        return False
-
-    def leads_nowhere(self, search: Search, found: Sequence[Cause]) -> bool:
-        """Whether another way was there, with causes of the same kinds that are as likely, or there are too many."""
-        there = frozenset(Counter(cause.tried.key for cause in found).items())
-        if self.levels.get(there, -math.inf) >= search.judged.base.level - TIE:
+        level, before = search.judged.base.level, self.levels.get(there, -math.inf)
+        if before >= level - TIE:
             return True
-        self.led_there(search, found)
+        self.levels[there] = max(level, before)
         return _lasting(found) > self.most and _lasting(search.proven_beside(found)) > self.most
 
 

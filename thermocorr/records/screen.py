@@ -82,10 +82,7 @@ class Limits:
             return SENTINEL
         if self.spikes and self.spikes.get(stamp) == value:
             return SPIKE
-        for low, high, _ in self.elsewhere:
-            if low < value < high:
-                return OTHER_UNIT
-        return ""
+        return OTHER_UNIT if unit_told_by(value, self.elsewhere) else ""
 
     def reasons(self, values: NDArray[Any], stamp_of: Callable[[int], Any]) -> list[tuple[Rows, str]]:
         """`reason` of many values: their numbers, by reason."""
