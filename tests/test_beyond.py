@@ -6,12 +6,15 @@ import hashlib
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from thermocorr import DynamicBiasRegressor, load_model, save_model
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, load_model, save_model
 from thermocorr.datasets import make_record
+from thermocorr.datasets._devices import make_device
 from thermocorr.estimators.uncertainty.budget import coverage_factor
 from thermocorr.files import model_file
+from thermocorr.files.codec import pack, unpack
 
 
 def learned_cold(seed):
@@ -45,22 +48,81 @@ def test_without_a_sensitivity_the_measured_temperature_is_taken(seed):
     T, y = record["temperature"].to_numpy(), record["reading"]
     level = y - np.polyfit(T[:4000], y[:4000], 1)[0] * T
     model = DynamicBiasRegressor("temperature", degree=1).fit(record[["temperature"]][:4000], level[:4000])
-    weights = model.joint_errors().beyond.weights
+    weights = model.joint_errors().beyond.weights[0]
     assert weights[0] == 1.0 and not weights[1:].any()
 
 
-def test_a_file_of_version_10_takes_it_to_feel_the_temperature_at_once(tmp_path):
-    model, X, _, hot = learned_cold(9611)
-    weights = model.joint_errors().beyond.weights
-    assert weights[0] == 1.0 and np.count_nonzero(weights) > 1
-    save_model(model, tmp_path / "m.json")
-    u = model.predict(X, return_std=True)[1]
-    np.testing.assert_array_equal(load_model(tmp_path / "m.json").predict(X, return_std=True)[1], u)
-    node = json.loads((tmp_path / "m.json").read_text())
-    del node["model"]["errors"]["beyond"]["weights"]
+def as_of_version(path, version, *missing):
+    """A model file as an earlier version wrote it: of one temperature, and without some of what it says of that."""
+    node = json.loads(path.read_text())
+    beyond = {key: value for key, value in node["model"]["errors"]["beyond"].items() if key not in missing}
+    one = [key for key in ("weights", "alike") if key in beyond]
+    node["model"]["errors"]["beyond"] = beyond | {key: pack(unpack(beyond[key], key)[0], key) for key in one}
     body = (model_file.render({k: node[k] for k in ("provenance", "model")}) + "\n").removeprefix("{\n").encode("ascii")
-    head = f'{{"format": "thermocorr model", "version": 10, "digest": "sha256:{hashlib.sha256(body).hexdigest()}",\n'
-    (tmp_path / "old.json").write_bytes(head.encode() + body)
-    older = load_model(tmp_path / "old.json")
-    assert older.joint_errors().beyond.weights.tolist() == [1.0] + [0.0] * (len(weights) - 1)
-    assert (older.predict(X, return_std=True)[1][hot] > 0).all()
+    digest = hashlib.sha256(body).hexdigest()
+    head = f'{{"format": "thermocorr model", "version": {version}, "digest": "sha256:{digest}",\n'
+    path.write_bytes(head.encode() + body)
+
+
+def test_a_file_holds_all_temperatures_that_are_asked(tmp_path):
+    model, X, _, _ = learned_cold(9611)
+    weights = model.joint_errors().beyond.weights
+    assert len(weights) == 1 + len(model.time_constants_) and np.count_nonzero(weights[0]) > 1
+    save_model(model, tmp_path / "m.json")
+    told = load_model(tmp_path / "m.json").predict(X, return_std=True)[1]
+    np.testing.assert_array_equal(told, model.predict(X, return_std=True)[1])
+
+
+@pytest.mark.parametrize(
+    ("version", "missing", "lags"), [(11, ("lowest", "highest"), True), (10, ("lowest", "highest", "weights"), False)]
+)
+def test_a_file_of_an_earlier_version_asks_one_temperature(tmp_path, version, missing, lags):
+    model, X, y, hot = learned_cold(9611)
+    save_model(model, tmp_path / "old.json")
+    as_of_version(tmp_path / "old.json", version, *missing)
+    save_model(load_model(tmp_path / "old.json"), tmp_path / "again.json")
+    older = load_model(tmp_path / "again.json")
+    felt = model.joint_errors().beyond.weights[:1]
+    np.testing.assert_array_equal(older.joint_errors().beyond.weights, felt if lags else np.eye(1, felt.shape[1]))
+    extrapolation = older.uncertainty(X, y, allow_missing=True).frame()["u_extrapolation"].to_numpy()
+    inside = X["temperature"].between(*older.temperature_range_).to_numpy()
+    assert (extrapolation[hot] > 0).all() and not extrapolation[inside].any()
+
+
+# ------------------------------------------------------------------------------------------------ after an excursion
+
+
+def heated(seed):
+    """A curved device, learned in a room, heated by 30 K for two hours: model, rows not learned, first row after."""
+    name = ("layered", "box")[seed % 2]
+    record, truth = make_record(6000, device=name, seed=seed, return_truth=True)
+    air = record["temperature"].to_numpy().copy()
+    air[5400:5520] += 30.0
+    body = make_device(name, sensitivity=10.0, nonlinearity=0.003, reference_temperature=23.0)
+    y = pd.Series(body.respond(60.0 * np.arange(6000), air) + truth["noise"].to_numpy(), record.index)
+    X = pd.DataFrame({"temperature": air}, record.index)
+    model = DynamicBiasRegressor("temperature", degree=1).fit(X[:5000], y[:5000])
+    return model, X[5000:], y[5000:], 520
+
+
+@pytest.mark.parametrize("seed", [9700, 9701, 9702, 9703])
+def test_readings_after_an_excursion_are_not_signed_before_the_device_has_cooled(seed):
+    """The air is back in the fitted range at once. Where it alone was asked, all of them were signed."""
+    model, X, y, back = heated(seed)
+    told, u = model.predict(X, return_std=True)
+    after = slice(back, back + 180)
+    inside = np.abs(y - told)[after] <= coverage_factor(model.joint_errors().dof, 0.95) * u[after]
+    assert inside.mean() > 0.85
+    frame = model.uncertainty(X, y, allow_missing=True).frame()
+    air_inside = X["temperature"].between(*model.temperature_range_).to_numpy()
+    assert air_inside[after].mean() > 0.9
+    assert frame["status"].iloc[back : back + 60].eq("outside fitted range").all()
+    before = frame.iloc[:300][air_inside[:300]]
+    assert not before["status"].eq("outside fitted range").any()
+    live = OnlineCorrector(model, uncertainty=True).update_many(X, y)
+    np.testing.assert_allclose(live["u"], model.correct(X, y, return_std=True)[1], rtol=1e-6)
+
+
+def test_no_row_of_the_fitted_record_is_outside_of_it():
+    model, X, y, _ = learned_cold(9621)
+    assert (model.uncertainty(X[:4000], y[:4000]).frame()["u_extrapolation"] == 0).all()

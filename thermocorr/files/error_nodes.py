@@ -11,7 +11,8 @@ import numpy as np
 from ..effects import InitialTransient, LaggedCovariate
 from ..effects.protocol import Effect
 from ..effects.thermal import ThermalLag
-from ..estimators.uncertainty.joint import Beyond, JointErrors
+from ..estimators.uncertainty.beyond import Beyond
+from ..estimators.uncertainty.joint import JointErrors
 from ..estimators.uncertainty.noise_model import NoiseModel
 from ..records import History
 from ..records.grammar import LARGEST
@@ -57,8 +58,10 @@ def pack_errors(joint: JointErrors, own: Sequence[Effect], codec: EffectCodec) -
         and {
             "power": joint.beyond.power,
             "size": joint.beyond.size,
+            "weights": pack(joint.beyond.weights, "the temperatures inside the device"),
             "alike": pack(joint.beyond.alike, "what is like the next power"),
-            "weights": pack(joint.beyond.weights, "the temperature that the device acts by"),
+            "lowest": pack(joint.beyond.lowest, "their lowest values"),
+            "highest": pack(joint.beyond.highest, "their highest values"),
         },
     }
 
@@ -142,14 +145,23 @@ def _unpack_noise(node: Any, where: str) -> NoiseModel:
 
 
 def _unpack_beyond(node: Any, where: str, width: int) -> Beyond:
-    node = fields(node, where, ("power", "size", "alike", "weights"))
-    measured = np.eye(1, width)[0]  # of a file that knows no lag of what is curved
+    node = fields(node, where, ("power", "size", "weights", "alike", "lowest", "highest"))
     power = integer(node["power"], f"{where}.power", 2, MOST_POWER)
+    size = number(node["size"], f"{where}.size", 0.0, LARGEST**2)
+    if (
+        node["lowest"] is None
+    ):  # of a file that asks the temperature which the device acts by, where the measured is out
+        weights = np.eye(1, width)[0] if node["weights"] is None else _vector(node, "weights", where, width)
+        alike, ever = _vector(node, "alike", where, power), np.array([LARGEST])
+        return Beyond(power=power, size=size, weights=weights[None], alike=alike[None], lowest=-ever, highest=ever)
+    lowest = _vector(node, "lowest", where)
     return Beyond(
         power=power,
-        size=number(node["size"], f"{where}.size", 0.0, LARGEST**2),
-        alike=_vector(node, "alike", where, power),
-        weights=measured if node["weights"] is None else _vector(node, "weights", where, width),
+        size=size,
+        weights=_matrix(node, "weights", where, len(lowest), width),
+        alike=_matrix(node, "alike", where, len(lowest), power),
+        lowest=lowest,
+        highest=_vector(node, "highest", where, len(lowest)),
     )
 
 

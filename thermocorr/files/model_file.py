@@ -29,7 +29,7 @@ from .effect_nodes import EffectCodec
 from .model_nodes import pack_model, unpack_model
 
 FORMAT = "thermocorr model"
-VERSION = 11
+VERSION = 12
 LONGEST_MESSAGE = 400
 """Characters of what is said about a file's content, which may be anything."""
 HISTORY_ROWS = 4096
@@ -296,6 +296,17 @@ def _with_plain_curvature(node: dict[str, Any]) -> dict[str, Any]:
     return {**node, "version": 11, "model": {**model, "errors": errors}}
 
 
+def _with_measured_range(node: dict[str, Any]) -> dict[str, Any]:
+    """Version 11: only the measured temperature was asked whether it is beyond the fitted ones."""
+    model = node.get("model")
+    if not isinstance(model, dict):
+        raise ModelFileError("$.model is no object")
+    errors = model.get("errors")
+    if isinstance(errors, dict) and isinstance(errors.get("beyond"), dict):
+        errors = {**errors, "beyond": {"lowest": None, "highest": None, **errors["beyond"]}}
+    return {**node, "version": 12, "model": {**model, "errors": errors}}
+
+
 MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     0: _from_draft,
     1: _from_digest_inside,
@@ -308,6 +319,7 @@ MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     8: _without_gaps,
     9: _without_rules,
     10: _with_plain_curvature,
+    11: _with_measured_range,
 }
 """Version -> what makes of its content that of the next version."""
 

@@ -22,6 +22,9 @@ MEMORIES = 5.0
 """Correlation times of its noise that a record must last for the size of that noise to be known."""
 WANDERS = 0.05
 """Wandering share of the residual variance from which on, without a diagnosis, a model counts as incomplete."""
+EXTRAPOLATED = 0.1
+"""Share of the variance of a corrected reading from which on it is outside the fitted range, though the measured
+temperature is inside: a part of the device is not."""
 
 
 def uncertainty_of(
@@ -68,6 +71,8 @@ def uncertainty_of(
         inputs[rows] = record.input_variance(rows)
         shared[rows] = errors.shared + lost
         fine = "provisional" if why_provisional else "signed"
+        outside = errors.extrapolation > EXTRAPOLATED * errors.of_readings(noise)
+        flags[flags.are("") & outside] = "outside fitted range"
         flags[flags.are("")] = fine
         status[rows] = flags
     fixed, own = sensor_variance(model, record, sensor)

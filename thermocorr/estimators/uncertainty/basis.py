@@ -53,6 +53,10 @@ class Basis:
     segment: np.ndarray
     begins: np.ndarray
     count: np.ndarray
+    inside: tuple[float, float]
+    """Lowest and highest fitted temperature, about the reference [K]."""
+    time_constants: np.ndarray
+    """Those of the model's lags of the temperature [s], also where a whole grid of lags stands for them here."""
     rows: int
     """Rows of a bin."""
     groups: list[np.ndarray]
@@ -101,10 +105,13 @@ def basis_of(model: Any, bins: Binned, offset: float) -> Basis:
         free, starts = np.flatnonzero(~decays), columns[:, decays] @ model.coef_[fitted]
     usual = float(np.median(bins.count[bins.count > 0]))  # of readings: a record may have few, or nothing but bursts
     known = bins.count >= usual / 2
+    low, high = model.temperature_range_
     return Basis(
         effects=effects, history=history, own=own, columns=columns[known][:, free], free=free, width=columns.shape[1],
         reading=(bins.reading - starts)[known], offset=offset, segment=bins.segment[known],
         begins=bins.begins[known], count=bins.count[known], rows=max(1, round(usual)),
+        inside=(low - model.reference_temperature_, high - model.reference_temperature_),
+        time_constants=model.time_constants_,
         searched=not own and len(grid) > 0, slow=_slower(effects, grid, usual_longest)[free],
         in_fit=np.array([fitted_names.index(names[i]) if names[i] in fitted_names else -1 for i in free]),
         groups=[group[free] for group in _priors(effects, model.features_.effect_list())],

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...effects.protocol import Effect
 from ...records import History
+from .beyond import Beyond
 from .noise_model import NoiseModel, dof_of_average
 
 UNKNOWN = (
@@ -15,24 +16,6 @@ UNKNOWN = (
     "several processes, with a fleet as its prior, or to readings that count differently. Fit it again with "
     "DynamicBiasRegressor.fit, to a record of its own, to have uncertainties."
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Beyond:
-    """The next power of the static law, which the model leaves out: what it may do outside the fitted temperatures."""
-
-    power: int
-    size: float
-    """Root mean square of its coefficient, from estimate and standard error [reading per K^power]."""
-    alike: np.ndarray
-    """Combination of the lower powers that is like it inside, from the zeroth on, shape (power,)."""
-    weights: np.ndarray
-    """What the columns of `effects` make of the temperature that the device acts by, shape (p,): its lags included."""
-
-    def error(self, columns: np.ndarray) -> np.ndarray:
-        """Standard error of what the power may do in rows of columns, shape (n, p) [reading]."""
-        powers = (columns @ self.weights)[:, None] ** np.arange(self.power + 1)
-        return np.asarray((powers[:, -1] - powers[:, :-1] @ self.alike) * self.size)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from ...effects import StaticPolynomial, ThermalLag
 from ...equations import RidgeSolution
 from ..fitting import Swept
 from ..time_constants.spectrum import TOLERANCE
 from .basis import Basis, basis_of
-from .joint import UNKNOWN, Beyond, JointErrors
+from .beyond import beyond_of
+from .joint import UNKNOWN, JointErrors
 from .noise_model import NoiseModel
 from .restricted import BandSums, Restricted
 from .scaled import ScaledBasis, within_bins
@@ -28,8 +28,6 @@ NEGLIGIBLE = 0.05
 """Share of an average below which the basis with bodies slower than a twelfth of the record, or the one without, is
 left out: a ratio of evidences of e^3, "strong" (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995). Its logarithm is -2.9 to
 0.8 in random walks of 5000 rows, and 24 to 84 in 1200 rows of white noise and a device that has such a body."""
-MOST_MOVED = 1.1
-"""Standard deviation of the temperature inside a device, over that outside, above which it is none."""
 SIZES = 200
 """Moments at which the size of a noise that changes with time is kept."""
 
@@ -110,7 +108,7 @@ class Way:
             dof=found.freedom(form[np.ix_(basis.free, basis.free)] * scale[:, None] * scale),
             usual=float(np.sum((form @ half) * half)), mean=mean, noise=noise, last=last,
             end=float(basis.begins.max()), last_segment=int(basis.segment[np.argmax(basis.begins)]),
-            representation=self.tolerated, beyond=_beyond(basis, scaled, sums, coef),
+            representation=self.tolerated, beyond=beyond_of(basis, scaled, sums, coef),
         )  # fmt: skip
 
 
@@ -149,32 +147,3 @@ def _end_correlations(basis: Basis, scaled: ScaledBasis, noise: NoiseModel) -> n
     with np.errstate(under="ignore"):
         before = np.exp(-(basis.begins.max() - basis.begins)[:, None] / noise.correlation_times)
     return np.asarray(before * same[:, None])
-
-
-def _beyond(basis: Basis, scaled: ScaledBasis, sums: BandSums, coef: np.ndarray) -> Beyond | None:
-    """The next power of the temperature that the device acts by, as its linear law has it.
-
-    What is curved may lie deep inside, and feel the temperature late. Inside it moves no more than outside: where the
-    law says otherwise, as when the sensitivity is next to nothing, the measured temperature is taken.
-    """
-    first = basis.effects[0]
-    if not isinstance(first, StaticPolynomial) or first.degree < 1 or first.lowest_power > 1:
-        return None
-    power, slope = first.degree + 1, float(coef[1])
-    lags = [isinstance(effect, ThermalLag) for effect in basis.effects for _ in effect.names()]
-    weights = np.where(lags, coef[1:] / slope, 0.0) if abs(slope) > 0 else np.zeros(len(lags))
-    weights[0] = 1.0
-    felt = basis.columns @ np.concatenate(([0.0], weights))[basis.free]
-    if not np.std(felt) <= MOST_MOVED * np.std(basis.columns[:, 1]):
-        weights[1:], felt = 0.0, basis.columns[:, 1]
-    lower = felt[:, None] ** np.arange(power)
-    column = felt**power
-    alike = np.linalg.lstsq(lower, column, rcond=1e-10)[0]
-    rest = column - lower @ alike
-    if not float(np.linalg.norm(rest)) > 1e-9 * float(np.linalg.norm(column)):
-        return None
-    known = sums.beside(rest / scaled.size)
-    if known is None:
-        return None
-    size = float(np.hypot(known[0], np.sqrt(known[1]))) * scaled.unit
-    return Beyond(power=power, size=size, alike=alike, weights=weights)

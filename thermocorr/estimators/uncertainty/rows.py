@@ -23,7 +23,7 @@ class RowErrors:
     coefficients: np.ndarray
     """The bias: the rest of what the coefficients make, and the distance of the fit from the best estimate."""
     extrapolation: np.ndarray
-    """The bias, outside the fitted temperatures."""
+    """The bias, outside the fitted temperatures; those inside the device, as its lags have them, included."""
     noise: np.ndarray
     """Variance of the noise, over that of `NoiseModel.variance`."""
     shared: np.ndarray
@@ -102,7 +102,9 @@ class ErrorWalk:
         key : int or None
             Fitted segment that the rows belong to.
         """
-        joint = self.joint
+        joint, beyond = self.joint, self.joint.beyond
+        low, high = self.model.temperature_range_
+        outside = (temperature < low) | (temperature > high)
         Z = np.empty((len(columns), 1 + columns.shape[1]), order="F")
         Z[:, 0], Z[:, 1:] = 1.0, columns
         Z[:, ~self.used] = 0.0
@@ -112,16 +114,8 @@ class ErrorWalk:
         return RowErrors(
             level=level,
             coefficients=rest + distance**2 + joint.representation,
-            extrapolation=self._beyond(columns, temperature),
+            extrapolation=np.zeros(len(columns)) if beyond is None else beyond.variance(columns, outside),
             noise=joint.noise.size(seconds) ** 2,
             shared=np.einsum("ij,ij->i", Z @ joint.last, joint.fading(seconds, key)),
             columns=Z,
         )
-
-    def _beyond(self, columns: np.ndarray, temperature: np.ndarray) -> np.ndarray:
-        beyond = self.joint.beyond
-        low, high = self.model.temperature_range_
-        outside = (temperature < low) | (temperature > high)
-        if beyond is None or not outside.any():
-            return np.zeros(len(columns))
-        return np.asarray(np.where(outside, beyond.error(columns) ** 2, 0.0))
