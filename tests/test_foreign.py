@@ -260,6 +260,10 @@ def test_units_of_names():
         ("Temp. [°C]", "degC"), ("T (F)", "degF"), ("U / mV", "mV"), ("R [kΩ]", "kohm"), ("reading (raw)", ""),
         ("R [k\u2126]", "kohm"), ("x", ""),
         ("oven_temp_degC", "degC"), ("p [hPa]", "hPa"), ("a/b", ""),
+        ("f [mHz]", "mHz"), ("f [MHz]", "MHz"), ("f_uHz", "uHz"), ("R [M\u03a9]", "Mohm"), ("R [mOhm]", "mohm"),
+        ("I_pA", "pA"), ("B [nT]", "nT"), ("g [\u00b5Gal]", "uGal"), ("pH [pH]", ""), ("m [mg]", "mg"),
+        ("t [min]", "min"), ("tilt [\u00b5m/m]", "um/m"), ("alpha [1/K]", "1/K"), ("c [kg/m3]", "kg/m3"),
+        ("x [n/a]", ""), ("y [b/a]", ""),
     ):  # fmt: skip
         assert unit_of(name, None) == unit
 

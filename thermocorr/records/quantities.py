@@ -27,7 +27,7 @@ _WRITTEN = {-15: "f", -12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M"
 """Prefixes that are written."""
 _LARGEST = {
     "V": 6, "A": 6, "ohm": 9, "Ohm": 9, "\u03a9": 9, "S": 3, "F": 0, "H": 0, "Hz": 9, "W": 9, "J": 9, "Pa": 9, "bar": 3,
-    "N": 6, "T": 0, "m": 3, "g": 3, "s": 0, "rad": 0, "strain": 0,
+    "N": 6, "T": 0, "m": 3, "g": 3, "s": 0, "rad": 0, "strain": 0, "Gal": 0,
 }  # fmt: skip
 """Units that take prefixes, with the largest power of ten that people write with them."""
 _NO_PREFIX = ("pH",)

@@ -16,6 +16,8 @@ _SUFFIXES = {
     "m3m3": "m3/m3",
 }  # fmt: skip
 """Ending of a name, behind an underscore -> unit."""
+_ENDINGS = ("Hz", "ohm", "V", "A", "W", "Pa", "T", "Gal", "strain")
+"""Units that may end a name with any of the prefixes that they take, beside those endings."""
 _WRITTEN = {
     "°c": "degC", "℃": "degC", "deg c": "degC", "celsius": "degC", "c": "degC", "°f": "degF", "℉": "degF",
     "deg f": "degF", "fahrenheit": "degF", "f": "degF", "kelvin": "K", "°k": "K", "µv": "uV", "μv": "uV", "ω": "ohm",
@@ -35,6 +37,12 @@ _KNOWN = {unit: unit for unit in _SUFFIXES.values()}
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*(?:[\[(<](?P<inside>[^\[\]()<>]+)[\])>]|\s/\s*(?P<behind>\S+))\s*")
 _OHM_SIGN = str.maketrans({"\u2126": "\u03a9"})
 """The sign for ohm of its own, which looks like the capital letter."""
+_SIGNS = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u2126": "ohm", "\u03a9": "ohm"})
+"""Signs as they are written here."""
+_POWER = re.compile(r"(.*?[A-Za-z%])(\^?[23])?")
+"""A unit, and its power."""
+_UNDER = ("h", "min", "d")
+"""What may stand in a quotient of units beside those that are known."""
 
 
 def difference_unit(unit: str) -> str:
@@ -72,7 +80,8 @@ def unit_of(name: object, data: Any) -> str:
     if isinstance(noted, dict) and name in noted:
         return str(noted[name])
     text = str(name)
-    if "_" in text and (unit := _SUFFIXES.get(text.rsplit("_", 1)[-1], "")):
+    end = text.rsplit("_", 1)[-1]
+    if end != text and (unit := _SUFFIXES.get(end) or (_prefixed(end) if end.endswith(_ENDINGS) else "")):
         return unit
     return name_and_unit(text)[1]
 
@@ -108,11 +117,27 @@ def unit_of_text(text: str) -> str:
 
     Examples
     --------
-    >>> unit_of_text("mV"), unit_of_text("kΩ"), unit_of_text("reading")
-    ('mV', 'kohm', '')
+    >>> [unit_of_text(text) for text in ("mV", "kΩ", "mHz", "MHz", "µm/m", "reading")]
+    ['mV', 'kohm', 'mHz', 'MHz', 'um/m', '']
     """
     bare = text.strip()
-    return _KNOWN.get(bare) or _WRITTEN.get(bare.translate(_OHM_SIGN).lower(), "")
+    exact = _KNOWN.get(bare) or _prefixed(bare) or _WRITTEN.get(bare.translate(_OHM_SIGN).lower(), "")
+    return exact or _quotient(bare.translate(_SIGNS))
+
+
+def _prefixed(text: str) -> str:
+    """A unit with a prefix, as it is written here: capital and small letters mean what they do."""
+    unit = text.translate(_SIGNS)
+    unit = unit[:-3] + "ohm" if unit.endswith("Ohm") else unit
+    return unit if prefix_and_unit(unit)[0] else ""
+
+
+def _quotient(text: str) -> str:
+    """What is a unit over another, or over a power of one: um/m, kg/m3, 1/K."""
+    above, _, below = text.partition("/")
+    parts = [_POWER.fullmatch(part) for part in (above, below)]
+    known = [part is not None and (part[1] in (*_KNOWN, *_UNDER) or _prefixed(part[1]) != "") for part in parts]
+    return text if known[1] and (known[0] or above == "1") else ""
 
 
 def name_and_unit(text: str) -> tuple[str, str]:
