@@ -21,6 +21,8 @@ from .input_law import InputLaw
 
 Felt = tuple[np.ndarray | None, ...]
 """What the lags of each column feel of gaps, as a row of `Fading`; None where it is forgotten."""
+MANY = 0.1
+"""Share of the readings that gaps have spoilt, above which it is told beside their number."""
 
 
 class GapError:
@@ -163,12 +165,14 @@ def readings_left_out(record: Record, believed: Record) -> list[str]:
     if believed is record or record.filled:
         return []
     assert record.reading is not None and isinstance(believed.reading, LeftOut)
-    count = int(np.isfinite(np.asarray(record.reading[believed.reading.rows], float)).sum())
+    reading = np.asarray(record.reading[:], float)
+    count, known = (int(np.isfinite(some).sum()) for some in (reading[believed.reading.rows], reading))
     if not count:
         return []
+    share = f", {100 * count / known:.0f} % of all," if count > MANY * known else ""
     return [
         f"The temperature is not known in gaps of the record, and the device goes on to feel what it did there: "
-        f"{times_word(count, 'reading')} behind gaps {'is' if count == 1 else 'are'} not learned from. They are "
+        f"{times_word(count, 'reading')} behind gaps{share} {'is' if count == 1 else 'are'} not learned from. They are "
         "corrected as if it had been a straight line; max_gap=... starts afresh behind longer gaps."
     ]
 
