@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from numbers import Integral
 from typing import Any
 
@@ -269,7 +270,8 @@ def _by_cross_validation(
     )
     grid = factored.layout.grid
     if explicit is not None:
-        sets = [tuple(np.searchsorted(grid, times).tolist()) for times in explicit]
+        members = iter(np.searchsorted(grid, np.concatenate(explicit)).tolist())
+        sets = [tuple(islice(members, len(times))) for times in explicit]
         for alpha in alphas:
             cross.score_sets(sets, alpha)
             settings.say(f"alpha {alpha:.4g}: {len(sets)} sets done")
