@@ -32,7 +32,7 @@ from thermocorr import RecordError, RecordWarning
 from thermocorr.command.cli import main
 from thermocorr.command.stopping import StopSignal
 from thermocorr.command.table_lines import open_lines
-from thermocorr.foreign import HowToRead, as_runs, joined, read_log
+from thermocorr.foreign import HowToRead, as_runs, joined, read_log, read_logs
 from thermocorr.foreign.odd_numbers import SOME, nearly_numbers
 from thermocorr.records.files import FORMATS, Format
 from thermocorr.records.units import unit_of
@@ -231,6 +231,24 @@ def test_files_of_one_table_are_runs(written):
     assert table.frame["file"].tolist() == ["a.csv"] * N + ["b.csv"] * N and table.said == ("2 files, a run each",)
     with pytest.raises(RecordError, match="--join"):
         as_runs([paths[0], written("time,oven\n0,1\n60,2\n", "c.csv")], None, HowToRead())
+
+
+def test_files_of_a_logger_that_begins_a_new_one_each_day_are_one_log(written):
+    span = N * (TIMES[1] - TIMES[0])
+    paths = [written(plain(times=TIMES + k * span), f"{name}.csv") for name, k in (("b", 1), ("c", 2), ("a", 0))]
+    table = read_logs(paths, HowToRead())
+    times = pd.to_datetime(table.frame["time"])
+    assert list(table.frame) == ["time", "temperature", "reading"] and len(table.frame) == 3 * N
+    assert times.is_monotonic_increasing and table.said == ("3 files that follow on one another, one log",)
+    assert read_logs(paths, HowToRead(), apart=True).frame["file"].nunique() == 3
+
+
+@pytest.mark.parametrize("later", ["20 min", "-5 min", "0 min"])
+def test_files_with_a_pause_between_them_or_of_one_time_are_runs(written, later):
+    ends = N * (TIMES[1] - TIMES[0])
+    shift = pd.Timedelta(0) if later == "0 min" else ends + pd.Timedelta(later)
+    paths = [written(plain(), "a.csv"), written(plain(times=TIMES + shift), "b.csv")]
+    assert read_logs(paths, HowToRead()).said == ("2 files, a run each",)
 
 
 def test_files_of_two_loggers_are_joined_in_time(written):

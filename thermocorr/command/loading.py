@@ -69,7 +69,7 @@ def load_log(options: argparse.Namespace) -> Loaded:
         model = DynamicBiasRegressor("temperature", time_constants, options.degree, **learned)
         return Loaded(log, True, model, "voltage")
     how = how_to_read(options)
-    table = read_logs(options.log, how, join=options.join, time=options.time)
+    table = read_logs(options.log, how, join=options.join, time=options.time, apart=options.run == RUN)
     log = table.frame
     reading = require_column(log.columns, options.reading, "reading", ("reading",))
     thermometers = [
@@ -79,7 +79,7 @@ def load_log(options: argparse.Namespace) -> Loaded:
         raise RecordError(
             f"--reading and --temperature both name {reading!r}. The reading is what the instrument shows."
         )
-    of_files = RUN if len(options.log) > 1 and not options.join else None
+    of_files = RUN if len(options.log) > 1 and not options.join and RUN in log.columns else None
     run = of_files if options.run is None else require_column(log.columns, options.run, "run")
     stamped = isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex)
     how = replace(how, no_times=(*how.no_times, reading, *thermometers))

@@ -30,7 +30,10 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
 def add_column_options(parser: argparse.ArgumentParser) -> None:
     """Add what the columns of a whole log are, and what to do with several files."""
     parser.add_argument(
-        "--join", action="store_true", help="join several files by their times; without it, each is a run of its own"
+        "--join",
+        action="store_true",
+        help="join several files by their times; without it, files that follow on one another are one log, and others "
+        "are runs (with --run file in any case)",
     )
     columns = parser.add_argument_group("columns of the log")
     columns.add_argument(

@@ -1,8 +1,10 @@
-"""Several files as one log: one run each, or columns that belong together in time."""
+"""Several files as one log: those of a logger that begins a new one each day, a run each, or columns of one time."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,15 +23,28 @@ from .timed import time_column, with_times
 
 RUN = "file"
 """Column of the names of files, each a run."""
+FOLLOWS = 10.0
+"""Steps of a log after which, at most, the next file of the same logger begins."""
 
 
 def read_logs(
-    paths: Sequence[str | Path], how: HowToRead, *, join: bool = False, time: str | None = None
+    paths: Sequence[str | Path],
+    how: HowToRead,
+    *,
+    join: bool = False,
+    time: str | None = None,
+    apart: bool = False,
 ) -> ForeignTable:
-    """One file, or several: each a run, or joined by their times. Times of one file are left as they came."""
+    """One file, or several: joined by their times, one log where each goes on where another ends, else a run each.
+
+    Times of one file are left as they came; with `apart` each of several is a run in any case.
+    """
     if len(paths) == 1:
         return read_log(paths[0], how)
-    return (joined if join else as_runs)(paths, time, how)
+    if join:
+        return joined(paths, time, how)
+    runs = as_runs(paths, time, how)
+    return runs if apart else _following(runs, _time_name(runs.frame, time, how))
 
 
 def as_runs(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> ForeignTable:
@@ -60,6 +75,21 @@ def as_runs(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> Fo
     said = tuple(dict.fromkeys(word for table in tables for word in table.said))
     frame = pd.concat(parts, ignore_index=True)
     return ForeignTable(frame=frame, said=said).with_said(_with_units(frame, tables), f"{len(paths)} files, a run each")
+
+
+def _following(runs: ForeignTable, column: str | None) -> ForeignTable:
+    """Runs as one log, where each begins within a few steps of another's end; else as they are."""
+    if column is None or kind_of(times := runs.frame[column]) != "date" or times.isna().any():
+        return runs
+    parts = sorted((part for _, part in times.groupby(runs.frame[RUN], sort=False)), key=lambda part: part.iloc[0])
+    steps = pd.concat([part.diff() for part in parts]).dropna()
+    ends = pd.Series([after.iloc[0] - before.iloc[-1] for before, after in pairwise(parts)])
+    if not len(steps) or not (ends > pd.Timedelta(0)).all() or not (ends <= FOLLOWS * steps.median()).all():
+        return runs
+    frame = runs.frame.loc[np.concatenate([part.index for part in parts])].drop(columns=[RUN])
+    *said, _ = runs.said
+    one = replace(runs, said=tuple(said))
+    return one.with_said(frame.reset_index(drop=True), f"{len(parts)} files that follow on one another, one log")
 
 
 def joined(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> ForeignTable:
