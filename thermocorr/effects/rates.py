@@ -94,7 +94,8 @@ class Delay(Effect):
     thermal_rank = 2
     learned = {"delay_": "positive"}
     info = EffectInfo(
-        physics="Air, water or a heat front takes a fixed time from the thermometer to the device.",
+        physics="Air, water or a heat front takes a fixed time from the thermometer to the device; what a thermometer "
+        "hides that is slow by a few samples can look like it.",
         bench_check="Step the temperature at the thermometer: the reading stays where it is for the delay, and only "
         "then moves, at once; move the thermometer next to the device and the delay is gone.",
         formula="delay[d] = T(t - d) - T(t)",
