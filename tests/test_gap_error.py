@@ -225,7 +225,11 @@ def test_it_is_said_where_gaps_spoil_much_of_a_record():
     kept = (hours % 4000 < 3000) | (hours % 4000 > 3160)
     X = pd.DataFrame({"T": T}, pd.date_range("2024-01-01", periods=len(hours), freq="h"))[kept]
     with pytest.warns(RecordWarning, match=r"readings behind gaps, \d\d % of all, are not learned from"):
-        DynamicBiasRegressor("T", degree=1).fit(X, y[kept])
+        model = DynamicBiasRegressor("T", degree=1).fit(X, y[kept])
+    found = diagnose(model, X, y[kept])
+    assert found.best.kind == "log_ageing"
+    assert 0.1 < found.left.unjudged < 0.2 and found.left.unjudged_rms > 1.5 * found.residual_rms
+    assert f"{found.left.unjudged:.0%} of the readings are behind gaps" in " ".join(str(found).split())
 
 
 @pytest.mark.parametrize("kind", ["hysteresis", "step", "hinge", "lead"])

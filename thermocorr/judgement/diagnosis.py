@@ -31,7 +31,7 @@ from .lacking import lacking
 from .left import what_is_left
 from .levels import GAIN, RANKED
 from .pool import Pool
-from .residual import quiet_share, residuals_of
+from .residual import beyond_judgement, quiet_share, residuals_of
 from .together import as_one
 from .ways import searched
 from .when import Interval, intervals
@@ -114,7 +114,8 @@ def _conclude(
     residual, rms = residuals_of(model, read, search.pool.record)
     doubts = [[tried for tried in last if tried.uneven], [tried for tried in last if tried.copied]]
     labels = [[effect_text(tried.explanation.effect) for tried in first_of_each(doubt)] for doubt in doubts]
-    rest = what_is_left(search, residual, *labels)
+    share, apart = beyond_judgement(model, read)
+    rest = replace(what_is_left(search, residual, *labels), unjudged=share, unjudged_rms=apart)
     floor = rms if search.pool.rows.exact else min(rest.floor, rms)
     moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, causes)]
     quiet = rms * quiet_share(residual, search.pool.record, [(loud.start, loud.end) for loud in rest.loud])

@@ -68,6 +68,11 @@ class Left:
     """Step of the reading, in its unit, where what is left is no more than its rounding; else 0."""
     tails: float = 1.0
     """Rms of the model's residual, stretches of loud noise aside, over what nine tenths of it say of Gaussian noise."""
+    unjudged: float = 0.0
+    """Share of the readings that are behind gaps, or beside filled cells, and neither learned from nor judged; 0 where
+    they are few."""
+    unjudged_rms: float = 0.0
+    """Rms residual of these readings, in the unit of y."""
 
     @property
     def absurd(self) -> bool:

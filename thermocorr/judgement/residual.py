@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from ..estimators.gap_error import MANY
 from ..estimators.holdout import rms
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Block, Record
+from ..records.screen import LeftOut
 from ..records.thinned import Thinned
 
 
@@ -30,6 +33,24 @@ def residuals_of(model: DynamicBiasRegressor, read: Record, judged: Record) -> t
     for block, values in _blocks(model, read, judged):
         residual[block.rows] = values
     return residual, single_rms(residual, judged) if isinstance(judged, Thinned) else rms(residual)
+
+
+def beyond_judgement(model: DynamicBiasRegressor, read: Record) -> tuple[float, float]:
+    """Share of the readings that gaps or filled cells have spoilt, where it is large, and the rms that is left of them.
+
+    (0, 0) where they are few. They are neither learned from nor judged, and corrected all the same.
+    """
+    if not isinstance(read.reading, LeftOut):
+        return 0.0, 0.0
+    spoilt, known = np.zeros(read.n_rows, bool), np.isfinite(np.asarray(read.reading.column[:], float))
+    spoilt[read.reading.rows] = known[read.reading.rows]
+    if not spoilt.sum() > MANY * known.sum():
+        return 0.0, 0.0
+    left = [
+        values[spoilt[block.rows]]
+        for block, values in model.residual_blocks(replace(read, reading=read.reading.column))
+    ]
+    return float(spoilt.sum() / known.sum()), rms(np.concatenate(left))
 
 
 def _averages(model: DynamicBiasRegressor, read: Record, judged: Thinned) -> tuple[np.ndarray, float]:

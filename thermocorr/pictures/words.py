@@ -163,6 +163,12 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
     `unit` is that of the reading, in the letters or in the signs of print.
     """
     said = []
+    if left.unjudged:
+        said.append(
+            f"{left.unjudged:.0%} of the readings are behind gaps or beside filled cells, and neither learned from "
+            f"nor judged: there the model leaves {quantity_text(left.unjudged_rms, unit)} rms. What it lacks may be "
+            "what makes it feel gaps for so long."
+        )
     if left.structured:
         said.append(
             f"What is left wanders by {quantity_text(left.wandering, unit)} and remembers for about "
