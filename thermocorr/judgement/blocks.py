@@ -93,6 +93,10 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
     edges = np.cumsum([0, *(effect.n_columns() for effect in effects)]).tolist()
     most = sum(-(-segment.n_rows // width) for segment in record.segments)
     means, n = np.empty((most, edges[-1]), order="F"), 0  # at once: memory in small pieces costs more than its use
+    known = [
+        own.exact.get(said(e)) if isinstance(own, Thinned) and own.exact_rows == width else None for own, e in pairs
+    ]
+    at = 0
     states: list[Any] = []
     for block in record.blocks(_rows(width, rows), starts=own_starts(record)):
         if block.start == record.segments[block.segment].start:
@@ -103,11 +107,12 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
         count = np.diff(starts, append=len(block)) if even else np.add.reduceat(share, starts)
         share_of_one, kept = 1 / np.maximum(count, 1), slice(None) if count.all() else count > 0
         first, n = n, n + int(np.count_nonzero(count))
+        at, before = at + len(starts), at
         for i, (own, effect) in enumerate(pairs):
-            if isinstance(own, Thinned) and said(effect) in own.exact:
-                columns = own.exact[said(effect)][block.rows]
-            else:
-                columns, states[i] = effect.columns(block if own is record else block.of(own), states[i])
+            if (exact := known[i]) is not None:
+                means[first:n, edges[i] : edges[i + 1]] = exact[before:at][kept]
+                continue
+            columns, states[i] = effect.columns(block if own is record else block.of(own), states[i])
             columns = np.asarray(columns).reshape(len(block), edges[i + 1] - edges[i])
             if not even:
                 columns = columns * share[:, None]
@@ -146,7 +151,7 @@ def said(effect: Effect) -> str:
     return f"{type(effect).__name__}{sorted(effect.get_params(deep=False).items())}"
 
 
-def with_exact(short: Thinned, record: Record, effects: Sequence[Effect]) -> Thinned:
+def with_exact(short: Thinned, record: Record, effects: Sequence[Effect], n_stretches: int) -> Thinned:
     """A thinned record that knows the averages of these effects' columns, from one pass through the longer one.
 
     A fast lag of averaged temperatures is not the average of the lag: it would leave an error that looks like noise.
@@ -154,17 +159,19 @@ def with_exact(short: Thinned, record: Record, effects: Sequence[Effect]) -> Thi
     assert record.reading is not None
     for effect in effects:
         effect.learn(record)
+    width = stretch_of(short, n_stretches)
+    places = np.concatenate([short.places[segment.start : segment.stop : width] for segment in short.segments])
     edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
-    sums, counts = np.zeros((short.n_rows, edges[-1])), np.zeros(short.n_rows)
+    sums, counts = np.zeros((len(places), edges[-1])), np.zeros(len(places))
     for step in walk(effects, record, starts=own_starts(record)):
         known = np.isfinite(np.asarray(record.reading[step.block.rows], float))
-        place = np.searchsorted(short.places, step.block.places, side="right") - 1
+        place = np.searchsorted(places, step.block.places, side="right") - 1
         starts = np.flatnonzero(np.diff(place, prepend=-1))
         sums[place[starts]] += np.add.reduceat(step.columns * known[:, None], starts, axis=0)
         counts[place[starts]] += np.add.reduceat(known.astype(float), starts)
-    means = sums / np.maximum(counts, 1)[:, None]
-    exact = {said(effect): means[:, low:high] for effect, (low, high) in zip(effects, pairwise(edges), strict=True)}
-    return replace(short, exact=exact)
+    sums /= np.maximum(counts, 1)[:, None]
+    exact = {said(effect): sums[:, low:high] for effect, (low, high) in zip(effects, pairwise(edges), strict=True)}
+    return replace(short, exact=exact, exact_rows=width)
 
 
 def spans(data: Averages, record: Record) -> np.ndarray:

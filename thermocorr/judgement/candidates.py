@@ -25,7 +25,7 @@ from ..records.states import is_state, parted_state, state, states_of
 from ..records.thinned import Thinned, thinned
 from ..records.types import kind_of
 from .blocks import filled, with_exact
-from .levels import COPY, MOST_ROWS, MOST_SOUND, SAME_NOISE, SMALL_STEPS, TIME_LIKE
+from .levels import COPY, FINE, MOST_ROWS, MOST_SOUND, SAME_NOISE, SMALL_STEPS, TIME_LIKE
 
 
 def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Effect] = ()) -> Record:
@@ -76,7 +76,7 @@ def suspect_record(
     found = filled(replace(short, columns=kept, known_moments={}), used=read.columns)
     if isinstance(found, Thinned) and short is not read and not isinstance(read, Thinned):
         own = [clone(effect) for effect in (*exactly, *model.features_.effect_list())]
-        return with_exact(found, read, own)
+        return with_exact(found, read, own, FINE)
     return found
 
 

@@ -38,7 +38,9 @@ class Thinned(Record):
     unseen: float = 0.0
     """Variance of the residual inside the rows, which their averages do not show."""
     exact: dict[str, Floats] = field(default_factory=dict, repr=False)
-    """Averages of the columns of some effects, which were computed in the longer record: shape (n, k) each."""
+    """Averages of the columns of some effects over stretches of `exact_rows` of these rows, none of which crosses from
+    one segment into the next, computed in the longer record: shape (stretches, k) each."""
+    exact_rows: int = 0
 
     def first_stamp(self) -> float:
         """Absolute time of the longer record's first row."""
@@ -72,46 +74,47 @@ def thinned(record: Record, columns: Mapping[Any, Any], most: int) -> tuple[Reco
         Share of each further column that is neither missing nor absurd; 0 for one that never changes.
     """
     width = max(1, -(-record.n_used // most))
-    parts: dict[Any, list[Floats]] = {name: [] for name in (*record.columns, *columns)}
     if width == 1:
         return _in_memory(record, columns)
+    n = sum(-(-(high - low) // width) for segment in record.segments for low, high in _chunks(record, segment, width))
+    own: dict[Any, Floats] = {name: np.empty(n) for name in (*record.columns, *columns)}
     looked = {name: _Looked() for name in columns}
-    readings, counts, seconds, places, ends, segments = [], [], [], [], [], []
-    began, at = record.first_stamp(), 0
+    reading, seconds = np.empty(n), np.empty(n)
+    counts, places, ends = (np.empty(n, np.intp) for _ in range(3))
+    segments, began, at = [], record.first_stamp(), 0
     for segment in record.segments:
         first = at
         for low, high in _chunks(record, segment, width):
             rows = record.rows(low, high)
             starts = np.arange(0, high - low, width)
             sizes = np.diff(np.append(starts, high - low))
+            into = slice(at, at + len(starts))
             for name, column in record.columns.items():
-                parts[name].append(np.add.reduceat(np.asarray(column[rows], float), starts) / sizes)
+                own[name][into] = np.add.reduceat(np.asarray(column[rows], float), starts) / sizes
             for name, column in columns.items():
                 values = looked[name].sound(np.asarray(column[rows], float))
-                parts[name].append(_known_means(values, starts)[0])
-            means, known = _known_means(np.asarray(record.reading[rows], float), starts)  # type: ignore[index]
-            readings.append(means)
-            counts.append(known)
-            seconds.append(np.add.reduceat(record.times.seconds(rows, began), starts) / sizes)
-            places.append(low + starts)
-            ends.append(low + starts + sizes)
-            at += len(starts)
+                own[name][into] = _known_means(values, starts)[0]
+            values = np.asarray(record.reading[rows], float)  # type: ignore[index]
+            reading[into], counts[into] = _known_means(values, starts)
+            seconds[into] = np.add.reduceat(record.times.seconds(rows, began), starts) / sizes
+            places[into] = low + starts
+            ends[into] = places[into] + sizes
+            at = into.stop
         segments.append(Segment(first, at, segment.run))
-    own = {name: np.concatenate(part) for name, part in parts.items()}
     short = Thinned(
-        times=_times(record, np.concatenate(seconds), began),
+        times=_times(record, seconds, began),
         temperature_name=record.temperature_name,
         columns=own,
         segments=tuple(segments),
-        reading=np.concatenate(readings),
+        reading=reading,
         notes=record.notes,
         refused=record.refused,
-        counts=np.concatenate(counts),
+        counts=counts,
         began=began,
         step=record.usual_step(),
         lengths=tuple(record.duration(segment) for segment in record.segments),
-        places=np.concatenate(places),
-        ends=np.concatenate(ends),
+        places=places,
+        ends=ends,
     )
     return short, {name: each.share(record.n_used) for name, each in looked.items()}
 
