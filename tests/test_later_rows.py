@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from effect_records import temperatures
 
-from thermocorr import DiffusiveFeatures, RecordError
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, RecordError, load_model, save_model
 
 LONG = 3000
 KINDS = ["dates", "dates with zone", "spans", "seconds"]
@@ -140,3 +140,20 @@ def test_kinds_of_times_that_differ_are_refused(fitted, given):
         model, other = model.set_params(time=None, sampling_period=15), other.assign(t=0.0)
     with pytest.raises(RecordError, match="times of kind"):
         model.transform(other)
+
+
+@pytest.mark.parametrize("history_rows", [200, None])
+@pytest.mark.parametrize("later", [0.0, 0.5, 60.0, 3600.0])
+def test_another_log_that_counts_its_seconds_from_its_own_start_is_not_the_fitted_one(tmp_path, history_rows, later):
+    """In a thinned record each time between kept rows passed for a fitted row: no flag, and states of the other log."""
+    seconds = 60.0 * np.arange(LONG)
+    one, other = (pd.DataFrame({"temperature": temperatures(LONG, seed).round(1), "s": seconds}) for seed in (1, 2))
+    other.loc[0, "temperature"] = one.loc[0, "temperature"]  # by chance
+    reading = one["temperature"] + np.random.default_rng(0).normal(0, 0.1, LONG)
+    model = DynamicBiasRegressor(time="s", time_constants=[300.0, 6000.0]).fit(one, reading)
+    save_model(model, tmp_path / "model.json", history_rows=history_rows)
+    again, new = load_model(tmp_path / "model.json"), other.assign(s=seconds + later)
+    assert (again.flags(new)[:300] == "washout").all()
+    assert np.isnan(again.predict(new, return_std=True)[1][:300]).all()
+    for rows in (slice(0, LONG), slice(1234, 1300)):  # the fitted ones
+        assert not (again.flags(one[rows]) == "washout").any()

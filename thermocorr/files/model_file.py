@@ -63,8 +63,9 @@ def save(
     history_rows : int or None, default 4096
         Rows of the fitted record to keep. They serve one thing: new data that *begin in the middle* of the fitted
         record take their states from them, exactly where the record has no more rows than this, else with the
-        temperature as a straight line between kept rows. Data that repeat the fitted record from the start of a
-        segment, or follow on it, are exact always. None keeps all that the model has.
+        temperature as a straight line between kept rows; they are known by the kept rows among them. Data that repeat
+        the fitted record from the start of a segment, or follow on it, are exact always. None keeps all that the model
+        has.
     data : (X, y), optional
         The record that the model was fitted to: its digest is noted in the file. Without it, that of the kept rows is.
     force : bool, default False

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,9 @@ HISTORY_ROWS = 1 << 17
 """Rows kept of a fitted record. Longer records are thinned; the state at their end is exact all the same."""
 VARY = 0.05
 """Share of the usual step by which steps differ that vary: more than stamps that are rounded or late by a little."""
+
+PROOFS = 16
+"""Rows of one time that are compared, to tell a fitted record from another log by the same clock."""
 
 State = Any
 
@@ -168,10 +172,9 @@ class History:
         replay: dict[int, int | None] = {}
         seen: set[object] = set()
         for number, segment in enumerate(record.segments):
-            row = record.row(segment.start)
-            gone = {name for name, errors in record.filled.items() if np.isfinite(errors[row])}
-            values = {name: np.nan if name in gone else column[row] for name, column in record.columns.items()}
-            tied = self.tie(record.stamp(segment.start), segment.run, values, segment.run not in seen)
+            values = _values(record, record.row(segment.start))
+            held = partial(self._holds, record=record, segment=segment)
+            tied = self.tie(record.stamp(segment.start), segment.run, values, segment.run not in seen, held)
             seen.add(segment.run)
             if tied is not None:
                 starts[number] = tied[0]
@@ -180,7 +183,12 @@ class History:
         return record, starts, replay
 
     def tie(
-        self, stamp: float, run: object, values: Mapping[object, float], first_of_run: bool
+        self,
+        stamp: float,
+        run: object,
+        values: Mapping[object, float],
+        first_of_run: bool,
+        held: Callable[[int], bool] | None = None,
     ) -> tuple[SegmentStart, int | None] | None:
         """Tie a segment to the fitted ones by its first row; None for one that starts afresh.
 
@@ -189,6 +197,9 @@ class History:
         stamp, run, values : time, run and columns of the segment's first row
         first_of_run : bool
             Whether no segment of its run came before it.
+        held : callable, optional
+            Whether a fitted segment holds rows of this one, where more than the first row is known. A clock that says
+            so proves little: each log of an instrument may count its seconds from its own start.
 
         Returns
         -------
@@ -211,15 +222,36 @@ class History:
             known = {name: value for name, value in values.items() if value == value}  # those filled tell nothing
             if any(known.get(name, kept[row]) != kept[row] for name, kept in self.record.columns.items()):
                 return None
+            if held is not None and not held(key):
+                return None
             if row == start:
                 return SegmentStart(key, zero, None), None
             return SegmentStart(key, zero, self.step_before(key, stamp)), row
         step = self.step_before(key, stamp)
         hole = self.between(self.record.stamp(row), self._stamp_before(row))
         passed_over = self.record.is_skipped(row - 1)
-        if self.stride > 1 or passed_over or hole > 1.5 * self.usual_step:  # rows that were left out of the fit
+        if passed_over or hole > 1.5 * self.stride * self.usual_step:  # rows that were left out of the fit
+            return SegmentStart(key, zero, step), row
+        if self.stride > 1 and held is not None and held(key):  # rows that were not kept
             return SegmentStart(key, zero, step), row
         return None
+
+    def _holds(self, key: int, record: Record, segment: Segment) -> bool:
+        """Whether rows of a segment are those of a fitted one: of rows of one time, some, most have the same values."""
+        kept, (begin, end, _) = self.record, self.record.segments[key]
+        first, last = record.stamp(segment.start), record.stamp(segment.stop - 1)
+        low = bisect_left(range(end), first, begin, key=kept.stamp)
+        high = bisect_right(range(end), last, begin, key=kept.stamp)
+        sides = (kept, low, high), (record, segment.start, segment.stop)
+        (one, start, stop), (other, at, until) = sorted(sides, key=lambda side: side[2] - side[1])
+        met = equal = 0
+        for k in np.unique(np.linspace(start, stop - 1, PROOFS).astype(int)).tolist() if stop > start else ():
+            place = bisect_left(range(until), one.stamp(k), at, key=other.stamp)
+            if place < until and other.stamp(place) == one.stamp(k):
+                met += 1
+                ours, theirs = _values(one, one.row(k)), _values(other, other.row(place))
+                equal += all(ours[name] == theirs[name] or np.isnan(ours[name] + theirs[name]) for name in ours)
+        return equal > 0 and 2 * equal >= met
 
     def _segment_before(self, stamp: float, run: object) -> int | None:
         """The fitted segment of this run that starts last among those that start no later than `stamp`."""
@@ -277,8 +309,8 @@ class History:
                     same = values[there] == value if value == value else np.isnan(values[there])
                     candidates = candidates[same | (candidates + ahead >= len(values))]
         whole = [c for c in candidates if numbers[c] - first.start + record.n_rows <= self.n_fitted]
-        partial = [c for c in candidates if numbers[c] - first.start + record.n_rows > self.n_fitted]
-        for candidate in (*whole[:64], *partial[:64]):
+        longer = [c for c in candidates if numbers[c] - first.start + record.n_rows > self.n_fitted]
+        for candidate in (*whole[:64], *longer[:64]):
             first_row = int(numbers[candidate]) - first.start
             overlap = min(self.n_fitted - first_row, record.n_rows)
             if overlap < record.n_rows and not any(len(np.unique(values[candidate:])) > 16 for values in kept.values()):
@@ -311,3 +343,9 @@ class History:
             np.array_equal(np.asarray(record.columns[name][rows], float), values[inside], equal_nan=True)
             for name, values in self.record.columns.items()
         )
+
+
+def _values(record: Record, row: int) -> dict[object, float]:
+    """What is known of a row, by column: NaN where a cell was filled."""
+    gone = {name for name, errors in record.filled.items() if np.isfinite(errors[row])}
+    return {name: np.nan if name in gone else float(column[row]) for name, column in record.columns.items()}
