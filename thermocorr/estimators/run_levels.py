@@ -87,9 +87,7 @@ def run_levels(features: DiffusiveFeatures, record: Record, always: bool) -> Run
                 "holds one level at a time. Fit a model for each of them, or pass run_offset='same' if they are one "
                 "measurand."
             )
-    zero = record.first_stamp()
-    gaps = [(before.ends, after.begins) for before, after in pairwise(runs)]
-    times = tuple(record.times.between((end + start) / 2, zero) for end, start in gaps)
+    times = _between(runs, record)
     if always:
         return RunLevels(times)
     return RunLevels(
@@ -98,6 +96,18 @@ def run_levels(features: DiffusiveFeatures, record: Record, always: bool) -> Run
         f"(run_offset='each'); one for all would leave {np.sqrt(better):.3g} times the residual. Pass "
         "run_offset='same' if they are one measurand.",
     )
+
+
+def moments_between_runs(record: Record) -> tuple[float, ...]:
+    """Middle of the pause between each two runs that have readings [s since the record began]; none if some overlap."""
+    runs = sorted((run for run in _runs(record) if run.has_readings), key=lambda run: run.begins)
+    return _between(runs, record) if all(a.ends < b.begins for a, b in pairwise(runs)) else ()
+
+
+def _between(runs: Sequence[_Run], record: Record) -> tuple[float, ...]:
+    """Middle of the pauses between runs that do not overlap, in order [s since the record began]."""
+    zero = record.first_stamp()
+    return tuple(record.times.between((before.ends + after.begins) / 2, zero) for before, after in pairwise(runs))
 
 
 class _Run(NamedTuple):

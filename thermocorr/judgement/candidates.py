@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ..effects import CATALOGUE
+from ..effects import CATALOGUE, SeveralSteps
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.checked import check_columns
 from ..estimators.regressor import DynamicBiasRegressor
+from ..estimators.run_levels import moments_between_runs
 from ..records import Log, ParquetLog, Record, RecordWarning, read_record
 from ..records.errors import listing
 from ..records.log import SomeColumns
@@ -25,7 +26,7 @@ from ..records.states import is_state, parted_state, state, states_of
 from ..records.thinned import Thinned, thinned
 from ..records.types import kind_of
 from .blocks import filled, with_exact
-from .levels import COPY, FINE, MOST_ROWS, MOST_SOUND, SAME_NOISE, SMALL_STEPS, TIME_LIKE
+from .levels import COPY, FINE, MANY_STARTS, MOST_ROWS, MOST_SOUND, SAME_NOISE, SMALL_STEPS, TIME_LIKE
 
 
 def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Effect] = ()) -> Record:
@@ -150,6 +151,9 @@ def candidates_of(record: Record, exclude: Collection[str], further: Any) -> lis
         if effects.tried and kind not in exclude
         for effect in effects.candidates(record, columns)
     ]
+    between = moments_between_runs(record)
+    if SeveralSteps.kind not in exclude and 1 < len(between) < MANY_STARTS:  # one alone is among the steps at any row
+        found.append(SeveralSteps(list(between)))
     for item in further:
         if isinstance(item, type) and issubclass(item, Effect):
             found += item.candidates(record, columns)
