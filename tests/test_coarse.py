@@ -66,3 +66,14 @@ def test_nothing_missing_is_not_said_beside_absurd_tails():
     found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
     assert found.verdict == "unexplained" and found.left.absurd
     assert "A few readings make most of the residual" in str(found) and "white noise" not in str(found)
+
+
+def test_heavy_tails_are_nothing_that_could_be_explained():
+    record, truth = make_record(5000, seed=1, return_truth=True)
+    X, noise = record[["temperature"]], np.random.default_rng(1).standard_t(3, 5000)
+    y = truth["noise_free"] + 0.2 * noise / np.sqrt(3)
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert (
+        found.verdict == "nothing missing"
+        and found.explainable < 0.05 < 1 - (found.noise_floor / found.residual_rms) ** 2
+    )

@@ -224,3 +224,15 @@ def test_what_acts_through_all_runs_is_no_level_of_theirs(kind):
     X, y = record.drop(columns="reading"), record["reading"]
     found = diagnose(DynamicBiasRegressor("temperature", run="run").fit(X, y), X, y)
     assert [cause.effect.kind for cause in found.causes] == [kind]
+
+
+def test_a_reading_of_a_run_that_was_never_seen_may_be_at_any_of_the_levels():
+    """Corrected readings keep their level, and are as sure as ever."""
+    X, y = two_runs(apart=40.0)
+    model = fitted(X, y)
+    assert len(model.run_levels_.times) == 1
+    new = X[-500:].assign(run="c").set_axis(X.index[-500:] + pd.Timedelta("1 D"))
+    unknown, known = (model.predict(some, return_std=True)[1] for some in (new, X[-500:]))
+    np.testing.assert_allclose(unknown[-100:], 40.0, rtol=0.02)
+    assert known.max() < 2 * NOISE
+    assert model.correct(new, y[-500:].set_axis(new.index), return_std=True)[1][-100:].max() < 2 * NOISE

@@ -308,3 +308,15 @@ def test_a_sensor_is_a_sensor(fitted, settings):
         model.uncertainty(X, None)
     with pytest.raises(ValueError, match="share between 0 and 1"):
         model.predict_interval(X, "95 %")
+
+
+@pytest.mark.parametrize("seed", [21, 22])
+def test_noise_that_goes_with_the_temperature_is_not_taken_to_stay_what_it_was_last(seed):
+    """The fitted part ends in the cold, where the noise is small: later it may be as large as it was at any time."""
+    X, clean, _ = device(6000, seed, np.zeros(6000))
+    warm = (X["temperature"] - X["temperature"].min()) / np.ptp(X["temperature"])
+    y = clean + 0.2 * 8.0**warm * np.random.default_rng(seed).standard_normal(6000)
+    cold = int(np.argmin(warm.rolling(200).mean()[3500:5000])) + 3500
+    model = DynamicBiasRegressor("temperature", TIMES, degree=1).fit(X[:cold], y[:cold])
+    u = model.predict(X, return_std=True)[1]
+    assert u[cold - 100 : cold].mean() < 0.8 * model.residual_std_ and u[cold + 100 :].min() > 0.9 * model.residual_std_

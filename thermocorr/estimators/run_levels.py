@@ -158,6 +158,22 @@ def unlearned(model: Any, X: Any, known: np.ndarray) -> np.ndarray:
     return np.asarray(~labels.isin(labels[np.isfinite(known)].unique()))
 
 
+def level_variance(model: Any) -> float:
+    """Variance of the levels of a fitted model's runs about the last one, which later rows get; 0 for one level.
+
+    What the level of a run that was never seen may be off by, as far as the fitted runs tell.
+    """
+    if not model.run_levels_.times:
+        return 0.0
+    steps, at = [], 0
+    for effect in model.features_.effect_list():
+        if isinstance(effect, SeveralSteps) and tuple(effect.times) == model.run_levels_.times:
+            steps = model.coef_[at : at + effect.n_columns()].tolist()
+        at += effect.n_columns()
+    levels = np.concatenate(([0.0], np.cumsum(steps)))
+    return float(np.sum((levels - levels[-1]) ** 2) / max(len(levels) - 1, 1))
+
+
 def _gain(features: DiffusiveFeatures, record: Record) -> float:
     """Residual variance with one level over that with a level for each run; 1 where the runs cannot tell."""
     longest = max(record.duration(segment) for segment in record.segments)

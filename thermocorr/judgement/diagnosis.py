@@ -119,6 +119,8 @@ def _conclude(
     floor = rms if search.pool.rows.exact else min(rest.floor, rms)
     moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, causes)]
     quiet = rms * quiet_share(residual, search.pool.record, [(loud.start, loud.end) for loud in rest.loud])
+    if not causes:  # what heavy tails add to the rms is no structure
+        quiet /= max(rest.tails, 1.0)
     found = as_one([_cause(cause, when) for cause, when in zip(causes, moments, strict=True)], search.pool.record)
     named = {cause.tried.key for cause in causes}
     others = causes[0].others if causes else last

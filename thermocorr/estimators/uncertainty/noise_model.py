@@ -53,8 +53,17 @@ class NoiseModel:
         return float(self.wander @ self.correlation_times) / total if total > 0 else 0.0
 
     def size(self, seconds: np.ndarray) -> np.ndarray:
-        """Size of the noise at times [s], over that of the variances; the last one known for what comes later."""
-        return np.interp(seconds, self.size_seconds, self.sizes) if len(self.sizes) else np.ones(len(seconds))
+        """Size of the noise at times [s], over that of the variances.
+
+        For what comes later, and before: the nearest one known, and its root mean square over the record at least. Of a
+        noise that went on growing nothing better is known; one that goes with the temperature will be large again.
+        """
+        if not len(self.sizes):
+            return np.ones(len(seconds))
+        known = np.interp(seconds, self.size_seconds, self.sizes)
+        usual = float(np.sqrt(np.mean(self.sizes**2)))
+        apart = (seconds < self.size_seconds[0]) | (seconds > self.size_seconds[-1])
+        return np.asarray(np.where(apart, np.maximum(known, usual), known))
 
     @property
     def dof(self) -> float:

@@ -13,6 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ...records import RecordWarning
 from ..fitted import FittedModel
+from ..run_levels import level_variance
 from ..threads import one_blas_thread
 from .assessed import too_short, uncertainty_of, why_incomplete
 from .budget import coverage_factor
@@ -172,9 +173,13 @@ class SignedModel(FittedModel):
         record, _, _ = self.judged(X)
         values, result = np.full(record.n_rows, np.nan), np.full(record.n_rows, np.nan)
         walk = ErrorWalk(self, joint, removed=of != "reading")
+        runs = {segment.run for segment in self.features_.history_.record.segments}
+        of_levels = level_variance(self) if of == "reading" else 0.0
         for block, value, errors in walk.blocks(record):
             variance = errors.bias if of == "bias" else errors.of_readings(joint.noise)
             variance[self.block_flags(block, None).are("washout")] = np.nan
+            if record.segments[block.segment].run not in runs:  # its level is not known
+                variance += of_levels
             if reading is not None:
                 value = self.believed(block, reading[block.rows]) - value
                 variance[np.isnan(value)] = np.nan
