@@ -8,6 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr.datasets import make_record
 from thermocorr.equations.spikes import spikes
 
 

@@ -13,6 +13,7 @@ from sklearn.base import clone
 from ..effects import CATALOGUE, SeveralSteps
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
+from ..equations.statistics import white_part
 from ..estimators.checked import check_columns
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.run_levels import moments_between_runs
@@ -26,7 +27,18 @@ from ..records.states import is_state, parted_state, state, states_of
 from ..records.thinned import Thinned, thinned
 from ..records.types import kind_of
 from .blocks import filled, with_exact
-from .levels import COPY, FINE, MANY_STARTS, MOST_ROWS, MOST_SOUND, SAME_NOISE, SMALL_STEPS, TIME_LIKE
+from .levels import (
+    COPY,
+    FINE,
+    HELD_OUT_BLOCKS,
+    MANY_STARTS,
+    MOST_ROWS,
+    MOST_SOUND,
+    OF_NOISE,
+    SAME_NOISE,
+    SMALL_STEPS,
+    TIME_LIKE,
+)
 
 
 def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Effect] = ()) -> Record:
@@ -63,6 +75,15 @@ def suspect_record(
     suspects = {name: _recorded(X, name) for name in columns if name not in read.columns}
     short, sound = thinned(read, suspects, most or MOST_ROWS)
     values = {name: short.columns[name] for name in suspects if sound[name] > MOST_SOUND}
+    holey = [name for name in suspects if 0 < sound[name] <= MOST_SOUND]
+    if holey:
+        least = 1 - max(sound[name] for name in holey)
+        warnings.warn(
+            f"{listing(holey)}: no number in {least:.0%} of the rows or more. Not under suspicion. Where the holes are "
+            "short, fill them first: X[column].interpolate().",
+            RecordWarning,
+            stacklevel=3,
+        )
     known = {name: column for name, column in values.items() if not _clock(column, short)}
     copies = [name for name, column in known.items() if _is_reading(column, short)]
     if copies:
@@ -115,18 +136,26 @@ def _clock(column: np.ndarray, read: Record) -> bool:
 
 
 def _is_reading(column: np.ndarray, read: Record) -> bool:
-    """Whether a column is the reading in other units: a cause never explains all of the noise too."""
+    """Whether a column is the reading in other units, or rounded: a cause never explains all of the noise too."""
     reading = np.asarray(read.reading, float)
     sound = np.isfinite(column) & np.isfinite(reading)
     if len(column) != len(reading) or sound.sum() < 3 or not np.ptp(column[sound]) or not np.ptp(reading[sound]):
         return False
-    if np.corrcoef(reading[sound], column[sound])[0, 1] ** 2 < 1 - COPY:
+    left = 1 - np.corrcoef(reading[sound], column[sound])[0, 1] ** 2
+    if left < OF_NOISE and left * np.var(reading[sound]) < OF_NOISE * _white(reading[sound]):  # counts, a rounded copy
+        return True
+    if left > COPY:
         return False
     steps, own = np.diff(reading[sound]), np.diff(column[sound])  # a setpoint has nothing of the reading's noise
     small = np.abs(steps) <= np.quantile(np.abs(steps), SMALL_STEPS)
     if not np.ptp(steps[small]) or not np.ptp(own[small]):
         return False
     return bool(np.corrcoef(steps[small], own[small])[0, 1] ** 2 > SAME_NOISE)
+
+
+def _white(reading: np.ndarray) -> float:
+    """Variance of the white noise in most parts of a reading: a pause, or a jump, is in few of them."""
+    return float(np.median([white_part([part]) for part in np.array_split(reading, HELD_OUT_BLOCKS) if len(part)]))
 
 
 def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:
