@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import warnings
 from types import SimpleNamespace
 
 import numpy as np
@@ -87,6 +88,21 @@ def test_contributions_that_cancel_are_told(tmp_path):
     model, _ = fitted(time_constants=[1e4, 1.02e4, 1.04e4])
     with pytest.warns(RecordWarning, match="cancel"):
         export_c(model, tmp_path)
+
+
+@pytest.mark.parametrize(("level", "told"), [(1e7, True), (100.0, False)])
+def test_readings_that_are_coarse_in_single_precision_are_told(tmp_path, level, told):
+    """A counter at 10 MHz with a noise of 1 mHz: the code gave exactly 10 MHz for each of its readings."""
+    rng = np.random.default_rng(0)
+    X = pd.DataFrame({"temperature": 23 + np.cumsum(0.01 * rng.standard_normal(500))})
+    y = pd.Series(level + 0.05 * X["temperature"] + 1e-3 * rng.standard_normal(500), name="f [Hz]")
+    model = DynamicBiasRegressor("temperature", ["5 min"], sampling_period="1 min", degree=1).fit(X, y)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", RecordWarning)
+        export_c(model, tmp_path / "single")
+        export_c(model, tmp_path / "double", "double", name="twice")
+    said = [str(each.message) for each in caught if "single precision" in str(each.message)]
+    assert len(said) == told and all("steps of 1 Hz" in text and "dtype='double'" in text for text in said)
 
 
 def test_bad_parameters(tmp_path, simple):

@@ -14,6 +14,7 @@ from ..effects import StaticPolynomial
 from ..estimators.cancellation import Cancellation
 from ..files import Outputs
 from ..records import RecordWarning, seconds_of
+from ..records.quantities import quantity_text
 from ..records.units import difference_unit
 from .c99 import C99
 from .composer import Composer, refuse
@@ -33,6 +34,8 @@ from .target import Dtype, Target
 
 _ROUNDINGS = 4.0
 """Roundings of each contribution that may add up: of its coefficient, its column, their product and the sum."""
+_FINE_STEP = 0.5
+"""Step of the readings in single precision, over their noise, from which on it is told: it adds 1 % to the noise."""
 
 
 def export_c(
@@ -165,6 +168,7 @@ def _trial(model: Any, firmware: Firmware, parts: Sequence[tuple[Any, np.ndarray
     spread = max(float(np.ptp(bias)), getattr(getattr(model, "reading_", None), "std", 0.0))
     if target.single:
         _warn_of_lost_digits(Cancellation(size, spread))
+        _warn_of_coarse_readings(model)
     flags = expected_flags(firmware, given, float(model.washout_))
     return Trial(given, bias, flags, tolerance(firmware, bias, size))
 
@@ -176,6 +180,24 @@ def _warn_of_lost_digits(found: Cancellation) -> None:
         warnings.warn(
             f"{found} Single precision may be wrong by {rounding * found.reach:.1g}. Export with dtype='double', or "
             "fit fewer time constants (or with a ridge penalty, alpha).",
+            RecordWarning,
+            stacklevel=5,  # whoever calls export_c
+        )
+
+
+def _warn_of_coarse_readings(model: Any) -> None:
+    """Warn where the readings themselves have steps in single precision that are not small beside their noise."""
+    reading, noise = getattr(model, "reading_", None), getattr(model, "residual_std_", 0.0)
+    if reading is None or not noise > 0:
+        return
+    largest = abs(reading.mean) + reading.std
+    step = float(np.spacing(np.float32(largest)))
+    if step > _FINE_STEP * noise:
+        said, fine, noisy = (quantity_text(value, reading.unit) for value in (largest, step, noise))
+        warnings.warn(
+            f"A reading of {said} has steps of {fine} in single precision, and the noise is {noisy}: corrected "
+            "readings lose what the correction gains. Export with dtype='double' (--double), or take the bias that the "
+            "code tells off in double precision.",
             RecordWarning,
             stacklevel=5,  # whoever calls export_c
         )
