@@ -277,3 +277,19 @@ def test_what_many_fits_say_is_said_once(work):
             refine(model, X, y) if work == "refine" else later_errors({"model": model}, X, y)
     said = [" ".join(str(one.message).split()[:2]) for one in caught]
     assert sorted(said) == ["Sampling has", "The temperature"]
+
+
+@pytest.mark.parametrize("seed", [31, 32, 33, 34])
+def test_what_nobody_saw_in_regular_dead_times_is_no_cause(seed):
+    """25 rows, then 19 missed, over and over, in a room that moves as fast: leads were told of it, and waves."""
+    rng, n = np.random.default_rng(seed), 5000
+    T = 22 + lfilter([0.05], [1, -1.92, 0.945], rng.standard_normal(n + 500))  # it rings within 40 rows
+    late = lfilter([0.05], [1, -0.95], T - T[0]) + T[0]
+    X = pd.DataFrame({"temperature": T}, pd.date_range("2024-01-01", periods=n + 500, freq="min"))
+    y = pd.Series(8 * T - 5 * late + rng.standard_normal(n + 500), X.index)
+    kept = (np.arange(n + 500) % 44 < 25) & (np.arange(n + 500) >= 500)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RecordWarning)
+        found = diagnose(DynamicBiasRegressor("temperature").fit(X[kept], y[kept]), X[kept], y[kept])
+    assert not found.causes and found.left.in_gaps > 0.3
+    assert "What the temperature did in gaps may have moved" in " ".join(str(found).split())

@@ -31,7 +31,7 @@ from .lacking import lacking
 from .left import what_is_left
 from .levels import GAIN, RANKED
 from .pool import Pool
-from .residual import beyond_judgement, quiet_share, residuals_of
+from .residual import beyond_judgement, felt_in_gaps, quiet_share, residuals_of
 from .together import as_one
 from .ways import searched
 from .when import Interval, intervals
@@ -93,7 +93,8 @@ def diagnose(
         seen, read = as_fitted(model, X), record_of(model, X, y, given_effects(suspects))
         base = ThermalBase.of(model, read)
         record = suspect_record(model, read, X, y, columns, [*base.effects, *base.slow])
-        pool = Pool(model, record, base, candidates_of(record, (*exclude, *DATED), suspects))
+        candidates = candidates_of(record, (*exclude, *DATED), suspects)
+        pool = Pool(model, record, base, candidates, felt_in_gaps(model, read, base.slowest))
         search, causes, last = searched(pool, [kind for kind in ANYWHERE if kind not in exclude])
         missing = [cause for cause in map(_not_silently, causes) if not cause.tried.explanation.in_model]
         missing = missing or lacking(model, search, exclude)

@@ -16,7 +16,7 @@ from ..effects import Delay, Periodic
 from .anywhere import filtered, waves
 from .choice import WAVE, Tried
 from .dated import DATED, dated, tries
-from .levels import DIFFERENT, LEVEL, LOOKS, OF_PRODUCTS, SCATTER
+from .levels import DIFFERENT, IN_GAPS, LEVEL, LOOKS, OF_PRODUCTS, SCATTER
 from .likelihood import Comparison, Fit
 from .pool import Explanation, Key, Pool
 from .shifts import Shifts, delays
@@ -47,6 +47,9 @@ class Family:
         """Columns of the explanations, as data not learned from are judged on."""
         self.best: set[int] = set()
         """Numbers of what was the best of its kind in some look, or was taken in."""
+        floor = judged.innovation * float(np.median(pool.data.counts)) * judged.unit**2
+        self.unseen = IN_GAPS * pool.felt_in_gaps / (2 * floor) if floor > 0 else 0.0
+        """Log likelihood that one explanation may gain by what the temperature did in gaps."""
         self.add(pool.explanations)
         keys = [explanation.key for explanation in self.tried]
         self.sizes = {key: keys.count(key) for key in dict.fromkeys(keys)}
@@ -113,8 +116,15 @@ class Family:
         return [i for i in range(len(self.tried)) if self.judged.width(i)]
 
     def price(self, i: int) -> float:
-        """What an explanation's columns, tuned parameters and the choice of them gain by chance (Schwarz 1978)."""
-        return 0.5 * math.log(self.judged.n) * self.judged.width(i) + self.price_of_tuning(i)
+        """What an explanation's columns, tuned parameters and the choice of them gain by chance (Schwarz 1978).
+
+        By the temperature, or at moments or periods that were looked for, it may gain as well what it tells of gaps
+        that nobody saw.
+        """
+        effect = self.tried[i].effect
+        sought = self.tried[i].key[0] in ANYWHERE or not effect.of_time_alone
+        unseen = self.unseen if sought and not effect.inputs() else 0.0
+        return 0.5 * math.log(self.judged.n) * self.judged.width(i) + self.price_of_tuning(i) + unseen
 
     def price_of_tuning(self, i: int) -> float:
         """What the tuned parameters and the choice of them gain by chance."""

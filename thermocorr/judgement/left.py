@@ -68,6 +68,8 @@ class Left:
     """Step of the reading, in its unit, where what is left is no more than its rounding; else 0."""
     tails: float = 1.0
     """Rms of the model's residual, stretches of loud noise aside, over what nine tenths of it say of Gaussian noise."""
+    in_gaps: float = 0.0
+    """Rms of what the temperature may have done in gaps to judged readings, in the unit of y; 0 where it is small."""
     unjudged: float = 0.0
     """Share of the readings that are behind gaps, or beside filled cells, and neither learned from nor judged; 0 where
     they are few."""
@@ -102,6 +104,7 @@ def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (
     times = pool.spacing * judged.bands.times
     structured = bool(judged.wanders and not (pool.rows.exact or search.rounded) and wandering > WANDERS * floor)
     seconds = pool.data.seconds
+    in_gaps = float(np.sqrt(pool.felt_in_gaps / pool.data.counts.sum()))
     middle = pool.rows.weighed(np.arange(judged.n) >= judged.n // 2)
     drift = pool.rows.weighed(seconds / max(float(np.ptp(seconds)), 1e-300))
     return Left(
@@ -114,6 +117,7 @@ def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (
         copied=tuple(copied),
         spikes=_spikes(pool),
         loud=loud,
+        in_gaps=in_gaps if in_gaps > WANDERS * floor else 0.0,
         rounding=pool.rounding if search.rounded else 0.0,
         tails=_tails(quiet_rows(residual, pool.record, [(each.start, each.end) for each in loud])),
         thermometers=pool.thermometers if structured else pd.DataFrame(),

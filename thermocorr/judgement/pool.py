@@ -76,8 +76,17 @@ def _times(effect: ThermalLag | InitialTransient) -> np.ndarray:
 class Pool:
     """A record, the base that explanations are judged beside, and the explanations."""
 
-    def __init__(self, model: DynamicBiasRegressor, record: Record, thermal: ThermalBase, candidates: Sequence[Effect]):
+    def __init__(
+        self,
+        model: DynamicBiasRegressor,
+        record: Record,
+        thermal: ThermalBase,
+        candidates: Sequence[Effect],
+        felt_in_gaps: float = 0.0,
+    ):
         self.model, self.record = model, record
+        self.felt_in_gaps = felt_in_gaps
+        """Sum over the readings of what the temperature may have done to them in gaps, in the unit of y squared."""
         base, slow, least = thermal.effects, thermal.slow, thermal.slowest
         step = record.usual_step()
         candidates = [e for e in candidates if not (isinstance(e, ThermalLag) and _times(e).max(initial=0.0) <= least)]

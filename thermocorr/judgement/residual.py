@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..estimators.gap_error import MANY
+from ..estimators.gap_error import MANY, GapError
 from ..estimators.holdout import rms
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Block, Record
@@ -51,6 +51,22 @@ def beyond_judgement(model: DynamicBiasRegressor, read: Record) -> tuple[float, 
         for block, values in model.residual_blocks(replace(read, reading=read.reading.column))
     ]
     return float(spoilt.sum() / known.sum()), rms(np.concatenate(left))
+
+
+def felt_in_gaps(model: DynamicBiasRegressor, read: Record, slowest: float) -> float:
+    """Sum of the variances of the judged readings by what the temperature did in gaps, in the unit of y squared.
+
+    By lags up to the `slowest` [s]: slower ones may be there for a drift, and have weights that no body has. 0 where
+    gaps have spoilt no reading: what is left of them in others is small.
+    """
+    if not isinstance(read.reading, LeftOut):
+        return 0.0
+    laws = [
+        replace(law, weights=np.where(law.time_constants <= slowest, law.weights, 0.0))
+        for law in model.gap_error().laws
+    ]
+    variance = GapError(laws, model.features_.history_.gaps).of_record(read, {})
+    return 0.0 if variance is None else float(variance[np.isfinite(read.reading[:])].sum())
 
 
 def _averages(model: DynamicBiasRegressor, read: Record, judged: Thinned) -> tuple[np.ndarray, float]:
