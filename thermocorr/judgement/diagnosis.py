@@ -130,7 +130,7 @@ def _conclude(
         spoiled=bool(search.pool.record.refused) and not model.screen,
     )
     ranked = [*found, *(_other(tried, search) for tried in listed[: RANKED - len(found)])]
-    where, allan = where_it_fails(model, search.pool.record, residual, floor)
+    where, allan = where_it_fails(model, search.pool.record, residual, rms, floor)
     beside = dict.fromkeys(ranked[0].effect.inputs() if ranked else ())
     shown = seen.columns if is_frame(seen) else range(np.shape(seen)[1])
     return Diagnosis(

@@ -249,9 +249,14 @@ def thermometer_sentences(left: Any, unit: str) -> list[str]:
     return said
 
 
+def share_of_samples(row: Any) -> float:
+    """Share of the samples that lie in a row of `Diagnosis.where`; NaN where none of the error is beyond the noise."""
+    return float(row.share / row.lift) if row.lift else np.nan
+
+
 def worst_sentence(row: Any) -> str:
     """The first place of `Diagnosis.where`, for a printed page."""
     return (
         f"Where it fails most: {place_text(row)}: {row.share:.0%} of the error beyond the noise in "
-        f"{row.share / row.lift:.0%} of the samples."
+        f"{share_of_samples(row):.0%} of the samples."
     )
