@@ -11,9 +11,11 @@ import numpy as np
 import pandas as pd
 
 from ..effects import Disturbance
+from ..effects.wrap import as_effects
 from ..estimators.verdicts import VERDICTS
 from ..records.quantities import quantity_text, quantity_texts, span_text, span_texts
 from ..records.text import printable
+from .protocols import RefinementLike
 
 MINUS = "\u2212"
 YEARLY = 200 * 86_400.0
@@ -255,6 +257,26 @@ def thermometer_sentences(left: Any, unit: str) -> list[str]:
 def share_of_samples(row: Any) -> float:
     """Share of the samples that lie in a row of `Diagnosis.where`; NaN where none of the error is beyond the noise."""
     return float(row.share / row.lift) if row.lift else np.nan
+
+
+def further_text(refinement: RefinementLike) -> str:
+    """The effects of the model that a refinement keeps; empty where it is the given one, or has none."""
+    if len(refinement.steps) < 2:
+        return ""
+    return ", ".join(effect_text(effect) for _, effect in as_effects(refinement.model_.effects))
+
+
+def kept_sentence(refinement: RefinementLike) -> str:
+    """Which model is to be used, and what it leaves on later blocks; empty where that is the given one."""
+    effects = further_text(refinement)
+    if not effects:
+        return ""
+    before, now = refinement.steps["later_rms"].iloc[[0, -1]].tolist()
+    said = f"The model to use from here has {effects}"
+    if not np.isfinite([now, before]).all():
+        return f"{said}."
+    left, instead = quantity_texts((now, before), refinement.diagnoses[0].unit)
+    return f"{said}: it misses later blocks by {left} rms, {f'not {instead}' if now < before else f'{instead} before'}."
 
 
 def worst_sentence(row: Any) -> str:
