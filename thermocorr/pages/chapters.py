@@ -70,12 +70,14 @@ def variants(comparison: VariantComparison, title: str) -> Section:
             for name in figures.index[figures.iloc[:, chosen].notna().any(axis=1)]
         ]
         tables.append((("variant", *names[chosen]), rows))
-    held = figures["held_out_reduction_db"].dropna()
-    compared = ["static nonlinear", "dynamic nonlinear"]
+    both = figures.reindex(["static nonlinear", "dynamic nonlinear"])[["held_out_rms", "held_out_reduction_db"]]
     return section(
         "variants",
         title,
-        held=[float(held[name]) for name in compared] if held.index.isin(compared).sum() == 2 else [],
+        left=both["held_out_rms"].tolist() if both["held_out_rms"].notna().all() else [],
+        lowered=both["held_out_reduction_db"].tolist() if np.isfinite(both["held_out_reduction_db"]).all() else [],
+        scale=scale,
+        unit=comparison.unit,
         tables=tables,
         caption=comparison.caption(unit_text(scale.unit)),
     )
