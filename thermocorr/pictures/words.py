@@ -119,8 +119,9 @@ def suspect_sentence(suspect: Any) -> str:
     physics = suspect.effect.info.physics if suspect.effect.info is not None else ""
     return (
         (
-            f"{suspect.effect.title()}: {STANDINGS[suspect.standing]}; explains {suspect.share:.0%} of the structured "
-            f"variance, gain {suspect.gain_db:.2f} dB on held-out blocks and {suspect.later_db:.2f} dB on later data, "
+            f"{suspect.title or suspect.effect.title()}: {STANDINGS[suspect.standing]}; "
+            f"explains {suspect.share:.0%} of the structured variance, gain {suspect.gain_db:.2f} dB on "
+            f"held-out blocks and {suspect.later_db:.2f} dB on later data, "
             f"error probability {probability_text(suspect.p_value)}{tie}. {when_text(suspect)} {physics}"
         )
         .replace(".  ", ". ")
@@ -182,7 +183,8 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
     elif left.rounding:
         said.append(
             "What is left is no more than the rounding of the reading, in steps of "
-            f"{quantity_text(left.rounding, unit)}: more digits would tell more."
+            f"{quantity_text(left.rounding, unit)}. That follows all that the reading does: error "
+            "probabilities prove nothing here. More digits would tell more."
         )
     elif not left.uneven and not left.absurd:
         beside = "" if VERDICTS[verdict].calm or VERDICTS[verdict].unknown else "Beside these causes, w"
