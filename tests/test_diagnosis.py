@@ -341,7 +341,8 @@ def test_differences_of_temperatures_in_degf_are_said_in_degf(tmp_path):
         assert not re.search(r"(?<![A-Za-z])K(?![A-Za-z])", text)
     source = export_c(told, tmp_path).paths[1].read_text()
     assert "ppm/degF" in source and "/K" not in source
-    assert f"width {found.best.width:.3f} \u00b0F" in html and "rate [degF/h]" in " ".join(cells)
+    assert f"width {found.best.width:.3f} \u00b0F" in html and "rate [\u00b0F/h]" in " ".join(cells)
+    assert "degF" not in re.sub(r"<(pre|script).*?</\1>", "", html, flags=re.S).replace("case [degF]", "")
 
 
 def test_the_data_are_read_once(monkeypatch):

@@ -23,6 +23,7 @@ from thermocorr import (
 )
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
+from thermocorr.pages.html import with_signs
 
 ROWS = 1500
 
@@ -289,7 +290,7 @@ def test_a_refined_model_is_said_to_be_another_than_the_one_that_the_judgement_s
     assert said.index("Before lagged covariate: humidity was added:") < said.index("Verdict: missing")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     leads = re.findall(r'<p class="lead">(.*?)</p>', page, flags=re.S)
-    assert leads[0] == kept and leads[1] == before
+    assert leads[:2] == [with_signs(kept), with_signs(before)]
     anything, cure = (re.search(rf'<section id="{name}">.*?</section>', page, re.S)[0] for name in ("anything", "cure"))
     assert re.findall('data-verdict="(.*?)"', anything) == ["nothing missing", "missing"]
     assert "has lagged covariate: humidity already" in cure and "Add the effect" not in cure

@@ -189,7 +189,7 @@ def _title(effect: Effect, scales: Scales) -> str:
     said = [name for name, what in parameters.items() if what in (SINCE_START, TEMPERATURE_DIFFERENCE)]
     if not said or any(isinstance(getattr(effect, name), list | tuple) for name in said):
         return effect.title()
-    return f"{effect_text(effect)}: {parameters_text(effect, scales)}"
+    return f"{effect_text(effect)}: {parameters_text(effect, scales, str)}"
 
 
 def _cause(cause: Cause, when: tuple[tuple[Any, Any], ...]) -> FoundSuspect:

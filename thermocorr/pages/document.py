@@ -17,7 +17,7 @@ from ..pictures.words import kept_sentence
 from . import chapters, figures
 from .charts import Chart, places
 from .data import PageData
-from .html import Section, asset, rendered, script_data, section
+from .html import Section, asset, rendered, script_data, section, with_signs
 from .sections import judged
 
 
@@ -93,7 +93,7 @@ def leads(data: PageData, findings: Findings) -> list[Any]:
     used = "" if refinement is None else kept_sentence(refinement)
     if used and advice:
         advice = f"(Before that: {advice})"
-    said: list[Any] = [*filter(None, (used, advice)), *data.warnings, data.record_sentence()]
+    said: list[Any] = [*map(with_signs, filter(None, (used, advice))), *data.warnings, data.record_sentence()]
     if refinement is not None and len(refinement.steps) > 1:
         said.append(chapters.in_short(refinement))
     return said

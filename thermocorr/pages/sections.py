@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from ..records.quantities import scale_of, span_text
 from ..records.units import difference_unit
 from .data import PageData
 from .figures import placed
-from .html import Section, plain, section, unit_text
+from .html import Section, plain, section, unit_text, with_signs
 
 SHOWN_PLACES = 8
 """Places of failure in the first table; the rest is folded."""
@@ -64,7 +64,7 @@ def anything(found: DiagnosisLike, figures: Markup, since: Since) -> Section:
         named=named,
         calm=VERDICTS[found.verdict].calm,
         said=HELPS if helps else VERDICTS[found.verdict].sentence,
-        left=" ".join(left_sentences(found.left, unit_text(found.unit), found.verdict)),
+        left=with_signs(" ".join(left_sentences(found.left, found.unit, found.verdict))),
         scale=scale_of((found.residual_rms, found.noise_floor), found.unit),
         largest=max(found.residual_rms, found.noise_floor) or 1.0,
         figures=figures,
@@ -142,8 +142,8 @@ class Scales(NamedTuple):
     temperature_unit: str
 
 
-def parameters_text(effect: Any, data: PageData | Scales) -> str:
-    """Parameters that have a unit, in words; moments of a record with dates as dates."""
+def parameters_text(effect: Any, data: PageData | Scales, said: Callable[[str], str] = unit_text) -> str:
+    """Parameters that have a unit, in words; moments of a record with dates as dates. `said` writes a unit."""
     parts = []
     for name, unit in (effect.info.parameters if effect.info is not None else {}).items():
         value = getattr(effect, name)
@@ -163,7 +163,7 @@ def parameters_text(effect: Any, data: PageData | Scales) -> str:
                 TEMPERATURE: data.temperature_unit,
                 TEMPERATURE_DIFFERENCE: difference_unit(data.temperature_unit),
             }
-            unit = unit_text(degrees.get(unit, unit))
+            unit = said(degrees.get(unit, unit))
             shown = [f"{plain(v, 3)} {unit}" for v in numbers]
         parts.append(f"{name.replace('_', ' ').removesuffix('s' if len(several) == 1 else '')} {', '.join(shown)}")
     return "; ".join(parts)

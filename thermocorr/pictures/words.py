@@ -20,6 +20,8 @@ from .protocols import RefinementLike
 MINUS = "\u2212"
 YEARLY = 200 * 86_400.0
 """Span of a record above which dates are written with their year [s]."""
+NOTHING = 1e-9
+"""Share of the other end of a range, below which an end is the rounding of 0."""
 MANY_SPIKES = 10
 """Spikes that are listed at most."""
 MANY_MOMENTS = 6
@@ -57,7 +59,9 @@ def ends_text(row: Any, span: float = 0.0) -> tuple[str, str]:
     if row.unit == "s":
         first, last = span_texts((row.low, row.high))
         return first, last
-    return f"{row.low:.4g}".replace("-", MINUS), f"{row.high:.4g}".replace("-", MINUS)
+    size = NOTHING * max(abs(row.low), abs(row.high))
+    least, most = (f"{0.0 if abs(end) < size else end:.4g}".replace("-", MINUS) for end in (row.low, row.high))
+    return least, most
 
 
 def interval_text(row: Any) -> str:
