@@ -162,7 +162,7 @@ class Effect(ParametersOnce):
         return self.names()
 
     def units(self) -> list[str]:
-        """Unit of each column; "" where it has none or where nobody knows."""
+        """Unit of each column; "" where it has none, "unit" where nobody knows that of a recorded one."""
         return [""] * self.n_columns()
 
     def explained(self, temperature: str) -> str:

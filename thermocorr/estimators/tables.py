@@ -43,7 +43,7 @@ def coefficient_table(
 def _per(reading: Reading, unit: str) -> str:
     unit = unit.replace("K", difference_unit(reading.temperature_unit))
     top = reading.unit or "1"
-    if not unit:
+    if not unit or (unit.startswith("unit") and not reading.unit):
         return reading.unit
     return f"{top}/({unit})" if set(unit) & {" ", "/"} else f"{top}/{unit}"
 
