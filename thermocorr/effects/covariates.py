@@ -67,6 +67,10 @@ class Covariate(Effect):
         unit = column_unit(self.column)
         return [(f"{unit}^{self.power}" if self.power > 1 and unit else unit)] * self.n_columns()
 
+    def means(self) -> dict[str, float]:
+        """Mean of the column, or of its power."""
+        return {Covariate.names(self)[0]: self.mean_}
+
     def _value(self, x: Signals) -> Any:
         return x[self.column] if self.power == 1 else x[self.column] ** self.power
 
@@ -205,6 +209,11 @@ class Interaction(Effect):
     def units(self) -> list[str]:
         """K times the column's unit where its name tells it, else "unit"."""
         return [f"K {column_unit(self.column)}".strip()]
+
+    def means(self) -> dict[str, float]:
+        """Means of the temperature and of the column."""
+        of_temperature = {column_text(self.temperature_name_): self.reference_temperature_}
+        return {**of_temperature, column_text(self.column): self.mean_}
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """Product of temperature and column, both less their means."""

@@ -63,6 +63,11 @@ class QuadraticCovariate(Effect):
         unit = column_unit(self.column)
         return [f"{unit}^2" if unit else ""]
 
+    def means(self) -> dict[str, float]:
+        """Mean of the column, and of the square of its distance from it."""
+        name = column_text(self.column)
+        return {name: self.mean_, f"({name} - its mean)^2": self.variance_}
+
     def signals(self, x: Signals) -> Sequence[Any]:
         """The square of the distance from the mean, less its own mean."""
         return [(x[self.column] - self.mean_) ** 2 - self.variance_]

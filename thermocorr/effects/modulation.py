@@ -92,6 +92,11 @@ class LaggedModulation(Effect):
         """K for the temperature, times the column's unit where its name tells it, else "unit"."""
         return [" ".join("K" if given is None else column_unit(given) for given in (self.fast, self.slow)).strip()]
 
+    def means(self) -> dict[str, float]:
+        """Means of both quantities."""
+        names = (column_text(self._name(given)) for given in (self.fast, self.slow))
+        return dict(zip(names, self.means_, strict=True))
+
     def signals(self, x: Signals) -> Sequence[Any]:
         """Product of the fast quantity and the lagged slow one, both less their means."""
         fast, slow = (x.T if given is None else x[given] for given in (self.fast, self.slow))

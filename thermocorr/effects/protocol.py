@@ -175,6 +175,10 @@ class Effect(ParametersOnce):
         """
         return self.info.formula if self.info else ""
 
+    def means(self) -> dict[str, float]:
+        """What the formula calls means, known after `learn`, by what they are of; they stand below the equation."""
+        return {}
+
     def signals(self, x: Signals) -> Sequence[Any]:
         """The formula: one expression over `x` for each of the `names`."""
         raise NotImplementedError
