@@ -252,7 +252,7 @@ def thermometer_sentences(left: Any, unit: str) -> list[str]:
             about = f"about {100 * float(f'{abs(row.gain_error):.1g}'):g}%"
             gain = f"is learned {about} too {'small' if row.gain_error < 0 else 'large'}"
             if row.resolution:
-                gain = f"may be off by {f'up to {about}' if row.gain_error < 1 else 'as much as itself'}"
+                gain = f"may be off by {about if row.gain_error < 1 else 'as much as itself'}"
             said.append(
                 f"For {whose} the static gain {gain}. "
                 "Readings are corrected as well as this thermometer allows; the gain itself is not to be quoted."
