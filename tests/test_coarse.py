@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -31,6 +34,34 @@ def test_the_rounding_of_a_reading_is_no_structure(swing, noise):
     found = diagnose(DynamicBiasRegressor("temperature").fit(X, reading), X, reading)
     assert found.verdict == "nothing missing" and found.left.rounding == 1.0
     assert "rounding of the reading, in steps of 1" in str(found)
+
+
+@pytest.mark.parametrize("seed", [0, 2, 5])
+def test_what_a_few_stretches_of_rounding_follow_is_nothing(seed):
+    """Structure that nothing explains was told of it, and a noise floor below what rounding alone makes."""
+    X, y, rng = device(4320, seed)
+    reading = (3.0 * y + 0.1 * rng.standard_normal(len(y))).round()
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, reading), X, reading)
+    doubted = replace(found.left, uneven=("hysteresis",))
+    assert found.left.rounding == 1.0 and not doubted.unknown and replace(doubted, rounding=0.0).unknown
+    assert found.noise_floor == found.residual_rms and found.explainable == 0
+    assert found.noise_floor >= 0.95 / np.sqrt(12)
+    said = str(found)
+    assert "error probabilities prove nothing here" in " ".join(said.split())
+    assert "A few stretches" not in said
+
+
+def test_moments_and_widths_of_suspects_are_said_as_on_the_page():
+    """A date where the record has dates, and the unit of a width: it said `step: 40500 s` and `width 0.5`."""
+    record = make_record(1500, effects={"step": 3.0, "hysteresis": 2.0}, sampling_period=60.0, seed=3)
+    X, y = record[["temperature"]], record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y), X, y)
+    titles = {suspect.effect.kind: suspect.title for suspect in found.suspects}
+    step = next(suspect for suspect in found.suspects if suspect.effect.kind == "step")
+    assert titles["step"] == f"step: time {X.index[0] + pd.Timedelta(step.effect.time, unit='s')}"
+    assert re.fullmatch(r"hysteresis: width \d\.\d+ K", titles["hysteresis"])
+    said = " ".join(str(found).split())
+    assert all(title in said for kind, title in titles.items() if kind in {c.effect.kind for c in found.causes})
 
 
 def test_an_effect_larger_than_the_rounding_is_found():

@@ -135,6 +135,23 @@ def test_the_place_of_a_hinge_is_found():
     assert parts["n"].sum() == N
 
 
+@pytest.mark.parametrize("n", [6000, 27_000])
+def test_the_rms_of_a_place_is_that_of_single_readings(n):
+    """Ranges of temperature together have the rms residual, whether rows or averages are judged; each has its own."""
+    record = make_record(n, effects={"hysteresis": 1.0}, seed=65)
+    X, y = record[["temperature"]], record["reading"]
+    model = DynamicBiasRegressor("temperature", ["10 min"], degree=1).fit(X, y)
+    found = diagnose(model, X, y)
+    for _, parts in found.where[found.where["aspect"].isin(["temperature", "rate"])].groupby("aspect"):
+        together = np.sqrt(np.average(parts["rms"] ** 2, weights=parts["n"]))
+        assert together == pytest.approx(found.residual_rms, rel=1e-9)
+    residual = model.residuals(X, y)
+    for row in each_row(found.where[found.where["aspect"] == "temperature"]):
+        inside = residual[X["temperature"].between(row.low, row.high)]
+        assert row.rms == pytest.approx(np.sqrt(np.mean(inside**2)), rel=0.08)  # averages near an end are in one of two
+    assert (found.where["share"] >= 0).all()
+
+
 def test_the_residual_is_held_against_white_noise():
     """A slow cause lifts long averaging times; the noise of short ones is white: within four standard deviations."""
     table = diagnose(*hidden({"lagged_covariate": 2.0}, 62)).allan
@@ -324,7 +341,8 @@ def test_differences_of_temperatures_in_degf_are_said_in_degf(tmp_path):
         assert not re.search(r"(?<![A-Za-z])K(?![A-Za-z])", text)
     source = export_c(told, tmp_path).paths[1].read_text()
     assert "ppm/degF" in source and "/K" not in source
-    assert f"width {found.best.width:.3f} \u00b0F" in html and "rate [degF/h]" in " ".join(cells)
+    assert f"width {found.best.width:.3f} \u00b0F" in html and "rate [\u00b0F/h]" in " ".join(cells)
+    assert "degF" not in re.sub(r"<(pre|script).*?</\1>", "", html, flags=re.S).replace("case [degF]", "")
 
 
 def test_the_data_are_read_once(monkeypatch):

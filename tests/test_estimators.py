@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 import tracemalloc
 
 import numpy as np
@@ -17,7 +18,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge, TimeConstantSearch
 from thermocorr.datasets import make_record
-from thermocorr.effects import Covariate, Effect, LaggedCovariate, StaticPolynomial
+from thermocorr.effects import Covariate, Effect, Interaction, LaggedCovariate, StaticPolynomial
 from thermocorr.estimators import regressor
 
 TIME_ORDER = "rows are samples in time: shuffled rows are another record, with other lags"
@@ -58,6 +59,37 @@ def test_lag_model_beats_static_to_the_noise(lab):
     noise = y.attrs.get("noise", X.attrs["noise"])
     assert static.residual_std_ > 2 * noise
     assert dynamic.residual_std_ < 1.05 * noise  # 4000 rows know their sd to 1.1 %
+
+
+def test_a_coefficient_beside_a_column_of_unknown_unit_is_per_unit_of_it(lab):
+    """It had the reading's unit alone, as an offset has."""
+    X, y = lab
+    X = X[["temperature", "humidity", "pressure"]].assign(**{"on=yes": (np.arange(len(X)) % 50 < 25).astype(float)})
+    X = X.rename(columns={"pressure": "pressure_hPa"})
+    effects = [Covariate(name) for name in ("humidity", "pressure_hPa", "on=yes")]
+    model = DynamicBiasRegressor(time_constants=(), degree=1, effects=[*effects, Interaction("humidity")])
+    units = model.fit(X, y.rename("reading_uV")).coef_table()["unit"]
+    assert units[["humidity", "pressure_hPa", "on=yes"]].tolist() == ["uV/unit", "uV/hPa", "uV"]
+    assert units["temperature*humidity"] == "uV/(K unit)"
+    assert set(model.fit(X, y.to_numpy()).coef_table()["unit"][["U0", "humidity"]]) == {""}
+
+
+def test_the_equation_gives_the_means_that_it_speaks_of(lab):
+    """Worked out by hand from what is printed, it predicts: ten digits of the means, six of the coefficients."""
+    X, y = lab
+    effects = [Covariate("humidity"), Covariate("pressure"), Covariate("humidity", 2), Interaction("humidity")]
+    model = DynamicBiasRegressor(time_constants=(), degree=1, effects=effects).fit(X, y)
+    said = model.equation()
+    assert said.count("less its mean (means: ") == 1
+    means = {}
+    for listed in re.findall(r"\(means: (.*)\)", said):
+        means |= {name: float(mean) for name, mean in (each.rsplit(" ", 1) for each in listed.split(", "))}
+    assert set(means) == {"humidity", "pressure", "humidity^2", "temperature"}
+    U0, T, humidity, pressure, square, product = (model.intercept_, *model.coef_)
+    T0, h = X["temperature"] - means["temperature"], X["humidity"] - means["humidity"]
+    worked_out = U0 + T * (X["temperature"] - model.features_.reference_temperature_) + humidity * h
+    worked_out += pressure * (X["pressure"] - means["pressure"]) + square * (X["humidity"] ** 2 - means["humidity^2"])
+    np.testing.assert_allclose(worked_out + product * T0 * h, model.predict(X), rtol=1e-6, atol=1e-6)
 
 
 def test_parts_add_up(lab):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from thermocorr import DynamicBiasRegressor, compare_variants, later_errors
 from thermocorr.datasets import make_record
-from thermocorr.estimators.later import BEFORE
+from thermocorr.estimators.later import BEFORE, LaterErrors
 
 
 def variants(X, y, time_constants=("5 min", "90 min")):
@@ -41,6 +44,18 @@ def test_a_dynamic_device_is_to_be_corrected_and_the_least_error_is_marked(devic
     assert found.helps("dynamic") and found.best == "dynamic"
     assert found.advice("dynamic").startswith("Use it: better in 5 of 5 later blocks")
     assert "dynamic *" in str(found) and "static *" not in str(found)
+
+
+def test_the_range_of_blocks_holds_what_all_of_them_leave():
+    """It said "1.03 uV rms (1 to 1)": two digits, unless they do not hold the value in three."""
+    blocks = [0.0000010281, 0.0000010314, 0.0000010337]
+    columns = [1, 2, 3, "all"]
+    rows = {BEFORE: [2e-6] * 4, "static": [2e-6] * 4, "dynamic": [*blocks, float(np.sqrt(np.mean(np.square(blocks))))]}
+    found = LaterErrors(table=pd.DataFrame(rows, index=columns).T, dynamic=("dynamic",), unit="V")
+    assert "leaves 1.03 uV rms (1.03 to 1.03)" in found.advice("dynamic")
+    wide = found.table.copy()
+    wide.loc["dynamic"] = [0.5e-6, 1.2e-6, 1.1e-6, 0.98e-6]
+    assert "(0.5 to 1.2)" in replace(found, table=wide).advice("dynamic")
 
 
 def test_what_has_no_memory_is_not_said_to_need_one():

@@ -15,7 +15,17 @@ from thermocorr import DynamicBiasRegressor, ParquetLog
 from thermocorr.datasets import make_record
 from thermocorr.effects import Disturbance, Events, Hinge, Hysteresis, SeveralSteps, Step
 from thermocorr.pages import Findings, PageData, document
-from thermocorr.pages.html import number, plain, rendered, script_data, unit_text, units_of_axis, with_unit
+from thermocorr.pages.chapters import digits_down_to
+from thermocorr.pages.html import (
+    number,
+    plain,
+    rendered,
+    script_data,
+    unit_text,
+    units_of_axis,
+    with_signs,
+    with_unit,
+)
 from thermocorr.pages.sections import Scales, parameters_text
 from thermocorr.pages.traces import Extremes
 from thermocorr.pictures.words import aspect_text, ends_text, interval_text, place_text
@@ -213,3 +223,18 @@ def test_moments_are_dates_and_temperatures_have_their_unit(effect, dated, undat
     start = pd.Timestamp("2024-03-04").timestamp()
     assert parameters_text(effect, Scales(start, "degF")) == dated
     assert parameters_text(effect, Scales(None, "degF")) == undated
+
+
+def test_a_coefficient_has_digits_down_to_its_standard_error():
+    """U0 was 10.0000 with an error of 2.57e-8."""
+    assert plain(10.0000068, digits_down_to(2.57e-8, 10.0000068)) == "10.000006800"
+    assert plain(1.23456789, digits_down_to(0.1, 1.23456789)) == "1.23457"
+    assert {digits_down_to(error, 1.0) for error in (0.0, np.nan, np.inf)} == {6}
+
+
+def test_sentences_have_the_signs_of_print_and_no_rounding_of_zero():
+    """uV stood beside µV, degF² beside °F, and a range began at -3.253e-17."""
+    assert with_signs("a drift of 73 uohm, 5 uncorrected, [degF/h]") == "a drift of 73 µΩ, 5 uncorrected, [°F/h]"
+    assert unit_text("uohm/degF^2") == "µΩ/°F²" and unit_text("V*degC") == "V*°C"
+    place = pd.Series({"aspect": "rate", "unit": "K/h", "low": -3.253e-17, "high": 0.2})
+    assert ends_text(place) == ("0", "0.2")

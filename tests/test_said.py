@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
@@ -22,6 +23,7 @@ from thermocorr import (
 )
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
+from thermocorr.pages.html import with_signs
 
 ROWS = 1500
 
@@ -278,9 +280,25 @@ def test_only_fitted_models_are_judged():
         diagnose(DynamicBiasRegressor(), X, y)
 
 
-def test_a_refined_model_is_said_to_be_another_than_the_one_that_the_first_line_speaks_of(capsys):
-    assert main(["analyze", "--refine", "--quiet"]) == 0
+def test_a_refined_model_is_said_to_be_another_than_the_one_that_the_judgement_speaks_of(capsys, tmp_path):
+    assert main(["analyze", "--refine", "--quiet", "--report", str(tmp_path / "page.html")]) == 0
     said = capsys.readouterr().out
     assert "did not see,\nin dB against step 0; later:" in said and "held out [dB]" in said
-    kept = next(line for line in said.splitlines() if line.startswith("The model to use from here"))
-    assert "has lagged covariate: humidity: it misses later blocks by 58." in kept
+    kept, _, before = said.splitlines()[:3]
+    assert kept.startswith("The model to use from here has lagged covariate: humidity: it misses later blocks by 58.")
+    assert before.startswith("(Before that: ")
+    assert said.index("Before lagged covariate: humidity was added:") < said.index("Verdict: missing")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    leads = re.findall(r'<p class="lead">(.*?)</p>', page, flags=re.S)
+    assert leads[:2] == [with_signs(kept), with_signs(before)]
+    anything, cure = (re.search(rf'<section id="{name}">.*?</section>', page, re.S)[0] for name in ("anything", "cure"))
+    assert re.findall('data-verdict="(.*?)"', anything) == ["nothing missing", "missing"]
+    assert "has lagged covariate: humidity already" in cure and "Add the effect" not in cure
+
+
+def test_a_diagnosis_alone_speaks_of_its_model():
+    record = make_record(2000, effects={"hysteresis": 2.0}, seed=1)
+    X, y = record.drop(columns="reading"), record["reading"]
+    model = DynamicBiasRegressor("temperature").fit(X, y)
+    page = diagnose(model, X, y).to_html()
+    assert page.count("data-verdict=") == 1 and "Add the effect" in page and " already" not in page

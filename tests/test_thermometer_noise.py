@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -22,6 +24,7 @@ from thermocorr import (
 from thermocorr.datasets import make_record
 from thermocorr.effects import ThermometerNoise
 from thermocorr.equations.statistics import white_part
+from thermocorr.pictures.words import thermometer_sentences
 from thermocorr.records import RecordError
 
 PERIODS = {"lab": 60.0, "outdoor": 600.0, "chamber": 30.0}
@@ -153,6 +156,25 @@ def test_attenuation_is_what_a_fit_without_the_noise_shows(late):
         said.append(thermometer_errors(model, noisy)["gain_error"].iloc[0])
     assert (np.mean(shown) < -0.06) if not late else (0.005 < np.mean(shown) < 0.012)
     assert np.mean(said) == pytest.approx(np.mean(shown), abs=max(0.02 * abs(np.mean(shown)), 0.003))
+
+
+def test_of_coarse_steps_it_is_said_how_far_off_the_gain_may_be():
+    """Rounding depends on the temperature: the error itself is not known. Nine of twelve are inside."""
+    inside = 0
+    for seed in range(12):
+        record = make_record(4000, seed=seed, sampling_period=60.0)
+        y = record["reading"]
+        model = DynamicBiasRegressor("temperature", ["5 min", "90 min"])
+        exact = clone(model).fit(record[["temperature"]], y)
+        coarse = record[["temperature"]].round()
+        model.fit(coarse, y)
+        found = thermometer_errors(model, coarse).iloc[0]
+        assert found["resolution"] == 1.0 and 0 < found["gain_error"] < 1
+        inside += abs(model.coef_[0] / exact.coef_[0] - 1) <= found["gain_error"]
+    assert inside >= 9
+    left = diagnose(model, coarse, y).left
+    said = thermometer_sentences(left, "ppm")[-1]
+    assert re.search(r"the static gain may be off by about \d0?%\. ", said)
 
 
 CASES = [

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from thermocorr import compare_variants
+from thermocorr import RecordWarning, compare_variants
 from thermocorr.datasets import make_record
 from thermocorr.equations import moving_average
+from thermocorr.pages.chapters import variants
 
 
 @pytest.fixture(scope="module")
@@ -58,3 +62,35 @@ def test_the_moving_average_reaches_over_no_joint_of_runs():
     )
     across = np.std(moving_average(residual, 51))
     assert comparison.frame()["std_smoothed"]["static linear"] != pytest.approx(across, rel=1e-6)
+
+
+def test_blocks_shorter_than_the_moving_average_have_no_smoothed_figures():
+    """Their averages are all the same: a std of 0, a reduction of -inf dB. So have 13 rows of 25, not 14."""
+    for n, none in ((40, True), (65, True), (70, False)):
+        record = make_record(n, sampling_period=60.0, seed=3)
+        found = compare_variants(record[["temperature"]], record["reading"], time_constants=["5 min"]).frame()
+        smoothed = found.loc["static linear":, ["held_out_std_smoothed", "held_out_reduction_db"]]
+        assert (smoothed.isna() if none else np.isfinite(smoothed)).all(axis=None)
+        assert np.isfinite(found.loc["static linear":, ["held_out_rms", "std_smoothed", "reduction_db"]]).all(axis=None)
+
+
+def test_a_reading_that_never_changes_has_no_time_constants():
+    """Nothing is divided by what it leaves, which is nothing; warnings are errors here."""
+    record = make_record(1000, sampling_period=60.0, seed=3)
+    with pytest.warns(RecordWarning, match="never changes"):
+        found = compare_variants(record[["temperature"]], np.full(1000, 10.0))
+    assert len(found.models["dynamic nonlinear"].time_constants_) == 0
+    assert (found.frame()["std"] == 0).all()
+
+
+def test_the_page_says_what_is_left_as_the_table_does():
+    """Offset included: a correction that follows each block but misses its level is not said to be the better one."""
+    record = make_record(600, sampling_period=60.0, seed=3)
+    found = compare_variants(record[["temperature"]], record["reading"], time_constants=["5 min"])
+    table = found.table.copy()
+    table.loc["static nonlinear", ["held_out_rms", "held_out_reduction_db"]] = 1.352, -5.2
+    table.loc["dynamic nonlinear", ["held_out_rms", "held_out_reduction_db"]] = 2.04, -5.6
+    said = re.sub(r"<[^>]*>|\s+", " ", str(variants(replace(found, table=table), "Variants").body)).replace("\xa0", " ")
+    said = re.sub(" +", " ", said)
+    assert "offset included, a static law leaves 1.352 ppm rms, the dynamic one 2.040 ppm ." in said
+    assert "Without each block's offset, and smoothed, the static law lowers the error by 5.2 dB , the" in said

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from ..effects.wrap import as_effects
 from ..estimators import DynamicBiasRegressor, compare_variants, later_errors
 from ..estimators.other_thermometer import better_thermometer
 from ..estimators.progress import Progress, has_bars, told
@@ -21,7 +20,7 @@ from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..pages import Findings
 from ..pages.report import report_text
 from ..pictures.added_noise import added_noise
-from ..pictures.words import aspect_text, each_row, effect_text, interval_text
+from ..pictures.words import aspect_text, each_row, further_text, interval_text, kept_sentence
 from ..records import RecordError, RecordWarning
 from ..records.errors import quoted
 from ..records.quantities import number_text, quantity_texts, scale_of, span_text
@@ -109,7 +108,10 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         later = later_errors(comparison.models, X, y, n_blocks=options.blocks, progress=progress)
         kept, best = list(comparison.models.items())[-1]
         other = better_thermometer(best, X, y)
-    say(f"{later.advice(kept)}\n")
+    judged = _judge(best, X, y, options, progress)
+    used = "" if judged.refinement is None else kept_sentence(judged.refinement)
+    advised = later.advice(kept)
+    say(f"{used}\n\n(Before that: {advised})\n" if used else f"{advised}\n")
     if loaded.understood:
         say(f"Read as: {', '.join(loaded.understood)}.\n")
     thermometers, unit = best.thermometers_, best.reading_.temperature_unit
@@ -135,7 +137,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
     for name, taus in thermometers.items():
         of_which = f", {name}" if len(thermometers) > 1 else ""
         say(f"Time constants of the last model{of_which}: {', '.join(map(span_text, taus)) or 'none'}\n")
-    judged = _judge(best, X, y, options, say, progress)
+    say(judged.said)
     best = judged.model
     noise = added_noise(best, X, y)
     if noise:
@@ -150,7 +152,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
             diagnosis=judged.diagnosis,
             refinement=judged.refinement,
             comparison=comparison,
-            advice=" ".join(filter(None, (later.advice(kept), advice))),
+            advice=" ".join(filter(None, (advised, advice))),
             unjudged=judged.reason,
             source=", ".join(options.log) or "the built-in voltage reference with a hidden effect",
             command=options.as_written,
@@ -177,6 +179,8 @@ class Judged(NamedTuple):
     """The model to keep, and what was found."""
 
     model: DynamicBiasRegressor
+    said: str
+    """What is told of it."""
     diagnosis: Diagnosis | None = None
     refinement: Refinement | None = None
     reason: str = ""
@@ -184,14 +188,9 @@ class Judged(NamedTuple):
 
 
 def _judge(
-    model: DynamicBiasRegressor,
-    X: pd.DataFrame,
-    y: pd.Series,
-    options: argparse.Namespace,
-    say: Callable[[str], None],
-    progress: Progress,
+    model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series, options: argparse.Namespace, progress: Progress
 ) -> Judged:
-    """Say where the model fails and what is missing; with --refine, add it."""
+    """Where the model fails and what is missing; with --refine, add it."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RecordWarning)
@@ -199,31 +198,19 @@ def _judge(
                 with told(progress) as show:
                     show("looking for what is missing")
                     found = diagnose(model, X, y)
-                say(f"{found}\n\n{places(found)}")
-                if found.best is not None:
-                    say("\nAdd --refine to add what is missing and watch the error fall.")
-                return Judged(model, found)
+                more = "\n\nAdd --refine to add what is missing and watch the error fall."
+                return Judged(model, f"{found}\n\n{places(found)}{more if found.best is not None else ''}", found)
             refinement = refine(model, X, y, progress=progress)
     except RecordError as error:
-        say(f"Not judged: {error}")
-        return Judged(model, reason=f"Not judged: {error}")
+        return Judged(model, f"Not judged: {error}", reason=f"Not judged: {error}")
     first = refinement.diagnoses[0]
-    say(f"{first}\n\n{places(first)}\n\nThe error, step by step (held out: blocks of time that the fit did not see,")
-    say("in dB against step 0; later: blocks foretold from everything before):\n")
-    say(f"{refinement}\n")
-    if kept := _kept(refinement, first.unit):
-        say(f"{kept}\n")
-    return Judged(refinement.model_, first, refinement)
-
-
-def _kept(refinement: Refinement, unit: str) -> str:
-    """Which model is kept, and what it is worth on later blocks; empty where these gain nothing."""
-    effects = [effect_text(effect) for _, effect in as_effects(refinement.model_.effects)]
-    later = refinement.steps["later_rms"].to_numpy(float)
-    if not effects or not later[-1] < later[0]:
-        return ""
-    now, before = quantity_texts((later[-1], later[0]), unit)
-    return f"The model to use from here has {', '.join(effects)}: it misses later blocks by {now} rms, not {before}."
+    before = f"Before {further_text(refinement)} was added:\n\n" if further_text(refinement) else ""
+    said = (
+        f"{before}{first}\n\n{places(first)}\n\n"
+        "The error, step by step (held out: blocks of time that the fit did not see,\n"
+        f"in dB against step 0; later: blocks foretold from everything before):\n\n{refinement}\n"
+    )
+    return Judged(refinement.model_, said, first, refinement)
 
 
 def places(found: Diagnosis) -> str:

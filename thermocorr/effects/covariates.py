@@ -9,11 +9,10 @@ from typing import Any
 from sklearn.utils._param_validation import Interval
 
 from ..records import Record
-from ..records.units import unit_of
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, suspects, time_text
 from .signals import Signals
-from .thermal import HOLD, column_text, seconds_array
+from .thermal import HOLD, column_text, column_unit, seconds_array
 
 _CURVED = 0.1
 """Spread over mean of a column above which its square is no copy of itself."""
@@ -64,9 +63,13 @@ class Covariate(Effect):
         return [column_text(self.column) + (f"^{self.power}" if self.power > 1 else "")]
 
     def units(self) -> list[str]:
-        """The column's unit where its name tells it (``room_rh_pct``)."""
-        unit = unit_of(self.column, None)
+        """The column's unit where its name tells it (``room_rh_pct``), else "unit"."""
+        unit = column_unit(self.column)
         return [(f"{unit}^{self.power}" if self.power > 1 and unit else unit)] * self.n_columns()
+
+    def means(self) -> dict[str, float]:
+        """Mean of the column, or of its power."""
+        return {Covariate.names(self)[0]: self.mean_}
 
     def _value(self, x: Signals) -> Any:
         return x[self.column] if self.power == 1 else x[self.column] ** self.power
@@ -204,8 +207,13 @@ class Interaction(Effect):
         return [f"{column_text(self.temperature_name_)}*{column_text(self.column)}"]
 
     def units(self) -> list[str]:
-        """K times the column's unit where its name tells it."""
-        return [f"K {unit_of(self.column, None)}".strip()]
+        """K times the column's unit where its name tells it, else "unit"."""
+        return [f"K {column_unit(self.column)}".strip()]
+
+    def means(self) -> dict[str, float]:
+        """Means of the temperature and of the column."""
+        of_temperature = {column_text(self.temperature_name_): self.reference_temperature_}
+        return {**of_temperature, column_text(self.column): self.mean_}
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """Product of temperature and column, both less their means."""

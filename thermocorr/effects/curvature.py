@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..records import Record
-from ..records.units import unit_of
 from .covariates import has_middle
 from .protocol import Effect, EffectInfo, suspects
 from .signals import Signals
-from .thermal import column_text
+from .thermal import column_text, column_unit
 
 
 class QuadraticCovariate(Effect):
@@ -60,9 +59,14 @@ class QuadraticCovariate(Effect):
         return [f"{column_text(self.column)} curved"]
 
     def units(self) -> list[str]:
-        """The square of the column's unit where its name tells it."""
-        unit = unit_of(self.column, None)
+        """The square of the column's unit where its name tells it, else of "unit"."""
+        unit = column_unit(self.column)
         return [f"{unit}^2" if unit else ""]
+
+    def means(self) -> dict[str, float]:
+        """Mean of the column, and of the square of its distance from it."""
+        name = column_text(self.column)
+        return {name: self.mean_, f"({name} - its mean)^2": self.variance_}
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """The square of the distance from the mean, less its own mean."""

@@ -7,11 +7,10 @@ from typing import Any
 
 from ..records import Record
 from ..records.quantities import span_text
-from ..records.units import unit_of
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, suspects, time_text
 from .signals import Signals
-from .thermal import column_text, seconds_array
+from .thermal import column_text, column_unit, seconds_array
 
 
 class LaggedModulation(Effect):
@@ -90,9 +89,13 @@ class LaggedModulation(Effect):
         return [f"{fast}*{slow}[{time_text(self.time_constant_)}]"]
 
     def units(self) -> list[str]:
-        """K for the temperature, times the column's unit where its name tells it."""
-        units = ["K" if given is None else unit_of(given, None) for given in (self.fast, self.slow)]
-        return [" ".join(units).strip()]
+        """K for the temperature, times the column's unit where its name tells it, else "unit"."""
+        return [" ".join("K" if given is None else column_unit(given) for given in (self.fast, self.slow)).strip()]
+
+    def means(self) -> dict[str, float]:
+        """Means of both quantities."""
+        names = (column_text(self._name(given)) for given in (self.fast, self.slow))
+        return dict(zip(names, self.means_, strict=True))
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """Product of the fast quantity and the lagged slow one, both less their means."""

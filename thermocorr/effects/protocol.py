@@ -162,7 +162,7 @@ class Effect(ParametersOnce):
         return self.names()
 
     def units(self) -> list[str]:
-        """Unit of each column; "" where it has none or where nobody knows."""
+        """Unit of each column; "" where it has none, "unit" where nobody knows that of a recorded one."""
         return [""] * self.n_columns()
 
     def explained(self, temperature: str) -> str:
@@ -174,6 +174,10 @@ class Effect(ParametersOnce):
             Name of the temperature's column.
         """
         return self.info.formula if self.info else ""
+
+    def means(self) -> dict[str, float]:
+        """What the formula calls means, known after `learn`, by what they are of; they stand below the equation."""
+        return {}
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """The formula: one expression over `x` for each of the `names`."""

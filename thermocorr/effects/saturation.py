@@ -74,6 +74,11 @@ class SaturatingCovariate(Effect):
         """None: a share."""
         return [""]
 
+    def means(self) -> dict[str, float]:
+        """Mean of the share."""
+        name = column_text(self.column)
+        return {f"{name}/({name} + {self.half:.6g})": self.mean_}
+
     def signals(self, x: Signals) -> Sequence[Any]:
         """The share of the effect that is reached, less its mean."""
         value = x.maximum(x[self.column], 0.0)

@@ -63,6 +63,10 @@ class SensitivityStep(Step):
         """None, and K."""
         return ["", "K"]
 
+    def means(self) -> dict[str, float]:
+        """Mean of the temperature."""
+        return {column_text(self.temperature_name_): self.reference_temperature_}
+
     def signals(self, x: Signals) -> Sequence[Any]:
         """0 before; 1 and T - T0 from the moment on."""
         later = x.seconds >= self.seconds_

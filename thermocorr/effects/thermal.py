@@ -12,6 +12,7 @@ import numpy as np
 from sklearn.utils._param_validation import Interval, StrOptions
 
 from ..records import Record, seconds_of
+from ..records.units import unit_of
 from .grids import time_grid
 from .protocol import TEMPERATURE, Effect, EffectInfo, time_text
 from .signals import Signals
@@ -127,6 +128,14 @@ class StaticPolynomial(Effect):
         deviation = x.T - self.reference_temperature_
         powers = list(accumulate([deviation] * self.degree, mul))  # eq. (3)
         return powers[self.lowest_power - 1 :]
+
+
+def column_unit(column: object) -> str:
+    """Unit of a recorded column by its name; "unit" where that tells none: a coefficient is per unit of it then.
+
+    A state such as ``operator=Kim`` has none.
+    """
+    return "" if isinstance(column, str) and "=" in column else unit_of(column, None) or "unit"
 
 
 def column_text(name: object) -> str:

@@ -67,6 +67,10 @@ class Drift(Effect):
         """Days: d."""
         return ["d"]
 
+    def means(self) -> dict[str, float]:
+        """Mean of the time."""
+        return {"time [d]": self.centre_ / DAY}
+
     def signals(self, x: Signals) -> Sequence[Any]:
         """Time since the centre of the fitted record [d]."""
         return [(x.seconds - self.centre_) / DAY]
@@ -128,6 +132,10 @@ class LogAgeing(Effect):
         """``log ageing[86400 s]``."""
         return [f"log ageing[{time_text(self.onset_)}]"]
 
+    def means(self) -> dict[str, float]:
+        """Mean of the logarithm."""
+        return {f"log(1 + t/{time_text(self.onset_)})": self.mean_}
+
     def signals(self, x: Signals) -> Sequence[Any]:
         """log(1 + t/t0) less its mean."""
         return [self._logarithm(x) - self.mean_]
@@ -167,6 +175,11 @@ class SensitivityDrift(Effect):
     def units(self) -> list[str]:
         """K d."""
         return ["K d"]
+
+    def means(self) -> dict[str, float]:
+        """Means of the time and of the temperature."""
+        of_temperature = {column_text(self.temperature_name_): self.reference_temperature_}
+        return {"time [d]": self.centre_ / DAY, **of_temperature}
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """Time times temperature [K d]."""

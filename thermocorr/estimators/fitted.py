@@ -41,7 +41,7 @@ class FittedModel(DoubtedInputs):
     _swept: Any
 
     def coef_table(self) -> pd.DataFrame:
-        """Coefficient, unit and standard error of every column.
+        """Coefficient, unit and standard error of every column; "mV/unit": per unit of a column whose own nobody knows.
 
         Standard errors stay true for residuals that are correlated in time (delete-a-block jackknife), as long as
         they forget within a twentieth of the record.

@@ -70,7 +70,7 @@ class LaterErrors:
         scale = scale_of([self._all[variant]], printable(self.unit))
         own, others, best = (scale.text(self._all[name]) for name in (variant, rival, self.best))
         each = scale.factor * blocks.loc[variant].to_numpy(float)
-        least, most = number_text(each.min(), 2), number_text(each.max(), 2)
+        least, most = _around(scale.factor * self._all[variant], float(each.min()), float(each.max()))
         error = f"{own} rms ({least} to {most})"
         other = f"{others} {'uncorrected' if rival == BEFORE else 'static'}"
         count = f"{round(self._wins(variant) * blocks.shape[1])} of {blocks.shape[1]}"
@@ -102,6 +102,13 @@ class LaterErrors:
         return f"{head}{f' [{scale.unit}]' if scale.unit else ''}; * is the least:\n{text}"
 
     __repr__ = __str__
+
+
+def _around(value: float, least: float, most: float) -> tuple[str, str]:
+    """The ends of a range, with two digits, or as many more as it takes to hold the value in three."""
+    said = float(number_text(value))
+    ends = [(number_text(least, digits), number_text(most, digits)) for digits in range(2, 6)]
+    return next((end for end in ends if float(end[0]) <= said <= float(end[1])), ends[-1])
 
 
 @said_once()

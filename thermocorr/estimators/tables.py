@@ -43,20 +43,26 @@ def coefficient_table(
 def _per(reading: Reading, unit: str) -> str:
     unit = unit.replace("K", difference_unit(reading.temperature_unit))
     top = reading.unit or "1"
-    if not unit:
+    if not unit or (unit.startswith("unit") and not reading.unit):
         return reading.unit
     return f"{top}/({unit})" if set(unit) & {" ", "/"} else f"{top}/{unit}"
 
 
 def equation_text(effects: Sequence[Effect], coefficients: np.ndarray, reading: Reading, temperature: str) -> str:
-    """The fitted formula as text: what adds to the reading, and what the names mean."""
+    """The fitted formula as text: what adds to the reading, and what the names mean, with the means in it."""
     unit = f" {printable(reading.unit)}" if reading.unit else ""
     lines = [f"{printable(reading.name)} = {coefficients[0]:.10g}{unit}"]
     terms = [printable(term) for effect in effects for term in effect.terms()]
     for value, term in zip(coefficients[1:], terms, strict=True):
         lines.append(f"    {'-' if value < 0 else '+'} {abs(value):.6g} * {term}")
-    explained = [effect.explained(printable(temperature)) for effect in effects if effect.names()]
-    lines += dict.fromkeys(filter(None, explained))
+    explained: dict[str, dict[str, float]] = {}
+    for effect in effects:
+        if effect.names():
+            explained.setdefault(effect.explained(printable(temperature)), {}).update(effect.means())
+    for said, means in explained.items():
+        numbers = ", ".join(f"{printable(name)} {mean:.10g}" for name, mean in means.items())
+        of_which = f" (mean{'s' * (len(means) > 1)}: {numbers})" if means else ""
+        lines += [f"{said}{of_which}"] if said else []
     return "\n".join(lines)
 
 

@@ -36,6 +36,10 @@ def thermometer_errors(model: Any, X: Any) -> pd.DataFrame:
     Corrected readings are not the worse for it, as long as the same thermometer serves: these coefficients are the best
     ones for such a thermometer. A gain that is to be quoted, or used with a better thermometer, is.
 
+    This holds for errors that do not depend on the temperature, as noise. The rounding to steps does: where they are
+    seen, nobody knows the sign, and the larger of two is given as how far off the gain may be: what the formula says,
+    and by how much a fit is moved that has such a rounding added.
+
     Parameters
     ----------
     model : DynamicBiasRegressor
@@ -49,7 +53,8 @@ def thermometer_errors(model: Any, X: Any) -> pd.DataFrame:
         One row for each thermometer: ``thermometer``, its ``unit``, ``noise`` and ``resolution`` in that (0.0: none is
         seen), ``noise_from`` and ``resolution_from`` ("declared" or "estimated"), ``reading_unit``, ``in_reading``, the
         standard deviation that its errors give the modelled reading, ``wandering``, the part of that which is not
-        white, and ``gain_error``, the relative error of its static gain (-0.01: one per cent too small).
+        white, and ``gain_error``, the relative error of its static gain (-0.01: one per cent too small); with steps how
+        large that may be, without sign.
 
     Raises
     ------
@@ -112,7 +117,10 @@ def resolution_of(parts: Sequence[np.ndarray]) -> float:
 def _felt(
     model: Any, record: Record, starts: Any, states: Any, name: Any, noise: float, step: float
 ) -> tuple[float, float, float]:
-    """Standard deviation in the reading, the part that wanders, and relative error of the static gain."""
+    """Standard deviation in the reading, the part that wanders, and relative error of the static gain.
+
+    With steps that is a size without sign, see `thermometer_errors`.
+    """
     error = _error(record, name, noise, step)
     if not error.any():
         return 0.0, 0.0, 0.0
@@ -120,7 +128,7 @@ def _felt(
     column = np.asarray(record.columns[name][:], float)
     moved = replace(record, columns={**record.columns, name: column - error}, known_moments={})
     n = len(coef)
-    gram, errors, key = np.zeros((n + 1, n + 1)), np.zeros((n, n)), -1
+    gram, errors, added, key = np.zeros((n + 1, n + 1)), np.zeros((n, n)), np.zeros(n + 1), -1
     changes: list[list[np.ndarray]] = []
     pairs = zip(
         features.walk_resumed(record, starts, states), features.walk_resumed(moved, starts, states), strict=True
@@ -130,6 +138,7 @@ def _felt(
         E = seen.columns - without.columns
         gram += Q.T @ Q
         errors += E.T @ E
+        added += Q.T @ (E @ coef)
         if seen.block.segment != key:
             key = seen.block.segment
             changes.append([])
@@ -137,16 +146,22 @@ def _felt(
     reading = [np.concatenate(part) for part in changes]
     variance = float(np.concatenate(reading).var())
     scale = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-    attenuated, exact = np.concatenate(([0.0], -errors @ coef)) / scale, gram.copy()
-    exact[1:, 1:] -= errors
-    lost = np.linalg.lstsq(exact / scale / scale[:, None], attenuated, rcond=1e-12)[0] / scale
     place = _place_of_gain(features.effect_list(), name, record.temperature_name)
-    wrong = float(lost[place + 1])
-    true = float(coef[place]) - wrong
+
+    def lost(matrix: np.ndarray, right: np.ndarray) -> float:
+        """By how much the gain is wrong, over the true one."""
+        solved = np.linalg.lstsq(matrix / scale / scale[:, None], right / scale, rcond=1e-12)[0] / scale
+        wrong = float(solved[place + 1])
+        true = float(coef[place]) - wrong
+        return wrong / true if true else 0.0
+
+    exact = gram.copy()
+    exact[1:, 1:] -= errors
+    gain_error = lost(exact, np.concatenate(([0.0], -errors @ coef)))
     return (
         float(np.sqrt(variance)),
         float(np.sqrt(max(variance - white_part(reading), 0.0))),
-        wrong / true if true else 0.0,
+        max(abs(gain_error), abs(lost(gram, -added))) if step else gain_error,
     )
 
 

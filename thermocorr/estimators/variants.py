@@ -146,7 +146,8 @@ def compare_variants(
         Samples of the moving average, eqs. (9) (26).
     n_blocks : int, default 5
         Blocks of time for the held-out figures. Each is predicted by a model whose coefficients and time constants
-        were found without it.
+        were found without it. Where they are no longer than half the window, smoothed figures of them say nothing and
+        are NaN.
     progress : callable or True, optional
         Called with a line of text before each fit; True draws a bar (extra "progress").
 
@@ -218,7 +219,10 @@ def _tell(say: Callable[[str], None], name: str, text: str) -> None:
 
 
 class _Smoothing:
-    """Moving averages, eqs. (9) (26), that reach over no joint: neither of runs nor of held-out blocks."""
+    """Moving averages, eqs. (9) (26), that reach over no joint: neither of runs nor of held-out blocks.
+
+    NaN where no piece is longer than half the window: their averages are all the same.
+    """
 
     def __init__(self, record: Record, blocks: list[slice], window: int):
         self.window = window
@@ -241,6 +245,8 @@ class _Smoothing:
         return [self._smoothed(values, pieces) for pieces in self.blocks]
 
     def _smoothed(self, values: np.ndarray, pieces: list[np.ndarray]) -> np.ndarray:
+        if all(len(rows) <= (self.window + 1) // 2 for rows in pieces):  # every average is that of its whole piece
+            return np.full(sum(map(len, pieces)), np.nan)
         return np.concatenate([moving_average(values[rows], self.window) for rows in pieces])
 
 
@@ -266,8 +272,8 @@ def _figures(
 def _within(blocks: list[np.ndarray]) -> float:
     """Standard deviation about each block's own mean."""
     centred = [block - np.nanmean(block) for block in blocks if np.isfinite(block).any()]
-    return rms(np.concatenate(centred))
+    return rms(np.concatenate(centred)) if centred else np.nan
 
 
 def _std(values: np.ndarray) -> float:
-    return float(np.nanstd(values))
+    return float(np.nanstd(values)) if np.isfinite(values).any() else np.nan

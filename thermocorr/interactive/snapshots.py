@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from ..pictures.words import (
     interval_text,
     left_sentences,
     probability_text,
+    share_of_samples,
     when_text,
 )
 from ..records.quantities import scale_of, span_text
@@ -255,8 +255,7 @@ def _left(judged: Diagnosis, unit: str) -> list[str]:
 def _place(row: Any, found: Fitted) -> dict[str, Any]:
     """A place of failure: in words, and where the plot is to go."""
     line = found.timeline
-    rows = row.share / row.lift if row.lift else math.nan
-    shown: dict[str, Any] = {"share": share(row.share), "rows": share(rows)}
+    shown: dict[str, Any] = {"share": share(row.share), "rows": share(share_of_samples(row))}
     shown |= {"aspect": printable(aspect_text(row)), "interval": printable(interval_text(row))}
     if row.aspect == "time" and not line.overlapping:
         first, last = line.interval(row.low, row.high)

@@ -12,10 +12,12 @@ from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from ..effects import CATALOGUE
+from ..effects.protocol import SINCE_START, TEMPERATURE_DIFFERENCE, Effect
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
 from ..estimators.verdicts import Grounds, verdict_on
 from ..pages import PageData
+from ..pages.sections import Scales, parameters_text
 from ..pictures.words import effect_text
 from ..records import Record
 from ..records.numbers import is_frame
@@ -117,7 +119,8 @@ def _conclude(
     labels = [[effect_text(tried.explanation.effect) for tried in first_of_each(doubt)] for doubt in doubts]
     share, apart = beyond_judgement(model, read)
     rest = replace(what_is_left(search, residual, *labels), unjudged=share, unjudged_rms=apart)
-    floor = rms if search.pool.rows.exact else min(rest.floor, rms)
+    rounded = rest.rounding and not causes
+    floor = rms if search.pool.rows.exact or rounded else min(max(rest.floor, rest.rounding / np.sqrt(12)), rms)
     moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, causes)]
     quiet = rms * quiet_share(residual, search.pool.record, [(loud.start, loud.end) for loud in rest.loud])
     if not causes:  # what heavy tails add to the rms is no structure
@@ -133,7 +136,9 @@ def _conclude(
         spoiled=bool(search.pool.record.refused) and not model.screen,
     )
     ranked = [*found, *(_other(tried, search) for tried in listed[: RANKED - len(found)])]
-    where, allan = where_it_fails(model, search.pool.record, residual, floor)
+    scales = Scales(search.pool.record.since_1970(), model.reading_.temperature_unit)
+    ranked = [replace(suspect, title=_title(suspect.effect, scales)) for suspect in ranked]
+    where, allan = where_it_fails(model, search.pool.record, residual, rms, floor)
     beside = dict.fromkeys(ranked[0].effect.inputs() if ranked else ())
     shown = seen.columns if is_frame(seen) else range(np.shape(seen)[1])
     return Diagnosis(
@@ -179,6 +184,15 @@ def _dates(record: Record, ends: Sequence[Interval]) -> tuple[tuple[Any, Any], .
     zero = pd.Timestamp(round(since * 1e9), tz="UTC" if kind == "datetime with time zone" else None)
     low, high = ([(zero + pd.Timedelta(end[i], unit="s")).round("ms") for end in ends] for i in (0, 1))
     return tuple(zip(low, high, strict=True))
+
+
+def _title(effect: Effect, scales: Scales) -> str:
+    """An effect as in `Effect.title`, but a moment as a date where the record has dates, and a width with its unit."""
+    parameters = {} if effect.info is None else effect.info.parameters
+    said = [name for name, what in parameters.items() if what in (SINCE_START, TEMPERATURE_DIFFERENCE)]
+    if not said or any(isinstance(getattr(effect, name), list | tuple) for name in said):
+        return effect.title()
+    return f"{effect_text(effect)}: {parameters_text(effect, scales, str)}"
 
 
 def _cause(cause: Cause, when: tuple[tuple[Any, Any], ...]) -> FoundSuspect:

@@ -48,6 +48,8 @@ class FoundSuspect:
     when: tuple[tuple[Any, Any], ...] = ()
     """Interval (95 %) of each moment at which a step, another law or a disturbance begins or ends, in order of time:
     dates where the record has dates, else seconds since it began. Empty for other kinds."""
+    title: str = ""
+    """Name in sentences, where it is more than `Effect.title` can know: dates, units of temperatures."""
 
     @property
     def label(self) -> str:

@@ -88,8 +88,9 @@ class Left:
 
     @property
     def unknown(self) -> bool:
-        """Whether there is structure whose cause is not known."""
-        return (self.structured and not self.of_thermometers) or bool(self.uneven) or self.absurd
+        """Whether there is structure whose cause is not known; a few stretches of what rounding makes are none."""
+        uneven = bool(self.uneven) and not self.rounding
+        return (self.structured and not self.of_thermometers) or uneven or self.absurd
 
 
 def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (), copied: Sequence[str] = ()) -> Left:

@@ -37,7 +37,7 @@ COLUMNS = ["aspect", "column", "time_constant", "low", "high", "unit", "n", "rms
 
 
 def where_it_fails(
-    model: DynamicBiasRegressor, record: Record, residual: np.ndarray, floor: float
+    model: DynamicBiasRegressor, record: Record, residual: np.ndarray, rms: float, floor: float
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Under which conditions a model fails, and at which averaging times: `Diagnosis.where` and `Diagnosis.allan`.
 
@@ -49,6 +49,8 @@ def where_it_fails(
         With the recorded columns that are conditions.
     residual : array of shape (n_rows,)
         Measured less modelled reading; NaN where unknown.
+    rms : float
+        Rms residual of single readings; where the rows of the record are averages, theirs is less.
     floor : float
         Standard deviation of the noise of one sample.
     """
@@ -61,13 +63,14 @@ def where_it_fails(
     aspects.append({"aspect": "temperature", "column": record.temperature_name})
     for effect in effects:
         effect.learn(record)
-    data = averaged(replace(record, reading=residual), [*effects, _Temperature()])
-    values = [columns[:, 0] for columns in data.columns]
+    data = averaged(replace(record, reading=residual), [*effects, _Temperature(), _Square()])
+    *values, squares = (columns[:, 0] for columns in data.columns)
+    squares = squares + max(rms**2 - float(np.average(squares, weights=data.counts)), 0.0)  # what averaged rows hide
     values[0] = values[0] * 3600.0
     for i, effect in enumerate(effects):
         if isinstance(effect, Covariate):
             values[i] = values[i] + effect.mean_
-    return _places(record, data, floor, aspects, values), _against_white(data, floor)
+    return _places(record, data, squares, floor, aspects, values), _against_white(data, floor)
 
 
 def largest_lag(model: DynamicBiasRegressor) -> float | None:
@@ -81,7 +84,12 @@ def largest_lag(model: DynamicBiasRegressor) -> float | None:
 
 
 def _places(
-    record: Record, data: Averages, floor: float, aspects: list[dict[str, Any]], values: list[np.ndarray]
+    record: Record,
+    data: Averages,
+    squares: np.ndarray,
+    floor: float,
+    aspects: list[dict[str, Any]],
+    values: list[np.ndarray],
 ) -> pd.DataFrame:
     """Rank stretches of time and ranges of temperature, rate, lag, hour, recorded columns and frequency.
 
@@ -89,15 +97,16 @@ def _places(
     where the error is not clearly beyond the noise. Columns: aspect ("time", "temperature", "rate", "lag difference",
     "hour", "column" or "frequency"), column (its name, where the temperature or a recorded column is the aspect),
     time_constant [s] (of the lag difference), low, high (the same for a state of a switch) and unit ("date": seconds
-    since 1970; for frequencies the periods [s]), n (samples), rms (of short averages), share (of the error beyond the
-    noise), lift (share over the share of samples).
+    since 1970; for frequencies the periods [s]), n (samples), rms (of single readings; of a band of frequencies that of
+    short averages), share (of the error beyond the noise, 0 where there is none beyond it: those of an aspect may be
+    more than 1 together), lift (share over the share of samples).
     """
     excess = data.reading**2 - floor**2 / data.counts
     total = float(np.sum(excess * data.counts))
     if total <= PLACES_BEYOND * floor**2 * np.sqrt(2 * len(excess)):
         return pd.DataFrame(columns=COLUMNS)
     rows = [
-        {**place, **_figures(data, excess, total, inside)}
+        {**place, **_figures(data, squares, excess, total, inside)}
         for place, inside in _bins(record, data, aspects, values)
         if inside.sum() >= FEWEST_WITHIN
     ]
@@ -133,6 +142,16 @@ class _Temperature(Effect):
 
     def columns(self, block: Any, state: Any) -> tuple[np.ndarray, Any]:
         return block.temperature, state
+
+
+class _Square(Effect):
+    """The square of the reading, which is the residual here: an average over rows says what their average hides."""
+
+    def names(self) -> list[str]:
+        return ["square"]
+
+    def columns(self, block: Any, state: Any) -> tuple[np.ndarray, Any]:
+        return np.nan_to_num(np.asarray(block.record.reading[block.rows], float)) ** 2, state
 
 
 def _bins(
@@ -176,14 +195,16 @@ def _states(record: Record, column: Any) -> np.ndarray | None:
     return found if 2 <= len(found) <= STATES else None
 
 
-def _figures(data: Averages, excess: np.ndarray, total: float, inside: np.ndarray) -> dict[str, Any]:
+def _figures(
+    data: Averages, squares: np.ndarray, excess: np.ndarray, total: float, inside: np.ndarray
+) -> dict[str, Any]:
     weight = float(data.counts[inside].sum() / data.counts.sum())
     share = float(np.sum((excess * data.counts)[inside]) / total)
     return {
         "n": int(data.counts[inside].sum()),
-        "rms": float(np.sqrt(np.mean(data.reading[inside] ** 2))),
-        "share": share,
-        "lift": share / weight,
+        "rms": float(np.sqrt(np.average(squares[inside], weights=data.counts[inside]))),
+        "share": max(share, 0.0),
+        "lift": max(share, 0.0) / weight,
         "concentration": (share - weight) / np.sqrt(weight * (1 - weight)) if weight < 1 else 0.0,
     }
 
@@ -212,8 +233,8 @@ def _frequencies(data: Averages, floor: float) -> list[dict[str, Any]]:
                 "unit": "s",
                 "n": int(data.counts[first].sum()),
                 "rms": float(np.sqrt(2 * power[inside].sum() / n)),
-                "share": share,
-                "lift": share / float(inside.mean()),
+                "share": max(share, 0.0),
+                "lift": max(share, 0.0) / float(inside.mean()),
                 "concentration": 0.0,  # a band is another view of the same error, not a place where it is
             }
         )

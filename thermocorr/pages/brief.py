@@ -6,11 +6,11 @@ from markupsafe import Markup
 
 from ..estimators.verdicts import VERDICTS
 from ..pictures.protocols import DiagnosisLike, RefinementLike
-from ..pictures.words import each_row, effect_text, place_text
+from ..pictures.words import each_row, effect_text, share_of_samples
 from ..records.quantities import scale_of
 from .chapters import steps_scale
 from .charts import still
-from .html import decibels, number, percent, probability, rendered
+from .html import decibels, failing_text, number, percent, probability, rendered
 
 SHOWN = 3
 """Places and suspects listed."""
@@ -20,7 +20,7 @@ def brief_diagnosis(found: DiagnosisLike) -> str:
     """Verdict, residual, first places and suspects."""
     calm = VERDICTS[found.verdict].calm
     worst = each_row(found.where.head(SHOWN))
-    places = [(place_text(row), percent(row.share), percent(row.share / row.lift)) for row in worst]
+    places = [(failing_text(row), percent(row.share), percent(share_of_samples(row))) for row in worst if row.share > 0]
     suspects = [
         (effect_text(row.effect), percent(row.share), decibels(row.gain_db), probability(row.p_value))
         for row in found.suspects[:SHOWN]

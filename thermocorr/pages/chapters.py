@@ -18,6 +18,8 @@ LISTED = 200
 """Coefficients listed, and lines of the formula: a record of many segments has decays for each."""
 OPEN_ROWS = 20
 """A table of coefficients of more rows is folded at first."""
+FEWEST_DIGITS, MOST_DIGITS = 6, 15
+"""Digits of a coefficient."""
 FLAGS = {
     "washout": "after a start of unknown state: the lags have not forgotten it",
     "outside fitted range": "temperature outside the fitted range: the model extrapolates",
@@ -70,12 +72,14 @@ def variants(comparison: VariantComparison, title: str) -> Section:
             for name in figures.index[figures.iloc[:, chosen].notna().any(axis=1)]
         ]
         tables.append((("variant", *names[chosen]), rows))
-    held = figures["held_out_reduction_db"].dropna()
-    compared = ["static nonlinear", "dynamic nonlinear"]
+    both = figures.reindex(["static nonlinear", "dynamic nonlinear"])[["held_out_rms", "held_out_reduction_db"]]
     return section(
         "variants",
         title,
-        held=[float(held[name]) for name in compared] if held.index.isin(compared).sum() == 2 else [],
+        left=both["held_out_rms"].tolist() if both["held_out_rms"].notna().all() else [],
+        lowered=both["held_out_reduction_db"].tolist() if np.isfinite(both["held_out_reduction_db"]).all() else [],
+        scale=scale,
+        unit=comparison.unit,
         tables=tables,
         caption=comparison.caption(unit_text(scale.unit)),
     )
@@ -103,10 +107,20 @@ def formula(data: PageData, title: str, figures: Markup) -> Section:
         unsure=scale_of([value for _, value in data.uncertainties], data.unit),
         equation="\n".join(shown),
         summary=f"{count} coefficients" + (f", the first {LISTED} of them" if count > LISTED else ""),
-        coefficients=[(row, scale_of([row.coefficient], row.unit)) for row in each_row(data.coefficients[:LISTED])],
+        coefficients=[
+            (row, scale_of([row.coefficient], row.unit), digits_down_to(row.standard_error, row.coefficient))
+            for row in each_row(data.coefficients[:LISTED])
+        ],
         open=count <= OPEN_ROWS,
         figures=figures,
     )
+
+
+def digits_down_to(error: float, value: float) -> int:
+    """Digits of a value, down to the second one of its error; six at least, and no more than a number has."""
+    if not (0 < error < np.inf and 0 < abs(value) < np.inf):
+        return FEWEST_DIGITS
+    return int(np.clip(np.floor(np.log10(abs(value))) - np.floor(np.log10(error)) + 2, FEWEST_DIGITS, MOST_DIGITS))
 
 
 def quality(data: PageData, title: str) -> Section:

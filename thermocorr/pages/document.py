@@ -13,10 +13,11 @@ from markupsafe import Markup
 from ..estimators.variants import VariantComparison
 from ..pictures.intervals import stretches
 from ..pictures.protocols import DiagnosisLike, RefinementLike
+from ..pictures.words import kept_sentence
 from . import chapters, figures
 from .charts import Chart, places
 from .data import PageData
-from .html import Section, asset, rendered, script_data, section
+from .html import Section, asset, rendered, script_data, section, with_signs
 from .sections import judged
 
 
@@ -29,7 +30,7 @@ class Findings:
     refinement: RefinementLike | None = None
     comparison: VariantComparison | None = None
     advice: str = ""
-    """Whether the correction is shown to help on later data."""
+    """Whether the correction of the first model is shown to help on later data."""
     unjudged: str = ""
     """Why there is no diagnosis."""
     source: str = ""
@@ -61,7 +62,7 @@ def page(data: PageData, findings: Findings) -> str:
         noise = [chart for chart in (figures.stability(first), figures.spectrum(diagnosis)) if chart is not None]
         time = [chart for chart in (series, figures.loop(first)) if chart is not None]
         charts += [*noise, *time]
-        body += judged(diagnosis, first, places(noise), places(time))
+        body += judged(diagnosis, first, places(noise), places(time), refinement)
     else:
         series = figures.series(data)
         charts.append(series)
@@ -83,10 +84,19 @@ def page(data: PageData, findings: Findings) -> str:
         chapters.quality(data, f"{next(numbers)} The data"),
         chapters.provenance(data, f"{next(numbers)} Versions", findings.command, findings.source),
     ]
-    leads: list[Any] = [*([findings.advice] if findings.advice else []), *data.warnings, data.record_sentence()]
+    return document(f"Thermal bias of {data.reading}", leads(data, findings), body, charts)
+
+
+def leads(data: PageData, findings: Findings) -> list[Any]:
+    """What stands above everything: what the model to use is worth on later data, and what the record is."""
+    refinement, advice = findings.refinement, findings.advice
+    used = "" if refinement is None else kept_sentence(refinement)
+    if used and advice:
+        advice = f"(Before that: {advice})"
+    said: list[Any] = [*map(with_signs, filter(None, (used, advice))), *data.warnings, data.record_sentence()]
     if refinement is not None and len(refinement.steps) > 1:
-        leads.append(chapters.in_short(refinement))
-    return document(f"Thermal bias of {data.reading}", leads, body, charts)
+        said.append(chapters.in_short(refinement))
+    return said
 
 
 def document(title: str, leads: Sequence[Any], body: Sequence[Section], charts: Sequence[Chart]) -> str:

@@ -22,6 +22,8 @@ from ..records.units import without_unit
 
 _UNITS = {"degC": "°C", "degF": "°F", "ohm": "Ω", "u": "µ"}
 """Units and prefixes that print has signs for."""
+_QUANTITY = re.compile(r"(?:(?<=\d )|(?<=\[))[A-Za-z]+(?:/[A-Za-z]+(?:\^\d)?)?")
+"""A unit behind a number, or in brackets."""
 DASH, TIMES = "\u2013", "\u00d7"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -58,7 +60,7 @@ def _environment() -> Any:
         lstrip_blocks=True,
     )
     said = (
-        aspect_text, decibels, effect_text, interval_text, number, percent, place_text, probability, span_text,
+        condition_text, decibels, effect_text, failing_text, interval_text, number, percent, probability, span_text,
         unit_text, width, with_unit,
     )  # fmt: skip
     environment.filters.update({function.__name__: function for function in said})
@@ -110,8 +112,29 @@ def quantity(value: float, unit: str = "", digits: int = 4, scale: Scale | None 
 
 def unit_text(unit: str) -> str:
     """A unit with the signs of print: °C, Ω, µV; K^2 as K²."""
-    words = [prefix_and_unit(word) for word in re.split(r"([ /()])", unit)]
+    words = [prefix_and_unit(word) for word in re.split(r"([ /()*]|\^-?\d+)", unit)]
     return "".join(_UNITS.get(prefix, prefix) + _UNITS.get(bare, _raised(bare)) for prefix, bare in words)
+
+
+def with_signs(text: str) -> str:
+    """A sentence as a terminal has it, its quantities with the signs of print: 73 µΩ, not 73 uohm.
+
+    Examples
+    --------
+    >>> with_signs("It leaves 73 uohm (0.2 uohm/degF^2) in 5 min.")
+    'It leaves 73 µΩ (0.2 µΩ/°F²) in 5 min.'
+    """
+    return _QUANTITY.sub(lambda found: unit_text(found[0]), text)
+
+
+def condition_text(row: Any) -> str:
+    """What a place is about, its unit in the signs of print; names of columns stay as they are."""
+    return aspect_text(row) if isinstance(row.column, str) else with_signs(aspect_text(row))
+
+
+def failing_text(row: Any) -> str:
+    """A place where a model fails as part of a sentence, its unit in the signs of print."""
+    return place_text(row) if isinstance(row.column, str) else with_signs(place_text(row))
 
 
 def with_unit(name: str, unit: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,13 +11,13 @@ from markupsafe import Markup
 
 from ..effects.protocol import SINCE_START, TEMPERATURE, TEMPERATURE_DIFFERENCE
 from ..estimators.verdicts import VERDICTS
-from ..pictures.protocols import DiagnosisLike
-from ..pictures.words import each_row, effect_text, left_sentences
+from ..pictures.protocols import DiagnosisLike, RefinementLike
+from ..pictures.words import each_row, effect_text, further_text, left_sentences
 from ..records.quantities import scale_of, span_text
 from ..records.units import difference_unit
 from .data import PageData
 from .figures import placed
-from .html import Section, plain, section, unit_text
+from .html import Section, plain, section, unit_text, with_signs
 
 SHOWN_PLACES = 8
 """Places of failure in the first table; the rest is folded."""
@@ -25,12 +25,34 @@ SHOWN_PLACES = 8
 HELPS = "One effect lowers the error on data that it was not learned from; that it is the cause is not proven."
 
 
-def judged(found: DiagnosisLike, data: PageData, noise: Markup, time: Markup) -> list[Section]:
-    """The four questions; `noise` and `time` are figures for the first two."""
-    return [anything(found, noise), places(found, data, time), suspects(found, data), cure(found)]
+def judged(
+    found: DiagnosisLike, data: PageData, noise: Markup, time: Markup, refined: RefinementLike | None = None
+) -> list[Section]:
+    """The four questions; `noise` and `time` are figures for the first two, `refined` what was made of the answers."""
+    since = Since.of(refined)
+    return [anything(found, noise, since), places(found, data, time), suspects(found, data), cure(found, since)]
 
 
-def anything(found: DiagnosisLike, figures: Markup) -> Section:
+class Since(NamedTuple):
+    """What became of the model that the four questions are asked of."""
+
+    has: str = ""
+    """Effects of the model to use from here; empty where it is still the same."""
+    verdict: str = ""
+    """What is said of that one."""
+    calm: bool = True
+    """Whether nothing is missing there."""
+
+    @classmethod
+    def of(cls, refined: RefinementLike | None) -> Since:
+        """What a refinement did."""
+        if refined is None:
+            return cls()
+        verdict = refined.diagnoses[-1].verdict
+        return cls(further_text(refined), verdict, VERDICTS[verdict].calm)
+
+
+def anything(found: DiagnosisLike, figures: Markup, since: Since) -> Section:
     """1: residual against noise floor."""
     named = "" if found.best is None else effect_text(found.best)
     helps = bool(named) and found.suspects[0].standing == "helps"
@@ -38,10 +60,11 @@ def anything(found: DiagnosisLike, figures: Markup) -> Section:
         "anything",
         "1 Is anything missing?",
         found=found,
+        since=since,
         named=named,
         calm=VERDICTS[found.verdict].calm,
         said=HELPS if helps else VERDICTS[found.verdict].sentence,
-        left=" ".join(left_sentences(found.left, unit_text(found.unit), found.verdict)),
+        left=with_signs(" ".join(left_sentences(found.left, found.unit, found.verdict))),
         scale=scale_of((found.residual_rms, found.noise_floor), found.unit),
         largest=max(found.residual_rms, found.noise_floor) or 1.0,
         figures=figures,
@@ -98,12 +121,13 @@ def suspects(found: DiagnosisLike, data: PageData) -> Section:
     )
 
 
-def cure(found: DiagnosisLike) -> Section:
+def cure(found: DiagnosisLike, since: Since) -> Section:
     """4: the effect ready to be added, and the measurement that would confirm it or part rivals."""
     rivals = () if found.best is None else (found.best, *(found.suspects[0].confusable_with if found.suspects else ()))
     return section(
         "cure",
         "4 What to do?",
+        since=since,
         code="" if found.best is None else repr(found.best),
         checks=by_kind(rivals),
         calm=VERDICTS[found.verdict].calm,
@@ -118,8 +142,8 @@ class Scales(NamedTuple):
     temperature_unit: str
 
 
-def parameters_text(effect: Any, data: PageData | Scales) -> str:
-    """Parameters that have a unit, in words; moments of a record with dates as dates."""
+def parameters_text(effect: Any, data: PageData | Scales, said: Callable[[str], str] = unit_text) -> str:
+    """Parameters that have a unit, in words; moments of a record with dates as dates. `said` writes a unit."""
     parts = []
     for name, unit in (effect.info.parameters if effect.info is not None else {}).items():
         value = getattr(effect, name)
@@ -139,7 +163,7 @@ def parameters_text(effect: Any, data: PageData | Scales) -> str:
                 TEMPERATURE: data.temperature_unit,
                 TEMPERATURE_DIFFERENCE: difference_unit(data.temperature_unit),
             }
-            unit = unit_text(degrees.get(unit, unit))
+            unit = said(degrees.get(unit, unit))
             shown = [f"{plain(v, 3)} {unit}" for v in numbers]
         parts.append(f"{name.replace('_', ' ').removesuffix('s' if len(several) == 1 else '')} {', '.join(shown)}")
     return "; ".join(parts)

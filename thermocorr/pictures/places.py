@@ -92,7 +92,7 @@ class WhereDisplay:
                 ax.text(
                     (i + 0.5) * width,
                     row - 0.07,
-                    f"{max(100 * tile.share, 0):.0f}",
+                    f"{100 * tile.share:.0f}",
                     ha="center",
                     va="center",
                     fontsize=8,

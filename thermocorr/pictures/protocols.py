@@ -55,3 +55,6 @@ class RefinementLike(Protocol):
 
     @property
     def diagnoses(self) -> tuple[DiagnosisLike, ...]: ...  # noqa: D102
+
+    @property
+    def model_(self) -> Any: ...  # noqa: D102

@@ -11,13 +11,17 @@ import numpy as np
 import pandas as pd
 
 from ..effects import Disturbance
+from ..effects.wrap import as_effects
 from ..estimators.verdicts import VERDICTS
 from ..records.quantities import quantity_text, quantity_texts, span_text, span_texts
 from ..records.text import printable
+from .protocols import RefinementLike
 
 MINUS = "\u2212"
 YEARLY = 200 * 86_400.0
 """Span of a record above which dates are written with their year [s]."""
+NOTHING = 1e-9
+"""Share of the other end of a range, below which an end is the rounding of 0."""
 MANY_SPIKES = 10
 """Spikes that are listed at most."""
 MANY_MOMENTS = 6
@@ -55,7 +59,9 @@ def ends_text(row: Any, span: float = 0.0) -> tuple[str, str]:
     if row.unit == "s":
         first, last = span_texts((row.low, row.high))
         return first, last
-    return f"{row.low:.4g}".replace("-", MINUS), f"{row.high:.4g}".replace("-", MINUS)
+    size = NOTHING * max(abs(row.low), abs(row.high))
+    least, most = (f"{0.0 if abs(end) < size else end:.4g}".replace("-", MINUS) for end in (row.low, row.high))
+    return least, most
 
 
 def interval_text(row: Any) -> str:
@@ -117,8 +123,9 @@ def suspect_sentence(suspect: Any) -> str:
     physics = suspect.effect.info.physics if suspect.effect.info is not None else ""
     return (
         (
-            f"{suspect.effect.title()}: {STANDINGS[suspect.standing]}; explains {suspect.share:.0%} of the structured "
-            f"variance, gain {suspect.gain_db:.2f} dB on held-out blocks and {suspect.later_db:.2f} dB on later data, "
+            f"{suspect.title or suspect.effect.title()}: {STANDINGS[suspect.standing]}; "
+            f"explains {suspect.share:.0%} of the structured variance, gain {suspect.gain_db:.2f} dB on "
+            f"held-out blocks and {suspect.later_db:.2f} dB on later data, "
             f"error probability {probability_text(suspect.p_value)}{tie}. {when_text(suspect)} {physics}"
         )
         .replace(".  ", ". ")
@@ -185,7 +192,8 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
     elif left.rounding:
         said.append(
             "What is left is no more than the rounding of the reading, in steps of "
-            f"{quantity_text(left.rounding, unit)}: more digits would tell more."
+            f"{quantity_text(left.rounding, unit)}. That follows all that the reading does: error "
+            "probabilities prove nothing here. More digits would tell more."
         )
     elif not left.uneven and not left.absurd:
         beside = "" if VERDICTS[verdict].calm or VERDICTS[verdict].unknown else "Beside these causes, w"
@@ -246,17 +254,45 @@ def thermometer_sentences(left: Any, unit: str) -> list[str]:
                 "thermometer, or the mean of several of its readings, would lower it."
             )
         if abs(row.gain_error) >= LEAST_ATTENUATION:
+            about = f"about {100 * float(f'{abs(row.gain_error):.1g}'):g}%"
+            gain = f"is learned {about} too {'small' if row.gain_error < 0 else 'large'}"
+            if row.resolution:
+                gain = f"may be off by {about if row.gain_error < 1 else 'as much as itself'}"
             said.append(
-                f"For {whose} the static gain is learned about {abs(row.gain_error):.1%} too "
-                f"{'small' if row.gain_error < 0 else 'large'}. Readings are "
-                "corrected as well as this thermometer allows; the gain itself is not to be quoted."
+                f"For {whose} the static gain {gain}. "
+                "Readings are corrected as well as this thermometer allows; the gain itself is not to be quoted."
             )
     return said
+
+
+def share_of_samples(row: Any) -> float:
+    """Share of the samples that lie in a row of `Diagnosis.where`; NaN where none of the error is beyond the noise."""
+    return float(row.share / row.lift) if row.lift else np.nan
+
+
+def further_text(refinement: RefinementLike) -> str:
+    """The effects of the model that a refinement keeps; empty where it is the given one, or has none."""
+    if len(refinement.steps) < 2:
+        return ""
+    return ", ".join(effect_text(effect) for _, effect in as_effects(refinement.model_.effects))
+
+
+def kept_sentence(refinement: RefinementLike) -> str:
+    """Which model is to be used, and what it leaves on later blocks; empty where that is the given one."""
+    effects = further_text(refinement)
+    if not effects:
+        return ""
+    before, now = refinement.steps["later_rms"].iloc[[0, -1]].tolist()
+    said = f"The model to use from here has {effects}"
+    if not np.isfinite([now, before]).all():
+        return f"{said}."
+    left, instead = quantity_texts((now, before), refinement.diagnoses[0].unit)
+    return f"{said}: it misses later blocks by {left} rms, {f'not {instead}' if now < before else f'{instead} before'}."
 
 
 def worst_sentence(row: Any) -> str:
     """The first place of `Diagnosis.where`, for a printed page."""
     return (
         f"Where it fails most: {place_text(row)}: {row.share:.0%} of the error beyond the noise in "
-        f"{row.share / row.lift:.0%} of the samples."
+        f"{share_of_samples(row):.0%} of the samples."
     )

@@ -261,7 +261,9 @@ class _Misfit:
 
     def __init__(self, factor: TriangularFactor, layout: GridLayout, reference: GridRidge):
         triangle = factor.r[layout.n_free :, :-1]  # below the rows of the free columns, which are in every set
-        self.target = triangle @ reference.coefficients / np.sqrt(reference.residual_sum_of_squares)
+        self.target = triangle @ reference.coefficients
+        if reference.residual_sum_of_squares > 0:  # a reading that never changes leaves nothing
+            self.target = self.target / np.sqrt(reference.residual_sum_of_squares)
         norms = np.linalg.norm(triangle, axis=0)
         self.unit = triangle / np.where(norms > 0, norms, 1.0)
         self.gram, self.moment = self.unit.T @ self.unit, self.unit.T @ self.target
