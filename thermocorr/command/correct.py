@@ -104,7 +104,7 @@ def _run(options: argparse.Namespace) -> int:
             _complain(f"read as: {', '.join(lines.said)}")
         try:
             name = lines.time_name if isinstance(lines, TableLines) else None
-            rows = LogRows(live, options, _complain, name, lines.place)
+            rows = LogRows(live, options, _complain, time_name=name, place=lines.place, units=lines.units())
             _pump(rows, lines, options, inputs, saved, stop)
         finally:
             lines.close()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import stat
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +67,10 @@ class TableLines(Lines):
         """The line of the file, where each row is one; else the row of the table."""
         return f"row {number - 1}" if self._first_line is None else f"line {number - 2 + self._first_line}"
 
+    def units(self) -> Mapping[str, str]:
+        """Units that the file names, below its header or in its cells."""
+        return dict(self.frame.attrs.get("units", {}))
+
     def _text(self, part: pd.DataFrame, written: dict[str, Any]) -> str:
         try:
             part = part.assign(**{name: _written(part[name]) for name in part.columns})
@@ -119,6 +123,10 @@ class TranslatedLines(Lines):
     def place(self, number: int) -> str:
         """The line of the file: others may stand before its header."""
         return f"line {number + self.translator.dialect.first - 1}"
+
+    def units(self) -> Mapping[str, str]:
+        """Units below the header."""
+        return self.translator.dialect.units
 
     def skip_to(self, at: Position | None) -> bool:
         """Go on behind `at`, if this is the file that stood there."""
