@@ -117,3 +117,83 @@ def test_utc_behind_times_is_followed_as_it_is_read_whole(form, tmp_path, capsys
         assert main(["correct", log, "--model", model, *more]) == 0
         found.append(pd.read_csv(io.StringIO(capsys.readouterr().out))["corrected"])
     np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9)
+
+
+def times_in(form, seconds):
+    """Times of a log: numbers of a unit, or text."""
+    if form == "clock":
+        return pd.to_timedelta(seconds, unit="s").astype(str).str.slice(7)
+    if form == "days":
+        return pd.to_timedelta(seconds, unit="s").astype(str)
+    return seconds // 60.0 if form == "min" else (1_714_982_400_000 + 1000 * seconds).astype("int64")
+
+
+@pytest.mark.parametrize(
+    ("name", "form"), [("time [min]", "min"), ("epoch_ms", "ms"), ("time", "clock"), ("elapsed", "days")]
+)
+def test_what_is_written_has_the_times_of_the_log_and_is_read_again(name, form, tmp_path, capsys, monkeypatch):
+    """The corrected log is analysed as the log was, and corrected alike whole, followed and through a pipe."""
+    record = make_record(1200, seed=2)[["temperature", "reading"]].reset_index(drop=True)
+    record.insert(0, name, times_in(form, 60.0 * np.arange(1200)))
+    log, out = tmp_path / "log.csv", tmp_path / "out"
+    record.to_csv(log, index=False)
+
+    def analysed(path):
+        options = ["--time", name, "--time-constants", "5min,90min", "--out", str(out), "--force", "--quiet"]
+        assert main(["analyze", str(path), *options]) == 0
+        return capsys.readouterr().out.split("readings of")[1].split("Written")[0]
+
+    first, written = analysed(log), tmp_path / "corrected.csv"
+    written.write_bytes((out / "corrected.csv").read_bytes())
+    assert pd.read_csv(written)[name].equals(pd.read_csv(log)[name])
+    for path in (log, written):
+        found = []
+        for way in ([str(path)], [str(path), "--follow", "--idle", "0"], ["-"]):
+            if form == "clock" and way != [str(path)]:
+                continue  # a time of day alone is understood from the whole log
+            with path.open() as stream:
+                monkeypatch.setattr("sys.stdin", stream)
+                assert main(["correct", *way, "--model", str(out / "model.json"), "--time", name]) == 0
+            shown = capsys.readouterr()
+            frame = pd.read_csv(io.StringIO(shown.out))
+            found.append(frame["corrected" if path == log else "corrected_thermocorr"])
+            assert frame["flag" if path == log else "flag_thermocorr"].isna().all()
+            assert ("times in" in shown.err) == (form in ("min", "ms"))
+            assert form == "clock" or pd.read_csv(log)[name].equals(frame[name])
+        for other in found:
+            np.testing.assert_allclose(other, pd.read_csv(written)["corrected"], rtol=0, atol=1e-9)
+    assert analysed(written).split("\n", 1)[0] == first.split("\n", 1)[0]
+
+
+@pytest.mark.parametrize("name", [None, "elapsed"])
+@pytest.mark.parametrize("spans", [False, True])
+def test_the_index_of_a_parquet_log_is_read_again(name, spans, tmp_path, capsys):
+    pytest.importorskip("pyarrow")
+    record = make_record(1200, seed=2)[["temperature", "reading"]]
+    index = record.index - record.index[0] if spans else record.index
+    record.set_axis(index).rename_axis(name).to_parquet(tmp_path / "log.parquet")
+    again, out = tmp_path / "again.csv", tmp_path / "out"
+    options = ["--time-constants", "5min,90min", "--out", str(out), "--force", "--quiet"]
+    assert main(["analyze", str(tmp_path / "log.parquet"), *options]) == 0
+    again.write_bytes((out / "corrected.csv").read_bytes())
+    named = [] if name is None else ["--time", name]
+    assert main(["analyze", str(again), *options, *named]) == 0
+    assert "1200 readings of 'reading', temperature 'temperature' (degC by their size), a row every 1 min" in (
+        capsys.readouterr().out
+    )
+    for more in ([], ["--follow", "--idle", "0"]):
+        assert main(["correct", str(again), "--model", str(out / "model.json"), *named, *more]) == 0
+        shown = pd.read_csv(io.StringIO(capsys.readouterr().out))
+        np.testing.assert_allclose(shown["corrected_thermocorr"], shown["corrected"], rtol=0, atol=1e-9)
+
+
+def test_times_of_several_files_are_written_as_they_came(tmp_path, capsys):
+    paths = []
+    for number in range(2):
+        record = make_record(800, seed=number)[["temperature", "reading"]].reset_index(drop=True)
+        record.insert(0, "time [min]", 0.1 + np.arange(800.0))
+        paths.append(str(tmp_path / f"run{number}.csv"))
+        record.to_csv(paths[-1], index=False)
+    assert main(["analyze", *paths, "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    written = pd.read_csv(tmp_path / "out" / "corrected.csv")["time [min]"]
+    assert written.tolist() == 2 * (0.1 + np.arange(800.0)).tolist()

@@ -16,7 +16,9 @@ import pandas as pd
 
 from ..files.result_files import new_names
 from ..foreign import RUN
+from ..foreign.clocks import SPANS
 from ..foreign.sniffing import are_units, units_below
+from ..foreign.timed import unit_of_times
 from ..live.corrector import OnlineCorrector
 from ..live.given import COLUMNS
 from ..records import RecordError
@@ -83,6 +85,8 @@ class LogRows:
         self.without_result: Counter[str] = Counter()
         self.left_out = 0
         self.trust = RowTrust(live.model)
+        self.time_unit = ""
+        """Unit of times that are numbers, where it is not the second."""
         self._accepted = False
         history = live.model.features_.history_
         self._timed, self._temperature_name = history.kind != "rows", history.record.temperature_name
@@ -115,6 +119,7 @@ class LogRows:
         guesses = (self._time_name, *TIME_NAMES)
         name = self.options.time or model.time or next((n for n in guesses if n in free), "time")
         self._time = self._place(name, "time") if self._timed else None
+        self.time_unit = self._unit_of_times(name)
         self._extra = self.live.names
         return [*header, *new_names(self._extra, header)]
 
@@ -152,8 +157,18 @@ class LogRows:
             return False
         if len(fields) != len(self.header) or not are_units(fields):
             return False
-        self.trust.read_from(self.header[self._reading], self._named, units_below(self.header, fields))
+        self._units = units_below(self.header, fields)
+        self.trust.read_from(self.header[self._reading], self._named, self._units)
+        before = self.time_unit
+        self.time_unit = "" if self._time is None else self._unit_of_times(self.header[self._time])
+        if self.time_unit != before:
+            self.complain(f"times in {self.time_unit or 's'}, by the units below the header")
         return True
+
+    def _unit_of_times(self, name: str) -> str:
+        """The unit of the log's times, where these are numbers and none of seconds; "" where the user says a form."""
+        said = self.options.time_format is not None or self.options.timezone is not None
+        return unit_of_times(name, self._units) if self._seconds and not said else ""
 
     def _refuse_other_zone(self, fields: list[str]) -> None:
         """Refuse a log whose first times have no zone where the model's have one, or the other way round."""
@@ -270,7 +285,9 @@ class LogRows:
         if self._time is None:
             return LogRow(fields, None, run, values, U)
         time: Any = fields[self._time].strip()
-        return LogRow(fields, self.live.stamp(number(time, "the time") if self._seconds else time), run, values, U)
+        if self._seconds:
+            time = number(time, "the time") * SPANS.get(self.time_unit, 1.0)
+        return LogRow(fields, self.live.stamp(time), run, values, U)
 
 
 def csv_text(rows: Iterable[list[str]]) -> bytes:

@@ -13,7 +13,7 @@ from ..records.epochs import EPOCHS, LARGEST_SECONDS, UNIX, unix_unit
 from ..records.errors import quoted
 from ..records.times import BEYOND
 from ..records.types import kind_of
-from .values import CLOCK, ELAPSED, first_cell, is_number
+from .values import CLOCK, DAYS, ELAPSED, first_cell, is_number
 from .zones import in_zone
 
 DAYS_OF_EXCEL = (25_569.0, 55_000.0)
@@ -181,6 +181,8 @@ def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
         return Understood(_parsed(values.astype("string").str.strip(), values, form), f"times as {form}")
     if re.fullmatch(CLOCK, first_cell(values)) or re.fullmatch(ELAPSED, first_cell(values)):
         return _of_clocks(values)
+    if re.fullmatch(DAYS, first_cell(values)):
+        return _of_spans(values)
     date = date_form(values)
     if date is None:
         return Understood(values)
@@ -244,6 +246,18 @@ def _of_clocks(values: pd.Series[Any]) -> Understood:
             "A column of dates beside it is joined with it where it is called date."
         )
     return Understood(_named(spans, values), "times of day without a date")
+
+
+def _of_spans(values: pd.Series[Any]) -> Understood:
+    """Days and times of day since a start, as pandas writes spans."""
+    text = values.astype("string").str.strip()
+    spans = pd.to_timedelta(text.where(text.str.fullmatch(DAYS)), errors="coerce")
+    if spans.isna().any():
+        row = int(spans.isna().to_numpy().argmax())
+        raise RecordError(
+            f"{values.iloc[row]!r} in {quoted(values.name)}, row {row}, is no time since a start, as {text.iloc[0]!r}."
+        )
+    return Understood(_named(spans, values), "days and times since a start")
 
 
 def _elapsed(text: pd.Series[Any]) -> Any:

@@ -16,7 +16,7 @@ from .clocks import BEHIND_TIMES, date_form, understood
 from .dialect import Dialect
 from .how import HowToRead
 from .text_tables import first_lines, head_dialect
-from .timed import date_and_clock
+from .timed import date_and_clock, unit_of_times
 from .values import CLOCK, is_number
 
 LINES = 40
@@ -59,6 +59,7 @@ class LineTranslator:
         if len(rows) < FEWEST_ROWS:
             raise RecordError(f"{path} has too few rows to tell how it is written. Follow it once there are some.")
         frame = pd.DataFrame(rows, columns=list(found.names), dtype=object)
+        frame.attrs["units"] = dict(found.units)
         column = time(found.names)
         pair = None if column is None else date_and_clock(frame, column)
         self._joined = None if pair is None else tuple(found.names.index(name) for name in pair)
@@ -74,7 +75,8 @@ class LineTranslator:
             raise RecordError("--time-format needs the whole log: leave it out, or leave out --follow.")
         if column is None:
             return None
-        if is_number(str(frame[column].iloc[0])) and understood(frame[column]).times.dtype.kind == "M":
+        numbers = is_number(str(frame[column].iloc[0])) and not unit_of_times(column, frame.attrs["units"])
+        if numbers and understood(frame[column]).times.dtype.kind == "M":
             raise RecordError("Dates as such numbers need the whole log: leave out --follow.")
         return date_form(frame[column] if pair is None else frame[pair[0]] + " " + frame[pair[1]])
 
