@@ -35,12 +35,26 @@ def test_the_format_that_is_proposed_reads_the_cells(cells):
     assert read_times(values, form).times.iloc[0] == pd.to_datetime(cells[0], dayfirst=True)
 
 
-@pytest.mark.parametrize(("name", "unit"), [("time_ms", 1e-3), ("Stunden", 3600.0), ("elapsed minutes", 60.0)])
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("time_ms", 1e-3), ("Stunden", 3600.0), ("elapsed minutes", 60.0), ("elapsed_min", 60.0), ("time_min", 60.0),
+        ("Min", 60.0), ("t/min", 60.0), ("time/min", 60.0), ("t_h", 3600.0), ("elapsed_hr", 3600.0), ("h", 3600.0),
+        ("elapsed_d", 86_400.0),
+    ],
+)  # fmt: skip
 def test_a_unit_at_the_end_of_the_name_of_times_counts(name, unit):
     frame = pd.DataFrame({name: [0.0, 10.0, 20.0], "temperature": 1.0})
     read = with_times(ForeignTable(frame=frame), name, HowToRead())
     np.testing.assert_allclose(read.frame[name], unit * frame[name])
     assert "times in" in read.said[0]
+
+
+@pytest.mark.parametrize("name", ["t", "time", "elapsed", "time_s", "t [s]", "elapsed_sec", "admin", "time/width"])
+def test_other_names_of_times_have_seconds(name):
+    frame = pd.DataFrame({name: [0.0, 10.0, 20.0], "temperature": 1.0})
+    read = with_times(ForeignTable(frame=frame), name, HowToRead())
+    assert read.frame[name].equals(frame[name]) and not read.said
 
 
 @pytest.mark.parametrize("step", [0.5, 1.0, 7.0])

@@ -22,11 +22,11 @@ from .values import first_cell, is_moment
 
 DATES = ("date", "datum", "day", "tag")
 UNITS_IN_NAMES = {
-    "ms": "ms", "millis": "ms", "milliseconds": "ms", "us": "us", "micros": "us", "minutes": "min", "minuten": "min",
-    "mins": "min", "hours": "h", "hrs": "h", "stunden": "h", "heures": "h", "horas": "h", "days": "d", "tage": "d",
-    "jours": "d", "dias": "d",
+    "ms": "ms", "millis": "ms", "milliseconds": "ms", "us": "us", "micros": "us", "min": "min", "mins": "min",
+    "minute": "min", "minutes": "min", "minuten": "min", "h": "h", "hr": "h", "hrs": "h", "hour": "h", "hours": "h",
+    "stunden": "h", "heures": "h", "horas": "h", "d": "d", "days": "d", "tage": "d", "jours": "d", "dias": "d",
 }  # fmt: skip
-"""Last word of a column's name, in small letters -> unit of its times."""
+"""Last word of the name of a column of times, in small letters -> their unit; another column's may mean anything."""
 CLOCKS = ("time", "clock", "zeit", "uhrzeit", "time of day", "heure", "hora")
 """Names, in small letters, of columns of dates and of times of day."""
 
@@ -101,7 +101,7 @@ def unit_of_times(column: str, units: Mapping[str, str]) -> str:
 
 def _unit_in_name(column: str) -> str:
     """The unit of time that a name ends with in a word; "" for none."""
-    return UNITS_IN_NAMES.get(re.split(r"[\s_.(\[]+", _plain_name(column))[-1], "")
+    return UNITS_IN_NAMES.get(re.split(r"[\s_.(\[/]+", _plain_name(column))[-1], "")
 
 
 def _is_yyyymmdd(values: pd.Series[Any]) -> bool:
