@@ -26,7 +26,8 @@ def log(tmp_path):
 
 
 def analyze(log, *more):
-    return main(["analyze", str(log), "--reading", "reading", "--time-constants", "10min,2h", "--quiet", *more])
+    reading = [] if "--reading" in more else ["--reading", "reading"]
+    return main(["analyze", str(log), *reading, "--time-constants", "10min,2h", "--quiet", *more])
 
 
 def test_corrected_log_has_the_same_rows_and_the_model_loads(log, tmp_path, capsys):
@@ -117,6 +118,16 @@ def test_bad_input_ends_with_one_sentence(case, log, capsys):
 def test_columns_without_a_log_are_refused(capsys):
     assert main(["analyze", "--reading", "x"]) == 2
     assert "no log is given" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["analyze"], ["workbench"], ["correct", "--model", "model.json"]])
+@pytest.mark.parametrize("option", ["--reading", "--time"])
+def test_two_columns_for_one_role_are_refused(command, option, log, capsys):
+    with pytest.raises(SystemExit) as end:
+        main([*command, str(log), option, "reading", option, "room"])
+    assert end.value.code == 2
+    said = f"argument {option}: one column, not 'reading' and 'room'. Run the command once for each"
+    assert said in " ".join(capsys.readouterr().err.split())
 
 
 def test_the_first_line_says_whether_to_use_the_correction(log, capsys):

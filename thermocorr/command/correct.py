@@ -22,7 +22,7 @@ from .results import Results, Saved, open_results, read_state
 from .spans import number_or_span
 from .stopping import Stopped, StopSignal
 from .table_lines import TableLines, open_lines
-from .table_options import add_table_options, how_to_read
+from .table_options import OneColumn, add_table_options, how_to_read
 
 STATE_EVERY = 10.0
 """Time between savings of the state [s]."""
@@ -56,8 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         help="ambient temperature; for a model of several thermometers once more for each, in its order",
     )
-    columns.add_argument("--reading", metavar="COLUMN", help="what the instrument shows")
-    columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds")
+    columns.add_argument("--reading", metavar="COLUMN", action=OneColumn, help="what the instrument shows")
+    columns.add_argument("--time", metavar="COLUMN", action=OneColumn, help="dates (ISO 8601) or seconds")
     more = parser.add_argument_group("beside the corrected reading")
     more.add_argument(
         "--uncertainty",
