@@ -44,6 +44,7 @@ _DATES = {
     r"[A-Za-z]{3} \d{1,2},? \d{4}": ("%b %d %Y",),
 }
 """How dates look, and which formats may be meant, of `strptime`."""
+_COMMA = re.compile(r"(:\d\d),(\d)")
 BEHIND_TIMES = re.compile(r"\s*(?:UTC|GMT)\s*$")
 """What may stand behind a time: it is UTC."""
 _IN_WORDS = {"%d": "day", "%m": "month", "%Y": "year", "%y": "year", "%b": "month"}
@@ -185,10 +186,22 @@ def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
         return _of_spans(values)
     date = date_form(values)
     if date is None:
-        return Understood(values)
+        commas = values.astype("string").str.contains(",", regex=False).any()
+        return Understood(values.map(point_for_comma, na_action="ignore") if commas else values)
     times = _dates(values.astype("string").str.strip(), date)
     order = ", ".join(_IN_WORDS[part] for part in re.findall("%[dmYyb]", date))
     return Understood(_named(times, values), f"dates as {order}")
+
+
+def point_for_comma(cell: str) -> str:
+    """A time in the form of ISO 8601 with a point before the fraction of a second, where the form allows a comma too.
+
+    Examples
+    --------
+    >>> point_for_comma("2024-05-06 08:00:00,250")
+    '2024-05-06 08:00:00.250'
+    """
+    return _COMMA.sub(r"\1.\2", cell)
 
 
 def date_form(values: pd.Series[Any]) -> str | None:
@@ -228,8 +241,9 @@ def _whole_form(date: str, text: pd.Series[Any]) -> str:
     clock = "%I:%M" if parts["half"] else "%H:%M"
     clock += ":%S" if parts["clock"].count(":") == 2 else ""
     clock += str(parts[0])[parts.start("fraction") - 1] + "%f" if parts["fraction"] else ""
+    clock += ":%f" if parts["third"] else ""
     between = str(parts[0])[parts.end("clock") : parts.start("half")] if parts["half"] else ""
-    return f"{date}{parts['between']}{clock}{between.lstrip('.,0123456789')}{'%p' if parts['half'] else ''}"
+    return f"{date}{parts['between']}{clock}{between.lstrip('.,:0123456789')}{'%p' if parts['half'] else ''}"
 
 
 def _of_clocks(values: pd.Series[Any]) -> Understood:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from ..records import RecordError
-from .clocks import BEHIND_TIMES, date_form, understood
+from .clocks import BEHIND_TIMES, date_form, point_for_comma, understood
 from .dialect import Dialect
 from .how import HowToRead
 from .text_tables import first_lines, head_dialect
@@ -114,7 +114,7 @@ class LineTranslator:
     def _local(self, cell: str) -> str:
         """A date without a zone behind it."""
         if self._date is None:
-            return cell
+            return point_for_comma(cell)
         found = re.fullmatch(rf"(?P<date>.*?)(?:[T ,]+{CLOCK})?", cell.strip())
         assert found is not None  # anything is a date
         day = datetime.strptime(found["date"].replace(",", ""), self._date)
