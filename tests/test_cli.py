@@ -164,6 +164,17 @@ def test_readings_that_are_masked_are_corrected_and_not_learned_from(log, tmp_pa
     assert (tmp_path / "b" / "corrected.csv").read_text() == (tmp_path / "a" / "corrected.csv").read_text()
 
 
+@pytest.mark.parametrize("form", ["%d.%m.%Y %H:%M:%S", "%d-%b-%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S"])
+def test_a_mask_may_be_written_as_logs_write_dates(form, log, tmp_path):
+    """Dotted dates have the day first, as in a log."""
+    dates, out = pd.Series(pd.date_range("2024-05-07", periods=1500, freq="min")), []
+    path = changed(log, time=dates.dt.strftime("%Y-%m-%dT%H:%M:%S"))
+    for written in ("%Y-%m-%dT%H:%M:%S", form):
+        assert analyze(path, "--mask", f"{dates[300]:{written}}..{dates[499]:{written}}", "--out", str(tmp_path)) == 0
+        out.append((tmp_path / "corrected.csv").read_text())
+    assert out[0] == out[1]
+
+
 @pytest.mark.parametrize("marked", [False, True])
 def test_what_was_stepped_stays_in_the_corrected_reading(log, tmp_path, marked):
     frame = pd.read_csv(log)
@@ -205,6 +216,9 @@ def test_runs_may_have_one_level(log, tmp_path):
         (("--mask", "5h"), "--mask takes START..END"),
         (("--mask", "5h..2h"), "ends before it starts"),
         (("--mask", "then..now"), "'mask' parameter of fit must be seconds since the record began"),
+        (("--mask", "05/07/2024..05/08/2024"), "meant as 2024-07-05T00:00:00 or 2024-05-07T00:00:00"),
+        (("--mask", "31.02.2024..05.03.2024"), "'31.02.2024' is no date that there is"),
+        (("--event", "05/07/2024 10:00"), "Is '05/07/2024 10:00' 05 July 2024 or 07 May 2024?"),
         (("--event", "never"), "must be seconds since the record began"),
         (("--events", "pressed"), "no column 'pressed' for --events"),
         (("--fill", "room"), "--fill takes COLUMN=RULE"),

@@ -209,10 +209,9 @@ def date_form(values: pd.Series[Any]) -> str | None:
 
     Raises RecordError for dates that have two readings, and those that have none.
     """
-    parts = re.fullmatch(rf"(?P<date>.*?)(?:[T ,]+{CLOCK})?", first_cell(values))
-    forms = next((forms for look, forms in _DATES.items() if parts and re.fullmatch(look, parts["date"])), ())
-    if not forms or (forms == ("%Y-%m-%d",) and not (parts and parts["half"])):
-        return None  # ISO 8601, which every reader knows
+    forms = _forms(first_cell(values))
+    if not forms:
+        return None
     text = values.astype("string").str.strip()
     readings = {date: _dates(text, date) for date in forms}
     whole = {date: times for date, times in readings.items() if times.notna().all()}
@@ -231,6 +230,40 @@ def date_form(values: pd.Series[Any]) -> str | None:
                 f"Say which it is with --time-format, such as --time-format '{_whole_form(next(iter(whole)), text)}'."
             )
     return next(iter(whole))
+
+
+def _forms(cell: str) -> tuple[str, ...]:
+    """Formats that a date may be meant in; none for ISO 8601, which every reader knows, and for what is no date."""
+    parts = re.fullmatch(rf"(?P<date>.*?)(?:[T ,]+{CLOCK})?", cell)
+    forms = next((forms for look, forms in _DATES.items() if parts and re.fullmatch(look, parts["date"])), ())
+    return () if forms == ("%Y-%m-%d",) and not (parts and parts["half"]) else forms
+
+
+def one_date(text: str) -> Any:
+    """A date that a user writes, in any form that logs have; None for what has none of them, such as ISO 8601.
+
+    Raises
+    ------
+    RecordError
+        For a date that has two readings, and one that has none.
+
+    Examples
+    --------
+    >>> one_date("07.05.2024 08:30"), one_date("2024-05-07")
+    (Timestamp('2024-05-07 08:30:00'), None)
+    """
+    text = text.strip()
+    forms = _forms(text)
+    if not forms:
+        return None
+    read = [_dates(pd.Series([text], dtype="string"), form).iloc[0] for form in forms]
+    found = list(dict.fromkeys(time for time in read if not pd.isna(time)))
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        raise RecordError(f"{text!r} is no date that there is. Write it as 2024-05-31T14:00:00.")
+    read_as, written = (" or ".join(f"{time:{form}}" for time in found) for form in ("%d %B %Y", "%Y-%m-%dT%H:%M:%S"))
+    raise RecordError(f"Is {text!r} {read_as}? Write the one that is meant as {written}.")
 
 
 def _whole_form(date: str, text: pd.Series[Any]) -> str:
