@@ -90,11 +90,21 @@ BAD = {
     "unknown run": (lambda log: (log, "--run", "run"), "no column 'run'"),
     "reading is temperature": (lambda log: (log, "--reading", "temperature"), "both name"),
     "time and period": (lambda log: (log, "--time", "time", "--sampling-period", "1s"), "not both"),
-    "text in reading": (lambda log: (changed(log, reading="n/v"),), "not a number in row 0"),
+    "text in reading": (
+        lambda log: (changed(log, reading="n/v"),),
+        "not a number in row 0: 'n/v' (1500 such rows in all). Remove units and text from the file",
+    ),
     "no readings": (lambda log: (changed(log, reading=np.nan),), "readings are missing"),
     "constant temperature": (lambda log: (changed(log, temperature=20.0),), "never changes"),
+    "a time twice": (
+        lambda log: (changed(log, time=pd.read_csv(log)["time"].mask(lambda t: t.index == 1).bfill()),),
+        "Drop one of them from the log",
+    ),
     "same time in all rows": (lambda log: (changed(log, time="2024-01-01T00:00:00"),), "same time"),
-    "unreadable time": (lambda log: (changed(log, time="yesterday"),), "cannot be read as a time in row 0"),
+    "unreadable time": (
+        lambda log: (changed(log, time="yesterday"),),
+        "or seconds as numbers; say another form with --time-format",
+    ),
     "bad time constants": (lambda log: (log, "--time-constants", "fast"), "positive time"),
     "bad degree": (lambda log: (log, "--degree", "-3"), "'degree' parameter"),
     "bad gap": (lambda log: (log, "--max-gap", "wide"), "'max_gap' parameter"),
