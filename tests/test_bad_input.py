@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from sklearn.exceptions import NotFittedError
 
-from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge, compare_variants
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge, compare_variants, held_out_residuals
 from thermocorr.datasets import load_real_record, make_record
 from thermocorr.effects import Covariate, LaggedCovariate
 
@@ -96,6 +96,10 @@ CASES = {
     "series for X": (lambda: DynamicBiasRegressor().fit(X["temperature"], Y), "is a Series.*to_frame"),
     "one dimension for X": (lambda: DynamicBiasRegressor().fit(np.ones(N), Y), "Reshape your data"),
     "record too short": (lambda: fit(X[:4], Y.set_axis(X.index)[:4]), "too short: 4 samples.*Record longer"),
+    "record too short for blocks": (
+        lambda: held_out_residuals(DynamicBiasRegressor("temperature", [60]), X[["temperature"]][:6], Y[:6]),
+        "3 of 6 readings are outside of held-out block 1 of 2.*too short: 3 samples",
+    ),
     "negative time constant": (lambda: fit(time_constants=[-5]), "positive time.*Got -5"),
     "zero time constant": (lambda: fit(time_constants=[0]), "positive time.*Got 0"),
     "time constant in words": (lambda: fit(time_constants=["soon"]), "positive time.*'soon'"),

@@ -26,7 +26,8 @@ def log(tmp_path):
 
 
 def analyze(log, *more):
-    return main(["analyze", str(log), "--reading", "reading", "--time-constants", "10min,2h", "--quiet", *more])
+    reading = [] if "--reading" in more else ["--reading", "reading"]
+    return main(["analyze", str(log), *reading, "--time-constants", "10min,2h", "--quiet", *more])
 
 
 def test_corrected_log_has_the_same_rows_and_the_model_loads(log, tmp_path, capsys):
@@ -89,11 +90,21 @@ BAD = {
     "unknown run": (lambda log: (log, "--run", "run"), "no column 'run'"),
     "reading is temperature": (lambda log: (log, "--reading", "temperature"), "both name"),
     "time and period": (lambda log: (log, "--time", "time", "--sampling-period", "1s"), "not both"),
-    "text in reading": (lambda log: (changed(log, reading="n/v"),), "not a number in row 0"),
+    "text in reading": (
+        lambda log: (changed(log, reading="n/v"),),
+        "not a number in row 0: 'n/v' (1500 such rows in all). Remove units and text from the file",
+    ),
     "no readings": (lambda log: (changed(log, reading=np.nan),), "readings are missing"),
     "constant temperature": (lambda log: (changed(log, temperature=20.0),), "never changes"),
+    "a time twice": (
+        lambda log: (changed(log, time=pd.read_csv(log)["time"].mask(lambda t: t.index == 1).bfill()),),
+        "Drop one of them from the log",
+    ),
     "same time in all rows": (lambda log: (changed(log, time="2024-01-01T00:00:00"),), "same time"),
-    "unreadable time": (lambda log: (changed(log, time="yesterday"),), "cannot be read as a time in row 0"),
+    "unreadable time": (
+        lambda log: (changed(log, time="yesterday"),),
+        "or seconds as numbers; say another form with --time-format",
+    ),
     "bad time constants": (lambda log: (log, "--time-constants", "fast"), "positive time"),
     "bad degree": (lambda log: (log, "--degree", "-3"), "'degree' parameter"),
     "bad gap": (lambda log: (log, "--max-gap", "wide"), "'max_gap' parameter"),
@@ -117,6 +128,16 @@ def test_bad_input_ends_with_one_sentence(case, log, capsys):
 def test_columns_without_a_log_are_refused(capsys):
     assert main(["analyze", "--reading", "x"]) == 2
     assert "no log is given" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["analyze"], ["workbench"], ["correct", "--model", "model.json"]])
+@pytest.mark.parametrize("option", ["--reading", "--time"])
+def test_two_columns_for_one_role_are_refused(command, option, log, capsys):
+    with pytest.raises(SystemExit) as end:
+        main([*command, str(log), option, "reading", option, "room"])
+    assert end.value.code == 2
+    said = f"argument {option}: one column, not 'reading' and 'room'. Run the command once for each"
+    assert said in " ".join(capsys.readouterr().err.split())
 
 
 def test_the_first_line_says_whether_to_use_the_correction(log, capsys):
@@ -151,6 +172,17 @@ def test_readings_that_are_masked_are_corrected_and_not_learned_from(log, tmp_pa
     assert after["residual"].drop(range(300, 400)).std() < 1.0
     assert analyze(path, "--mask", "18000..23940", "--out", str(tmp_path / "b")) == 0  # rows 60 s apart
     assert (tmp_path / "b" / "corrected.csv").read_text() == (tmp_path / "a" / "corrected.csv").read_text()
+
+
+@pytest.mark.parametrize("form", ["%d.%m.%Y %H:%M:%S", "%d-%b-%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S"])
+def test_a_mask_may_be_written_as_logs_write_dates(form, log, tmp_path):
+    """Dotted dates have the day first, as in a log."""
+    dates, out = pd.Series(pd.date_range("2024-05-07", periods=1500, freq="min")), []
+    path = changed(log, time=dates.dt.strftime("%Y-%m-%dT%H:%M:%S"))
+    for written in ("%Y-%m-%dT%H:%M:%S", form):
+        assert analyze(path, "--mask", f"{dates[300]:{written}}..{dates[499]:{written}}", "--out", str(tmp_path)) == 0
+        out.append((tmp_path / "corrected.csv").read_text())
+    assert out[0] == out[1]
 
 
 @pytest.mark.parametrize("marked", [False, True])
@@ -194,6 +226,9 @@ def test_runs_may_have_one_level(log, tmp_path):
         (("--mask", "5h"), "--mask takes START..END"),
         (("--mask", "5h..2h"), "ends before it starts"),
         (("--mask", "then..now"), "'mask' parameter of fit must be seconds since the record began"),
+        (("--mask", "05/07/2024..05/08/2024"), "meant as 2024-07-05T00:00:00 or 2024-05-07T00:00:00"),
+        (("--mask", "31.02.2024..05.03.2024"), "'31.02.2024' is no date that there is"),
+        (("--event", "05/07/2024 10:00"), "Is '05/07/2024 10:00' 05 July 2024 or 07 May 2024?"),
         (("--event", "never"), "must be seconds since the record began"),
         (("--events", "pressed"), "no column 'pressed' for --events"),
         (("--fill", "room"), "--fill takes COLUMN=RULE"),

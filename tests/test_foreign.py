@@ -276,12 +276,15 @@ def test_files_of_two_loggers_are_joined_in_time(written):
 def test_units_of_names():
     for name, unit in (
         ("Temp. [°C]", "degC"), ("T (F)", "degF"), ("U / mV", "mV"), ("R [kΩ]", "kohm"), ("reading (raw)", ""),
-        ("R [k\u2126]", "kohm"), ("x", ""),
-        ("oven_temp_degC", "degC"), ("p [hPa]", "hPa"), ("a/b", ""),
+        ("R [k\u2126]", "kohm"), ("x", ""), ("oven_temp_degC", "degC"), ("p [hPa]", "hPa"), ("a/b", ""),
         ("f [mHz]", "mHz"), ("f [MHz]", "MHz"), ("f_uHz", "uHz"), ("R [M\u03a9]", "Mohm"), ("R [mOhm]", "mohm"),
         ("I_pA", "pA"), ("B [nT]", "nT"), ("g [\u00b5Gal]", "uGal"), ("pH [pH]", ""), ("m [mg]", "mg"),
         ("t [min]", "min"), ("tilt [\u00b5m/m]", "um/m"), ("alpha [1/K]", "1/K"), ("c [kg/m3]", "kg/m3"),
         ("x [n/a]", ""), ("y [b/a]", ""),
+        ("Temp (\u00baF)", "degF"), ("Temp (\u00baC)", "degC"), ("T/\u00b0C", "degC"), ("room temp/degC", "degC"),
+        ("temperature_F", "degF"), ("T_F", "degF"), ("cap_F", ""), ("R (Ohm)", "ohm"), ("R_kOhm", "kohm"),
+        ("f/Hz", "Hz"), ("tilt/\u00b5m/m", "um/m"), ("km/h", ""), ("wind_m/s", ""), ("wind m/s", ""), ("A/C", ""),
+        ("on/off", ""), ("date/time", ""), ("A/D", ""), ("um/m", ""), ("R/\u03a9", "ohm"), ("/V", ""),
     ):  # fmt: skip
         assert unit_of(name, None) == unit
 

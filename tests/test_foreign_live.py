@@ -96,3 +96,37 @@ def test_a_damaged_line_is_called_by_its_number_in_the_file(before, place, tmp_p
     capsys.readouterr()
     assert main(["correct", str(path), "--model", str(tmp_path / "out" / "model.json")]) == 1
     assert f"{place} is left out: the temperature" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("way", ["whole", "followed", "a pipe"])
+@pytest.mark.parametrize(
+    ("header", "units", "said"),
+    [
+        ("time,temperature,reading", ",°C,V", ""),
+        ("time,temperature,reading", ",°C,mV", "'reading' is in mV, and the model was fitted to 'reading' in V"),
+        ("time,temperature,reading", ",°F,V", "'temperature' is in degF, and the model was fitted to"),
+        ("time,temperature,reading", ",K,V", "'temperature' is in K, and the model was fitted to"),
+        ("time,T_C,dmm_V", ",°C,mV", "'dmm_V' is in mV, and the model was fitted to 'dmm_V' in V"),
+    ],
+)
+def test_units_below_the_header_are_asked(way, header, units, said, tmp_path, capsys, monkeypatch):
+    """The log that the model was fitted to has the units of the first case below its header, or in it."""
+    rows = "".join(
+        f"2024-03-04 00:{k // 60:02d}:{k % 60:02d},{22 + 0.01 * (k % 37)},{10 + 1e-4 * (k % 7)}\n" for k in range(400)
+    )
+    fitted, path, out = tmp_path / "fitted.csv", tmp_path / "log.csv", tmp_path / "out"
+    fitted.write_text(f"{header}\n{'' if 'dmm' in header else ',°C,V' + chr(10)}{rows}", encoding="utf-8")
+    path.write_text(f"{header}\n{units}\n{rows}", encoding="utf-8")
+    named = [f"--temperature={header.split(',')[1]}", f"--reading={header.split(',')[2]}"]
+    assert main(["analyze", str(fitted), *named, "--time-constants", "5", "--out", str(out), "--quiet"]) == 0
+    capsys.readouterr()
+    with path.open() as stream:
+        monkeypatch.setattr("sys.stdin", stream)
+        log = {"whole": [str(path)], "followed": [str(path), "--follow", "--idle", "0"], "a pipe": ["-"]}[way]
+        status = main(["correct", *log, "--model", str(out / "model.json")])
+    shown = capsys.readouterr()
+    if not said:
+        assert status == 0 and len(shown.out.splitlines()) == 1 + 400 and "left out" not in shown.err
+        return
+    assert status == 2 and said in shown.err and "or mend the unit that the file gives" in shown.err
+    assert len(shown.out.splitlines()) <= 1

@@ -23,6 +23,8 @@ from thermocorr.foreign.clocks import understood as read_times
         ("05/03/2024 10:00", "05/04/2024 10:01"),
         ("05/03/2024", "05/04/2024"),
         ("05/03/2024 10:00:00.250", "05/03/2024 10:00:00.500"),
+        ("05/03/2024 10:00:00:000", "05/03/2024 10:00:00:500"),
+        ("05/03/2024 10:00:00:000 AM", "05/03/2024 10:00:00:500 AM"),
         ("05/03/2024, 10:00:00 pm", "05/03/2024, 10:01:00 pm"),
     ],
 )
@@ -32,15 +34,30 @@ def test_the_format_that_is_proposed_reads_the_cells(cells):
     with pytest.raises(RecordError) as told:
         read_times(values)
     form = str(told.value).rsplit("'", 2)[1]
-    assert read_times(values, form).times.iloc[0] == pd.to_datetime(cells[0], dayfirst=True)
+    first = cells[0].replace(":000", "")  # which pandas does not know
+    assert read_times(values, form).times.iloc[0] == pd.to_datetime(first, dayfirst=True)
 
 
-@pytest.mark.parametrize(("name", "unit"), [("time_ms", 1e-3), ("Stunden", 3600.0), ("elapsed minutes", 60.0)])
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("time_ms", 1e-3), ("Stunden", 3600.0), ("elapsed minutes", 60.0), ("elapsed_min", 60.0), ("time_min", 60.0),
+        ("Min", 60.0), ("t/min", 60.0), ("time/min", 60.0), ("t_h", 3600.0), ("elapsed_hr", 3600.0), ("h", 3600.0),
+        ("elapsed_d", 86_400.0),
+    ],
+)  # fmt: skip
 def test_a_unit_at_the_end_of_the_name_of_times_counts(name, unit):
     frame = pd.DataFrame({name: [0.0, 10.0, 20.0], "temperature": 1.0})
     read = with_times(ForeignTable(frame=frame), name, HowToRead())
     np.testing.assert_allclose(read.frame[name], unit * frame[name])
     assert "times in" in read.said[0]
+
+
+@pytest.mark.parametrize("name", ["t", "time", "elapsed", "time_s", "t [s]", "elapsed_sec", "admin", "time/width"])
+def test_other_names_of_times_have_seconds(name):
+    frame = pd.DataFrame({name: [0.0, 10.0, 20.0], "temperature": 1.0})
+    read = with_times(ForeignTable(frame=frame), name, HowToRead())
+    assert read.frame[name].equals(frame[name]) and not read.said
 
 
 @pytest.mark.parametrize("step", [0.5, 1.0, 7.0])
@@ -117,3 +134,102 @@ def test_utc_behind_times_is_followed_as_it_is_read_whole(form, tmp_path, capsys
         assert main(["correct", log, "--model", model, *more]) == 0
         found.append(pd.read_csv(io.StringIO(capsys.readouterr().out))["corrected"])
     np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9)
+
+
+def times_in(form, seconds):
+    """Times of a log: numbers of a unit, or text."""
+    if form == "clock":
+        return pd.to_timedelta(seconds, unit="s").astype(str).str.slice(7)
+    if form == "days":
+        return pd.to_timedelta(seconds, unit="s").astype(str)
+    return seconds // 60.0 if form == "min" else (1_714_982_400_000 + 1000 * seconds).astype("int64")
+
+
+@pytest.mark.parametrize(
+    ("name", "form"), [("time [min]", "min"), ("epoch_ms", "ms"), ("time", "clock"), ("elapsed", "days")]
+)
+def test_what_is_written_has_the_times_of_the_log_and_is_read_again(name, form, tmp_path, capsys, monkeypatch):
+    """The corrected log is analysed as the log was, and corrected alike whole, followed and through a pipe."""
+    record = make_record(1200, seed=2)[["temperature", "reading"]].reset_index(drop=True)
+    record.insert(0, name, times_in(form, 60.0 * np.arange(1200)))
+    log, out = tmp_path / "log.csv", tmp_path / "out"
+    record.to_csv(log, index=False)
+
+    def analysed(path):
+        options = ["--time", name, "--time-constants", "5min,90min", "--out", str(out), "--force", "--quiet"]
+        assert main(["analyze", str(path), *options]) == 0
+        return capsys.readouterr().out.split("readings of")[1].split("Written")[0]
+
+    first, written = analysed(log), tmp_path / "corrected.csv"
+    written.write_bytes((out / "corrected.csv").read_bytes())
+    assert pd.read_csv(written)[name].equals(pd.read_csv(log)[name])
+    for path in (log, written):
+        found = []
+        for way in ([str(path)], [str(path), "--follow", "--idle", "0"], ["-"]):
+            if form == "clock" and way != [str(path)]:
+                continue  # a time of day alone is understood from the whole log
+            with path.open() as stream:
+                monkeypatch.setattr("sys.stdin", stream)
+                assert main(["correct", *way, "--model", str(out / "model.json"), "--time", name]) == 0
+            shown = capsys.readouterr()
+            frame = pd.read_csv(io.StringIO(shown.out))
+            found.append(frame["corrected" if path == log else "corrected_thermocorr"])
+            assert frame["flag" if path == log else "flag_thermocorr"].isna().all()
+            assert ("times in" in shown.err) == (form in ("min", "ms"))
+            assert form == "clock" or pd.read_csv(log)[name].equals(frame[name])
+        for other in found:
+            np.testing.assert_allclose(other, pd.read_csv(written)["corrected"], rtol=0, atol=1e-9)
+    assert analysed(written).split("\n", 1)[0] == first.split("\n", 1)[0]
+
+
+@pytest.mark.parametrize("name", [None, "elapsed"])
+@pytest.mark.parametrize("spans", [False, True])
+def test_the_index_of_a_parquet_log_is_read_again(name, spans, tmp_path, capsys):
+    pytest.importorskip("pyarrow")
+    record = make_record(1200, seed=2)[["temperature", "reading"]]
+    index = record.index - record.index[0] if spans else record.index
+    record.set_axis(index).rename_axis(name).to_parquet(tmp_path / "log.parquet")
+    again, out = tmp_path / "again.csv", tmp_path / "out"
+    options = ["--time-constants", "5min,90min", "--out", str(out), "--force", "--quiet"]
+    assert main(["analyze", str(tmp_path / "log.parquet"), *options]) == 0
+    again.write_bytes((out / "corrected.csv").read_bytes())
+    named = [] if name is None else ["--time", name]
+    assert main(["analyze", str(again), *options, *named]) == 0
+    assert "1200 readings of 'reading', temperature 'temperature' (degC by their size), a row every 1 min" in (
+        capsys.readouterr().out
+    )
+    for more in ([], ["--follow", "--idle", "0"]):
+        assert main(["correct", str(again), "--model", str(out / "model.json"), *named, *more]) == 0
+        shown = pd.read_csv(io.StringIO(capsys.readouterr().out))
+        np.testing.assert_allclose(shown["corrected_thermocorr"], shown["corrected"], rtol=0, atol=1e-9)
+
+
+def test_times_of_several_files_are_written_as_they_came(tmp_path, capsys):
+    paths = []
+    for number in range(2):
+        record = make_record(800, seed=number)[["temperature", "reading"]].reset_index(drop=True)
+        record.insert(0, "time [min]", 0.1 + np.arange(800.0))
+        paths.append(str(tmp_path / f"run{number}.csv"))
+        record.to_csv(paths[-1], index=False)
+    assert main(["analyze", *paths, "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    written = pd.read_csv(tmp_path / "out" / "corrected.csv")["time [min]"]
+    assert written.tolist() == 2 * (0.1 + np.arange(800.0)).tolist()
+
+
+@pytest.mark.parametrize("separator", [";", ","])
+@pytest.mark.parametrize("behind", ["", "Z", " UTC"])
+def test_a_comma_before_the_fraction_of_a_second_is_a_point(separator, behind, tmp_path, capsys):
+    """As ISO 8601 allows, and Python's logging writes; quoted where commas stand between the columns."""
+    record = make_record(1200, seed=2)[["temperature", "reading"]]
+    times = record.index + pd.to_timedelta(37 * (np.arange(1200) % 20), unit="ms")
+    record.index = [f"{time:%Y-%m-%d %H:%M:%S},{time.microsecond // 1000:03d}{behind}" for time in times]
+    log, out = str(tmp_path / "log.csv"), tmp_path / "out"
+    record.to_csv(log, index_label="time", sep=separator)
+    assert main(["analyze", log, "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
+    written = pd.read_csv(out / "corrected.csv", parse_dates=["time"])
+    assert (written["time"].dt.tz_localize(None).to_numpy() == times.to_numpy()).all()
+    for more in ([], ["--follow", "--idle", "0"]):
+        capsys.readouterr()
+        assert main(["correct", log, "--model", str(out / "model.json"), *more]) == 0
+        shown = pd.read_csv(io.StringIO(capsys.readouterr().out))
+        np.testing.assert_allclose(shown["corrected"], written["corrected"], rtol=0, atol=1e-9)

@@ -144,7 +144,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         say(f"{noise}\n")
     if folder is not None:
         written = [
-            write_corrected(outputs, folder, loaded.log, _evaluated(best, X, read, say), loaded.has_index),
+            write_corrected(outputs, folder, loaded.written, _evaluated(best, X, read, say), loaded.has_index),
             *write_model(outputs, folder, best, (X, y)),
         ]
     if report is not None:

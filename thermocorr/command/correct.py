@@ -22,7 +22,7 @@ from .results import Results, Saved, open_results, read_state
 from .spans import number_or_span
 from .stopping import Stopped, StopSignal
 from .table_lines import TableLines, open_lines
-from .table_options import add_table_options, how_to_read
+from .table_options import OneColumn, add_table_options, how_to_read
 
 STATE_EVERY = 10.0
 """Time between savings of the state [s]."""
@@ -56,8 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         help="ambient temperature; for a model of several thermometers once more for each, in its order",
     )
-    columns.add_argument("--reading", metavar="COLUMN", help="what the instrument shows")
-    columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds")
+    columns.add_argument("--reading", metavar="COLUMN", action=OneColumn, help="what the instrument shows")
+    columns.add_argument("--time", metavar="COLUMN", action=OneColumn, help="dates (ISO 8601) or seconds")
     more = parser.add_argument_group("beside the corrected reading")
     more.add_argument(
         "--uncertainty",
@@ -104,7 +104,7 @@ def _run(options: argparse.Namespace) -> int:
             _complain(f"read as: {', '.join(lines.said)}")
         try:
             name = lines.time_name if isinstance(lines, TableLines) else None
-            rows = LogRows(live, options, _complain, name, lines.place)
+            rows = LogRows(live, options, _complain, time_name=name, place=lines.place, units=lines.units())
             _pump(rows, lines, options, inputs, saved, stop)
         finally:
             lines.close()
@@ -122,6 +122,8 @@ def _pump(
             raise Stopped(stop.number, "stopped before the first line; nothing was written")
         raise RecordError("The log is empty: a header line with the columns' names is needed, then the samples.")
     names = rows.begin(first)
+    if rows.time_unit and not isinstance(lines, TableLines):
+        _complain(f"read as: times in {rows.time_unit}")
     with open_results(rows, csv_text([names]), options, inputs, saved, lines) as results:
         if options.follow:
             _follow(rows, stream, lines, results)

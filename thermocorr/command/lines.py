@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import select
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import BinaryIO
 
@@ -40,6 +40,10 @@ class Lines:
     def place(self, number: int) -> str:
         """Where the line of this number, the header being the first, stands for who looks into the file."""
         return f"line {number}"
+
+    def units(self) -> Mapping[str, str]:
+        """Units of columns that the log names elsewhere than in its header, as far as its head tells them."""
+        return {}
 
     def skip_to(self, at: Position | None) -> bool:
         """Go on behind `at`, if this is the file that stood there."""

@@ -33,6 +33,8 @@ class Loaded(NamedTuple):
     """A log, and an unfitted model for it."""
 
     log: pd.DataFrame
+    written: pd.DataFrame
+    """The log as it is written with results: its times as they came."""
     has_index: bool
     """Whether its index is to be written with it."""
     model: DynamicBiasRegressor
@@ -67,7 +69,7 @@ def load_log(options: argparse.Namespace) -> Loaded:
         log = load_voltage_reference(hidden="moisture")
         learned["fill"] = fill_rules(options.fill, log.columns)
         model = DynamicBiasRegressor("temperature", time_constants, options.degree, **learned)
-        return Loaded(log, True, model, "voltage")
+        return Loaded(log, log, True, model, "voltage")
     how = how_to_read(options)
     table = read_logs(options.log, how, join=options.join, time=options.time, apart=options.run == RUN)
     log = table.frame
@@ -107,7 +109,7 @@ def load_log(options: argparse.Namespace) -> Loaded:
     results = tuple(name for name in result_columns(table.frame.columns) if name not in named)
     if results:
         _note(f"{', '.join(map(quoted, results))} are of an earlier result: written again, and no suspects.")
-    return Loaded(table.frame, stamped, model, reading, understood=table.said, results=results)
+    return Loaded(table.frame, table.as_it_came(), stamped, model, reading, understood=table.said, results=results)
 
 
 def _time_column(options: argparse.Namespace, table: ForeignTable, how: HowToRead, stamped: bool) -> str | None:

@@ -7,16 +7,18 @@ import csv
 import io
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from ..estimators.reading import check_unit
 from ..files.result_files import new_names
 from ..foreign import RUN
+from ..foreign.clocks import SPANS
+from ..foreign.sniffing import are_units, units_below
+from ..foreign.timed import unit_of_times
 from ..live.corrector import OnlineCorrector
 from ..live.given import COLUMNS
 from ..records import RecordError
@@ -60,6 +62,8 @@ class LogRows:
         Column of the times where none is named.
     place : callable
         What the line of a number, the header's being the first, is called in its file, see `Lines.place`.
+    units : mapping, optional
+        Units of columns that stand elsewhere than in the header, see `Lines.units`.
     """
 
     def __init__(
@@ -69,9 +73,10 @@ class LogRows:
         complain: Callable[[str], None],
         time_name: str | None = None,
         place: Callable[[int], str] = "line {}".format,
+        units: Mapping[str, str] | None = None,
     ):
         self.live, self.options, self.complain, self._time_name = live, options, complain, time_name
-        self._place_of = place
+        self._place_of, self._units = place, units or {}
         self.header: list[str] | None = None
         self.number = 0
         """Lines read."""
@@ -80,6 +85,8 @@ class LogRows:
         self.without_result: Counter[str] = Counter()
         self.left_out = 0
         self.trust = RowTrust(live.model)
+        self.time_unit = ""
+        """Unit of times that are numbers, where it is not the second."""
         self._accepted = False
         history = live.model.features_.history_
         self._timed, self._temperature_name = history.kind != "rows", history.record.temperature_name
@@ -97,12 +104,10 @@ class LogRows:
             )
         self.header = header
         model = self.live.model
-        named = self._thermometers()
+        named = self._named = self._thermometers()
         self._temperature = self._place(named.get(self._temperature_name, self._temperature_name), "temperature")
-        self.trust.read_from(named)
-        reading = self.options.reading or model.reading_.name
-        self._reading = self._place(reading, "reading")
-        check_unit("reading", reading, model.reading_.name, fitted_unit=model.reading_.unit)
+        self._reading = self._place(self.options.reading or model.reading_.name, "reading")
+        self.trust.read_from(header[self._reading], named, self._units)
         self._others = {column: self._place_or_state(str(named.get(column, column))) for column in self.live.columns}
         self._run, self._one_run = None, None
         if model.run == RUN and RUN not in header:  # learned from several files, each a run: this is one more
@@ -114,13 +119,19 @@ class LogRows:
         guesses = (self._time_name, *TIME_NAMES)
         name = self.options.time or model.time or next((n for n in guesses if n in free), "time")
         self._time = self._place(name, "time") if self._timed else None
+        self.time_unit = self._unit_of_times(name)
         self._extra = self.live.names
         return [*header, *new_names(self._extra, header)]
 
     def read(self, line: bytes) -> LogRow | None:
-        """A row; None for an empty line, a header that comes again, and a line that is left out and complained of."""
+        """A row; None for an empty line, a header that comes again, and a line that is left out and complained of.
+
+        Raises RecordError where the line below the header has units, and these are others than the fitted columns'.
+        """
         self.number += 1
         assert self.header is not None
+        if self.number == 2 and self._is_of_units(line):
+            return None
         fields: list[str] = []
         try:
             fields = fields_of(line)
@@ -136,6 +147,28 @@ class LogRows:
             return None
         self._accepted = True
         return sample
+
+    def _is_of_units(self, line: bytes) -> bool:
+        """Whether a line has the units of the columns, as it may below the header of a pipe, which are asked then."""
+        assert self.header is not None
+        try:
+            fields = fields_of(line)
+        except RecordError:
+            return False
+        if len(fields) != len(self.header) or not are_units(fields):
+            return False
+        self._units = units_below(self.header, fields)
+        self.trust.read_from(self.header[self._reading], self._named, self._units)
+        before = self.time_unit
+        self.time_unit = "" if self._time is None else self._unit_of_times(self.header[self._time])
+        if self.time_unit != before:
+            self.complain(f"times in {self.time_unit or 's'}, by the units below the header")
+        return True
+
+    def _unit_of_times(self, name: str) -> str:
+        """The unit of the log's times, where these are numbers and none of seconds; "" where the user says a form."""
+        said = self.options.time_format is not None or self.options.timezone is not None
+        return unit_of_times(name, self._units) if self._seconds and not said else ""
 
     def _refuse_other_zone(self, fields: list[str]) -> None:
         """Refuse a log whose first times have no zone where the model's have one, or the other way round."""
@@ -252,7 +285,9 @@ class LogRows:
         if self._time is None:
             return LogRow(fields, None, run, values, U)
         time: Any = fields[self._time].strip()
-        return LogRow(fields, self.live.stamp(number(time, "the time") if self._seconds else time), run, values, U)
+        if self._seconds:
+            time = number(time, "the time") * SPANS.get(self.time_unit, 1.0)
+        return LogRow(fields, self.live.stamp(time), run, values, U)
 
 
 def csv_text(rows: Iterable[list[str]]) -> bytes:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 import stat
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from ..files.appending import Position
-from ..foreign import HowToRead, read_log, with_times
+from ..foreign import ForeignTable, HowToRead, read_log, with_times
 from ..foreign.containers import FEATHER, PACKED, SHEETS
 from ..foreign.live_lines import LineTranslator
 from ..foreign.log_files import plain_head
@@ -49,7 +49,7 @@ class TableLines(Lines):
         column = None if self.stamped else time_column(table.frame.columns, time, how)
         if column is not None:
             table, self.time_name = with_times(table, column, how), column
-        self.frame = table.frame
+        self.frame = _numbers_as_came(table)
         self.said = table.said
         """How the file was understood."""
         self._first_line = table.first_line
@@ -67,6 +67,10 @@ class TableLines(Lines):
         """The line of the file, where each row is one; else the row of the table."""
         return f"row {number - 1}" if self._first_line is None else f"line {number - 2 + self._first_line}"
 
+    def units(self) -> Mapping[str, str]:
+        """Units that the file names, below its header or in its cells."""
+        return dict(self.frame.attrs.get("units", {}))
+
     def _text(self, part: pd.DataFrame, written: dict[str, Any]) -> str:
         try:
             part = part.assign(**{name: _written(part[name]) for name in part.columns})
@@ -75,6 +79,12 @@ class TableLines(Lines):
         except (ValueError, ArithmeticError, NotImplementedError) as error:  # dates that Python does not know
             reason = " ".join(str(error).split())
             raise RecordError(f"{self.path} cannot be read row by row: {reason}. Are its dates damaged?") from None
+
+
+def _numbers_as_came(table: ForeignTable) -> pd.DataFrame:
+    """The frame of a table; times that are numbers of another unit than seconds as they came, for `LogRows`."""
+    as_numbers = table.as_came is not None and kind_of(table.as_came) == "number"
+    return table.as_it_came() if as_numbers else table.frame
 
 
 def _written(column: pd.Series[Any]) -> pd.Series[Any]:
@@ -119,6 +129,10 @@ class TranslatedLines(Lines):
     def place(self, number: int) -> str:
         """The line of the file: others may stand before its header."""
         return f"line {number + self.translator.dialect.first - 1}"
+
+    def units(self) -> Mapping[str, str]:
+        """Units below the header."""
+        return self.translator.dialect.units
 
     def skip_to(self, at: Position | None) -> bool:
         """Go on behind `at`, if this is the file that stood there."""
@@ -180,4 +194,4 @@ def _is_native(path: Path, how: HowToRead, time: str | None) -> bool:
         read = head if column is None else with_times(head, column, how)
     except RecordError:  # the whole file may tell more
         return False
-    return not head.said and read.frame.equals(head.frame)
+    return not head.said and _numbers_as_came(read).equals(head.frame)

@@ -10,6 +10,19 @@ from ..foreign import HowToRead
 from .spans import number_or_span
 
 
+class OneColumn(argparse.Action):
+    """An option that names one column: named another time it is refused, where the last one would count."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
+        """Take the name; ArgumentError, which argparse tells the user, for a second one."""
+        before = getattr(namespace, self.dest)
+        if before is not None and before != values:
+            raise argparse.ArgumentError(
+                self, f"one column, not {before!r} and {values!r}. Run the command once for each, or leave one out."
+            )
+        setattr(namespace, self.dest, values)
+
+
 def add_table_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how a log's file is written."""
     group = parser.add_argument_group("the log's file (understood from its content where nothing is said)")
@@ -42,9 +55,14 @@ def add_column_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         help="ambient temperature (default: temperature); once more for each further thermometer, such as a case's",
     )
-    columns.add_argument("--reading", metavar="COLUMN", help="what the instrument shows")
-    columns.add_argument("--time", metavar="COLUMN", help="dates (ISO 8601) or seconds (default: time, timestamp, ...)")
-    columns.add_argument("--run", metavar="COLUMN", help="labels of runs; each starts anew")
+    columns.add_argument("--reading", metavar="COLUMN", action=OneColumn, help="what the instrument shows")
+    columns.add_argument(
+        "--time",
+        metavar="COLUMN",
+        action=OneColumn,
+        help="dates (ISO 8601) or seconds (default: time, timestamp, ...)",
+    )
+    columns.add_argument("--run", metavar="COLUMN", action=OneColumn, help="labels of runs; each starts anew")
     columns.add_argument(
         "--sampling-period",
         metavar="SPAN",

@@ -38,11 +38,24 @@ class RowTrust:
         self._flags: Counter[str] = Counter()
         self._called: dict[Any, str] = {}
 
-    def read_from(self, columns: Mapping[Any, str]) -> None:
-        """Say which column of the log each thermometer is; RecordError where its header says another unit."""
+    def read_from(self, reading: str, columns: Mapping[Any, str], units: Mapping[str, str]) -> None:
+        """Say which columns of the log are read; RecordError where they are in another unit than the fitted ones.
+
+        Parameters
+        ----------
+        reading : str
+        columns : mapping
+            Column of each thermometer that goes by another name than in the fitted record.
+        units : mapping
+            Units of columns that stand elsewhere than in their names.
+        """
         self._called = dict(columns)
-        for thermometer, column in columns.items():
-            check_unit("temperature", column, str(thermometer))
+        fitted = self.model.reading_
+        check_unit("reading", reading, fitted.name, units.get(reading), fitted.unit)
+        for thermometer in self.model.thermometers_:
+            column = columns.get(thermometer, str(thermometer))
+            known = fitted.temperature_unit if column in units and thermometer == next(iter(self._ranges)) else None
+            check_unit("temperature", column, str(thermometer), units.get(column), known)
 
     def look(self, values: Mapping[Any, Any]) -> None:
         """Look at the temperatures of a row, or of several; RecordError where they are in another unit."""

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 from sklearn.utils._param_validation import Interval
 
-from ..records import Record
+from ..foreign.clocks import one_date
+from ..records import Record, RecordError
 from ..records.times import span_of
 
 MOMENT: list[Any] = [Interval(Real, None, None, closed="neither"), str, pd.Timestamp, pd.Timedelta, np.datetime64]
@@ -17,7 +18,10 @@ MOMENT: list[Any] = [Interval(Real, None, None, closed="neither"), str, pd.Times
 
 
 def since_start(time: Any, record: Record, name: str = "time", effect: str = "Step") -> float:
-    """A moment as seconds since the record began; raises ValueError for what is no moment of this record."""
+    """A moment as seconds since the record began, its date in any form that logs have.
+
+    Raises ValueError for what is no moment of this record, and RecordError for a date that has two readings.
+    """
     if isinstance(time, Real):
         return float(time)
     try:
@@ -26,7 +30,9 @@ def since_start(time: Any, record: Record, name: str = "time", effect: str = "St
         pass
     kind = record.times.kind
     try:
-        date: Any = pd.Timestamp(time)
+        date: Any = (one_date(time) if isinstance(time, str) else None) or pd.Timestamp(time)
+    except RecordError:
+        raise
     except (ValueError, TypeError):
         date = pd.NaT
     since = record.since_1970()

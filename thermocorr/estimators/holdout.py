@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..records import RecordError
 from ..records.errors import said_once
 from ..records.reach import where_read
 from .progress import Progress, told
@@ -88,7 +89,13 @@ def residuals_of_blocks(
         known = reading.copy()
         known[block] = np.nan
         if np.isfinite(known).any():
-            fitted = fitted_to(model, X, known, sweeps)
+            try:
+                fitted = fitted_to(model, X, known, sweeps)
+            except RecordError as error:
+                counts = " of ".join(f"{np.isfinite(values).sum()}" for values in (known, reading))
+                raise RecordError(
+                    f"{counts} readings are outside of held-out block {number + 1} of {len(blocks)}. {error}"
+                ) from None
             missed = reading[block] - fitted.predict(X)[block]
             result[block] = np.where(unlearned(fitted, X, known)[block], np.nan, missed)
             result[block][_unknown_start(fitted, block, len(reading))] = np.nan

@@ -119,9 +119,11 @@ def check_unit(role: str, name: str, fitted: str, unit: str | None = None, fitte
     unit = unit_of(name, None) if unit is None else unit
     fitted_unit = unit_of(fitted, None) if fitted_unit is None else fitted_unit
     if units_differ(name, unit, fitted, fitted_unit):
+        in_header = unit_of(name, None) == unit
+        mended = "rename it if its header is wrong" if in_header else "mend the unit that the file gives if it is wrong"
         raise RecordError(
             f"The {role} {quoted(name)} is in {unit}, and the model was fitted to {quoted(fitted)} in {fitted_unit}. "
-            f"Convert the column to {fitted_unit}, or rename it if its header is wrong."
+            f"Convert the column to {fitted_unit}, or {mended}."
         )
 
 

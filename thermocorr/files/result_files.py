@@ -24,14 +24,15 @@ _RESULTS = (RESULT_COLUMNS, ("corrected", "bias", "flag", "u", "smoothed", "u_sm
 
 
 def write_corrected(outputs: Outputs, folder: Path, log: pd.DataFrame, evaluated: pd.DataFrame, index: bool) -> Path:
-    """Write corrected.csv: the log as it came, and five columns more."""
+    """Write corrected.csv: the log as it came, and five columns more; an index of times without a name is called so."""
     names = new_names(RESULT_COLUMNS, log.columns)
     result = log.assign(**{new: evaluated[old].to_numpy() for new, old in zip(names, RESULT_COLUMNS, strict=True)})
     path = folder / "corrected.csv"
     file = outputs.open(path)
     try:  # floats are written with all the digits that tell them apart
         if index or not written_by_arrow(result, file):
-            result.to_csv(file, mode="wb", index=index, lineterminator="\n")
+            label = new_names(["time"], log.columns)[0] if log.index.name is None else None
+            result.to_csv(file, mode="wb", index=index, index_label=label, lineterminator="\n")
     except (ValueError, ArithmeticError, NotImplementedError) as error:  # dates that no text of pandas' can show
         reason = " ".join(str(error).split())
         raise RecordError(f"{path} cannot be written: {reason}. Are dates of the log damaged?") from None

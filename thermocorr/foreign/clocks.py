@@ -13,7 +13,7 @@ from ..records.epochs import EPOCHS, LARGEST_SECONDS, UNIX, unix_unit
 from ..records.errors import quoted
 from ..records.times import BEYOND
 from ..records.types import kind_of
-from .values import CLOCK, ELAPSED, first_cell, is_number
+from .values import CLOCK, DAYS, ELAPSED, first_cell, is_number
 from .zones import in_zone
 
 DAYS_OF_EXCEL = (25_569.0, 55_000.0)
@@ -44,6 +44,7 @@ _DATES = {
     r"[A-Za-z]{3} \d{1,2},? \d{4}": ("%b %d %Y",),
 }
 """How dates look, and which formats may be meant, of `strptime`."""
+_COMMA = re.compile(r"(:\d\d),(\d)")
 BEHIND_TIMES = re.compile(r"\s*(?:UTC|GMT)\s*$")
 """What may stand behind a time: it is UTC."""
 _IN_WORDS = {"%d": "day", "%m": "month", "%Y": "year", "%y": "year", "%b": "month"}
@@ -181,12 +182,26 @@ def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
         return Understood(_parsed(values.astype("string").str.strip(), values, form), f"times as {form}")
     if re.fullmatch(CLOCK, first_cell(values)) or re.fullmatch(ELAPSED, first_cell(values)):
         return _of_clocks(values)
+    if re.fullmatch(DAYS, first_cell(values)):
+        return _of_spans(values)
     date = date_form(values)
     if date is None:
-        return Understood(values)
+        commas = values.astype("string").str.contains(",", regex=False).any()
+        return Understood(values.map(point_for_comma, na_action="ignore") if commas else values)
     times = _dates(values.astype("string").str.strip(), date)
     order = ", ".join(_IN_WORDS[part] for part in re.findall("%[dmYyb]", date))
     return Understood(_named(times, values), f"dates as {order}")
+
+
+def point_for_comma(cell: str) -> str:
+    """A time in the form of ISO 8601 with a point before the fraction of a second, where the form allows a comma too.
+
+    Examples
+    --------
+    >>> point_for_comma("2024-05-06 08:00:00,250")
+    '2024-05-06 08:00:00.250'
+    """
+    return _COMMA.sub(r"\1.\2", cell)
 
 
 def date_form(values: pd.Series[Any]) -> str | None:
@@ -194,10 +209,9 @@ def date_form(values: pd.Series[Any]) -> str | None:
 
     Raises RecordError for dates that have two readings, and those that have none.
     """
-    parts = re.fullmatch(rf"(?P<date>.*?)(?:[T ,]+{CLOCK})?", first_cell(values))
-    forms = next((forms for look, forms in _DATES.items() if parts and re.fullmatch(look, parts["date"])), ())
-    if not forms or (forms == ("%Y-%m-%d",) and not (parts and parts["half"])):
-        return None  # ISO 8601, which every reader knows
+    forms = _forms(first_cell(values))
+    if not forms:
+        return None
     text = values.astype("string").str.strip()
     readings = {date: _dates(text, date) for date in forms}
     whole = {date: times for date, times in readings.items() if times.notna().all()}
@@ -218,6 +232,40 @@ def date_form(values: pd.Series[Any]) -> str | None:
     return next(iter(whole))
 
 
+def _forms(cell: str) -> tuple[str, ...]:
+    """Formats that a date may be meant in; none for ISO 8601, which every reader knows, and for what is no date."""
+    parts = re.fullmatch(rf"(?P<date>.*?)(?:[T ,]+{CLOCK})?", cell)
+    forms = next((forms for look, forms in _DATES.items() if parts and re.fullmatch(look, parts["date"])), ())
+    return () if forms == ("%Y-%m-%d",) and not (parts and parts["half"]) else forms
+
+
+def one_date(text: str) -> Any:
+    """A date that a user writes, in any form that logs have; None for what has none of them, such as ISO 8601.
+
+    Raises
+    ------
+    RecordError
+        For a date that has two readings, and one that has none.
+
+    Examples
+    --------
+    >>> one_date("07.05.2024 08:30"), one_date("2024-05-07")
+    (Timestamp('2024-05-07 08:30:00'), None)
+    """
+    text = text.strip()
+    forms = _forms(text)
+    if not forms:
+        return None
+    read = [_dates(pd.Series([text], dtype="string"), form).iloc[0] for form in forms]
+    found = list(dict.fromkeys(time for time in read if not pd.isna(time)))
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        raise RecordError(f"{text!r} is no date that there is. Write it as 2024-05-31T14:00:00.")
+    read_as, written = (" or ".join(f"{time:{form}}" for time in found) for form in ("%d %B %Y", "%Y-%m-%dT%H:%M:%S"))
+    raise RecordError(f"Is {text!r} {read_as}? Write the one that is meant as {written}.")
+
+
 def _whole_form(date: str, text: pd.Series[Any]) -> str:
     """How cells are written, times of day included, as for `strptime`."""
     parts = re.fullmatch(rf"(?P<date>.*?)(?:(?P<between>[T ,]+){CLOCK})?", str(text.iloc[0]))
@@ -226,8 +274,9 @@ def _whole_form(date: str, text: pd.Series[Any]) -> str:
     clock = "%I:%M" if parts["half"] else "%H:%M"
     clock += ":%S" if parts["clock"].count(":") == 2 else ""
     clock += str(parts[0])[parts.start("fraction") - 1] + "%f" if parts["fraction"] else ""
+    clock += ":%f" if parts["third"] else ""
     between = str(parts[0])[parts.end("clock") : parts.start("half")] if parts["half"] else ""
-    return f"{date}{parts['between']}{clock}{between.lstrip('.,0123456789')}{'%p' if parts['half'] else ''}"
+    return f"{date}{parts['between']}{clock}{between.lstrip('.,:0123456789')}{'%p' if parts['half'] else ''}"
 
 
 def _of_clocks(values: pd.Series[Any]) -> Understood:
@@ -244,6 +293,18 @@ def _of_clocks(values: pd.Series[Any]) -> Understood:
             "A column of dates beside it is joined with it where it is called date."
         )
     return Understood(_named(spans, values), "times of day without a date")
+
+
+def _of_spans(values: pd.Series[Any]) -> Understood:
+    """Days and times of day since a start, as pandas writes spans."""
+    text = values.astype("string").str.strip()
+    spans = pd.to_timedelta(text.where(text.str.fullmatch(DAYS)), errors="coerce")
+    if spans.isna().any():
+        row = int(spans.isna().to_numpy().argmax())
+        raise RecordError(
+            f"{values.iloc[row]!r} in {quoted(values.name)}, row {row}, is no time since a start, as {text.iloc[0]!r}."
+        )
+    return Understood(_named(spans, values), "days and times since a start")
 
 
 def _elapsed(text: pd.Series[Any]) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import pandas as pd
 
@@ -32,6 +33,10 @@ class HowToRead:
         """Whether the user says anything of the file, and not only what its columns are."""
         return replace(self, reading=None, no_times=()) != HowToRead()
 
+    def names_times(self) -> bool:
+        """Whether the file alone says what its times are."""
+        return self.time_format is None and self.timezone is None
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "no_times", tuple(self.no_times))
         mark = self.separator
@@ -53,6 +58,12 @@ class ForeignTable:
     """How it was understood, where that was not a matter of course."""
     first_line: int | None = None
     """The line of a text that holds the first row, where each row is a line of its own."""
+    as_came: pd.Series[Any] | None = None
+    """The column of times as the file has it, where `frame` has seconds or spans that its name or cells do not say."""
+
+    def as_it_came(self) -> pd.DataFrame:
+        """The frame with its times as the file has them: what is written of it is read in the same way again."""
+        return self.frame if self.as_came is None else self.frame.assign(**{str(self.as_came.name): self.as_came})
 
     def with_said(self, frame: pd.DataFrame, *words: str) -> ForeignTable:
         """The log with another frame, and more to be said."""

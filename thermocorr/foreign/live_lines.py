@@ -12,11 +12,11 @@ from pathlib import Path
 import pandas as pd
 
 from ..records import RecordError
-from .clocks import BEHIND_TIMES, date_form, understood
+from .clocks import BEHIND_TIMES, date_form, point_for_comma, understood
 from .dialect import Dialect
 from .how import HowToRead
 from .text_tables import first_lines, head_dialect
-from .timed import date_and_clock
+from .timed import date_and_clock, unit_of_times
 from .values import CLOCK, is_number
 
 LINES = 40
@@ -59,6 +59,7 @@ class LineTranslator:
         if len(rows) < FEWEST_ROWS:
             raise RecordError(f"{path} has too few rows to tell how it is written. Follow it once there are some.")
         frame = pd.DataFrame(rows, columns=list(found.names), dtype=object)
+        frame.attrs["units"] = dict(found.units)
         column = time(found.names)
         pair = None if column is None else date_and_clock(frame, column)
         self._joined = None if pair is None else tuple(found.names.index(name) for name in pair)
@@ -74,7 +75,8 @@ class LineTranslator:
             raise RecordError("--time-format needs the whole log: leave it out, or leave out --follow.")
         if column is None:
             return None
-        if is_number(str(frame[column].iloc[0])) and understood(frame[column]).times.dtype.kind == "M":
+        numbers = is_number(str(frame[column].iloc[0])) and not unit_of_times(column, frame.attrs["units"])
+        if numbers and understood(frame[column]).times.dtype.kind == "M":
             raise RecordError("Dates as such numbers need the whole log: leave out --follow.")
         return date_form(frame[column] if pair is None else frame[pair[0]] + " " + frame[pair[1]])
 
@@ -112,7 +114,7 @@ class LineTranslator:
     def _local(self, cell: str) -> str:
         """A date without a zone behind it."""
         if self._date is None:
-            return cell
+            return point_for_comma(cell)
         found = re.fullmatch(rf"(?P<date>.*?)(?:[T ,]+{CLOCK})?", cell.strip())
         assert found is not None  # anything is a date
         day = datetime.strptime(found["date"].replace(",", ""), self._date)

@@ -74,7 +74,10 @@ def as_runs(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> Fo
     _refuse_other_clocks(parts, paths, time, how)
     said = tuple(dict.fromkeys(word for table in tables for word in table.said))
     frame = pd.concat(parts, ignore_index=True)
-    return ForeignTable(frame=frame, said=said).with_said(_with_units(frame, tables), f"{len(paths)} files, a run each")
+    came = [table.as_came for table in tables if table.as_came is not None]
+    as_came = pd.concat(came, ignore_index=True) if len(came) == len(tables) else None
+    runs = ForeignTable(frame=frame, said=said, as_came=as_came)
+    return runs.with_said(_with_units(frame, tables), f"{len(paths)} files, a run each")
 
 
 def _following(runs: ForeignTable, column: str | None) -> ForeignTable:
@@ -132,7 +135,8 @@ def joined(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> For
     said = tuple(dict.fromkeys(word for table in tables for word in table.said))
     words = f"{len(paths)} files joined on the times of {Path(paths[main]).name}"
     words += f", without {listing(left)} (no numbers)" if left else ""
-    return ForeignTable(frame=frame, said=said).with_said(_with_units(frame, tables), words)
+    together = ForeignTable(frame=frame, said=said, as_came=tables[main].as_came)
+    return together.with_said(_with_units(frame, tables), words)
 
 
 def _timed(path: str | Path, time: str | None, how: HowToRead) -> ForeignTable:

@@ -106,9 +106,9 @@ def _with_header(lines: Sequence[str], look: Looked) -> Dialect | None:
     candidates = []
     for k, row in enumerate(look.rows):
         behind = next((i for i in range(k + 1, len(data)) if filled[i]), None)
-        if data[k] or behind is None or not _is_header(row, look) or _are_units(row):
+        if data[k] or behind is None or not _is_header(row, look) or are_units(row):
             continue
-        units = behind if not data[behind] and _are_units(look.rows[behind]) else None
+        units = behind if not data[behind] and are_units(look.rows[behind]) else None
         first = k + 1 if units is None else units + 1
         if not any(data[first:]):
             continue
@@ -132,11 +132,10 @@ def _with_header(lines: Sequence[str], look: Looked) -> Dialect | None:
     names = names[: look.width]
     spare = _spare(names, [row for row, is_row in zip(look.rows, data, strict=True) if is_row])
     names = names[: len(names) - spare]
-    noted = {} if units is None else dict(zip(names, map(_unit, look.rows[units]), strict=False))
     return replace(
         look.dialect,
         names=tuple(names),
-        units={name: unit for name, unit in noted.items() if unit},
+        units={} if units is None else units_below(names, look.rows[units]),
         header=-place,
         first=first,
         comments=comments,
@@ -178,14 +177,17 @@ def _is_header(row: list[str], look: Looked) -> bool:
     return bool(held[0]) and any(cell and not is_number(cell) for cell in held) and not is_value(held[0])
 
 
-def _are_units(row: list[str]) -> bool:
+def are_units(row: Sequence[str]) -> bool:
+    """Whether the cells of a row are units, such as stand below the names of columns."""
     cells = [cell for cell in row if cell.strip()]
     return bool(cells) and sum(map(is_unit, cells)) >= len(cells) / 2
 
 
-def _unit(cell: str) -> str:
-    text = cell.strip()
-    return unit_of_text(text.strip("[]()<>")) or text
+def units_below(names: Sequence[str], row: Sequence[str]) -> dict[str, str]:
+    """Unit of each column that has one in the row of units below the names."""
+    texts = [cell.strip() for cell in row]
+    units = [unit_of_text(text.strip("[]()<>")) or text for text in texts]
+    return {name: unit for name, unit in zip(names, units, strict=False) if unit}
 
 
 def _spare(names: list[str], rows: list[list[str]]) -> int:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,11 +22,11 @@ from .values import first_cell, is_moment
 
 DATES = ("date", "datum", "day", "tag")
 UNITS_IN_NAMES = {
-    "ms": "ms", "millis": "ms", "milliseconds": "ms", "us": "us", "micros": "us", "minutes": "min", "minuten": "min",
-    "mins": "min", "hours": "h", "hrs": "h", "stunden": "h", "heures": "h", "horas": "h", "days": "d", "tage": "d",
-    "jours": "d", "dias": "d",
+    "ms": "ms", "millis": "ms", "milliseconds": "ms", "us": "us", "micros": "us", "min": "min", "mins": "min",
+    "minute": "min", "minutes": "min", "minuten": "min", "h": "h", "hr": "h", "hrs": "h", "hour": "h", "hours": "h",
+    "stunden": "h", "heures": "h", "horas": "h", "d": "d", "days": "d", "tage": "d", "jours": "d", "dias": "d",
 }  # fmt: skip
-"""Last word of a column's name, in small letters -> unit of its times."""
+"""Last word of the name of a column of times, in small letters -> their unit; another column's may mean anything."""
 CLOCKS = ("time", "clock", "zeit", "uhrzeit", "time of day", "heure", "hora")
 """Names, in small letters, of columns of dates and of times of day."""
 
@@ -50,10 +51,11 @@ def with_times(table: ForeignTable, column: str | None, how: HowToRead) -> Forei
             raise RecordError("--time-format, --timezone and --sort are for a column of times. Name it with --time.")
         return table
     frame, words = _joined(table.frame, column)
-    read = in_seconds(frame, column) if how.time_format is None and how.timezone is None else None
+    read = in_seconds(frame, column) if how.names_times() else None
     read = read or understood(frame[column], how.time_format, how.timezone)
     if read.times is not frame[column]:
-        frame = frame.assign(**{column: read.times})
+        as_came = frame[column] if kind_of(read.times) in ("number", "span") else None
+        table, frame = replace(table, as_came=as_came), frame.assign(**{column: read.times})
     table = table.with_said(frame, words, read.said)
     return _sorted(table, column) if how.sort else table
 
@@ -79,15 +81,27 @@ def in_seconds(frame: pd.DataFrame, column: str) -> Understood | None:
             f"{quoted(dates[0])} and {quoted(column)} look like a date and a time of day in whole numbers. Write them "
             "in one column, as 2024-05-31T14:00:00, or say --time-format for one that has both."
         )
-    unit = unit_of(column, frame) or _unit_in_name(column)
-    if unit in ("", "s") or unit not in SPANS:
-        return None
-    return Understood(frame[column].astype(float) * SPANS[unit], f"times in {unit}")
+    unit = unit_of_times(column, frame.attrs.get("units", {}))
+    return Understood(frame[column].astype(float) * SPANS[unit], f"times in {unit}") if unit else None
+
+
+def unit_of_times(column: str, units: Mapping[str, str]) -> str:
+    """The unit of times that are numbers, one of `SPANS`; "" for seconds, and where nobody says it.
+
+    Parameters
+    ----------
+    column : str
+        Name of the times, which may end with their unit: ``time_ms``, ``elapsed hours``, ``Stunden``.
+    units : mapping
+        Units that the file gives elsewhere, by names of columns.
+    """
+    unit = units.get(column) or unit_of(column, None) or _unit_in_name(column)
+    return unit if unit in SPANS and unit != "s" else ""
 
 
 def _unit_in_name(column: str) -> str:
-    """The unit of time that a name ends with: ``time_ms``, ``elapsed hours``, ``Stunden``; "" for none."""
-    return UNITS_IN_NAMES.get(re.split(r"[\s_.(\[]+", _plain_name(column))[-1], "")
+    """The unit of time that a name ends with in a word; "" for none."""
+    return UNITS_IN_NAMES.get(re.split(r"[\s_.(\[/]+", _plain_name(column))[-1], "")
 
 
 def _is_yyyymmdd(values: pd.Series[Any]) -> bool:
@@ -138,6 +152,8 @@ def _sorted(table: ForeignTable, column: str) -> ForeignTable:
     moved = int((order != np.arange(len(order))).sum())
     if not moved:
         return table
+    if table.as_came is not None:
+        table = replace(table, as_came=table.as_came.iloc[order].reset_index(drop=True))
     return table.with_said(table.frame.iloc[order].reset_index(drop=True), f"sorted by time: {moved} rows moved")
 
 

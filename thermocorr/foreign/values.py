@@ -19,6 +19,8 @@ IN_DOUBT = {",": re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+"), ".": re.compile(r"[+-]
 """By decimal sign: whole thousands, or a number with the other decimal sign."""
 ELAPSED = r"(?P<hours>\d+):(?P<minutes>[0-5]\d):(?P<seconds>[0-5]\d)(?:[.,](?P<fraction>\d+))?"
 """Time since a start: hours may be more than 24."""
+DAYS = r"-?\d+ days?(?: [+-]?\d{2}:\d{2}:\d{2}(?:\.\d{1,9})?)?"
+"""Time since a start as pandas writes it."""
 CLOCK = (
     r"(?P<clock>\d{1,2}:\d{2}(?::\d{1,2}(?=\D|$))?)"
     r"(?:(?<=:\d\d:\d\d)[.,](?P<fraction>\d+)|(?<=:\d\d:\d\d):(?P<third>\d{3}))?"
@@ -28,7 +30,7 @@ CLOCK = (
 _CLOCK = re.sub(r"\?P<\w+>", "?:", CLOCK) + r"(?: ?(?:Z|UTC|[+-]\d{2}:?\d{2}))?"
 _DATE = r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}[-/ .]?[A-Za-z]{3}[a-z]*[-/ .,]+\d{2,4}|[A-Za-z]{3,9} \d{1,2},? \d{4}"
 _ELAPSED = re.sub(r"\?P<\w+>", "?:", ELAPSED)
-_MOMENT = re.compile(rf"(?:{_DATE})(?:[T ,]+{_CLOCK})?|{_CLOCK}|{_ELAPSED}")
+_MOMENT = re.compile(rf"(?:{_DATE})(?:[T ,]+{_CLOCK})?|{_CLOCK}|{_ELAPSED}|{DAYS}")
 _SWITCHES = frozenset(("true", "false", "on", "off", "ok"))
 _PATTERN_OF_DATES = re.compile(r"[dDmMyYhHsS]{1,4}(?:[-/.: T]+[dDmMyYhHsS]{1,4}){1,6}.*")
 

@@ -64,7 +64,7 @@ def _model(bench: Bench, found: Fitted, path: Path) -> None:
 def _corrected(bench: Bench, found: Fitted, path: Path) -> None:
     evaluated = found.model.evaluate(found.data.X, found.data.y, return_std=True)
     with Outputs(bench.source.files) as outputs:
-        write_corrected(outputs, path.parent, bench.source.frame, evaluated, _has_index(bench))
+        write_corrected(outputs, path.parent, bench.source.table.as_it_came(), evaluated, _has_index(bench))
 
 
 def _has_index(bench: Bench) -> bool:

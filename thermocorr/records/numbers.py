@@ -203,7 +203,8 @@ def _parse_numbers(values: Any, what: str) -> NDArray[Any]:
         row = int(bad.argmax())
         raise RecordError(
             f"{what} is not a number in row {row}: {series.iloc[row]!r} ({times_word(int(bad.sum()), 'such row')} in "
-            "all). Remove units and text from the data, or convert it with pandas.to_numeric(..., errors='coerce')."
+            "all). Remove units and text from the file, or leave the cell empty where there is no value; in Python "
+            "pandas.to_numeric(..., errors='coerce') does so."
         )
     return numbers.to_numpy(dtype=float, na_value=np.nan)
 

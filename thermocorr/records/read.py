@@ -354,14 +354,15 @@ def _refuse_order(
         "as HalvingGridSearchCV, cannot be used (GridSearchCV can). If these are no times, name the column that has "
         "them: --time on the command line, in Python time=..."
         if shuffled
-        else "Sort the rows by time; if the log holds several runs, name their column with run=...; local times "
-        "without a zone step back when summer time ends."
+        else "Sort the rows by time (--sort on the command line); if the log holds several runs, name their column "
+        "with --run, in Python run=...; local times without a zone step back when summer time ends."
         if layout.run is None
         else "Sort the rows of each run by time."
     )
     if times.stamp(row) == times.stamp(before):
         raise RecordError(
-            f"Two rows have the same time {times.label(row)}: rows {before} and {row}. Drop or average duplicates, for "
-            "example with X[~X.index.duplicated()]; if the log holds several runs, name their column with run=..."
+            f"Two rows have the same time {times.label(row)}: rows {before} and {row}. Drop one of them from the "
+            "log, or write their mean (in Python X[~X.index.duplicated()] keeps the first); if the log holds several "
+            "runs, name their column with --run, in Python run=..."
         )
     raise RecordError(f"Time goes backward at row {row}: {times.label(row)} follows {times.label(before)}. {hint}")

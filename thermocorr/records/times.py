@@ -161,7 +161,7 @@ def summer_time_text(row: int, time: object, before: object) -> str:
         f"Time goes backward at row {row}: {time} follows {before}, as local times do when summer time ends. If so, "
         "name the zone: --timezone Europe/Berlin on the command line, in Python times that have it, as by "
         "X.index.tz_localize('Europe/Berlin', ambiguous='infer'). Sorting would mix two hours. If the log holds "
-        "several runs, name their column with run=..."
+        "several runs, name their column with --run, in Python run=..."
     )
 
 
@@ -283,8 +283,8 @@ def _parse(values: pd.Series[Any], where: str) -> pd.Series[Any]:
         row = int(bad.argmax())
         raise RecordError(
             f"{where} cannot be read as a time in row {row}: {values.iloc[row]!r}. Write dates as "
-            "2024-05-31T14:00:00, convert other forms with pandas.to_datetime(..., format=...), or give seconds as "
-            "numbers."
+            "2024-05-31T14:00:00, or seconds as numbers; say another form with --time-format on the command line, in "
+            "Python with pandas.to_datetime(..., format=...)."
         )
     return parsed
 

@@ -9,21 +9,21 @@ from .quantities import prefix_and_unit
 
 _SUFFIXES = {
     "degC": "degC", "degF": "degF", "K": "K", "C": "degC", "ohm": "ohm", "kohm": "kohm", "V": "V", "mV": "mV",
-    "uV": "uV", "nV": "nV", "A": "A", "mA": "mA", "uA": "uA", "ppm": "ppm", "ppb": "ppb", "pct": "%", "percent": "%",
-    "hPa": "hPa", "Pa": "Pa", "kPa": "kPa", "mbar": "mbar", "Hz": "Hz", "kHz": "kHz", "MHz": "MHz", "m": "m",
-    "mm": "mm", "um": "um", "cm": "cm", "kg": "kg", "g": "g", "mg": "mg", "N": "N", "W": "W", "mW": "mW",
+    "Ohm": "ohm", "uV": "uV", "nV": "nV", "A": "A", "mA": "mA", "uA": "uA", "ppm": "ppm", "ppb": "ppb", "pct": "%",
+    "percent": "%", "hPa": "hPa", "Pa": "Pa", "kPa": "kPa", "mbar": "mbar", "Hz": "Hz", "kHz": "kHz", "MHz": "MHz",
+    "m": "m", "mm": "mm", "um": "um", "cm": "cm", "kg": "kg", "g": "g", "mg": "mg", "N": "N", "W": "W", "mW": "mW",
     "urad": "urad", "mrad": "mrad", "rad": "rad", "deg": "deg", "ustrain": "ustrain", "s": "s", "A2": "A^2",
     "m3m3": "m3/m3",
 }  # fmt: skip
 """Ending of a name, behind an underscore -> unit."""
-_ENDINGS = ("Hz", "ohm", "V", "A", "W", "Pa", "T", "Gal", "strain")
+_ENDINGS = ("Hz", "ohm", "Ohm", "V", "A", "W", "Pa", "T", "Gal", "strain")
 """Units that may end a name with any of the prefixes that they take, beside those endings."""
 _WRITTEN = {
     "°c": "degC", "℃": "degC", "deg c": "degC", "celsius": "degC", "c": "degC", "°f": "degF", "℉": "degF",
     "deg f": "degF", "fahrenheit": "degF", "f": "degF", "kelvin": "K", "°k": "K", "µv": "uV", "μv": "uV", "ω": "ohm",
     "ohms": "ohm", "kω": "kohm", "kohms": "kohm", "vdc": "V", "vac": "V", "volt": "V", "volts": "V", "adc": "A",
     "µa": "uA", "μa": "uA", "µm": "um", "μm": "um", "%": "%", "% rh": "%", "%rh": "%", "% r.h.": "%", "rh": "%",
-    "minutes": "min", "hour": "h", "days": "d", "d": "d", "us": "us", "µs": "us",
+    "minutes": "min", "hour": "h", "days": "d", "d": "d", "us": "us", "µs": "us", "ohm": "ohm",
     "sec": "s", "seconds": "s", "ms": "ms", "min": "min", "h": "h", "hours": "h", "bar": "bar", "mhz": "MHz",
 }  # fmt: skip
 """How people and programs write units, in small letters, beside the values of `_SUFFIXES`."""
@@ -35,8 +35,10 @@ _SAME = {"mbar": "hPa"}
 """Units of the same size by other names."""
 _KNOWN = {unit: unit for unit in _SUFFIXES.values()}
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*(?:[\[(<](?P<inside>[^\[\]()<>]+)[\])>]|\s/\s*(?P<behind>\S+))\s*")
-_OHM_SIGN = str.maketrans({"\u2126": "\u03a9"})
-"""The sign for ohm of its own, which looks like the capital letter."""
+_TIGHT = re.compile(r"(?P<name>[^/]*[^/\s])/(?P<behind>\S+)\s*")
+"""A slash without blanks, as ISO 80000 writes T/°C: a unit is behind it only where the whole is none, such as km/h."""
+_LOOKALIKES = str.maketrans({"\u2126": "\u03a9", "\u00ba": "\u00b0", "\u02da": "\u00b0"})
+"""Signs of their own that look like the capital letter for ohm, and like the sign of a degree."""
 _SIGNS = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u2126": "ohm", "\u03a9": "ohm"})
 """Signs as they are written here."""
 _POWER = re.compile(r"(.*?[A-Za-z%])(\^?[23])?")
@@ -83,6 +85,8 @@ def unit_of(name: object, data: Any) -> str:
     end = text.rsplit("_", 1)[-1]
     if end != text and (unit := _SUFFIXES.get(end) or (_prefixed(end) if end.endswith(_ENDINGS) else "")):
         return unit
+    if end == "F" and TEMPERATURES.search(text[:-2]):  # a capacitance else
+        return "degF"
     return name_and_unit(text)[1]
 
 
@@ -121,7 +125,7 @@ def unit_of_text(text: str) -> str:
     ['mV', 'kohm', 'mHz', 'MHz', 'um/m', '']
     """
     bare = text.strip()
-    exact = _KNOWN.get(bare) or _prefixed(bare) or _WRITTEN.get(bare.translate(_OHM_SIGN).lower(), "")
+    exact = _KNOWN.get(bare) or _prefixed(bare) or _WRITTEN.get(bare.translate(_LOOKALIKES).lower(), "")
     return exact or _quotient(bare.translate(_SIGNS))
 
 
@@ -145,9 +149,22 @@ def name_and_unit(text: str) -> tuple[str, str]:
 
     Examples
     --------
-    >>> name_and_unit("Temp. [°C]"), name_and_unit("U / mV"), name_and_unit("reading (raw)")
+    >>> name_and_unit("Temp. [°C]"), name_and_unit("U/mV"), name_and_unit("reading (raw)")
     (('Temp.', 'degC'), ('U', 'mV'), ('reading (raw)', ''))
     """
     found = _BRACKETS.fullmatch(text)
     unit = unit_of_text(found["inside"] or found["behind"]) if found else ""
-    return (found["name"], unit) if found and unit else (text, "")
+    if found and unit:
+        return found["name"], unit
+    tight = _TIGHT.fullmatch(text)
+    unit = _behind_slash(text, tight["name"], tight["behind"]) if tight else ""
+    return (tight["name"], unit) if tight and unit else (text, "")
+
+
+def _behind_slash(text: str, name: str, behind: str) -> str:
+    """The unit behind a slash without blanks; "" for the second half of a unit (wind_m/s), and for A/C and on/off."""
+    unit = unit_of_text(behind)
+    last = re.split(r"[\s_]+", name)[-1]
+    in_two = unit_of_text(text) or (last != name and (unit_of_text(last) or last in _SUFFIXES))
+    letter = len(behind) == 1 and behind.isascii() and behind.isupper() and behind not in _KNOWN
+    return "" if in_two or letter else unit
