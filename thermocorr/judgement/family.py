@@ -116,15 +116,17 @@ class Family:
         return [i for i in range(len(self.tried)) if self.judged.width(i)]
 
     def price(self, i: int) -> float:
-        """What an explanation's columns, tuned parameters and the choice of them gain by chance (Schwarz 1978).
+        """What an explanation's columns, tuned parameters and the choice of them gain by chance (Schwarz 1978)."""
+        return 0.5 * math.log(self.judged.n) * self.judged.width(i) + self.price_of_tuning(i)
 
-        By the temperature, or at moments or periods that were looked for, it may gain as well what it tells of gaps
-        that nobody saw.
+    def seen(self, full: float, i: int) -> float:
+        """The log likelihood that an explanation gains, less what it may tell of gaps that nobody saw.
+
+        It may by the temperature, or at moments or periods that were looked for.
         """
         effect = self.tried[i].effect
         sought = self.tried[i].key[0] in ANYWHERE or not effect.of_time_alone
-        unseen = self.unseen if sought and not effect.inputs() else 0.0
-        return 0.5 * math.log(self.judged.n) * self.judged.width(i) + self.price_of_tuning(i) + unseen
+        return full - self.unseen if sought and not effect.inputs() else full
 
     def price_of_tuning(self, i: int) -> float:
         """What the tuned parameters and the choice of them gain by chance."""
@@ -150,7 +152,7 @@ class Family:
 
     def weighed(self, i: int, fit: Fit, worth: Worth) -> Tried:
         """An explanation with what speaks for it: its fit beside the base, and what it is worth beside it."""
-        full = fit.level - self.judged.base.level
+        full = self.seen(fit.level - self.judged.base.level, i)
         price, scatter = self.price(i), self._scatter(i, fit, full)
         gain = full / max(1.0, scatter / self.usual_scatter(i))
         chance = self.p_value(gain, i)
