@@ -13,6 +13,7 @@ from thermocorr import (
     OnlineCorrector,
     ParquetLog,
     RecordError,
+    RecordWarning,
     load_model,
     save_model,
 )
@@ -342,3 +343,20 @@ def test_columns_that_are_known_in_different_rows_are_named_all(record):
     X.iloc[::2, 0] = X.iloc[1::2, 1] = np.nan
     with pytest.raises(RecordError, match=r"in every needed column \('temperature', 'humidity'\): all 1200 rows have"):
         read_record(X, Layout("temperature"), needed=["humidity"])
+
+
+def test_a_column_of_dates_is_pointed_at():
+    """A warning alone, and all time constants were in samples."""
+    X = pd.DataFrame(
+        {"when": pd.date_range("2024-05-01", periods=300, freq="min"), "temperature": np.sin(np.arange(300.0))}
+    )
+    with pytest.warns(RecordWarning, match="The column 'when' holds dates: take them with time='when'"):
+        DynamicBiasRegressor("temperature", ["5 min"]).fit(X, np.arange(300.0) % 7)
+
+
+def test_moments_by_clocks_of_two_zones_are_the_same():
+    index = pd.date_range("2024-05-01", periods=300, freq="min", tz="UTC")
+    X = pd.DataFrame({"temperature": np.sin(np.arange(300.0))}, index)
+    y = pd.Series(np.arange(300.0) % 7, index.tz_convert("Europe/Berlin"))
+    model = DynamicBiasRegressor("temperature", ["5 min"])
+    np.testing.assert_array_equal(model.fit(X, y).coef_, model.fit(X, y.to_numpy()).coef_)

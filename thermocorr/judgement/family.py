@@ -47,8 +47,7 @@ class Family:
         """Columns of the explanations, as data not learned from are judged on."""
         self.best: set[int] = set()
         """Numbers of what was the best of its kind in some look, or was taken in."""
-        floor = judged.innovation * float(np.median(pool.data.counts)) * judged.unit**2
-        self.unseen = IN_GAPS * pool.felt_in_gaps / (2 * floor) if floor > 0 else 0.0
+        self.unseen = IN_GAPS * _of_gaps(pool, judged)
         """Log likelihood that one explanation may gain by what the temperature did in gaps."""
         self.add(pool.explanations)
         keys = [explanation.key for explanation in self.tried]
@@ -181,3 +180,13 @@ class Family:
         """
         explanation = self.tried[i]
         return OF_PRODUCTS if explanation.effect.is_product and explanation.key[1] is not None else SCATTER
+
+
+def _of_gaps(pool: Pool, judged: Comparison) -> float:
+    """Log likelihood that what the temperature did in gaps may make, by its share of all that is to be explained."""
+    rows = float(pool.data.counts.sum())
+    moved = pool.felt_in_gaps / rows / judged.unit**2
+    white, structure = judged.innovation, judged.unexplained() - judged.innovation
+    if not moved > 0 or not structure > 0:
+        return 0.0
+    return rows * moved / (2 * white * float(np.median(pool.data.counts))) * min(1.0, moved / structure)

@@ -132,6 +132,9 @@ def check_same_rows(given: Any, X: Any, name: str) -> None:
     own, others = given.index, X.index
     if type(own) is not type(others) or own.equals(others):
         return
+    zoned = isinstance(own, pd.DatetimeIndex) and isinstance(others, pd.DatetimeIndex) and own.tz and others.tz
+    if zoned and pd.DatetimeIndex(own).tz_convert(zoned).equals(others):  # the same moments, by clocks of two zones
+        return
     if isinstance(others, pd.DatetimeIndex | pd.TimedeltaIndex | pd.PeriodIndex):
         row = int(np.argmax(np.asarray(own != others)))
         raise RecordError(

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .errors import RecordError, RecordWarning, listing, times_word
+from .errors import RecordError, RecordWarning, listing, quoted, times_word
 from .indexes import index_times, no_times_text
 from .labels import factorized
 from .log import Log
@@ -22,6 +22,7 @@ from .quantities import span_text, span_texts
 from .record import Record, Segment, holes
 from .record_log import as_data
 from .times import Times, seconds_of, steps_back_an_hour, summer_time_text, times_from
+from .types import kind_of
 from .weighted import reading_of
 
 GAP_STEPS = 10.0
@@ -197,9 +198,11 @@ def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Tim
             notes.append("The data have times of their own: sampling_period is not used.")
         return times
     if layout.sampling_period is None:
+        dates = next((name for name in getattr(X, "columns", ()) if kind_of(X[name]) == "date"), None)
+        here = "" if dates is None else f"The column {quoted(dates)} holds dates: take them with time={dates!r}. "
         notes.append(
             "The data have no times: rows are taken as 1 s apart, so time constants count in samples. "
-            f"{no_times_text(X.index if isinstance(X, pd.DataFrame) else None)}Pass sampling_period=..., "
+            f"{here}{no_times_text(X.index if isinstance(X, pd.DataFrame) else None)}Pass sampling_period=..., "
             "time=<column>, or a DataFrame with a DatetimeIndex."
         )
         return Times(n, "rows")
