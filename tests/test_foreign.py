@@ -234,21 +234,21 @@ def test_files_of_one_table_are_runs(written):
 
 
 def test_files_of_a_logger_that_begins_a_new_one_each_day_are_one_log(written):
-    span = N * (TIMES[1] - TIMES[0])
-    paths = [written(plain(times=TIMES + k * span), f"{name}.csv") for name, k in (("b", 1), ("c", 2), ("a", 0))]
-    table = read_logs(paths, HowToRead())
-    times = pd.to_datetime(table.frame["time"])
-    assert list(table.frame) == ["time", "temperature", "reading"] and len(table.frame) == 3 * N
-    assert times.is_monotonic_increasing and table.said == ("3 files that follow on one another, one log",)
-    assert read_logs(paths, HowToRead(), apart=True).frame["file"].nunique() == 3
+    span, places = N * (TIMES[1] - TIMES[0]), (1, 2, 0)
+    table = read_logs([written(plain(times=TIMES + k * span), f"{k}.csv") for k in places], HowToRead())
+    assert "file" not in table.frame and table.said == ("3 files that follow on one another, one log",)
+    assert len(table.frame) == 3 * N and table.frame["time"].is_monotonic_increasing
+    stamps = [(TIMES + k * span).as_unit("ms").asi8 for k in places]
+    rows = ["epoch_ms,T,U\n" + "".join(f"{t},{a},{b}\n" for t, a, b in zip(at, T, U, strict=True)) for at in stamps]
+    paths = [written(text, f"{k}.csv") for k, text in enumerate(rows)]
+    came = read_logs(paths, HowToRead(), time="epoch_ms").as_it_came()["epoch_ms"]
+    np.testing.assert_array_equal(came.astype(float), np.sort(np.concatenate(stamps)))
 
 
-@pytest.mark.parametrize("later", ["20 min", "-5 min", "0 min"])
+@pytest.mark.parametrize("later", ["20 min", f"-{N} min"])
 def test_files_with_a_pause_between_them_or_of_one_time_are_runs(written, later):
-    ends = N * (TIMES[1] - TIMES[0])
-    shift = pd.Timedelta(0) if later == "0 min" else ends + pd.Timedelta(later)
-    paths = [written(plain(), "a.csv"), written(plain(times=TIMES + shift), "b.csv")]
-    assert read_logs(paths, HowToRead()).said == ("2 files, a run each",)
+    after = plain(times=TIMES + N * (TIMES[1] - TIMES[0]) + pd.Timedelta(later))
+    assert read_logs([written(plain(), "a.csv"), written(after, "b.csv")], HowToRead()).said == ("2 files, a run each",)
 
 
 def test_files_of_two_loggers_are_joined_in_time(written):

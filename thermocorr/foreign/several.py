@@ -82,17 +82,20 @@ def as_runs(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> Fo
 
 def _following(runs: ForeignTable, column: str | None) -> ForeignTable:
     """Runs as one log, where each begins within a few steps of another's end; else as they are."""
-    if column is None or kind_of(times := runs.frame[column]) != "date" or times.isna().any():
+    if column is None or kind_of(times := runs.frame[column]) not in ("date", "number") or times.isna().any():
         return runs
+    if kind_of(times) == "date":
+        times = (times - times.iloc[0]).dt.total_seconds()
     parts = sorted((part for _, part in times.groupby(runs.frame[RUN], sort=False)), key=lambda part: part.iloc[0])
     steps = pd.concat([part.diff() for part in parts]).dropna()
     ends = pd.Series([after.iloc[0] - before.iloc[-1] for before, after in pairwise(parts)])
-    if not len(steps) or not (ends > pd.Timedelta(0)).all() or not (ends <= FOLLOWS * steps.median()).all():
+    if not len(steps) or not (ends > 0).all() or not (ends <= FOLLOWS * steps.median()).all():
         return runs
-    frame = runs.frame.loc[np.concatenate([part.index for part in parts])].drop(columns=[RUN])
-    *said, _ = runs.said
-    one = replace(runs, said=tuple(said))
-    return one.with_said(frame.reset_index(drop=True), f"{len(parts)} files that follow on one another, one log")
+    order, (*said, _) = np.concatenate([part.index for part in parts]), runs.said
+    frame = runs.frame.loc[order].drop(columns=[RUN]).reset_index(drop=True)
+    came = None if runs.as_came is None else runs.as_came.loc[order].reset_index(drop=True)
+    one = replace(runs, said=tuple(said), as_came=came)
+    return one.with_said(frame, f"{len(parts)} files that follow on one another, one log")
 
 
 def joined(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> ForeignTable:
