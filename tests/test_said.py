@@ -285,7 +285,7 @@ def test_a_refined_model_is_said_to_be_another_than_the_one_that_the_judgement_s
     said = capsys.readouterr().out
     assert "did not see,\nin dB against step 0; later:" in said and "held out [dB]" in said
     kept, _, before = said.splitlines()[:3]
-    assert kept.startswith("The model to use from here has lagged covariate: humidity: it misses later blocks by 58.")
+    assert kept.startswith("Use the refined model, which has lagged covariate: humidity: it misses later blocks by 58.")
     assert before.startswith("(Before that: ")
     assert said.index("Before lagged covariate: humidity was added:") < said.index("Verdict: missing")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
