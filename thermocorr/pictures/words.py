@@ -283,11 +283,9 @@ def kept_sentence(refinement: RefinementLike) -> str:
     if not effects:
         return ""
     before, now = refinement.steps["later_rms"].iloc[[0, -1]].tolist()
+    said = f"{'Use the refined model, which' if now < before else 'The model to use from here'} has {effects}"
     if not np.isfinite([now, before]).all():
-        return f"The model to use from here has {effects}."
-    said = (
-        f"Use the refined model, which has {effects}" if now < before else f"The model to use from here has {effects}"
-    )
+        return f"{said}."
     left, instead = quantity_texts((now, before), refinement.diagnoses[0].unit)
     return f"{said}: it misses later blocks by {left} rms, {f'not {instead}' if now < before else f'{instead} before'}."
 
