@@ -95,12 +95,14 @@ def starts_of(model: DynamicBiasRegressor, record: Record, slowest: float) -> tu
     """The start-up decays of a model that are held, and those that compete, none slower than a time constant [s].
 
     Behind a pause nobody knows what a device keeps of the time before. Whether it was at rest when the record began,
-    the record says: an ageing looks like many decays.
+    the record says: an ageing looks like many decays, and what a lag as long as the record keeps like a drift.
     """
     own = [effect for effect in model.features_.effect_list() if isinstance(effect, InitialTransient)]
     if len(record.segments) > MANY_STARTS:
         return [OwnStart(effect) for effect in own], []
     later = [OwnStart(effect, slowest, slice(1, None)) for effect in own if len(record.segments) > 1]
     taus, lags = lags_of(model)
-    before = [Before(taus, model.coef_[lags], rank) for rank in (1, 2) if own and len(taus) >= rank]
+    kept = taus <= slowest
+    taus, coefficients = taus[kept], model.coef_[lags][kept]
+    before = [Before(taus, coefficients, rank) for rank in (1, 2) if own and len(taus) >= rank]
     return list(later), [*(OwnStart(effect, slowest, slice(1)) for effect in own), *before]

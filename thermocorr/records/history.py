@@ -244,8 +244,8 @@ class History:
         high = bisect_right(range(end), last, begin, key=kept.stamp)
         sides = (kept, low, high), (record, segment.start, segment.stop)
         (one, start, stop), (other, at, until) = sorted(sides, key=lambda side: side[2] - side[1])
-        met = equal = 0
-        for k in np.unique(np.linspace(start, stop - 1, PROOFS).astype(int)).tolist() if stop > start else ():
+        met, equal, steps = 0, 0, max(PROOFS // len(record.segments), 3) - 1
+        for k in sorted({start + (stop - 1 - start) * i // steps for i in range(steps + 1)}) if stop > start else ():
             place = bisect_left(range(until), one.stamp(k), at, key=other.stamp)
             if place < until and other.stamp(place) == one.stamp(k):
                 met += 1
