@@ -67,7 +67,7 @@ def drifting(seed):
 
 
 def test_what_lags_as_long_as_the_record_keep_of_the_time_before_is_no_start():
-    """The fit takes a drift for such lags. Their decays passed for the start: in none of these the drift was named."""
+    """The fit takes a drift for such lags. Their decays passed for the start: in one of these the drift was named."""
     named = 0
     for X, y in map(drifting, range(60, 68)):
         found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)

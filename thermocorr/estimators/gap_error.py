@@ -165,10 +165,10 @@ def readings_left_out(record: Record, believed: Record) -> list[str]:
     if believed is record or record.filled:
         return []
     assert record.reading is not None and isinstance(believed.reading, LeftOut)
-    reading = np.asarray(record.reading[:], float)
-    count, known = (int(np.isfinite(some).sum()) for some in (reading[believed.reading.rows], reading))
+    count = int(np.isfinite(np.asarray(record.reading[believed.reading.rows], float)).sum())
     if not count:
         return []
+    known = record.reading_moments().n
     share = f", {100 * count / known:.0f} % of all," if count > MANY * known else ""
     return [
         f"The temperature is not known in gaps of the record, and the device goes on to feel what it did there: "

@@ -163,15 +163,16 @@ def level_variance(model: Any) -> float:
 
     What the level of a run that was never seen may be off by, as far as the fitted runs tell.
     """
-    if not model.run_levels_.times:
+    times = model.run_levels_.times
+    if not times:
         return 0.0
-    steps, at = [], 0
-    for effect in model.features_.effect_list():
-        if isinstance(effect, SeveralSteps) and tuple(effect.times) == model.run_levels_.times:
-            steps = model.coef_[at : at + effect.n_columns()].tolist()
-        at += effect.n_columns()
-    levels = np.concatenate(([0.0], np.cumsum(steps)))
-    return float(np.sum((levels - levels[-1]) ** 2) / max(len(levels) - 1, 1))
+    effects = model.features_.effect_list()
+    ends = np.cumsum([effect.n_columns() for effect in effects]).tolist()
+    last = max(
+        k for k, effect in enumerate(effects) if isinstance(effect, SeveralSteps) and tuple(effect.times) == times
+    )
+    levels = np.concatenate(([0.0], np.cumsum(model.coef_[ends[last] - len(times) : ends[last]])))
+    return float(np.sum((levels - levels[-1]) ** 2) / len(times))
 
 
 def _gain(features: DiffusiveFeatures, record: Record) -> float:

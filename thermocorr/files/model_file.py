@@ -288,24 +288,23 @@ def _without_rules(node: dict[str, Any]) -> dict[str, Any]:
 
 def _with_plain_curvature(node: dict[str, Any]) -> dict[str, Any]:
     """Version 10: what may be curved beyond the fitted temperatures was taken to feel them at once."""
-    model = node.get("model")
-    if not isinstance(model, dict):
-        raise ModelFileError("$.model is no object")
-    errors = model.get("errors")
-    if isinstance(errors, dict) and isinstance(errors.get("beyond"), dict):
-        errors = {**errors, "beyond": {"weights": None, **errors["beyond"]}}
-    return {**node, "version": 11, "model": {**model, "errors": errors}}
+    return _with_more_beyond(node, 11, weights=None)
 
 
 def _with_measured_range(node: dict[str, Any]) -> dict[str, Any]:
     """Version 11: only the measured temperature was asked whether it is beyond the fitted ones."""
+    return _with_more_beyond(node, 12, lowest=None, highest=None)
+
+
+def _with_more_beyond(node: dict[str, Any], version: int, **unknown: None) -> dict[str, Any]:
+    """A node of the next version, in which more is known of what lies beyond the fitted temperatures."""
     model = node.get("model")
     if not isinstance(model, dict):
         raise ModelFileError("$.model is no object")
     errors = model.get("errors")
     if isinstance(errors, dict) and isinstance(errors.get("beyond"), dict):
-        errors = {**errors, "beyond": {"lowest": None, "highest": None, **errors["beyond"]}}
-    return {**node, "version": 12, "model": {**model, "errors": errors}}
+        errors = {**errors, "beyond": {**unknown, **errors["beyond"]}}
+    return {**node, "version": version, "model": {**model, "errors": errors}}
 
 
 MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {

@@ -227,7 +227,7 @@ MOMENTS = 3.68
 `thermocorr.judgement.when`."""
 IN_GAPS = 0.15
 """Share of the log likelihood that what nobody saw in gaps may make, which one effect may gain by it: 0.14 at most of
-leads, hinges and hystereses where nothing was hidden, in 20 records with 25 gaps or regular dead times."""
+leads, hinges and hystereses where nothing was hidden, in 20 records with gaps or regular dead times."""
 TIE = 4.0
 """Difference of scores (log likelihood) below which two explanations cannot be told apart: odds of 55 to 1."""
 ALIKE = 0.5

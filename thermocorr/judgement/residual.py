@@ -42,15 +42,13 @@ def beyond_judgement(model: DynamicBiasRegressor, read: Record) -> tuple[float, 
     """
     if not isinstance(read.reading, LeftOut):
         return 0.0, 0.0
-    spoilt, known = np.zeros(read.n_rows, bool), np.isfinite(np.asarray(read.reading.column[:], float))
-    spoilt[read.reading.rows] = known[read.reading.rows]
-    if not spoilt.sum() > MANY * known.sum():
+    whole, spoilt = replace(read, reading=read.reading.column), np.zeros(read.n_rows, bool)
+    rows = read.reading.rows
+    spoilt[rows] = np.isfinite(np.asarray(read.reading.column[rows], float))
+    share = float(spoilt.sum() / max(whole.reading_moments().n, 1))
+    if share <= MANY:
         return 0.0, 0.0
-    left = [
-        values[spoilt[block.rows]]
-        for block, values in model.residual_blocks(replace(read, reading=read.reading.column))
-    ]
-    return float(spoilt.sum() / known.sum()), rms(np.concatenate(left))
+    return share, rms(np.concatenate([values[spoilt[block.rows]] for block, values in model.residual_blocks(whole)]))
 
 
 def felt_in_gaps(model: DynamicBiasRegressor, read: Record, slowest: float) -> float:
