@@ -9,10 +9,12 @@ the record's jumps of that size return than stay: a random telegraph has no spik
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .repeats import ends_of_range, is_repeated, repeated
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -73,6 +75,10 @@ class Usual:
     """Standard deviation of the noise of one reading, robust."""
     reach: float
     """Height that the largest peak of the whole record may have; infinite where nothing tells."""
+    repeats: bool = False
+    """Whether they are written down more than once each."""
+    ends: tuple[float, ...] = ()
+    """Readings at which they are clipped."""
 
     @property
     def range(self) -> float:
@@ -96,6 +102,9 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None) -> Usual:
         return Usual(middle=0.0, low=-np.inf, high=np.inf, noise=np.inf, reach=np.inf)
     low, middle, high = (_share(values, share) for share in (0.05, 0.5, 0.95))
     line = np.concatenate([np.concatenate(([np.nan], part)) for part in known])
+    ends, repeats = ends_of_range(line), is_repeated(line)
+    if repeats:
+        line = line[~repeated(line)]
     steps = line[1:] - line[:-1]
     noise = _noise(steps)
     if noise == 0.0:
@@ -106,7 +115,9 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None) -> Usual:
     n = max(n_rows or 0, len(values))
     foretold = min(_foretold(peaks, share, n, noise) for share in shares)
     reach = max(SPIKE * noise, min(foretold, _below_a_gap(peaks, noise)))
-    return Usual(middle=middle, low=low, high=high, noise=noise, reach=float(reach))
+    return Usual(
+        middle=middle, low=low, high=high, noise=noise, reach=float(reach), repeats=repeats, ends=ends
+    )  # fmt: skip
 
 
 def _foretold(peaks: Floats, rare: float, n_rows: int, noise: float) -> float:
@@ -187,6 +198,8 @@ class Scanned:
     """The lowest value of what is left."""
     high: float = -np.inf
     """The highest value of what is left."""
+    repeats: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
+    """Rows that repeat the one before, where readings are repeated."""
 
     @classmethod
     def together(cls, parts: Iterable[Scanned]) -> Scanned:
@@ -201,13 +214,14 @@ class Scanned:
             staying=staying,
             low=min((part.low for part in parts), default=np.inf),
             high=max((part.high for part in parts), default=-np.inf),
+            repeats=np.concatenate([none, *(part.repeats for part in parts)]),
         )
 
     def moved(self, rows: int) -> Scanned:
         """Rows counted from so many rows earlier."""
-        if not len(self.codes) and not len(self.spikes):
+        if not len(self.codes) and not len(self.spikes) and not len(self.repeats):
             return self
-        return replace(self, codes=self.codes + rows, spikes=self.spikes + rows)
+        return replace(self, codes=self.codes + rows, spikes=self.spikes + rows, repeats=self.repeats + rows)
 
     def true_spikes(self, usual: Usual, n_rows: int) -> NDArray[np.intp]:
         """Spikes that are none of the device's own jumps: at least half of the jumps of their size return."""
@@ -235,6 +249,15 @@ def scan(values: Floats, low: int, high: int, usual: Usual) -> Scanned:
     Scanned
         Rows are numbered as in `values`.
     """
+    if usual.repeats or usual.ends:
+        ended = np.isin(values, usual.ends)
+        again = repeated(values) & ~ended & usual.repeats
+        rest = scan(np.where(again | ended, np.nan, values), low, high, replace(usual, repeats=False, ends=()))
+        return replace(
+            rest,
+            codes=np.union1d(rest.codes, low + np.flatnonzero(ended[low:high])),
+            repeats=low + np.flatnonzero(again[low:high]),
+        )
     nothing, jumps = np.zeros(0, np.intp), Jumps()
     steps = values[1:] - values[:-1]
     most = min(usual.reach, OVERLOAD / 2)

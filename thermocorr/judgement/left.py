@@ -11,6 +11,7 @@ import pandas as pd
 
 from ..estimators.evenness import BURST
 from ..estimators.holdout import rms
+from ..records.screen import CLIPPED, REPEAT
 from .causes import Search
 from .imitations import together
 from .levels import NINE_TENTHS, OF_THERMOMETER, PROVABLE, RANKED, TAILS, TO_A_DECADE, WANDERS
@@ -175,7 +176,7 @@ def _tails(residual: np.ndarray) -> float:
 def _spikes(pool: Pool) -> tuple[float, ...]:
     """Times of the readings that were left out, the farthest from the usual one first."""
     rows, record = np.flatnonzero(pool.rows.spikes), pool.record
-    refused = [found for found in record.refused if found.what == "reading"]
+    refused = [found for found in record.refused if found.what == "reading" and found.reason not in (CLIPPED, REPEAT)]
     seconds = [*(found.seconds for found in refused), pool.data.seconds[rows]]
     values = np.concatenate([*(found.values for found in refused), pool.data.reading[rows]])
     far = np.argsort(-np.abs(values - np.median(pool.data.reading)))

@@ -38,7 +38,7 @@ class Refused(NamedTuple):
     what: str
     """ "reading" or "temperature"."""
     reason: str
-    """ "spike", "sentinel" or "other unit"."""
+    """ "spike", "sentinel", "other unit", "clipped", or "repeat" (the reading of the row before once more)."""
     rows: NDArray[np.intp]
     """Rows of the user's record, shape (n,)."""
     values: Floats

@@ -30,7 +30,7 @@ MOST_KEPT = 10_000
 """Spikes that are known again in later rows at most."""
 LISTED = 10
 """Rows that a note lists."""
-SPIKE, SENTINEL, OTHER_UNIT = "spike", "sentinel", "other unit"
+SPIKE, SENTINEL, OTHER_UNIT, REPEAT, CLIPPED = "spike", "sentinel", "other unit", "repeat", "clipped"
 
 Rows = NDArray[np.intp]
 
@@ -164,10 +164,17 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
             limits[what] = Limits()
             continue
         usual = usual_of(_sampled(record, column), record.n_used)
+        if what == "temperature":
+            usual = replace(usual, ends=())  # lags do not go across a room that is beyond its thermometer's range
         found = record.scanned(what, usual)
         spikes = found.true_spikes(usual, record.n_used)
         limits[what] = _limits(record, column, usual, found, spikes)
-        for reason, positions in ((SENTINEL, found.codes), (SPIKE, spikes)):
+        if len(found.repeats) and what == "temperature":  # a device may well stand still as long
+            record = replace(record, notes=(*record.notes, _seldom(record, found.repeats)))
+        repeats = found.repeats if what == "reading" else found.repeats[:0]
+        clipped = _at(record, column, found.codes, usual.ends)
+        sentinels = np.setdiff1d(found.codes, clipped)
+        for reason, positions in ((SENTINEL, sentinels), (CLIPPED, clipped), (SPIKE, spikes), (REPEAT, repeats)):
             if len(positions):
                 record = without(record, what, reason, positions, max_gap)
     if record.refused:
@@ -201,6 +208,11 @@ def _limits(record: Record, column: NDArray[Any], usual: Usual, found: Scanned, 
     values = np.asarray(column[record.rows_at(kept)], float).tolist() if len(kept) else []
     known = {record.stamp(k): value for k, value in zip(kept.tolist(), values, strict=True)}
     return Limits(middle=usual.middle, codes=tuple(codes), spikes=known)
+
+
+def _at(record: Record, column: NDArray[Any], positions: Rows, ends: tuple[float, ...]) -> Rows:
+    """Rows, of some, whose reading is at an end of the instrument's range."""
+    return positions[np.isin(np.asarray(column[record.rows_at(positions)], float), ends)] if ends else positions[:0]
 
 
 def _few(positions: Rows) -> Rows:
@@ -256,9 +268,30 @@ class LeftOut:
         return np.asarray(self[:], dtype)
 
 
+def _seldom(record: Record, repeats: Rows) -> str:
+    """One line on a temperature that is measured less often than it is written down."""
+    return (
+        f"{quoted(record.temperature_name)} repeats the row before in {len(repeats)} of {record.n_used} rows, and then "
+        "moves on by many digits: it is measured less often than the readings. What the room does in between is not "
+        'seen, and a device may seem ahead of its thermometer ("lead"). Log it as often as the readings.'
+    )
+
+
 def _note(refused: Refused) -> str:
     """One line on what was left out."""
     count = len(refused.rows)
+    if refused.reason == REPEAT:
+        return (
+            f"{count} of the readings are the one of the row before to the last digit: the instrument measures less "
+            "often than it is logged. They are left out; the first row of each reading is learned from."
+        )
+    if refused.reason == CLIPPED:
+        ends = " and ".join(f"{end:.10g}" for end in np.unique(refused.values))
+        return (
+            f"{times_word(count, 'reading')} left out as clipped, at exactly {ends}, "
+            "where no other number comes nearly as often: an end of the instrument's range. A later reading of exactly "
+            "that is flagged as a sentinel."
+        )
     rows = [str(row) for row in refused.rows[:LISTED].tolist()]
     more = f" and {count - LISTED} more" if count > LISTED else ""
     said = f"{times_word(count, refused.what)} left out as {refused.reason}{'' if count == 1 else 's'}"
