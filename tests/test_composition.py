@@ -212,25 +212,6 @@ def test_it_refuses_in_a_sentence(name):
             call()
 
 
-def test_the_reading_itself_explains_nothing():
-    """A log that holds the reading again, in other units, is no puzzle with an easy answer."""
-    X_all = RECORD.assign(again=RECORD["reading"] * 1000 + 3)
-    with pytest.warns(RecordWarning, match="'reading', 'again': that is the reading itself"):
-        found = diagnose(model().fit(X_all, y), X_all, y)
-    assert all(
-        "again" not in cause.effect.inputs() and "reading" not in cause.effect.inputs() for cause in found.causes
-    )
-
-
-@pytest.mark.parametrize("step", [0.02, 0.1])
-def test_the_reading_in_counts_explains_nothing(step):
-    """Named as a cause, a step of what is measured was taken for the counts' influence, and corrected away."""
-    X_all = RECORD.drop(columns="reading").assign(counts=np.round(RECORD["reading"] / step))
-    with pytest.warns(RecordWarning, match="'counts': that is the reading itself"):
-        found = diagnose(model().fit(X_all, y), X_all, y)
-    assert all("counts" not in cause.effect.inputs() for cause in found.causes)
-
-
 def test_a_column_that_lacks_many_values_is_no_suspect_and_is_said_to_be_none():
     holes = np.random.default_rng(0).random(len(RECORD)) < 0.1
     X_all = RECORD.drop(columns="reading").assign(room=np.where(holes, np.nan, RECORD["temperature"]))

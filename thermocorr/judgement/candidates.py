@@ -13,7 +13,7 @@ from sklearn.base import clone
 from ..effects import CATALOGUE, SeveralSteps
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
-from ..equations.statistics import white_part
+from ..equations.shared_noise import made_from, shows_the_same
 from ..estimators.checked import check_columns
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.run_levels import moments_between_runs
@@ -28,15 +28,10 @@ from ..records.thinned import Thinned, thinned
 from ..records.types import kind_of
 from .blocks import filled, with_exact
 from .levels import (
-    COPY,
     FINE,
-    HELD_OUT_BLOCKS,
     MANY_STARTS,
     MOST_ROWS,
     MOST_SOUND,
-    OF_NOISE,
-    SAME_NOISE,
-    SMALL_STEPS,
     TIME_LIKE,
 )
 
@@ -85,15 +80,26 @@ def suspect_record(
             stacklevel=3,
         )
     known = {name: column for name, column in values.items() if not _clock(column, short)}
-    copies = [name for name, column in known.items() if _is_reading(column, short)]
+    order = slice(None) if short.order is None else short.order
+    reading = np.asarray(short.reading, float)[order]
+    copies = [name for name, column in known.items() if made_from(column[order], reading)]
     if copies:
         warnings.warn(
-            f"{listing(copies)}: that is the reading itself, or a straight line of it, and explains nothing. Not under "
-            "suspicion. Leave such columns out of X.",
+            f"{listing(copies)}: made from the reading (the reading itself, a line, a mean, a low pass or an earlier "
+            "value of it), whose own noise it carries, so it explains nothing. Not under suspicion. Leave such columns "
+            "out of X.",
             RecordWarning,
             stacklevel=3,
         )
         known = {name: column for name, column in known.items() if name not in copies}
+    same = [name for name, column in known.items() if shows_the_same(column[order], reading)]
+    if same:
+        warnings.warn(
+            f"{listing(same)}: the numbers of the reading, on its scale. Where that is a second measurement of the "
+            "same, leave it out of X: it explains the reading, and correcting by it takes away what is to be measured.",
+            RecordWarning,
+            stacklevel=3,
+        )
     kept = {**{name: short.columns[name] for name in read.columns}, **known}
     found = filled(replace(short, columns=kept, known_moments={}), used=read.columns)
     if isinstance(found, Thinned) and short is not read and not isinstance(read, Thinned):
@@ -133,29 +139,6 @@ def _clock(column: np.ndarray, read: Record) -> bool:
     sound = np.isfinite(column)
     together = np.corrcoef(rows[sound], column[sound])
     return bool(abs(together[0, 1]) > TIME_LIKE)
-
-
-def _is_reading(column: np.ndarray, read: Record) -> bool:
-    """Whether a column is the reading in other units, or rounded: a cause never explains all of the noise too."""
-    reading = np.asarray(read.reading, float)
-    sound = np.isfinite(column) & np.isfinite(reading)
-    if len(column) != len(reading) or sound.sum() < 3 or not np.ptp(column[sound]) or not np.ptp(reading[sound]):
-        return False
-    left = 1 - np.corrcoef(reading[sound], column[sound])[0, 1] ** 2
-    if left < OF_NOISE and left * np.var(reading[sound]) < OF_NOISE * _white(reading[sound]):  # counts, a rounded copy
-        return True
-    if left > COPY:
-        return False
-    steps, own = np.diff(reading[sound]), np.diff(column[sound])  # a setpoint has nothing of the reading's noise
-    small = np.abs(steps) <= np.quantile(np.abs(steps), SMALL_STEPS)
-    if not np.ptp(steps[small]) or not np.ptp(own[small]):
-        return False
-    return bool(np.corrcoef(steps[small], own[small])[0, 1] ** 2 > SAME_NOISE)
-
-
-def _white(reading: np.ndarray) -> float:
-    """Variance of the white noise in most parts of a reading: a pause, or a jump, is in few of them."""
-    return float(np.median([white_part([part]) for part in np.array_split(reading, HELD_OUT_BLOCKS) if len(part)]))
 
 
 def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:

@@ -60,14 +60,6 @@ HELD = 1e-9
 """Share of a column in a segment, beside its start-up decays, below which it counts as rounding error."""
 TIME_LIKE = 0.999_999
 """Correlation with time above which a recorded column is a clock, no suspect."""
-COPY = 1e-9
-"""Share of a column beside a line of the reading below which it may be the reading: its small steps tell whether."""
-OF_NOISE = 0.125
-"""Share of the reading's white noise that a line of a column leaves of it, below which it was made from the reading."""
-SMALL_STEPS = 0.5
-"""Share of the reading's steps from row to row that are noise: the smaller half."""
-SAME_NOISE = 0.9
-"""Squared correlation of these steps above which the column carries the reading's own noise."""
 MOST_EMPTY = 8
 """Steps of time for each averaged row, above which a search for waves counts rows instead: pauses of months."""
 LEAST_OWN = 0.1
