@@ -70,3 +70,19 @@ def test_a_delay_is_named_where_steps_are_uneven(seed):
     reading = 2 * T + 0.1 * late + 0.5 * rng.standard_normal(n) + np.cumsum(rng.standard_normal(n)) * 0.02
     found = diagnose(DynamicBiasRegressor("temperature", time="time").fit(X, reading), X, reading)
     assert found.causes[0].effect.kind == "delay" and found.causes[0].effect.delay == pytest.approx(1730, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("returns", [False, True])
+def test_a_drift_hides_where_temperature_and_time_go_together(seed, returns):
+    """A chamber that goes up in six steps, or up and down again and again; a drift of four noises is there."""
+    n, rng = 720, np.random.default_rng(seed)
+    level = np.arange(n) // 120 if not returns else np.abs(np.arange(n) // 20 % 12 - 6)
+    room = pd.Series(12.0 + 4 * level).ewm(alpha=0.3).mean()
+    felt = room.ewm(alpha=1 / 20, adjust=False).mean()
+    stamps = pd.date_range("2024-05-01", periods=n, freq="min")
+    reading = 3 * room - 2 * felt + 4 * np.linspace(0, 1, n) + rng.standard_normal(n)
+    X, y = pd.DataFrame({"temperature": room.to_numpy()}, stamps), pd.Series(reading.to_numpy(), stamps)
+    found = diagnose(DynamicBiasRegressor("temperature", ["8 min", "20 min"]).fit(X, y), X, y)
+    assert ("Temperature and time go together" in str(found).replace("\n    ", " ")) is not returns
+    assert (found.verdict != "nothing missing") is returns

@@ -14,7 +14,17 @@ from ..estimators.holdout import rms
 from ..records.screen import CLIPPED, REPEAT
 from .causes import Search
 from .imitations import together
-from .levels import NINE_TENTHS, OF_THERMOMETER, PROVABLE, RANKED, TAILS, TO_A_DECADE, WANDERS
+from .levels import (
+    DRIFT_TO_NOISE,
+    DRIFT_TO_STEP,
+    NINE_TENTHS,
+    OF_THERMOMETER,
+    PROVABLE,
+    RANKED,
+    TAILS,
+    TO_A_DECADE,
+    WANDERS,
+)
 from .likelihood import Comparison
 from .pool import Pool
 from .residual import quiet_rows
@@ -86,6 +96,11 @@ class Left:
     def of_thermometers(self) -> bool:
         """Whether what wanders is no more than the errors of the thermometers make in the reading."""
         return self.structured and self.wandering <= OF_THERMOMETER * together(self.thermometers)
+
+    @property
+    def drift_hides(self) -> bool:
+        """Whether a drift of several noises would pass for what temperature and causes do, which go with time."""
+        return self.smallest_drift > max(DRIFT_TO_STEP * self.smallest_step, DRIFT_TO_NOISE * self.floor)
 
     @property
     def unknown(self) -> bool:

@@ -363,6 +363,9 @@ JOINTLY = (0.1, 0.03)
 PROVABLE = 12.0
 """Log likelihood that a drift or step gains on the average where it is proven half of the time: the level, for a family
 of seven hundred tests (chi-square, one degree of freedom)."""
+DRIFT_TO_STEP, DRIFT_TO_NOISE = 5.0, 3.0
+"""The smallest drift that could be told, over the smallest step and over a reading's noise, from which drifts hide in
+what the temperature does. Where time and temperature go their own ways, the smallest drift is two to three steps."""
 TO_A_DECADE = 8
 """Points that a spectrum has to a factor of ten in frequency."""
 RANKED = 10

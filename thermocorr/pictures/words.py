@@ -232,6 +232,12 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
     seen = [f"{what} of {text}" for what, text in zip(known, quantity_texts([*known.values()], unit, 2), strict=True)]
     if seen:
         said.append(f"This record could have shown {' or '.join(seen)}; smaller ones are beyond it.")
+    if left.drift_hides and (VERDICTS[verdict].calm or VERDICTS[verdict].unknown):  # beside no cause
+        which = "a smaller drift than that" if np.isfinite(left.smallest_drift) else "a drift"
+        said.append(
+            f"Temperature and time go together here: {which} passes for what the temperature does, and a forecast goes "
+            "wrong by it once they part. Record on, until temperatures have come back."
+        )
     return said
 
 
