@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr.effects import Drift
 from thermocorr.judgement.anywhere import filtered
 from thermocorr.judgement.likelihood import Comparison
 from thermocorr.judgement.shifts import Shifts
@@ -83,6 +84,10 @@ def test_a_drift_hides_where_temperature_and_time_go_together(seed, returns):
     stamps = pd.date_range("2024-05-01", periods=n, freq="min")
     reading = 3 * room - 2 * felt + 4 * np.linspace(0, 1, n) + rng.standard_normal(n)
     X, y = pd.DataFrame({"temperature": room.to_numpy()}, stamps), pd.Series(reading.to_numpy(), stamps)
-    found = diagnose(DynamicBiasRegressor("temperature", ["8 min", "20 min"]).fit(X, y), X, y)
+    model = DynamicBiasRegressor("temperature", ["8 min", "20 min"]).fit(X, y)
+    found = diagnose(model, X, y)
     assert ("Temperature and time go together" in str(found).replace("\n    ", " ")) is not returns
     assert (found.verdict != "nothing missing") is returns
+    assert "signed" not in set(model.uncertainty(X, y, diagnosis=found).frame()["status"])
+    aged = DynamicBiasRegressor("temperature", ["8 min", "20 min"], effects=[Drift()]).fit(X, y)
+    assert not diagnose(aged, X, y).left.drift_hides

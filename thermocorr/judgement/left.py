@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from ..effects import InitialTransient
 from ..estimators.evenness import BURST
 from ..estimators.holdout import rms
 from ..records.screen import CLIPPED, REPEAT
@@ -86,6 +87,9 @@ class Left:
     they are few."""
     unjudged_rms: float = 0.0
     """Rms residual of these readings, in the unit of y."""
+    drift_hides: bool = False
+    """Whether a drift of several noises would pass for what temperature and causes do, which go with time; False beside
+    a model that has effects of time alone."""
 
     @property
     def absurd(self) -> bool:
@@ -96,11 +100,6 @@ class Left:
     def of_thermometers(self) -> bool:
         """Whether what wanders is no more than the errors of the thermometers make in the reading."""
         return self.structured and self.wandering <= OF_THERMOMETER * together(self.thermometers)
-
-    @property
-    def drift_hides(self) -> bool:
-        """Whether a drift of several noises would pass for what temperature and causes do, which go with time."""
-        return self.smallest_drift > max(DRIFT_TO_STEP * self.smallest_step, DRIFT_TO_NOISE * self.floor)
 
     @property
     def unknown(self) -> bool:
@@ -124,6 +123,9 @@ def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (
     in_gaps = float(np.sqrt(pool.felt_in_gaps / pool.data.counts.sum()))
     middle = pool.rows.weighed(np.arange(judged.n) >= judged.n // 2)
     drift = pool.rows.weighed(seconds / max(float(np.ptp(seconds)), 1e-300))
+    smallest_drift, smallest_step = judged.smallest(drift, PROVABLE), judged.smallest(middle, PROVABLE)
+    own = pool.model.features_.effect_list()
+    timed = any(effect.of_time_alone and not isinstance(effect, InitialTransient) for effect in own)
     return Left(
         structured=structured,
         floor=floor,
@@ -138,8 +140,9 @@ def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (
         rounding=pool.rounding if search.rounded else 0.0,
         tails=_tails(quiet_rows(residual, pool.record, [(each.start, each.end) for each in loud])),
         thermometers=pool.thermometers if structured else pd.DataFrame(),
-        smallest_drift=judged.smallest(drift, PROVABLE),
-        smallest_step=judged.smallest(middle, PROVABLE),
+        smallest_drift=smallest_drift,
+        smallest_step=smallest_step,
+        drift_hides=not timed and smallest_drift > max(DRIFT_TO_STEP * smallest_step, DRIFT_TO_NOISE * floor),
         spectrum=_spectrum(pool, judged),
     )
 

@@ -26,6 +26,11 @@ EXTRAPOLATED = 0.1
 """Share of the variance of a corrected reading from which on it is outside the fitted range, though the measured
 temperature is inside: a part of the device is not."""
 
+HIDDEN_DRIFT = (
+    "temperature and time go together in the fitted record, so a drift passes for what the temperature does, and "
+    "readings are wrong by it where they part (diagnosis.left says how large a drift)."
+)
+
 
 def uncertainty_of(
     model: Any,
@@ -88,7 +93,9 @@ def why_incomplete(model: Any, joint: JointErrors, diagnosis: Any) -> str:
     """What keeps corrected readings from being signed; "" where nothing does."""
     if diagnosis is not None:
         verdict = _verdict_on(model, diagnosis)
-        return "" if VERDICTS[verdict].calm else f"the diagnosis says {verdict!r}."
+        if not VERDICTS[verdict].calm:
+            return f"the diagnosis says {verdict!r}."
+        return HIDDEN_DRIFT if diagnosis.left.drift_hides else ""
     share = joint.noise.wander_variance / joint.noise.variance if joint.noise.variance > 0 else 0.0
     if share <= WANDERS:
         return ""
