@@ -11,7 +11,7 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 
 from ..effects import Periodic
-from .levels import ALIVE, LEAST_OWN, NYQUIST
+from .levels import ALIVE, AROUND_WAVE, AS_USUAL, LEAST_OWN, MEDIAN_SQUARE, NYQUIST, ROWS_AROUND
 from .likelihood import Comparison
 from .pool import Explanation, Pool
 
@@ -83,6 +83,22 @@ def waves(pool: Pool, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -
     most = pool.record.longest_read() / pool.spacing / 3
     period = best_period(judged, theta, pool.place, most, rows)
     return [] if period is None else pool.of([Periodic(six_digits(period * pool.spacing), 1)])
+
+
+def louder(judged: Comparison, theta: np.ndarray, angle: float) -> float:
+    """How much louder what is left is near an angular frequency [rad per row] than under an assumed noise; at least 1.
+
+    That noise falls smoothly with frequency; a running mean's does in lobes, whose tops are no waves. By the median
+    power of the nearest rows: a wave, and others nearby, are a few of them only.
+    """
+    bands = judged.bands
+    off = np.abs(np.log(np.maximum(bands.angle[bands.order], 1e-300) / angle))
+    near = np.flatnonzero(off < AROUND_WAVE)
+    if len(near) < ROWS_AROUND:
+        return 1.0
+    near = near[np.argpartition(off[near], ROWS_AROUND - 1)[:ROWS_AROUND]]
+    power = judged.left(theta)[near] ** 2 / bands.each_row(judged.S(theta))[near]
+    return max(1.0, float(np.median(power)) / MEDIAN_SQUARE / AS_USUAL)
 
 
 def six_digits(seconds: float) -> float:

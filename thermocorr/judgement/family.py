@@ -13,7 +13,8 @@ from scipy import stats
 from scipy.special import chdtrc
 
 from ..effects import Delay, Periodic
-from .anywhere import filtered, waves
+from ..records import seconds_of
+from .anywhere import filtered, louder, waves
 from .choice import WAVE, Tried
 from .dated import DATED, dated, tries
 from .levels import DIFFERENT, IN_GAPS, LEVEL, LOOKS, OF_PRODUCTS, SCATTER
@@ -151,7 +152,7 @@ class Family:
 
     def weighed(self, i: int, fit: Fit, worth: Worth) -> Tried:
         """An explanation with what speaks for it: its fit beside the base, and what it is worth beside it."""
-        full = self.seen(fit.level - self.judged.base.level, i)
+        full = self.seen(fit.level - self.judged.base.level, i) / self._louder(i, fit)
         price, scatter = self.price(i), self._scatter(i, fit, full)
         gain = full / max(1.0, scatter / self.usual_scatter(i))
         chance = self.p_value(gain, i)
@@ -166,6 +167,13 @@ class Family:
             tuning=self.price_of_tuning(i),
             uneven=chance > LEVEL >= self.p_value(full, i),
         )
+
+    def _louder(self, i: int, fit: Fit) -> float:
+        """How much louder than its noise the record is around a wave."""
+        effect = self.tried[i].effect
+        if not isinstance(effect, Periodic):
+            return 1.0
+        return louder(self.judged, fit.theta, 2 * np.pi * self.pool.spacing / seconds_of(effect.period, "period"))
 
     def _scatter(self, i: int, fit: Fit, gain: float) -> float:
         """How unevenly the evidence for an explanation lies over the record; 0 where it does not matter."""

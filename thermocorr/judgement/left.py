@@ -14,6 +14,7 @@ from ..estimators.evenness import BURST
 from ..estimators.holdout import rms
 from ..records.screen import CLIPPED, REPEAT
 from .causes import Search
+from .filtered import filter_memory
 from .imitations import together
 from .levels import (
     DRIFT_TO_NOISE,
@@ -87,6 +88,8 @@ class Left:
     they are few."""
     unjudged_rms: float = 0.0
     """Rms residual of these readings, in the unit of y."""
+    filtered: float = 0.0
+    """How long noise remembers [s] that an instrument makes which filters or averages, see `filter_memory`; else 0."""
     drift_hides: bool = False
     """Whether a drift of several noises would pass for what temperature and causes do, which go with time; False beside
     a model that has effects of time alone."""
@@ -118,7 +121,11 @@ def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (
     wandering = float(np.sqrt(max(total - theta[0], 0.0))) * judged.unit
     floor = float(np.sqrt(innovation * counts)) * judged.unit
     times = pool.spacing * judged.bands.times
-    structured = bool(judged.wanders and not (pool.rows.exact or search.rounded) and wandering > WANDERS * floor)
+    wanders = bool(judged.wanders and not (pool.rows.exact or search.rounded) and wandering > WANDERS * floor)
+    filtered = pool.spacing * filter_memory(judged, pool.spacing / pool.record.usual_step()) if wanders else 0.0
+    structured = wanders and not filtered
+    if filtered:  # all of it is the instrument's
+        floor = float(np.sqrt(total * counts)) * judged.unit
     seconds = pool.data.seconds
     in_gaps = float(np.sqrt(pool.felt_in_gaps / pool.data.counts.sum()))
     middle = pool.rows.weighed(np.arange(judged.n) >= judged.n // 2)
@@ -128,6 +135,7 @@ def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (
     timed = any(effect.of_time_alone and not isinstance(effect, InitialTransient) for effect in own)
     return Left(
         structured=structured,
+        filtered=filtered,
         floor=floor,
         wandering=wandering if structured else 0.0,
         correlation_time=float(np.exp(np.average(np.log(times), weights=theta[1:]))) if structured else 0.0,

@@ -10,9 +10,8 @@ from __future__ import annotations
 # What is looked at
 
 MOST_ROWS = 4_000_000
-"""Rows that are judged as they are: longer records are averaged over short stretches first, in one pass. A suspect's
-column made of averaged temperatures is not the average of its column: on a simulated record of two million rows
-averaged in pairs, what that left of a hysteresis was named as a second one."""
+"""Rows that are judged as they are: longer records are averaged over short stretches first. A column of averaged
+temperatures is not the average of a column: two million rows in pairs left a second hysteresis of one."""
 MOST_TRIED = 200_000
 """Rows that the trials of a refinement are fitted to at most. What is kept is fitted to all rows and judged on them."""
 HELD_OUT_BLOCKS = 5
@@ -23,8 +22,7 @@ FINE = 25_000
 """Stretches that a record is averaged over at most. A delay of a few samples is blurred in long averages: with 12 000,
 a second, neighbouring delay is named beside the true one in two of seven simulated records, not in one."""
 COARSE = 2_500
-"""Stretches on which data not learned from are foretold: what the user gains lies in slow structure, which the noise of
-single samples would hide."""
+"""Stretches on which data not learned from are foretold: the user gains in slow structure, which noise would hide."""
 FEWEST = 100
 """Readings below which a record is too short to judge: there are about twenty columns in the base."""
 LAGS = 14
@@ -45,12 +43,10 @@ beyond them keep of the time before. In 300 runs of an hour that was a hysteresi
 BEYOND = 2.0
 """How far they reach beyond the model's fastest and slowest, as a factor."""
 START_HELD = 0.1
-"""Size of a direction that they span, over that of the first, below which it is left out: each costs what it takes of
-slow causes. In 300 runs all that thirteen decays span hid a humidity (error probability 1e-94 with three directions of
-each run), and two directions left a hysteresis that was not there."""
+"""Size of a direction that they span, over that of the first, below which it is left out: each takes of slow causes. In
+300 runs all that thirteen decays span hid a humidity, and two directions left a hysteresis that was not there."""
 MANY_STARTS = 30
-"""Segments beyond which so few decays and directions are held. In fewer they cost little, and what they left of a
-device that was not at rest behind a pause was a start, in one record of four that hid nothing."""
+"""Segments beyond which so few are held: in fewer, what they left behind a pause of a device not at rest was told."""
 FEW_STARTS, FEW_HELD, START_TOLD = 14, 0.01, 0.003
 """Decays, and size of a direction, in fewer segments; the last of the first start, which competes and is not held."""
 GROUPS = 16
@@ -287,6 +283,15 @@ LEAST_STRUCTURE = 0.01
 STRUCTURE = 12.0
 """Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: for eight
 parts, 12 has an error probability of 0.002."""
+FILTER_LENGTH, FILTER_SHARE, FILTER_WHITE, HARDLY_A_FILTER = 15.0, 0.6, 0.1, 2.0
+"""Memory of a filter's noise at most [samples]; its share of what wanders; white noise beside it, of all, at most,
+unless it remembers for two samples only."""
+BELOW_FILTER, FEWEST_BELOW, FLAT = 3.0, 15, 4.0
+"""Memories of a filter in the period, over two pi, beyond which its noise is white; rows there at least; log likelihood
+of what wanders there, over white noise, from which more is left."""
+AROUND_WAVE, ROWS_AROUND, MEDIAN_SQUARE, AS_USUAL = 0.2, 50, 0.4549, 1.25
+"""Logarithm of frequency to either side of a wave, and the nearest rows of the transform, which tell how loud noise is;
+median of a square of Gaussian noise of unit variance; ratio up to which the noise is as usual."""
 ROUNDED_OFF = 1.5
 """What is left over the usual rounding error of the reading (its step over the root of 12), up to which it is that."""
 TAILS, NINE_TENTHS = 3.0, 1.645

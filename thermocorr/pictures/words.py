@@ -195,6 +195,11 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
             f"{quantity_text(left.rounding, unit)}. That follows all that the reading does: error "
             "probabilities prove nothing here. More digits would tell more."
         )
+    elif left.filtered and not left.uneven and not left.absurd:
+        said.append(
+            f"What is left remembers for about {span_text(left.filtered)}, a few samples, and looks like white noise "
+            "beyond: an instrument that filters or averages makes that."
+        )
     elif not left.uneven and not left.absurd:
         beside = "" if VERDICTS[verdict].calm or VERDICTS[verdict].unknown else "Beside these causes, w"
         said.append(f"{beside or 'W'}hat is left looks like white noise.")
