@@ -88,8 +88,11 @@ def test_a_step_beside_a_filter_is_not_calmed():
         assert found.verdict != "nothing missing"
 
 
-def test_a_wave_is_named_as_before():
+@pytest.mark.parametrize("period", [2.31, 3.17, 7.3, 41.0])
+def test_a_wave_is_named_once_and_by_its_period(period):
+    """Beside a wave whose period was a tenth of a cycle off over the record, the rest of it was a second one."""
     for seed in range(4):
-        wave = np.sin(2 * np.pi * np.arange(N) / 7.3)
-        _, found = told(*record(seed, lambda rng: rng.standard_normal(N), more=0.6 * wave))
+        wave = np.sin(2 * np.pi * np.arange(N) / period)
+        _, found = told(*record(seed, lambda rng: rng.standard_normal(N), more=0.8 * wave))
         assert [cause.effect.kind for cause in found.causes] == ["periodic"]
+        assert found.causes[0].effect.period == pytest.approx(period, rel=0.1 * period / N)  # of a cycle; noise: 0.018

@@ -75,7 +75,12 @@ def best_period(
     if not alive.any():
         return None
     gains = np.where(alive, x**2 / np.where(alive, a, 1.0) + y**2 / np.where(alive, b, 1.0), 0.0)
-    return float(2 * np.pi / angle[int(gains.argmax())])
+    best = int(gains.argmax())
+    if 0 < best < len(gains) - 1:  # between the frequencies that were looked at: on a parabola
+        below, at, above = gains[best - 1 : best + 2]
+        bend = max(2 * at - below - above, 1e-300)
+        return float(2 * np.pi / (angle[best] + (angle[1] - angle[0]) * np.clip((above - below) / bend, -1, 1) / 2))
+    return float(2 * np.pi / angle[best])
 
 
 def waves(pool: Pool, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -> list[Explanation]:
