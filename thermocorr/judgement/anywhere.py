@@ -11,7 +11,7 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 
 from ..effects import Periodic
-from .levels import ALIVE, AROUND_WAVE, AS_USUAL, LEAST_OWN, MEDIAN_SQUARE, NYQUIST, ROWS_AROUND
+from .levels import ALIVE, AROUND_WAVE, AS_USUAL, LEAST_OWN, LONG_WAVE, MEDIAN_SQUARE, NYQUIST, ROWS_AROUND
 from .likelihood import Comparison
 from .pool import Explanation, Pool
 
@@ -94,8 +94,11 @@ def louder(judged: Comparison, theta: np.ndarray, angle: float) -> float:
     """How much louder what is left is near an angular frequency [rad per row] than under an assumed noise; at least 1.
 
     That noise falls smoothly with frequency; a running mean's does in lobes, whose tops are no waves. By the median
-    power of the nearest rows: a wave, and others nearby, are a few of them only.
+    power of the nearest rows: a wave, and others nearby, are a few of them only. Of waves of many rows, as a day is,
+    nothing is asked: their heights change, and that is loud nearby.
     """
+    if angle < 2 * np.pi / LONG_WAVE:
+        return 1.0
     bands = judged.bands
     off = np.abs(np.log(np.maximum(bands.angle[bands.order], 1e-300) / angle))
     near = np.flatnonzero(off < AROUND_WAVE)
