@@ -122,6 +122,7 @@ def _pump(
             raise Stopped(stop.number, "stopped before the first line; nothing was written")
         raise RecordError("The log is empty: a header line with the columns' names is needed, then the samples.")
     names = rows.begin(first)
+    rows.says_unix = not isinstance(lines, TableLines)
     if rows.time_unit and not isinstance(lines, TableLines):
         _complain(f"read as: times in {rows.time_unit}")
     with open_results(rows, csv_text([names]), options, inputs, saved, lines) as results:
