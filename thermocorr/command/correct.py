@@ -64,7 +64,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="its standard uncertainty if no effect is missing, as `u`; that of the mean as `u_smoothed`",
     )
-    more.add_argument("--average", type=int, metavar="N", help="its mean over the last N samples, as `smoothed`")
+    more.add_argument(
+        "--average", type=int, metavar="N", help="its mean over the last N samples, or those so far, as `smoothed`"
+    )
     more.add_argument(
         "--track",
         metavar="SPAN",
