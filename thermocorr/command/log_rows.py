@@ -248,8 +248,13 @@ class LogRows:
         reasons = [f"{count} {why}" for why, count in self.without_result.most_common()]
         if self.left_out:
             reasons.insert(0, f"{times_word(self.left_out, 'line')} left out")
+        if not reasons:
+            return ""
         rows = self.left_out + sum(self.without_result.values())
-        return f"{rows} of {times_word(self.number - 1, 'line')} got no result: {', '.join(reasons)}" if reasons else ""
+        stale = self.without_result[REFUSED[0]]
+        said = ". Stale is the time of the row before" if stale else ""
+        said += ": the log has each row twice" if stale and stale == self.done - stale else ""
+        return f"{rows} of {times_word(self.number - 1, 'line')} got no result: {', '.join(reasons)}{said}"
 
     @property
     def damaged(self) -> bool:
