@@ -249,11 +249,13 @@ def test_the_cause_that_lowers_later_errors_most_stands_first_whatever_is_surest
     found = diagnose(model, X, y)
     one = found.suspects[0]
     sure = [replace(one, standing="proven", later_db=db, title="") for db in (-34.25, np.nan, 0.5, 3.5)]
-    other = replace(one, standing="", later_db=9.5)
+    kind = next(suspect.effect for suspect in found.suspects if suspect.effect.kind != one.effect.kind)
+    other = replace(one, effect=kind, standing="", later_db=9.5)
     shown = replace(found, verdict="missing", suspects=(*sure, other), n_causes=4)
     page = suspects(shown, PageData.of(model, X, y)).body
     said = ("+3.5 dB", "+0.5 dB", "\u221234.2 dB", "+9.5 dB")  # nobody knows the fourth cause's
     assert tuple(fall for fall in re.findall(r"[+\u2212]\d+\.\d dB", page) if fall in said) == said
     assert "lowers the error on later data most first; then what else was tried" in page
+    assert kind.info.physics not in page and one.effect.info.physics in page  # no tale of what was only tried
     heads = re.findall(r"<th[^>]*>(.*?)</th>", page)
     assert "fall of the error, held out" in heads and "with a negative one the error rises" in " ".join(page.split())

@@ -117,7 +117,7 @@ def suspects(found: DiagnosisLike, data: PageData) -> Section:
         "what",
         "3 What is missing?",
         suspects=[(suspect, parameters_text(suspect.effect, data)) for suspect in ranked],
-        physics=by_kind([suspect.effect for suspect in ranked[:3]]),
+        physics=by_kind([suspect.effect for suspect in (causes or ranked)[:3]]),
         calm=VERDICTS[found.verdict].calm,
         unexplained=VERDICTS[found.verdict].unknown,
         level=f"{found.level:g}",
