@@ -211,3 +211,22 @@ def test_unix_times_are_utc_for_a_model_of_times_with_a_zone(tmp_path, capsys, m
         assert corrected(way, path, tmp_path / "out" / "model.json", monkeypatch) == 0
         frame = pd.read_csv(io.StringIO(capsys.readouterr().out))
         np.testing.assert_allclose(frame["corrected"], expected, rtol=0, atol=1e-9)
+
+
+def test_comments_before_the_header_of_a_pipe_are_passed_over(tmp_path, capsys, monkeypatch):
+    """As in a file; the lines that are left out are called by their number in the stream."""
+    path, model = tmp_path / "log.csv", tmp_path / "out" / "model.json"
+    rows = dated_rows("dates").splitlines(keepends=True)
+    path.write_text("# Counter 5, gate 10 s\n  # lab 3\n" + "".join(rows))
+    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    rows[7] = rows[7].replace(",22", ",?!22")
+    path.write_text("# Counter 5, gate 10 s\n  # lab 3\n" + "".join(rows))
+    found = []
+    for way in WAYS:
+        capsys.readouterr()
+        assert corrected(way, path, model, monkeypatch) == 1
+        shown = capsys.readouterr()
+        found.append(pd.read_csv(io.StringIO(shown.out))["corrected"])
+        assert "line 10 is left out: the temperature is" in shown.err
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found[2], found[0], rtol=0, atol=1e-9)

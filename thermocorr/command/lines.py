@@ -125,6 +125,9 @@ class PipeLines(Lines):
 
     def __init__(self, descriptor: int, idle: float | None, stop: StopSignal, own: bool = False):
         self.descriptor, self.idle, self.stop, self.own = descriptor, idle, stop, own
+        self._comments = 0
+        """Lines before the header, which are passed over."""
+        self._begun = False
 
     def __iter__(self) -> Iterator[bytes | None]:
         descriptor = self.descriptor
@@ -141,7 +144,7 @@ class PipeLines(Lines):
             last = time.monotonic()
             *whole, self.rest = (self.rest + piece).split(b"\n")
             _refuse_endless(self.rest, "The stream")
-            yield from (line + b"\n" for line in whole)
+            yield from (line + b"\n" for line in whole if not self._is_in_front(line))
         until = time.monotonic() + PATIENCE
         while self.rest and time.monotonic() < until:  # the line that is being written
             if _ready(descriptor, POLL):
@@ -152,6 +155,16 @@ class PipeLines(Lines):
         if self.rest.endswith(b"\n"):
             line, self.rest = self.rest, b""
             yield line
+
+    def _is_in_front(self, line: bytes) -> bool:
+        """Whether a line is a comment before the header."""
+        self._begun = self._begun or not line.lstrip().startswith(b"#")
+        self._comments += not self._begun
+        return not self._begun
+
+    def place(self, number: int) -> str:
+        """The line of the stream: comments may have come before its header."""
+        return f"line {number + self._comments}"
 
     def close(self) -> None:
         """Close the pipe."""
