@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from corpus.foreign_logs import GOOD, N, plain, semicolons, understood
 
+from thermocorr import DynamicBiasRegressor, save_model
 from thermocorr.command.cli import main
 
 FOLLOWED = [
@@ -230,3 +231,15 @@ def test_comments_before_the_header_of_a_pipe_are_passed_over(tmp_path, capsys, 
         assert "line 10 is left out: the temperature is" in shown.err
     np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9)
     np.testing.assert_allclose(found[2], found[0], rtol=0, atol=1e-9)
+
+
+def test_a_header_that_begins_with_a_mark_of_comments_stays_the_header_of_a_pipe(tmp_path, capsys, monkeypatch):
+    """As pandas reads it, and a model is fitted to it in Python."""
+    path = tmp_path / "log.csv"
+    path.write_text("# lab 3, gate 10 s\n" + dated_rows("dates", "#time,temperature,reading"))
+    log = pd.read_csv(path, skiprows=1)
+    model = DynamicBiasRegressor("temperature", ["5 min"], time="#time").fit(log, log["reading"])
+    save_model(model, tmp_path / "model.json")
+    assert corrected("a pipe", path, tmp_path / "model.json", monkeypatch) == 0
+    frame = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    np.testing.assert_allclose(frame["corrected"], model.correct(log, log["reading"]), rtol=0, atol=1e-9)

@@ -128,6 +128,8 @@ class PipeLines(Lines):
         self._comments = 0
         """Lines before the header, which are passed over."""
         self._begun = False
+        self._before = b""
+        """The comment before the line that is to come."""
 
     def __iter__(self) -> Iterator[bytes | None]:
         descriptor = self.descriptor
@@ -144,7 +146,8 @@ class PipeLines(Lines):
             last = time.monotonic()
             *whole, self.rest = (self.rest + piece).split(b"\n")
             _refuse_endless(self.rest, "The stream")
-            yield from (line + b"\n" for line in whole if not self._is_in_front(line))
+            for line in whole:
+                yield from self._behind_comments(line)
         until = time.monotonic() + PATIENCE
         while self.rest and time.monotonic() < until:  # the line that is being written
             if _ready(descriptor, POLL):
@@ -156,11 +159,17 @@ class PipeLines(Lines):
             line, self.rest = self.rest, b""
             yield line
 
-    def _is_in_front(self, line: bytes) -> bool:
-        """Whether a line is a comment before the header."""
-        self._begun = self._begun or not line.lstrip().startswith(b"#")
-        self._comments += not self._begun
-        return not self._begun
+    def _behind_comments(self, line: bytes) -> Iterator[bytes]:
+        """The line, but for comments before the header: one with as many fields as the line behind it is the header."""
+        if not self._begun and line.lstrip().startswith(b"#"):
+            self._comments += 1
+            self._before = line
+            return
+        if not self._begun and self._before.count(b",") == line.count(b",") > 0:
+            self._comments -= 1
+            yield self._before + b"\n"
+        self._begun = True
+        yield line + b"\n"
 
     def place(self, number: int) -> str:
         """The line of the stream: comments may have come before its header."""
