@@ -135,6 +135,18 @@ def test_bad_lines_are_named_and_left_out(lab, tmp_path, capsys):
     assert said[-1] == f"thermocorr: 5 of {len(text) - 1} lines got no result: 5 lines left out"
 
 
+@pytest.mark.parametrize("twice", [slice(1, None), slice(5, 9)])
+def test_a_time_that_comes_again_is_said_to_be_that_of_the_row_before(twice, lab, tmp_path, capsys):
+    lines = lines_of(lab[2])
+    again = [line for k, line in enumerate(lines) for _ in range(1 + (k in range(len(lines))[twice]))]
+    (tmp_path / "twice.csv").write_text("".join(again))
+    assert correct(lab, tmp_path / "twice.csv") == 1
+    rows, more = len(again) - 1, len(again) - len(lines)
+    each = ": the log has each row twice" if 2 * more == rows else ""
+    said = f"{more} of {rows} lines got no result: {more} stale time. Stale is the time of the row before{each}\n"
+    assert capsys.readouterr().err.endswith(said)
+
+
 def test_missing_numbers_and_times_out_of_order_are_flagged(lab, tmp_path, capsys):
     _, _, log = lab
     part = log[600:620].reset_index(drop=True).astype(object)

@@ -129,6 +129,42 @@ def test_the_command_refuses_a_gap_shorter_than_the_step(record, tmp_path, capsy
     assert said.startswith("thermocorr: error: The 'max_gap' parameter must be longer") and said.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("names", "options", "said"),
+    [
+        (
+            ("stamp", "T_C", "u"),
+            (),
+            "columns are the reading, the temperature and the time? Say it with --reading, --temp",
+        ),
+        (
+            ("time", "T_C", "u"),
+            (),
+            "columns are the reading and the temperature? Say it with --reading, --temperature;",
+        ),
+        (("stamp", "T_C", "u"), ("--reading", "u"), "columns are the temperature and the time? Say it with --temperat"),
+        (("time", "T_C", "u"), ("--sampling-period", "60"), "columns are the reading and the temperature? Say it"),
+        (
+            ("T_C", "t", "u"),
+            ("--temperature", "t"),
+            "columns are the reading and the time? Say it with --reading, --time",
+        ),
+        (("time", "T_C", "u"), ("--reading", "u"), "Which column is the temperature? Say it with --temperature; there"),
+    ],
+)
+def test_all_columns_that_are_to_be_named_are_asked_for_at_once(names, options, said, record, tmp_path, capsys):
+    log = record.reset_index()[["time", "temperature", "reading"]].set_axis(names, axis=1)
+    assert analyze(as_csv(tmp_path, log), *options) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["Datum/Uhrzeit", "ts", "Date and Time"])
+def test_more_names_of_times_are_known(name, record, tmp_path):
+    log = record.reset_index()[["time", "temperature", "reading"]].rename(columns={"time": name})
+    assert analyze(as_csv(tmp_path, log), "--out", str(tmp_path / "out")) == 0
+    assert load_model(tmp_path / "out" / "model.json").time == name
+
+
 # ------------------------------------------------------------------------------------- numbers that are Unix times
 
 

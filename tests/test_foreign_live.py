@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 
 import numpy as np
@@ -9,13 +10,14 @@ import pandas as pd
 import pytest
 from corpus.foreign_logs import GOOD, N, plain, semicolons, understood
 
+from thermocorr import DynamicBiasRegressor, save_model
 from thermocorr.command.cli import main
 
 FOLLOWED = [
     "semicolons with decimal commas", "a German header in Latin-1", "tabs", "blanks", "a preamble as wide as the table",
     "units below the header", "a semicolon at every end", "thousands with points", "month/day/year, AM and PM",
     "date and time in two columns", "time and date in two columns", "a fraction of a second behind a comma",
-    "comments in front", "the header in a comment", "names of months", "LabVIEW",
+    "comments in front", "the header in a comment", "names of months", "LabVIEW", "Unix times in ms",
 ]  # fmt: skip
 
 
@@ -130,3 +132,114 @@ def test_units_below_the_header_are_asked(way, header, units, said, tmp_path, ca
         return
     assert status == 2 and said in shown.err and "or mend the unit that the file gives" in shown.err
     assert len(shown.out.splitlines()) <= 1
+
+
+WAYS = ["whole", "followed", "a pipe"]
+
+
+def corrected(way, path, model, monkeypatch, *more):
+    """Exit status of `correct` on a log that is read in this way."""
+    log = {"whole": [str(path)], "followed": [str(path), "--follow", "--idle", "0"], "a pipe": ["-"]}[way]
+    with path.open() as stream:
+        monkeypatch.setattr("sys.stdin", stream)
+        return main(["correct", *log, "--model", str(model), *more])
+
+
+def dated_rows(unit, header="time,temperature,reading", n=400):
+    """A log of a row a minute, with dates, or with Unix times in a unit."""
+    per = {"s": 1, "ms": 1000, "us": 10**6, "ns": 10**9}
+    begin = 1_717_112_400
+    times = [begin + 60 * k for k in range(n)]
+    said = [f"{pd.Timestamp(t, unit='s'):%Y-%m-%dT%H:%M:%S}" if unit == "dates" else str(t * per[unit]) for t in times]
+    rows = (f"{t},{22 + 0.01 * (k % 37):.4f},{10 + 1e-4 * (k % 7):.5f}\n" for k, t in enumerate(said))
+    return f"{header}\n{''.join(rows)}"
+
+
+@pytest.mark.parametrize("fitted_to", ["dates", "s"])
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_unix_times_are_told_by_their_size_in_every_way(unit, fitted_to, tmp_path, capsys, monkeypatch):
+    """As the file's reader does, for models of dates and of Unix times in seconds: the same results, said once."""
+    fitted, path, out = tmp_path / "fitted.csv", tmp_path / "log.csv", tmp_path / "out"
+    fitted.write_text(dated_rows(fitted_to))
+    path.write_text(dated_rows(unit))
+    assert main(["analyze", str(fitted), "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
+    expected = pd.read_csv(out / "corrected.csv")["corrected"]
+    for way in WAYS:
+        capsys.readouterr()
+        assert corrected(way, path, out / "model.json", monkeypatch) == 0
+        shown = capsys.readouterr()
+        assert shown.err == f"thermocorr: read as: Unix times in {unit}\n"
+        frame = pd.read_csv(io.StringIO(shown.out))
+        np.testing.assert_allclose(frame["corrected"], expected, rtol=0, atol=1e-9)
+        assert frame["time"].equals(pd.read_csv(path)["time"])  # as they came
+
+
+def test_unix_times_of_a_log_in_another_dialect_are_followed_and_go_on_from_a_state(tmp_path, capsys, monkeypatch):
+    log = dated_rows("ms").replace(",", ";").replace(".", ",").replace("time", "t")
+    path, whole, grown = tmp_path / "log.csv", tmp_path / "whole.csv", tmp_path / "grown.csv"
+    path.write_text(log)
+    model = str(tmp_path / "out" / "model.json")
+    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    assert main(["correct", str(path), "--model", model, "--out", str(whole)]) == 0
+    for rows in (300, 401):
+        path.write_text("".join(log.splitlines(keepends=True)[:rows]))
+        state = ["--out", str(grown), "--state", str(tmp_path / "state.json")]
+        assert corrected("followed", path, model, monkeypatch, *state) == 0
+    assert "Unix times in ms" in capsys.readouterr().err
+    pd.testing.assert_frame_equal(pd.read_csv(grown), pd.read_csv(whole), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("damaged", ["0", "1717112400"])
+def test_a_stream_whose_first_times_do_not_agree_is_refused(damaged, tmp_path, capsys, monkeypatch):
+    fitted, path = tmp_path / "fitted.csv", tmp_path / "log.csv"
+    fitted.write_text(dated_rows("s"))
+    lines = dated_rows("ms").splitlines(keepends=True)
+    path.write_text("".join([lines[0], f"{damaged},{lines[1].split(',', 1)[1]}", *lines[2:]]))
+    assert main(["analyze", str(fitted), "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    capsys.readouterr()
+    assert corrected("a pipe", path, tmp_path / "out" / "model.json", monkeypatch) == 2
+    assert f"The times in 'time' begin with {damaged}, 1.71711246e+12" in capsys.readouterr().err
+
+
+def test_unix_times_are_utc_for_a_model_of_times_with_a_zone(tmp_path, capsys, monkeypatch):
+    fitted, path = tmp_path / "fitted.csv", tmp_path / "log.csv"
+    fitted.write_text(re.sub(r"(T\d\d:\d\d:\d\d)", r"\1Z", dated_rows("dates")))
+    path.write_text(dated_rows("ms"))
+    assert main(["analyze", str(fitted), "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    expected = pd.read_csv(tmp_path / "out" / "corrected.csv")["corrected"]
+    for way in WAYS:
+        capsys.readouterr()
+        assert corrected(way, path, tmp_path / "out" / "model.json", monkeypatch) == 0
+        frame = pd.read_csv(io.StringIO(capsys.readouterr().out))
+        np.testing.assert_allclose(frame["corrected"], expected, rtol=0, atol=1e-9)
+
+
+def test_comments_before_the_header_of_a_pipe_are_passed_over(tmp_path, capsys, monkeypatch):
+    """As in a file; the lines that are left out are called by their number in the stream."""
+    path, model = tmp_path / "log.csv", tmp_path / "out" / "model.json"
+    rows = dated_rows("dates").splitlines(keepends=True)
+    path.write_text("# Counter 5, gate 10 s\n  # lab 3\n" + "".join(rows))
+    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    rows[7] = rows[7].replace(",22", ",?!22")
+    path.write_text("# Counter 5, gate 10 s\n  # lab 3\n" + "".join(rows))
+    found = []
+    for way in WAYS:
+        capsys.readouterr()
+        assert corrected(way, path, model, monkeypatch) == 1
+        shown = capsys.readouterr()
+        found.append(pd.read_csv(io.StringIO(shown.out))["corrected"])
+        assert "line 10 is left out: the temperature is" in shown.err
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found[2], found[0], rtol=0, atol=1e-9)
+
+
+def test_a_header_that_begins_with_a_mark_of_comments_stays_the_header_of_a_pipe(tmp_path, capsys, monkeypatch):
+    """As pandas reads it, and a model is fitted to it in Python."""
+    path = tmp_path / "log.csv"
+    path.write_text("# lab 3, gate 10 s\n" + dated_rows("dates", "#time,temperature,reading"))
+    log = pd.read_csv(path, skiprows=1)
+    model = DynamicBiasRegressor("temperature", ["5 min"], time="#time").fit(log, log["reading"])
+    save_model(model, tmp_path / "model.json")
+    assert corrected("a pipe", path, tmp_path / "model.json", monkeypatch) == 0
+    frame = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    np.testing.assert_allclose(frame["corrected"], model.correct(log, log["reading"]), rtol=0, atol=1e-9)

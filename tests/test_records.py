@@ -112,6 +112,24 @@ def test_local_times_without_a_zone_that_step_back_are_refused_with_the_reason()
         record_of(pd.DataFrame({"temperature": temperatures()}, index=local.tz_localize(None)))
 
 
+@pytest.mark.parametrize(
+    ("times", "said"),
+    [
+        (np.repeat(np.arange(N // 2), 2), "rows 0 and 1; every time stands there twice. Drop every second row from"),
+        (np.delete(np.repeat(np.arange(N), 2), 0)[:N], "rows 1 and 2, and 28 more like these. Drop one of each from"),
+        ([0, *range(N - 1)], "rows 0 and 1. Drop one of them from"),
+    ],
+)
+@pytest.mark.parametrize("column", ["when", None])
+def test_of_times_that_come_twice_it_is_said_how_many_do(times, said, column):
+    times = DATES[0] + pd.to_timedelta(np.asarray(times), unit="min")
+    X = pd.DataFrame({"temperature": temperatures()}, index=times).rename_axis("when")
+    with pytest.raises(RecordError, match=said) as refused:
+        record_of(X.reset_index() if column else X, **({"time": column} if column else {}))
+    stamps = "X['when']" if column else "X.index"
+    assert f"keep = ~{stamps}.duplicated()" in str(refused.value)
+
+
 def test_same_time_twice_and_missing_times_are_refused_by_row():
     X = pd.DataFrame({"temperature": temperatures(), "when": 15.0 * np.arange(N)})
     X.loc[7, "when"] = X.loc[6, "when"]

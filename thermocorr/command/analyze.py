@@ -208,7 +208,7 @@ def _judge(
     said = (
         f"{before}{first}\n\n{places(first)}\n\n"
         "The error, step by step (held out: blocks of time that the fit did not see,\n"
-        f"in dB against step 0; later: blocks foretold from everything before):\n\n{refinement}\n"
+        f"in dB against step 0, negative is good; later: blocks foretold from everything before):\n\n{refinement}\n"
     )
     return Judged(refinement.model_, said, first, refinement)
 

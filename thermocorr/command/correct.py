@@ -64,7 +64,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="its standard uncertainty if no effect is missing, as `u`; that of the mean as `u_smoothed`",
     )
-    more.add_argument("--average", type=int, metavar="N", help="its mean over the last N samples, as `smoothed`")
+    more.add_argument(
+        "--average", type=int, metavar="N", help="its mean over the last N samples, or those so far, as `smoothed`"
+    )
     more.add_argument(
         "--track",
         metavar="SPAN",
@@ -122,6 +124,7 @@ def _pump(
             raise Stopped(stop.number, "stopped before the first line; nothing was written")
         raise RecordError("The log is empty: a header line with the columns' names is needed, then the samples.")
     names = rows.begin(first)
+    rows.says_unix = not isinstance(lines, TableLines)
     if rows.time_unit and not isinstance(lines, TableLines):
         _complain(f"read as: times in {rows.time_unit}")
     with open_results(rows, csv_text([names]), options, inputs, saved, lines) as results:

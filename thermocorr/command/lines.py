@@ -125,6 +125,11 @@ class PipeLines(Lines):
 
     def __init__(self, descriptor: int, idle: float | None, stop: StopSignal, own: bool = False):
         self.descriptor, self.idle, self.stop, self.own = descriptor, idle, stop, own
+        self._comments = 0
+        """Lines before the header, which are passed over."""
+        self._begun = False
+        self._before = b""
+        """The comment before the line that is to come."""
 
     def __iter__(self) -> Iterator[bytes | None]:
         descriptor = self.descriptor
@@ -141,7 +146,8 @@ class PipeLines(Lines):
             last = time.monotonic()
             *whole, self.rest = (self.rest + piece).split(b"\n")
             _refuse_endless(self.rest, "The stream")
-            yield from (line + b"\n" for line in whole)
+            for line in whole:
+                yield from self._behind_comments(line)
         until = time.monotonic() + PATIENCE
         while self.rest and time.monotonic() < until:  # the line that is being written
             if _ready(descriptor, POLL):
@@ -152,6 +158,22 @@ class PipeLines(Lines):
         if self.rest.endswith(b"\n"):
             line, self.rest = self.rest, b""
             yield line
+
+    def _behind_comments(self, line: bytes) -> Iterator[bytes]:
+        """The line, but for comments before the header: one with as many fields as the line behind it is the header."""
+        if not self._begun and line.lstrip().startswith(b"#"):
+            self._comments += 1
+            self._before = line
+            return
+        if not self._begun and self._before.count(b",") == line.count(b",") > 0:
+            self._comments -= 1
+            yield self._before + b"\n"
+        self._begun = True
+        yield line + b"\n"
+
+    def place(self, number: int) -> str:
+        """The line of the stream: comments may have come before its header."""
+        return f"line {number + self._comments}"
 
     def close(self) -> None:
         """Close the pipe."""

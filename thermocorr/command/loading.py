@@ -17,7 +17,7 @@ from ..estimators.weighing import masked_readings
 from ..files.result_files import result_columns
 from ..foreign import RUN, ForeignTable, HowToRead, read_logs, with_times
 from ..records import RecordError, RecordWarning, read_record
-from ..records.errors import quoted
+from ..records.errors import listing, quoted
 from ..records.files import TIME_NAMES, require_column
 from ..records.times import dates_once, seconds_of
 from ..records.types import kind_of
@@ -73,6 +73,7 @@ def load_log(options: argparse.Namespace) -> Loaded:
     how = how_to_read(options)
     table = read_logs(options.log, how, join=options.join, time=options.time, apart=options.run == RUN)
     log = table.frame
+    _ask_for_all(options, log, how)
     reading = require_column(log.columns, options.reading, "reading", ("reading",))
     thermometers = [
         require_column(log.columns, name, "temperature", ("temperature",)) for name in options.temperature or [None]
@@ -110,6 +111,27 @@ def load_log(options: argparse.Namespace) -> Loaded:
     if results:
         _note(f"{', '.join(map(quoted, results))} are of an earlier result: written again, and no suspects.")
     return Loaded(table.frame, table.as_it_came(), stamped, model, reading, understood=table.said, results=results)
+
+
+def _ask_for_all(options: argparse.Namespace, log: pd.DataFrame, how: HowToRead) -> None:
+    """Raise RecordError where several columns are neither named nor called what they are: for all of them at once."""
+    asked: dict[str, tuple[str, ...]] = {"reading": ("reading",), "temperature": ("temperature",)}
+    named = [options.reading, *(options.temperature or [])]
+    if options.sampling_period is None and not isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex):
+        asked["time"] = TIME_NAMES
+    unknown = []
+    for role, names in asked.items():
+        if getattr(options, role) is None:
+            try:
+                require_column(log.columns, None, role, names, (*how.no_times, *named) if role == "time" else ())
+            except RecordError:
+                unknown.append(role)
+    if len(unknown) > 1:
+        *first, last = unknown
+        raise RecordError(
+            f"Which columns are the {', the '.join(first)} and the {last}? Say it with "
+            f"{', '.join(f'--{role}' for role in unknown)}; there are {listing(log.columns)}."
+        )
 
 
 def _time_column(options: argparse.Namespace, table: ForeignTable, how: HowToRead, stamped: bool) -> str | None:

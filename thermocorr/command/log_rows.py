@@ -17,6 +17,7 @@ import pandas as pd
 from ..files.result_files import new_names
 from ..foreign import RUN
 from ..foreign.clocks import SPANS
+from ..foreign.counted_times import CountedTimes
 from ..foreign.sniffing import are_units, units_below
 from ..foreign.timed import unit_of_times
 from ..live.corrector import OnlineCorrector
@@ -87,10 +88,15 @@ class LogRows:
         self.trust = RowTrust(live.model)
         self.time_unit = ""
         """Unit of times that are numbers, where it is not the second."""
+        self.says_unix = True
+        """Whether it is to be said that times are Unix times in another unit; not where the reader of the file did."""
         self._accepted = False
         history = live.model.features_.history_
+        self._counted = CountedTimes(history.kind)
         self._timed, self._temperature_name = history.kind != "rows", history.record.temperature_name
         self._seconds = history.kind == "seconds"
+        self._by_size = options.time_format is None and options.timezone is None
+        """Whether the log alone says what its times are, by their names, their units and their size."""
         self._labels = [segment.run for segment in history.record.segments]
 
     def begin(self, line: bytes, new_file: bool = False) -> list[str]:
@@ -120,6 +126,7 @@ class LogRows:
         name = self.options.time or model.time or next((n for n in guesses if n in free), "time")
         self._time = self._place(name, "time") if self._timed else None
         self.time_unit = self._unit_of_times(name)
+        self._counted = CountedTimes(self._counted.kind)
         self._extra = self.live.names
         return [*header, *new_names(self._extra, header)]
 
@@ -145,8 +152,19 @@ class LogRows:
                 self._refuse_other_zone(fields)
             self.leave_out(str(error))
             return None
+        finally:
+            self._look_at_first_times()
         self._accepted = True
         return sample
+
+    def _look_at_first_times(self) -> None:
+        """Say once that times are Unix times; RecordError where the first ones do not agree."""
+        if self._time is None or self.header is None:
+            return
+        if self.says_unix and self._counted.unit is not None:
+            self.complain(f"read as: Unix times in {self._counted.unit}")
+            self.says_unix = False
+        self._counted.check(quoted(self.header[self._time]))
 
     def _is_of_units(self, line: bytes) -> bool:
         """Whether a line has the units of the columns, as it may below the header of a pipe, which are asked then."""
@@ -167,8 +185,7 @@ class LogRows:
 
     def _unit_of_times(self, name: str) -> str:
         """The unit of the log's times, where these are numbers and none of seconds; "" where the user says a form."""
-        said = self.options.time_format is not None or self.options.timezone is not None
-        return unit_of_times(name, self._units) if self._seconds and not said else ""
+        return unit_of_times(name, self._units) if self._seconds and self._by_size else ""
 
     def _refuse_other_zone(self, fields: list[str]) -> None:
         """Refuse a log whose first times have no zone where the model's have one, or the other way round."""
@@ -231,8 +248,13 @@ class LogRows:
         reasons = [f"{count} {why}" for why, count in self.without_result.most_common()]
         if self.left_out:
             reasons.insert(0, f"{times_word(self.left_out, 'line')} left out")
+        if not reasons:
+            return ""
         rows = self.left_out + sum(self.without_result.values())
-        return f"{rows} of {times_word(self.number - 1, 'line')} got no result: {', '.join(reasons)}" if reasons else ""
+        stale = self.without_result[REFUSED[0]]
+        said = ". Stale is the time of the row before" if stale else ""
+        said += ": the log has each row twice" if stale and stale == self.done - stale else ""
+        return f"{rows} of {times_word(self.number - 1, 'line')} got no result: {', '.join(reasons)}{said}"
 
     @property
     def damaged(self) -> bool:
@@ -285,7 +307,9 @@ class LogRows:
         if self._time is None:
             return LogRow(fields, None, run, values, U)
         time: Any = fields[self._time].strip()
-        if self._seconds:
+        if self._by_size and not self.time_unit:
+            time = self._counted.read(time)
+        if self._seconds and isinstance(time, str):
             time = number(time, "the time") * SPANS.get(self.time_unit, 1.0)
         return LogRow(fields, self.live.stamp(time), run, values, U)
 

@@ -82,7 +82,7 @@ class TableLines(Lines):
 
 
 def _numbers_as_came(table: ForeignTable) -> pd.DataFrame:
-    """The frame of a table; times that are numbers of another unit than seconds as they came, for `LogRows`."""
+    """The frame of a table; times that are numbers which the log explains as they came, for `LogRows`."""
     as_numbers = table.as_came is not None and kind_of(table.as_came) == "number"
     return table.as_it_came() if as_numbers else table.frame
 

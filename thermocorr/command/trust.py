@@ -10,8 +10,10 @@ import numpy as np
 
 from ..estimators import DynamicBiasRegressor
 from ..estimators.reading import check_median, check_unit
+from ..estimators.stated_units import check_temperature
 from ..records.other_units import ENOUGH
 from ..records.quantities import span_text
+from ..records.units import unit_of
 
 MANY = 0.1
 """Share of flagged rows from which on it is said how many there are."""
@@ -28,15 +30,15 @@ class RowTrust:
     def __init__(self, model: DynamicBiasRegressor):
         self.model = model
         reading, features = model.reading_, model.features_
-        self._ranges: dict[Any, tuple[float, float]] = {
-            features.history_.record.temperature_name: reading.temperature_range
-        }
+        self._first_thermometer = features.history_.record.temperature_name
+        self._ranges: dict[Any, tuple[float, float]] = {self._first_thermometer: reading.temperature_range}
         self._ranges |= {
             one.column: one.range for one in features.filling_.stand_ins if one.column in model.thermometers_
         }
         self._first: dict[Any, list[float]] = {name: [] for name in self._ranges}
         self._flags: Counter[str] = Counter()
         self._called: dict[Any, str] = {}
+        self._stated: dict[Any, str] = {}
 
     def read_from(self, reading: str, columns: Mapping[Any, str], units: Mapping[str, str]) -> None:
         """Say which columns of the log are read; RecordError where they are in another unit than the fitted ones.
@@ -54,8 +56,11 @@ class RowTrust:
         check_unit("reading", reading, fitted.name, units.get(reading), fitted.unit)
         for thermometer in self.model.thermometers_:
             column = columns.get(thermometer, str(thermometer))
-            known = fitted.temperature_unit if column in units and thermometer == next(iter(self._ranges)) else None
-            check_unit("temperature", column, str(thermometer), units.get(column), known)
+            if thermometer == self._first_thermometer:
+                self._stated[thermometer] = units.get(column) or unit_of(column, None)
+                check_temperature(fitted, column, str(thermometer), self._stated[thermometer], None)
+            else:
+                check_unit("temperature", column, str(thermometer), units.get(column))
 
     def look(self, values: Mapping[Any, Any]) -> None:
         """Look at the temperatures of a row, or of several; RecordError where they are in another unit."""
@@ -63,7 +68,10 @@ class RowTrust:
             given = np.atleast_1d(np.asarray(values[name], float))
             self._first[name] += given[np.isfinite(given)].tolist()
             if len(self._first[name]) >= ENOUGH:
-                check_median(float(np.median(self._first.pop(name))), self._called.get(name, name), *self._ranges[name])
+                median, called = float(np.median(self._first.pop(name))), self._called.get(name, name)
+                if name in self._stated:
+                    check_temperature(self.model.reading_, str(called), str(name), self._stated[name], median)
+                check_median(median, called, *self._ranges[name])
 
     def count(self, flags: Iterable[str]) -> None:
         """Count rows by their flags."""

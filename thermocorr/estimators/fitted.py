@@ -26,6 +26,7 @@ from .fitting import standard_errors
 from .inner import Inner, inner_blocks
 from .prior import Law, law_of
 from .reading import Reading, check_range, check_reading_unit
+from .stated_units import check_record
 from .tables import coefficient_table, distinct, equation_text
 from .threads import one_blas_thread
 
@@ -252,14 +253,14 @@ class FittedModel(DoubtedInputs):
 
     def contribution_blocks(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
         """Contribution of each effect, shape (n, n_effects), block by block. X may be a `Record` read before."""
-        yield from self._weighed_blocks(*self.resumed(X))
+        yield from self._weighed_blocks(X, *self.resumed(X))
 
     def judged_blocks(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
         """`contribution_blocks` of a record that knows what its gaps may move the bias by, for `block_flags`."""
-        yield from self._weighed_blocks(*self.judged(X))
+        yield from self._weighed_blocks(X, *self.judged(X))
 
-    def _weighed_blocks(self, record: Record, starts: Any, states: Any) -> Iterator[tuple[Block, np.ndarray]]:
-        check_range(record, record.temperature_name, *self.reading_.temperature_range)
+    def _weighed_blocks(self, X: Any, record: Record, starts: Any, states: Any) -> Iterator[tuple[Block, np.ndarray]]:
+        check_record(self.reading_, X, record)
         for one in self.features_.filling_.stand_ins:
             if one.column in self.thermometers_:
                 check_range(record, one.column, *one.range)

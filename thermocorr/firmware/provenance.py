@@ -29,7 +29,9 @@ def provenance(model: Any, target: Target, effects: list[Any]) -> list[str]:
         lines.append(f"Reading: {reading.name} [{reading.unit or 'its own unit'}], mean {reading.mean:.10g}")
         lines.append(f"Fitted readings: {reading.n_readings}")
     low, high = fitted_range(model)
-    lines.append(f"Temperature: {target.temperature_name}, fitted from {low:.6g} to {high:.6g}")
+    unit = "" if reading is None else f" {reading.temperature_unit}"
+    unit += "" if reading is None or reading.unit_named else ", as its values have it: the record named no unit"
+    lines.append(f"Temperature: {target.temperature_name}, fitted from {low:.6g} to {high:.6g}{unit}")
     lines.append(
         f"U0, reading at the reference temperature {model.reference_temperature_:.10g}: {model.intercept_:.17g}"
     )

@@ -59,7 +59,7 @@ class ForeignTable:
     first_line: int | None = None
     """The line of a text that holds the first row, where each row is a line of its own."""
     as_came: pd.Series[Any] | None = None
-    """The column of times as the file has it, where `frame` has seconds or spans that its name or cells do not say."""
+    """The column of times as the file has it, where `frame` has other ones that its name or cells do not say."""
 
     def as_it_came(self) -> pd.DataFrame:
         """The frame with its times as the file has them: what is written of it is read in the same way again."""

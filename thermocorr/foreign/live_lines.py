@@ -76,7 +76,8 @@ class LineTranslator:
         if column is None:
             return None
         numbers = is_number(str(frame[column].iloc[0])) and not unit_of_times(column, frame.attrs["units"])
-        if numbers and understood(frame[column]).times.dtype.kind == "M":
+        read = understood(frame[column]) if numbers else None
+        if read is not None and read.times.dtype.kind == "M" and not read.unix:  # those of Unix are told row by row
             raise RecordError("Dates as such numbers need the whole log: leave out --follow.")
         return date_form(frame[column] if pair is None else frame[pair[0]] + " " + frame[pair[1]])
 

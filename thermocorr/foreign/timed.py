@@ -54,7 +54,8 @@ def with_times(table: ForeignTable, column: str | None, how: HowToRead) -> Forei
     read = in_seconds(frame, column) if how.names_times() else None
     read = read or understood(frame[column], how.time_format, how.timezone)
     if read.times is not frame[column]:
-        as_came = frame[column] if kind_of(read.times) in ("number", "span") else None
+        by_size = read.unix and how.names_times()
+        as_came = frame[column] if by_size or kind_of(read.times) in ("number", "span") else None
         table, frame = replace(table, as_came=as_came), frame.assign(**{column: read.times})
     table = table.with_said(frame, words, read.said)
     return _sorted(table, column) if how.sort else table

@@ -290,8 +290,8 @@ BELOW_FILTER, FEWEST_BELOW, FLAT = 3.0, 15, 4.0
 """Memories of a filter in the period, over two pi, beyond which its noise is white; rows there at least; log likelihood
 of what wanders there, over white noise, from which more is left."""
 LONG_WAVE, AROUND_WAVE, ROWS_AROUND, MEDIAN_SQUARE, AS_USUAL = 10.0, 0.2, 50, 0.4549, 1.25
-"""Rows in a wave's period beyond which it is not asked how loud noise nearby is; nearby: logarithm of frequency to either
-side, and nearest rows; median of a square of Gaussian noise of unit variance; ratio up to which noise is usual."""
+"""Rows in a wave's period beyond which it is not asked how loud noise nearby is; nearby: logarithm of frequency to
+either side, and nearest rows; median of a square of standard Gaussian noise; ratio up to which noise is usual."""
 ROUNDED_OFF = 1.5
 """What is left over the usual rounding error of the reading (its step over the root of 12), up to which it is that."""
 TAILS, NINE_TENTHS = 3.0, 1.645

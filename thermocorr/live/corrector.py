@@ -12,7 +12,8 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects.protocol import refuse_foresight
 from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
-from ..estimators.reading import check_block, check_reading_unit
+from ..estimators.reading import check_reading_unit
+from ..estimators.stated_units import check_block
 from ..records import RecordError, read_record
 from ..records.errors import quoted
 from ..records.numbers import is_frame
@@ -298,7 +299,7 @@ class OnlineCorrector(Resumable):
         values |= {name: column_of(X, name, "column") for name in self.columns}
         if not n:
             return Answers(0).frame(X, self.names)
-        check_block(values[stream.temperature], stream.temperature, *self.model.temperature_range_)
+        check_block(self.model.reading_, X, values[stream.temperature], stream.temperature)
         times = times_of(X, self.model.features_.layout())
         labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run])
         short = n + 1 if n < _SHORT else 1

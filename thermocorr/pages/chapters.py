@@ -10,6 +10,7 @@ from markupsafe import Markup
 from ..estimators.variants import VariantComparison
 from ..pictures.protocols import RefinementLike
 from ..pictures.words import MINUS, each_row
+from ..records.errors import quoted
 from ..records.quantities import Scale, scale_of
 from .data import PageData
 from .html import Section, number, rendered, section, unit_text
@@ -132,7 +133,16 @@ def quality(data: PageData, title: str) -> Section:
     outside = data.n_rows - data.traces.n_rows
     if outside:
         remarks.append(f"{outside:,} rows lie in no stretch: their temperature, or a needed column, is missing.")
-    return section("quality", title, data=data, remarks=remarks)
+    assumed = (
+        ""
+        if data.unit_named
+        else (
+            f"The data name no unit of {quoted(data.temperature)}: its values were taken for "
+            f"{unit_text(data.temperature_unit)} by their size. If that is wrong, name it, as in "
+            f"{quoted(data.temperature + ' [°F]')}."
+        )
+    )
+    return section("quality", title, data=data, remarks=remarks, assumed=assumed)
 
 
 def provenance(data: PageData, title: str, command: str, source: str) -> Section:

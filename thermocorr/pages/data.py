@@ -35,6 +35,8 @@ class PageData:
     temperature: str
     unit: str
     temperature_unit: str
+    unit_named: bool
+    """Whether the record names that; else its values were taken for it by their size."""
     traces: Traces
     beside: tuple[tuple[str, str, str], ...]
     """Recorded columns in the traces: key, name, unit."""
@@ -94,6 +96,7 @@ class PageData:
             temperature=walk.temperature_name,
             unit=model.reading_.unit,
             temperature_unit=model.reading_.temperature_unit,
+            unit_named=model.reading_.unit_named,
             traces=traces,
             beside=tuple((column_key(name), column_text(name), unit_of(name, X)) for name in beside),
             timeline=walk.timeline,

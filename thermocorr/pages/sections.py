@@ -109,12 +109,15 @@ def places(found: DiagnosisLike, data: PageData, figures: Markup) -> Section:
 
 
 def suspects(found: DiagnosisLike, data: PageData) -> Section:
-    """3: the ranking of suspects."""
+    """3: the causes, what lowers the error on later data most first, and the other suspects as they are ranked."""
+    causes = [suspect for suspect in found.suspects if suspect.standing]
+    causes.sort(key=lambda cause: -np.nan_to_num(cause.later_db, nan=-np.inf))
+    ranked = [*causes, *(suspect for suspect in found.suspects if not suspect.standing)]
     return section(
         "what",
         "3 What is missing?",
-        suspects=[(suspect, parameters_text(suspect.effect, data)) for suspect in found.suspects],
-        physics=by_kind([suspect.effect for suspect in found.suspects[:3]]),
+        suspects=[(suspect, parameters_text(suspect.effect, data)) for suspect in ranked],
+        physics=by_kind([suspect.effect for suspect in (causes or ranked)[:3]]),
         calm=VERDICTS[found.verdict].calm,
         unexplained=VERDICTS[found.verdict].unknown,
         level=f"{found.level:g}",

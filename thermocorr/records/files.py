@@ -21,7 +21,8 @@ from .units import name_and_unit
 
 TIME_NAMES = (
     "time", "timestamp", "datetime", "date", "time_s", "date/time", "date time", "date_time", "time stamp", "_time",
-    "zeit", "zeitstempel", "datum", "uhrzeit", "t", "x_value",
+    "zeit", "zeitstempel", "datum", "uhrzeit", "t", "x_value", "datum/uhrzeit", "datum/zeit", "datum uhrzeit",
+    "datum und uhrzeit", "date and time", "ts",
 )  # fmt: skip
 """Columns that are taken as times where none is named, the first that is there."""
 HEAD = 1 << 16

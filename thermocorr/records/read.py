@@ -363,9 +363,20 @@ def _refuse_order(
         else "Sort the rows of each run by time."
     )
     if times.stamp(row) == times.stamp(before):
-        raise RecordError(
-            f"Two rows have the same time {times.label(row)}: rows {before} and {row}. Drop one of them from the "
-            "log, or write their mean (in Python X[~X.index.duplicated()] keeps the first); if the log holds several "
-            "runs, name their column with --run, in Python run=..."
-        )
+        raise RecordError(_twice_text(times, order, row, before, layout))
     raise RecordError(f"Time goes backward at row {row}: {times.label(row)} follows {times.label(before)}. {hint}")
+
+
+def _twice_text(times: Times, order: NDArray[np.intp] | None, row: int, before: int, layout: Layout) -> str:
+    """What is wrong where two rows have the same time, how often it is so, and what to do."""
+    steps = times.steps(slice(0, times.n) if order is None else order)[1:]
+    more = int((steps == 0).sum()) - 1 if layout.run is None else 0
+    each = 1 < more + 1 == times.n / 2
+    count = "; every time stands there twice" if each else f", and {more} more like these" if more else ""
+    advice = "Drop every second row" if each else "Drop one of them" if not more else "Drop one of each"
+    stamps = "X.index" if layout.time is None else f"X[{layout.time!r}]"
+    return (
+        f"Two rows have the same time {times.label(row)}: rows {before} and {row}{count}. {advice} from the log, or "
+        f"write their mean (in Python keep = ~{stamps}.duplicated(), and X[keep], y[keep], has the first); if the log "
+        "holds several runs, name their column with --run, in Python run=..."
+    )
