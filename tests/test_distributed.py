@@ -134,6 +134,21 @@ def test_frames_without_times_count_on(client, record):
     np.testing.assert_allclose(model.fit(log, log["reading"]).predict(plain), expected, rtol=0, atol=1e-9)
 
 
+def test_repeated_and_clipped_readings_are_left_out_by_the_workers(client, record):
+    """Parts that begin within a repeated reading, too."""
+    model, clipped = DynamicBiasRegressor("temperature", [300.0]), record[:8997].copy()
+    once = clipped["reading"].clip(upper=clipped["reading"].quantile(0.9)).to_numpy()
+    clipped["reading"] = once[np.arange(len(once)) // 3 * 3]
+    expected = model.fit(clipped, clipped["reading"])
+    notes = expected.notes_
+    assert any("clipped" in note for note in notes)
+    assert any("the one of the row before" in note for note in notes)
+    log = DistributedLog(client, parts_of(clipped, [1001, 4000, 4003]))
+    found = clone(model).fit(log, log["reading"])
+    assert found.notes_ == notes
+    np.testing.assert_allclose(found.coef_, expected.coef_, rtol=1e-8)
+
+
 def test_dask_frames_are_parts(client, record):
     dask_frames = pytest.importorskip("dask.dataframe", reason="needs dask.dataframe")
     model = DynamicBiasRegressor("temperature", [300.0, 5000.0])
