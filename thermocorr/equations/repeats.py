@@ -92,6 +92,6 @@ def ends_of_range(values: Floats) -> tuple[float, ...]:
     if len(different) < DIFFERENT:
         return ()
     rows = np.unique(every, return_counts=True)[1]
-    times = rows if len(different) > FINE * rows[1:-1].sum() else visits  # a coarse reading stands still anywhere
+    times = rows if len(different) > FINE * visits[1:-1].sum() else visits  # a coarse reading stands still anywhere
     clipped = (times >= max(MET, MORE_OFTEN * times[1:-1].max())) & (visits >= FEW_VISITS)
     return tuple(float(different[end]) for end in (0, -1) if clipped[end])
