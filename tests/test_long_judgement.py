@@ -119,6 +119,19 @@ def test_a_long_record_is_refined_by_its_averages(monkeypatch):
     assert found.diagnoses[-1].verdict == whole.diagnoses[-1].verdict
 
 
+@pytest.mark.parametrize(("effects", "most"), [({}, 170), ({"covariate": 1.0}, 210)])
+def test_the_columns_of_the_suspects_are_in_memory_once(effects, most):
+    """25 000 averages of 700 columns are 130 MiB; they were there twice, and the peak at 250 and 290 MiB."""
+    record = make_record(25_000, effects=effects, seed=3)
+    X, y = record.drop(columns="reading"), record["reading"]
+    model = DynamicBiasRegressor("temperature").fit(X, y)
+    tracemalloc.start()
+    diagnose(model, X, y)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < most * 2**20
+
+
 def test_averages_take_little_memory():
     """A row costs 8 bytes for each column, for the reading and for its time, and 6 for where it comes from."""
     n = 1_000_000
