@@ -330,6 +330,5 @@ class Search:
         return self._weighed(which) if which else []
 
     def _moved(self, tried: Tried, shares: Sequence[float]) -> int | None:
-        beside = self.judged.of([tried.number])
-        found = moved(self.pool, beside, self.family.tried[tried.number], shares)
+        found = moved(self.pool, self.judged.without(()), self.family.tried[tried.number], shares)
         return None if found is None else self.family.add([found])[0]

@@ -15,8 +15,10 @@ from .pool import Explanation, Key, Pool
 def moved(pool: Pool, beside: Comparison, explanation: Explanation, shares: Sequence[float]) -> Explanation | None:
     """An explanation with its parameters moved to where it gains most, by each of `shares`; None where nowhere more.
 
-    `beside` is the base that it stands beside, where it alone is tried; that is forgotten. See `Effect.nearby`.
+    `beside` is the base that it stands beside; what else is tried there is forgotten. See `Effect.nearby`.
     """
+    beside.explanations = []
+    beside.add([each.columns for each in pool.with_columns([explanation])])
     theta = beside.refit([0])[0].theta
     most, best = beside.screen(theta)[0], explanation
     for share in shares:
@@ -49,9 +51,7 @@ def move_again(
         if cause.tried.key != key or now.in_model or (k, len(found)) in done:
             continue
         done.add((k, len(found)))
-        beside = judged.without([cause.adopted])
-        beside.add([now.columns])
-        there = moved(pool, beside, now, (*SHARES, *FINER))
+        there = moved(pool, judged.without([cause.adopted]), now, (*SHARES, *FINER))
         if there is not None and judged.moves(cause.adopted, there.columns, LEFT_OVER * gain):
             found[k] = replace(cause, tried=replace(cause.tried, explanation=there))
     return found != before
