@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -70,6 +72,8 @@ def test_thinned_rows_are_averages(gaps):
         np.testing.assert_allclose(values, means[name], rtol=1e-12)
     np.testing.assert_allclose(short.reading, means["reading"], rtol=1e-12)
     assert short.counts.sum() == y.notna().sum()
+    places = long.kept_places(0, 3000)
+    np.testing.assert_array_equal(short.places_of(places), np.unique(group, return_inverse=True)[1][places])
     seconds = short.times.seconds(slice(0, short.n_rows), short.first_stamp())
     np.testing.assert_allclose(seconds, means["seconds"], rtol=0, atol=1e-6)
 
@@ -113,3 +117,28 @@ def test_a_long_record_is_refined_by_its_averages(monkeypatch):
     for name, close in (("rms", 0.01), ("held_out_rms", 0.1)):  # lags of averages differ a little
         assert found.steps[name].iloc[-1] == pytest.approx(whole.steps[name].iloc[-1], rel=close)
     assert found.diagnoses[-1].verdict == whole.diagnoses[-1].verdict
+
+
+@pytest.mark.parametrize(("effects", "most"), [({}, 170), ({"covariate": 1.0}, 210)])
+def test_the_columns_of_the_suspects_are_in_memory_once(effects, most):
+    """25 000 averages of 700 columns are 130 MiB; they were there twice, and the peak at 250 and 290 MiB."""
+    record = make_record(25_000, effects=effects, seed=3)
+    X, y = record.drop(columns="reading"), record["reading"]
+    model = DynamicBiasRegressor("temperature").fit(X, y)
+    tracemalloc.start()
+    diagnose(model, X, y)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < most * 2**20
+
+
+def test_averages_take_little_memory():
+    """A row costs 8 bytes for each column, for the reading and for its time, and 6 for where it comes from."""
+    n = 1_000_000
+    T = np.sin(np.arange(n) / 5000)
+    long = read_record(pd.DataFrame({"T": T}), Layout(temperature="T", sampling_period=1.0), y=pd.Series(T), quiet=True)
+    tracemalloc.start()
+    short, _ = thinned(long, {"other": T}, n // 3)
+    held = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert isinstance(short, Thinned) and held < 1.02 * (4 * 8 + 6) * short.n_rows

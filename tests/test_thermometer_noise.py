@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tracemalloc
 
 import numpy as np
 import pandas as pd
@@ -25,7 +26,8 @@ from thermocorr.datasets import make_record
 from thermocorr.effects import ThermometerNoise
 from thermocorr.equations.statistics import white_part
 from thermocorr.pictures.words import thermometer_sentences
-from thermocorr.records import RecordError
+from thermocorr.records import Record, RecordError, Segment
+from thermocorr.records.times import Times
 
 PERIODS = {"lab": 60.0, "outdoor": 600.0, "chamber": 30.0}
 
@@ -67,6 +69,19 @@ def test_the_column_does_not_depend_on_blocks():
         columns, state = effect.columns(block, state)
         parts.append(columns)
     np.testing.assert_allclose(np.concatenate(parts), at_once[:, 0], rtol=0, atol=1e-12)
+
+
+def test_what_lies_far_ahead_is_not_in_memory_at_once():
+    """36 spans are looked ahead, 180 000 rows here, of which every array would have 1.4 MiB."""
+    record = Record(Times(200_000, "rows"), "T", {"T": np.sin(np.arange(200_000) / 700)}, (Segment(0, 200_000),))
+    effect = ThermometerNoise(5000.0)
+    effect.learn(record)
+    block = next(iter(record.blocks(1000)))
+    tracemalloc.start()
+    effect.columns(block, None)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2**19
 
 
 @pytest.mark.parametrize("setting", PERIODS)

@@ -10,7 +10,7 @@ import numpy as np
 from ..equations import lag_differences
 from ..records import Block, Record, seconds_of
 from ..records.quantities import span_text
-from .foresight import elapsed, rows_until, temperatures
+from .foresight import elapsed, parts_of, rows_until, temperatures
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, time_text
 
@@ -88,12 +88,14 @@ class ThermometerNoise(Effect):
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """Temperature averaged over rows before and after, less that of now [K], shape (n,)."""
-        rows, span = rows_until(block, REACH * self.span_), np.array([self.span_])
-        until = elapsed(block, rows)[::-1]
-        steps = np.concatenate(([0.0], -np.diff(until)))
-        after = lag_differences(temperatures(block, rows)[::-1], steps, span)[0][::-1]
+        span, after, last, ahead = np.array([self.span_]), np.zeros(0), np.inf, None
+        for rows in parts_of(rows_until(block, REACH * self.span_), len(block))[::-1]:
+            until = elapsed(block, rows)[::-1]
+            steps = np.diff(-until, prepend=-last)  # from the last row to the first
+            found, ahead = lag_differences(temperatures(block, rows)[::-1], steps, span, ahead)
+            after, last = found[::-1, 0], until[-1]
         before, state = lag_differences(block.temperature, block.steps, span, state)
-        return (before[:, 0] + after[: len(before), 0]) / 2, state
+        return (before[:, 0] + after) / 2, state
 
     def label(self) -> str:
         """``thermometer noise: 300 s``."""

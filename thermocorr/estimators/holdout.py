@@ -105,7 +105,7 @@ def residuals_of_blocks(
 def rms(values: np.ndarray) -> float:
     """Root mean square of what is known; NaN where nothing is."""
     known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else np.nan
+    return float(np.sqrt(known @ known / len(known))) if len(known) else np.nan
 
 
 def _unknown_start(fitted: Any, block: slice, n_rows: int) -> np.ndarray:

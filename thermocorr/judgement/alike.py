@@ -23,6 +23,6 @@ def superfluous(judged: Comparison, best: Tried, same: Sequence[Tried], rivals: 
     asked = [t for t in rivals if t.key not in known and t.score >= best.score - TIE]
     if not asked or not best.score > 0:
         return []
-    beside, _ = judged.gained_beside(best.number, [t.explanation.columns for t in asked])
+    beside = judged.gained_beside(best.number, [t.number for t in asked])
     alone = judged.screen(judged.base.theta, [t.number for t in asked])
     return [t for t, left, own in zip(asked, beside, alone, strict=True) if left < HALF * own]

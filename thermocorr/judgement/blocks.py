@@ -136,7 +136,7 @@ def _shares(record: Record, block: Block) -> np.ndarray:
     """How many readings each row of a block stands for, shape (n,)."""
     assert record.reading is not None
     known = np.isfinite(np.asarray(record.reading[block.rows], float))
-    return np.where(known, record.counts[block.rows] if isinstance(record, Thinned) else 1.0, 0.0)
+    return np.where(known, record.counts[block.rows].astype(float) if isinstance(record, Thinned) else 1.0, 0.0)
 
 
 def sums_of(columns: np.ndarray, width: int) -> np.ndarray:

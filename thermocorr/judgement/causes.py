@@ -163,7 +163,7 @@ class Search:
         thermal = [t for t in tried if t.proven and t.explanation.effect.thermal_rank]
         if start is None or not thermal:
             return list(tried)
-        gains, _ = self.judged.gained_beside(start, [t.explanation.columns for t in thermal])
+        gains = self.judged.gained_beside(start, [t.number for t in thermal])
         beside = dict(zip([t.number for t in thermal], gains.tolist(), strict=True))
         return [self._with_gain(t, beside[t.number]) if t.number in beside else t for t in tried]
 
@@ -239,6 +239,7 @@ class Search:
     def _taken_in(self, best: Tried, alike: Sequence[Tried] = (), others: Sequence[Tried] = ()) -> Cause:
         """What was chosen, as a cause; it is part of the base from now on."""
         number, share = len(self.judged.causes), self.share(best)
+        best = replace(best, explanation=self.pool.with_columns([best.explanation])[0])
         cause = Cause(tried=best, alike=tuple(alike), others=tuple(others), share=share, adopted=number)
         self.judged.adopt(best.number)
         self.held = self.held.with_columns(self.family.coarse[best.number])

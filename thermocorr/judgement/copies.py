@@ -11,7 +11,7 @@ learned from than any copy does is still a cause, though not a proven one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -46,14 +46,14 @@ class Copies:
     def of(cls, pool: Pool, judged: Comparison, held: HeldOut, number: int, effect: Effect) -> Copies:
         """Copies of an effect of recorded columns; `number` is its own among the explanations of the comparison."""
         records, columns = moved(pool.record, effect), []
-        while together := list(islice(records, max(1, AT_ONCE // pool.record.n_rows))):
-            copies = [(record, clone(effect)) for record in together]
-            for record, copied in copies:
-                copied.learn(record)
-            columns += [pool.rows.weighed(part, out=part) for part in averaged_copies(copies, FINE)]
-        gains, widths = judged.gained_beside(number, columns)
+        while together := _columns_of(islice(records, max(1, AT_ONCE // pool.record.n_rows)), effect):
+            columns += [pool.rows.weighed(part, out=part) for part in together]
+        other, first = judged.copy(), len(judged.explanations)
+        other.add(columns)
+        which = range(first, len(other.explanations))
+        gains, width = other.gained_beside(number, which), sum(map(other.width, which))
         helped = max(worth.both for worth in held.worth([pool.coarse(part) for part in columns]))
-        return cls(inflation=float(2 * gains.sum() / max(widths.sum(), 1)), help=helped)
+        return cls(inflation=float(2 * gains.sum() / max(width, 1)), help=helped)
 
     @property
     def excess(self) -> float:
@@ -65,6 +65,14 @@ class Copies:
         return worth.both >= max(GAIN, OUTDONE * self.help)
 
 
+def _columns_of(records: Iterable[Record], effect: Effect) -> list[np.ndarray]:
+    """Averaged columns of an effect in each of some records, which learns each of them."""
+    copies = [(record, clone(effect)) for record in records]
+    for record, copied in copies:
+        copied.learn(record)
+    return averaged_copies(copies, FINE) if copies else []
+
+
 def moved(record: Record, effect: Effect) -> Iterator[Record]:
     """The record with the columns of an effect moved in time, what is moved beyond the end coming in at the beginning.
 
@@ -72,11 +80,20 @@ def moved(record: Record, effect: Effect) -> Iterator[Record]:
     """
     names = [name for name in effect.inputs() if name in record.columns and name != record.temperature_name]
     whole = {name: np.asarray(record.columns[name], float) for name in names}
-    known = np.flatnonzero(np.logical_and.reduce([np.isfinite(column) for column in whole.values()]))
+    known = np.logical_and.reduce([np.isfinite(column) for column in whole.values()])
+    if isinstance(record, Thinned):
+        record = replace(record, exact={})
     for k in range(1, COPIES + 1):
-        rows = round((LEAST_MOVED + (1 - 2 * LEAST_MOVED) * (k * GOLDEN % 1)) * len(known))
-        columns = {name: column.copy() for name, column in whole.items()}
-        for name, column in whole.items():
-            columns[name][known] = np.roll(column[known], rows)[:: -1 if k % 2 else 1]
-        other = replace(record, columns={**record.columns, **columns}, known_moments={})
-        yield replace(other, exact={}) if isinstance(other, Thinned) else other
+        rows = round((LEAST_MOVED + (1 - 2 * LEAST_MOVED) * (k * GOLDEN % 1)) * np.count_nonzero(known))
+        columns = {name: _rolled(column, known, rows, -1 if k % 2 else 1) for name, column in whole.items()}
+        yield replace(record, columns={**record.columns, **columns}, known_moments={})
+        del columns  # before those of the next one are there
+
+
+def _rolled(column: np.ndarray, known: np.ndarray, rows: int, way: int) -> np.ndarray:
+    """A column whose `known` rows are moved by so many, turned round where `way` is -1."""
+    if known.all():
+        return np.roll(column, rows)[::way]
+    copy = column.copy()
+    copy[known] = np.roll(column[known], rows)[::way]
+    return copy

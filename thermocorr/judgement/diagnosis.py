@@ -101,6 +101,7 @@ def diagnose(
         missing = [cause for cause in map(_not_silently, causes) if not cause.tried.explanation.in_model]
         missing = missing or lacking(model, search, exclude)
         missing.sort(key=_worth_to_the_user)
+        search.judged.let_go()
         return _conclude(model, y, seen, read, search, missing, last)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Sequence
 from copy import copy
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -44,13 +43,16 @@ class Family:
     def __init__(self, pool: Pool, judged: Comparison, anywhere: Collection[str], small: float):
         self.pool, self.judged, self.anywhere, self.small = pool, judged, anywhere, small
         self.tried: list[Explanation] = []
+        """The explanations, those of the pool without their columns, see `Pool.with_columns`."""
         self.coarse: list[np.ndarray] = []
         """Columns of the explanations, as data not learned from are judged on."""
+        for group in pool.groups():
+            for i in self.add(group):
+                self.tried[i] = self.tried[i].forgotten()
         self.best: set[int] = set()
         """Numbers of what was the best of its kind in some look, or was taken in."""
         self.unseen = IN_GAPS * _of_gaps(pool, judged)
         """Log likelihood that one explanation may gain by what the temperature did in gaps."""
-        self.add(pool.explanations)
         keys = [explanation.key for explanation in self.tried]
         self.sizes = {key: keys.count(key) for key in dict.fromkeys(keys)}
         every = {WAVE: judged.n, **tries(judged.n)}  # every row, every period
@@ -108,7 +110,7 @@ class Family:
         """Explanations that are tried no more, and their columns."""
         for i in which:
             self.judged.explanations[i] = None
-            self.tried[i] = replace(self.tried[i], columns=self.tried[i].columns[:0].copy())
+            self.tried[i] = self.tried[i].forgotten()
             self.coarse[i] = self.coarse[i][:0].copy()
 
     def alive(self) -> list[int]:

@@ -72,7 +72,8 @@ class Imitations:
     @cached_property
     def _followers(self) -> set[Any]:
         """Recorded columns that change as the temperature does: they may know it better."""
-        plain = {e.key[1]: e.columns for e in self.pool.explanations if e.key[0] == Covariate.kind}
+        last = {e.key[1]: e for e in self.pool.explanations if e.key[0] == Covariate.kind}
+        plain = {e.key[1]: e.columns for e in self.pool.with_columns(list(last.values()))}
         T = self.pool.rows.weighed(self.pool.temperature)
         return {name for name, columns in plain.items() if _follows(columns[:, 0], T)}
 

@@ -38,7 +38,7 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
         return []
     kinds = [effect for kind, effect in CATALOGUE.items() if effect.thermal_rank and kind not in exclude]
     candidates: list[Effect] = [effect for kind in kinds for effect in kind.candidates(pool.record)]
-    beside = Search(pool.beside(thin, pool.of(candidates)), anywhere=(), small=small)
+    beside = Search(pool.beside(thin, pool.unmade(candidates)), anywhere=(), small=small)
     tried = [t for t in beside.believed(beside.look(), ()) if t.proven]
     if not tried:
         return []

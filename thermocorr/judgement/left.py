@@ -194,9 +194,11 @@ def _loud(pool: Pool) -> tuple[Loud, ...]:
 
 def _tails(residual: np.ndarray) -> float:
     """Rms over the standard deviation of Gaussian noise of which nine tenths are as small; 1 where that is nothing."""
-    sizes = np.abs(residual[np.isfinite(residual)])
-    usual = float(np.quantile(sizes, 0.9)) / NINE_TENTHS if len(sizes) else 0.0
-    return rms(sizes) / usual if usual > 0 else 1.0
+    sizes = residual[np.isfinite(residual)]
+    np.abs(sizes, out=sizes)
+    whole = rms(sizes)
+    usual = float(np.quantile(sizes, 0.9, overwrite_input=True)) / NINE_TENTHS if len(sizes) else 0.0
+    return whole / usual if usual > 0 else 1.0
 
 
 def _spikes(pool: Pool) -> tuple[float, ...]:

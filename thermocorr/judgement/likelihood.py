@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -145,6 +145,16 @@ class Comparison:
         other.explanations, other.causes = list(self.explanations), list(self.causes)
         return other
 
+    def let_go(self) -> None:
+        """Do without the rows of what was tried, which are most of the memory: the cross products are kept."""
+        self.explanations = [found and replace(found, rows=found.rows[:0].copy()) for found in self.explanations]
+
+    def of(self, which: Sequence[int]) -> Comparison:
+        """A copy with some of the explanations beside the base."""
+        other = self.copy()
+        other.explanations = [self.explanations[i] for i in which]
+        return other
+
     def adopt(self, i: int) -> None:
         """Take an explanation into the base."""
         found, fit = self.explanations[i], self.refit([i])[0]
@@ -154,13 +164,7 @@ class Comparison:
         self.QQ = np.block([[self.QQ, found.base], [found.base.transpose(0, 2, 1), found.own]])
         self.Qz = np.concatenate((self.Qz, found.reading), axis=1)
         self.explanations = [
-            other
-            and ExplanationColumns(
-                rows=other.rows,
-                own=other.own,
-                base=np.concatenate((other.base, self._crossed(found.rows, other.rows)), axis=1),
-                reading=other.reading,
-            )
+            other and replace(other, base=np.concatenate((other.base, self._crossed(found.rows, other.rows)), axis=1))
             for other in self.explanations
         ]
         self.Q = np.column_stack((self.Q, found.rows))
@@ -212,14 +216,11 @@ class Comparison:
         fits = self._fits(tried, [start for _ in which for start in (self.base.theta, quiet)], TURNS)
         return [max(pair, key=lambda fit: fit.level) for pair in zip(fits[::2], fits[1::2], strict=True)]
 
-    def gained_beside(self, i: int, columns: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Log likelihood that columns, each of shape (n, k), gain where an explanation is in the base; their widths."""
-        other = self.without(())
-        other.explanations = [self.explanations[i]]
-        other.add(columns)
+    def gained_beside(self, i: int, which: Sequence[int]) -> np.ndarray:
+        """Log likelihood that some explanations gain where another one is in the base."""
+        other = self.of([i, *which])
         other.adopt(0)
-        which = range(1, len(columns) + 1)
-        return other.screen(other.base.theta)[1:], np.array([other.width(k) for k in which])
+        return other.screen(other.base.theta)[1:]
 
     def of_pairs(self, pairs: Sequence[tuple[int, int]], rows: bool = False) -> Comparison:
         """The base with pairs of its explanations, each pair as one; their `rows` are for what asks where they lie."""

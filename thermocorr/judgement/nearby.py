@@ -18,7 +18,7 @@ def moved(pool: Pool, beside: Comparison, explanation: Explanation, shares: Sequ
     `beside` is the base that it stands beside; what else is tried there is forgotten. See `Effect.nearby`.
     """
     beside.explanations = []
-    beside.add([explanation.columns])
+    beside.add([each.columns for each in pool.with_columns([explanation])])
     theta = beside.refit([0])[0].theta
     most, best = beside.screen(theta)[0], explanation
     for share in shares:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -22,7 +22,7 @@ from .base import ThermalBase
 from .blocks import Averages, averaged, averaged_columns, spans, sums_of
 from .directions import orthonormal, visible
 from .judged_rows import JudgedRows
-from .levels import COARSE, FEWEST, FINE, MOST_EMPTY, SHORTEST_START, START_TOLD
+from .levels import BATCH, COARSE, FEWEST, FINE, MOST_EMPTY, SHORTEST_START, START_TOLD
 from .likelihood import Comparison
 from .starts import OwnStart, starts_of
 
@@ -35,9 +35,13 @@ class Explanation:
 
     effect: Effect
     columns: np.ndarray = field(repr=False)
-    """Shape (n, k)."""
+    """Shape (n, k), or (0, k) where they are not kept: see `Pool.with_columns`."""
     in_model: bool = False
     """Whether the model has it already: slow lags and the start, which the base of the judgement does without."""
+
+    def forgotten(self) -> Explanation:
+        """The explanation without its columns; with them where it is a model's start, which is not made anew."""
+        return self if self.effect.kind == OwnStart.kind else replace(self, columns=self.columns[:0].copy())
 
     @property
     def key(self) -> Key:
@@ -93,9 +97,9 @@ class Pool:
         candidates = [e for e in candidates if not of_first_rows(e, step)]
         own, first = starts_of(model, record, thermal.slowest)
         self._started_by = thermal.slowest if first else 0.0
-        for effect in (*own, *first, *base, *slow, *candidates):
+        for effect in (*own, *first, *base, *slow):
             effect.learn(record)
-        self.data: Averages = averaged(record, [*own, *base, *first, *slow, *candidates], FINE)
+        self.data: Averages = averaged(record, [*own, *base, *first, *slow], FINE)
         if len(self.data.reading) < FEWEST:
             raise RecordError(
                 f"The record is too short to judge: {len(self.data.reading)} readings, and {FEWEST} are "
@@ -111,11 +115,11 @@ class Pool:
         self.data = self.rows.data = replace(self.data, columns=[])
         columns = columns[len(base) :]
         columns[: len(first)] = [orthonormal(part, START_TOLD) for part in columns[: len(first)]]
-        columns = [self.rows.weighed(part, out=part) for part in columns]
-        effects = [*first, *slow, *candidates]
-        has = [True] * len(first + slow) + [self._has(effect) for effect in candidates]
-        self.explanations = [Explanation(*each) for each in zip(effects, columns, has, strict=True) if each[1].size]
-        self.start = [e.columns for e in self.explanations if isinstance(e.effect, OwnStart)]
+        columns = [self.rows.weighed(part) for part in columns]
+        known = [Explanation(*each, True) for each in zip([*first, *slow], columns, strict=True) if each[1].size]
+        self.explanations = [*known, *self.unmade(candidates)]
+        """Most of them without their columns, which are more than all else in memory together: see `groups`."""
+        self.start = [e.columns for e in known if isinstance(e.effect, OwnStart)]
         """What the start of the record may be in the model, each of shape (n, k)."""
 
     def _has(self, effect: Effect) -> bool:
@@ -134,11 +138,27 @@ class Pool:
 
     def of(self, effects: Sequence[Effect]) -> list[Explanation]:
         """Explanations by further effects, which learn the record first."""
+        return self.with_columns(self.unmade(effects))
+
+    def unmade(self, effects: Sequence[Effect]) -> list[Explanation]:
+        """Explanations by further effects, which learn the record first, without their columns."""
         for effect in effects:
             effect.learn(self.record)
-        columns = averaged_columns(self.record, effects, FINE)
-        columns = [self.rows.weighed(part, out=part) for part in columns]
-        return [Explanation(e, c, self._has(e)) for e, c in zip(effects, columns, strict=True)]
+        return [Explanation(e, np.zeros((0, e.n_columns())), self._has(e)) for e in effects if e.n_columns()]
+
+    def _columns(self, effects: Sequence[Effect]) -> list[np.ndarray]:
+        """Columns of effects that have learned the record, as they are judged."""
+        return [self.rows.weighed(part, out=part) for part in averaged_columns(self.record, effects, FINE)]
+
+    def groups(self) -> Iterator[list[Explanation]]:
+        """The explanations with their columns, a few at a time: all of them at once would be held in memory twice."""
+        for first in range(0, len(self.explanations), BATCH):
+            yield self.with_columns(self.explanations[first : first + BATCH])
+
+    def with_columns(self, explanations: Sequence[Explanation]) -> list[Explanation]:
+        """Explanations with their columns, which are made, or made anew, where they have none."""
+        made = iter(self._columns([e.effect for e in explanations if not len(e.columns)]))
+        return [e if len(e.columns) else replace(e, columns=next(made)) for e in explanations]
 
     @cached_property
     def thermometers(self) -> pd.DataFrame:

@@ -69,12 +69,14 @@ def felt_in_gaps(model: DynamicBiasRegressor, read: Record, slowest: float) -> f
 
 def _averages(model: DynamicBiasRegressor, read: Record, judged: Thinned) -> tuple[np.ndarray, float]:
     """`residuals_of` a record that is judged by averages of its rows."""
-    sums, counts, squares, n = np.zeros(judged.n_rows), np.zeros(judged.n_rows), 0.0, 0
+    sums, counts, squares, n = np.zeros(judged.n_rows), np.zeros_like(judged.counts), 0.0, 0
     for block, values in _blocks(model, read, judged):
         known = values[np.isfinite(values)]
         squares, n = squares + float(known @ known), n + len(known)
         _added(judged, block.places, values, sums, counts)
-    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan), float(np.sqrt(squares / max(n, 1)))
+    means = np.divide(sums, counts, out=sums, where=counts > 0)
+    means[counts == 0] = np.nan
+    return means, float(np.sqrt(squares / max(n, 1)))
 
 
 def _blocks(model: DynamicBiasRegressor, read: Record, judged: Record) -> Iterator[tuple[Block, np.ndarray]]:
@@ -89,13 +91,13 @@ def _blocks(model: DynamicBiasRegressor, read: Record, judged: Record) -> Iterat
 
 def _added(record: Thinned, rows: np.ndarray, values: np.ndarray, sums: np.ndarray, counts: np.ndarray) -> None:
     """Add values of rows of the longer record, in time order, to the sums and counts of the rows they fall into."""
-    place = np.searchsorted(record.places, rows, side="right") - 1
-    inside = (place >= 0) & (rows < record.ends[np.maximum(place, 0)]) & np.isfinite(values)
+    place = record.places_of(rows)
+    inside = (place >= 0) & np.isfinite(values)
     if inside.any():
         place = place[inside]
         low, high = int(place.min()), int(place.max()) + 1
         sums[low:high] += np.bincount(place - low, values[inside], high - low)
-        counts[low:high] += np.bincount(place - low, minlength=high - low)
+        counts[low:high] += np.bincount(place - low, minlength=high - low).astype(counts.dtype)
 
 
 def quiet_share(residual: np.ndarray, record: Record, loud: Sequence[tuple[float, float]]) -> float:

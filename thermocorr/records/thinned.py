@@ -23,16 +23,16 @@ _NS = 1_000_000_000
 class Thinned(Record):
     """A record whose rows are averages of a longer one's. Times count from the longer one's first row."""
 
-    counts: NDArray[np.intp] = field(repr=False)
+    counts: NDArray[np.integer[Any]] = field(repr=False)
     """Readings in each row."""
     began: float
     """Stamp of the longer record's first row."""
     step: float
     """Usual step of the longer record [s]."""
-    places: NDArray[np.intp] = field(repr=False)
+    places: NDArray[np.integer[Any]] = field(repr=False)
     """Where each row begins in the longer record, in time order."""
-    ends: NDArray[np.intp] = field(repr=False)
-    """Behind which row it ends."""
+    sizes: NDArray[np.integer[Any]] = field(repr=False)
+    """Rows of the longer record in each row."""
     lengths: tuple[float, ...]
     """Duration of each of its segments [s]."""
     unseen: float = 0.0
@@ -41,6 +41,11 @@ class Thinned(Record):
     """Averages of the columns of some effects over stretches of `exact_rows` of these rows, none of which crosses from
     one segment into the next, computed in the longer record: shape (stretches, k) each."""
     exact_rows: int = 0
+
+    def places_of(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Rows of this record that rows of the longer one, in time order, have become a part of; -1 for none."""
+        place = np.searchsorted(self.places, rows.astype(self.places.dtype), side="right") - 1
+        return np.where(rows < self.places[place] + self.sizes[place], place, -1)
 
     def first_stamp(self) -> float:
         """Absolute time of the longer record's first row."""
@@ -80,25 +85,25 @@ def thinned(record: Record, columns: Mapping[Any, Any], most: int) -> tuple[Reco
     own: dict[Any, Floats] = {name: np.empty(n) for name in (*record.columns, *columns)}
     looked = {name: _Looked() for name in columns}
     reading, seconds = np.empty(n), np.empty(n)
-    counts, places, ends = (np.empty(n, np.intp) for _ in range(3))
+    counts, sizes = (np.empty(n, np.min_scalar_type(width)) for _ in range(2))
+    places: NDArray[np.integer[Any]] = np.empty(n, np.int32 if record.n_rows <= np.iinfo(np.int32).max else np.int64)
     segments, began, at = [], record.first_stamp(), 0
     for segment in record.segments:
         first = at
         for low, high in _chunks(record, segment, width):
             rows = record.rows(low, high)
             starts = np.arange(0, high - low, width)
-            sizes = np.diff(np.append(starts, high - low))
+            size = np.diff(np.append(starts, high - low))
             into = slice(at, at + len(starts))
             for name, column in record.columns.items():
-                own[name][into] = np.add.reduceat(np.asarray(column[rows], float), starts) / sizes
+                own[name][into] = np.add.reduceat(np.asarray(column[rows], float), starts) / size
             for name, column in columns.items():
                 values = looked[name].sound(np.asarray(column[rows], float))
                 own[name][into] = _known_means(values, starts)[0]
             values = np.asarray(record.reading[rows], float)  # type: ignore[index]
             reading[into], counts[into] = _known_means(values, starts)
-            seconds[into] = np.add.reduceat(record.times.seconds(rows, began), starts) / sizes
-            places[into] = low + starts
-            ends[into] = places[into] + sizes
+            seconds[into] = np.add.reduceat(record.times.seconds(rows, began), starts) / size
+            places[into], sizes[into] = low + starts, size
             at = into.stop
         segments.append(Segment(first, at, segment.run))
     short = Thinned(
@@ -114,7 +119,7 @@ def thinned(record: Record, columns: Mapping[Any, Any], most: int) -> tuple[Reco
         step=record.usual_step(),
         lengths=tuple(record.duration(segment) for segment in record.segments),
         places=places,
-        ends=ends,
+        sizes=sizes,
     )
     return short, {name: each.share(record.n_used) for name, each in looked.items()}
 
