@@ -19,6 +19,7 @@ from thermocorr import (
     held_out_residuals,
     later_errors,
     load_model,
+    refine,
     save_model,
 )
 from thermocorr.command.cli import main
@@ -255,6 +256,18 @@ def test_figures_about_a_record_leave_them_out(clean):
     comparison = compare_variants(X, bad, model=model)
     assert comparison.frame()["std"].max() < 10
     assert later_errors(comparison.models, X, bad).table.to_numpy().max() < 20
+
+
+def test_it_is_said_once_and_at_the_users_line(clean):
+    X, y, _ = spoiled(*clean, temperature=False)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")
+        model = DynamicBiasRegressor("temperature", max_gap="10 min").fit(X, y)
+        refine(model, X, y)
+        compare_variants(X, y, model=model)
+    places = [(str(w.message), w.filename, w.lineno) for w in caught if issubclass(w.category, RecordWarning)]
+    assert {filename for _, filename, _ in places} == {__file__}
+    assert len(set(places)) == len(places)
 
 
 def test_a_parquet_log_is_screened_as_a_frame_is(clean, tmp_path):

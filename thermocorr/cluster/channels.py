@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -16,7 +15,8 @@ from ..estimators.cutting import block_rows
 from ..estimators.fitting import Swept, decays_first, reading_offset, sweep_readings
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.time_constants.remembered import digest
-from ..records import Layout, Log, Record, RecordError, RecordWarning, read_record
+from ..records import Layout, Log, Record, RecordError, read_record
+from ..records.errors import warn
 from ..records.numbers import as_pandas, numeric_reading
 from ..records.screen import screened
 from .fleet import Fleet, fit_fleet
@@ -150,7 +150,7 @@ class ChannelTable:
         if (layout, needed) not in self._records:
             found = read_record(self.X, layout, needed=needed, quiet=True)
             for note in () if self._records else found.notes:
-                warnings.warn(note, RecordWarning, stacklevel=2)
+                warn(note)
             self._records[layout, needed] = found
         return self._records[layout, needed]
 

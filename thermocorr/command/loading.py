@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -16,8 +15,8 @@ from ..estimators import DynamicBiasRegressor
 from ..estimators.weighing import masked_readings
 from ..files.result_files import result_columns
 from ..foreign import RUN, ForeignTable, HowToRead, read_logs, with_times
-from ..records import RecordError, RecordWarning, read_record
-from ..records.errors import listing, quoted
+from ..records import RecordError, read_record
+from ..records.errors import listing, quoted, warn
 from ..records.files import TIME_NAMES, require_column
 from ..records.times import dates_once, seconds_of
 from ..records.types import kind_of
@@ -162,7 +161,7 @@ def _goes_forward(table: ForeignTable, column: str, how: HowToRead) -> bool:
 
 
 def _note(text: str) -> None:
-    warnings.warn(text, RecordWarning, stacklevel=3)
+    warn(text)
 
 
 def check_numbers(options: argparse.Namespace) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import os
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
-from ..records import RecordError, RecordWarning
+from ..records import RecordError
+from ..records.errors import warn
 
 _VARIABLE = "THERMOCORR_RECORDS"
 _PEPAS = "J. Pepas, github.com/cellularmitosis/logs, MIT"
@@ -180,11 +180,9 @@ def load_real_record(
         raise ValueError(f"There is no record {name!r}. The records are: {', '.join(_RECORDS)}.")
     about, path = _RECORDS[name], _find(name, folder)
     if hashlib.sha256(path.read_bytes()).hexdigest() != about.sha256:
-        warnings.warn(
+        warn(
             f"{path} is not the file that the figures of the guide come from: its SHA-256 is another one. Expect other "
-            "figures.",
-            RecordWarning,
-            stacklevel=2,
+            "figures."
         )
     frame = pd.read_csv(path)
     if run is not None:

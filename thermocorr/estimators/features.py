@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from numbers import Integral, Real
 from typing import Any
@@ -16,7 +15,8 @@ from ..effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLa
 from ..effects.protocol import Effect
 from ..effects.stream import Walked, needed_columns, own_starts, resume, walk
 from ..effects.wrap import EffectsParameters, as_effects
-from ..records import History, Layout, Log, Record, RecordError, RecordWarning, read_record
+from ..records import History, Layout, Log, Record, RecordError, read_record
+from ..records.errors import warn
 from ..records.read import check_max_gap
 from ..records.record import SegmentStart
 from ..records.screen import screened
@@ -219,7 +219,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         if filling:
             record = self._filled(X, y, record, needed, record.notes[n_read:])
         for note in () if quiet else record.notes[0 if filling else n_read :]:
-            warnings.warn(note, RecordWarning, stacklevel=3)
+            warn(note)
         self.effects_ = [*self._thermal_part(), *((name, _copy(effect)) for name, effect in further)]
         for _, effect in self.effects_:
             effect.learn(record)

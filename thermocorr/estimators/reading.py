@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ..records import Record, RecordError, RecordWarning
-from ..records.errors import quoted, times_word
+from ..records import Record, RecordError
+from ..records.errors import quoted, times_word, warn
 from ..records.other_units import first_median, other_units, unit_told_by
 from ..records.units import unit_of, units_differ
 from .flat import flat_text, is_flat, resolved
@@ -86,18 +85,14 @@ def check_plausible(record: Record, reading: Reading, known_before: bool = False
             f"effect. Is {quoted(record.temperature_name)} the right column?"
         )
     if low < -460.0 or high > 5000.0:
-        warnings.warn(
+        warn(
             f"The temperature {quoted(record.temperature_name)} runs from {low:.6g} to {high:.6g}: that is neither "
-            "degC, K nor degF. The fit is valid, but coefficients are per unit of that column. Is it the right one?",
-            RecordWarning,
-            stacklevel=3,
+            "degC, K nor degF. The fit is valid, but coefficients are per unit of that column. Is it the right one?"
         )
     if reading.n_readings > 1 and reading.std == 0:
-        warnings.warn(
+        warn(
             f"The reading never changes: it is {reading.mean:.10g} in all {reading.n_readings} rows. Is it the right "
-            "column, and was the instrument running?",
-            RecordWarning,
-            stacklevel=3,
+            "column, and was the instrument running?"
         )
 
 
@@ -150,17 +145,13 @@ def check_median(median: float, thermometer: Any, low: float, high: float) -> No
             f"that looks like {said}. Convert {quoted(thermometer)} first."
         )
     if low <= (median - 32.0) / 1.8 <= high and median > high + span + FAHRENHEIT_BEYOND:
-        warnings.warn(
+        warn(
             f"The temperature is about {median:.4g} here and was {low:.4g} to {high:.4g} in the fitted record: if "
-            f"{quoted(thermometer)} is in degF, convert it first.",
-            RecordWarning,
-            stacklevel=3,
+            f"{quoted(thermometer)} is in degF, convert it first."
         )
 
 
-def check_corrected(
-    fitted: Reading, corrected: np.ndarray, given: Any, expected: tuple[float, ...] = (), stacklevel: int = 3
-) -> None:
+def check_corrected(fitted: Reading, corrected: np.ndarray, given: Any, expected: tuple[float, ...] = ()) -> None:
     """Warn about corrected readings that leave all readings far behind.
 
     Readings are those given, and the fitted ones (mean +- 10 standard deviations); far is more than the width of that
@@ -175,8 +166,6 @@ def check_corrected(
         Readings before the correction.
     expected : tuple of float
         Levels that corrected readings may have for a reason of their own.
-    stacklevel : int
-        Of the warning.
     """
     usual = USUAL_STDS * fitted.std
     levels = (fitted.mean - usual, fitted.mean + usual, *expected)
@@ -192,14 +181,12 @@ def check_corrected(
     beyond = np.maximum(low - corrected, corrected - high)
     rows = np.flatnonzero(beyond > _width(low, high))
     worst = int(np.nanargmax(beyond))
-    warnings.warn(
+    warn(
         f"The corrected reading leaves the readings far behind in {times_word(len(rows), 'row')} of {len(corrected)}, "
         f"the first is row {rows[0]}: it comes to {corrected[worst]:.10g} in row {worst}, and the readings, those "
         f"given and those fitted, lie between {low:.10g} and {high:.10g}. What was taken away there is no bias of this "
         "instrument: see with contributions(X) which effect makes it, and with flags(X) whether the temperature is "
-        "outside the fitted range.",
-        RecordWarning,
-        stacklevel=stacklevel,
+        "outside the fitted range."
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from numbers import Real
 from typing import Any
@@ -14,7 +13,8 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils._param_validation import Interval, StrOptions
 
 from ..effects.wrap import EffectsParameters, as_effects
-from ..records import Block, Record, RecordWarning, seconds_of
+from ..records import Block, Record, seconds_of
+from ..records.errors import warn
 from ..records.flags import Flags
 from .aligned import like, no_flags
 from .choosing import choose, choose_again, chosen_products, count_to_choose, penalty
@@ -239,7 +239,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             self.__dict__.pop(learned, None)
         doubts = [*doubts_of(self, record, self._solution, prior), *readings_left_out(record, believed)]
         for text in doubts:
-            warnings.warn(text, RecordWarning, stacklevel=2)
+            warn(text)
         self.notes_ = (*record.notes, *doubts)
         lasting = WASHOUT_TIME_CONSTANTS * features.memory()
         self.washout_ = lasting if self.washout == "auto" else seconds_of(self.washout, "washout")

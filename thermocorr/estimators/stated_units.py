@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from ..records import Record, RecordError, RecordWarning
-from ..records.errors import quoted
+from ..records import Record, RecordError
+from ..records.errors import quoted, warn
 from ..records.other_units import ENOUGH, first_median
 from ..records.units import unit_of
 from .reading import Reading, check_median, check_unit
@@ -90,11 +89,9 @@ def check_temperature(fitted: Reading, name: str, fitted_name: str, unit: str, m
         return
     ambient = [_is_ambient(_from(one, "degC", low), _from(one, "degC", high)) for one in (taken, unit)]
     if as_it_is and not converted and ambient == [False, True]:
-        warnings.warn(
+        warn(
             f"{begin}. By their values they are {unit} too, and are used so; what the model says per degree of {taken} "
-            f"is per degree of {unit}. To have that right, {refit}.",
-            RecordWarning,
-            stacklevel=4,
+            f"is per degree of {unit}. To have that right, {refit}."
         )
         return
     if converted and not as_it_is:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from ..effects.moments import since_start
-from ..records import Layout, Log, RecordError, RecordWarning, read_record
-from ..records.errors import times_word
+from ..records import Layout, Log, RecordError, read_record
+from ..records.errors import times_word, warn
 from ..records.labels import refuse_labels_of_rows
 from ..records.numbers import as_pandas, check_same_rows, is_frame, numeric_reading
 from ..records.record_log import as_data
@@ -114,9 +113,7 @@ def _rows(X: Any, layout: Layout, mask: Any, n: int) -> np.ndarray:
         whole_day = isinstance(stretch[1], str) and _DATE.fullmatch(stretch[1].strip())
         inside = (seconds >= start) & (seconds < end + _DAY if whole_day else seconds <= end)
         if not inside.any():
-            warnings.warn(
-                f"The mask has a stretch in which there are no rows: {stretch!r}.", RecordWarning, stacklevel=5
-            )
+            warn(f"The mask has a stretch in which there are no rows: {stretch!r}.")
         found |= inside
     return found
 

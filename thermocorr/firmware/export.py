@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +12,8 @@ import numpy as np
 from ..effects import StaticPolynomial
 from ..estimators.cancellation import Cancellation
 from ..files import Outputs
-from ..records import RecordWarning, seconds_of
+from ..records import seconds_of
+from ..records.errors import warn
 from ..records.quantities import quantity_text
 from ..records.units import difference_unit
 from .c99 import C99
@@ -177,11 +177,9 @@ def _warn_of_lost_digits(found: Cancellation) -> None:
     """Warn where large contributions cancel, so that the digits of single precision are lost with them."""
     rounding = _ROUNDINGS * float(np.finfo(np.float32).eps) / 2
     if found.beyond(TOLERANCE["float"] / rounding):
-        warnings.warn(
+        warn(
             f"{found} Single precision may be wrong by {rounding * found.reach:.1g}. Export with dtype='double', or "
-            "fit fewer time constants (or with a ridge penalty, alpha).",
-            RecordWarning,
-            stacklevel=5,  # whoever calls export_c
+            "fit fewer time constants (or with a ridge penalty, alpha)."
         )
 
 
@@ -194,12 +192,10 @@ def _warn_of_coarse_readings(model: Any) -> None:
     step = float(np.spacing(np.float32(largest)))
     if step > _FINE_STEP * noise:
         said, fine, noisy = (quantity_text(value, reading.unit) for value in (largest, step, noise))
-        warnings.warn(
+        warn(
             f"A reading of {said} has steps of {fine} in single precision, and the noise is {noisy}: corrected "
             "readings lose what the correction gains. Export with dtype='double' (--double), or take the bias that the "
-            "code tells off in double precision.",
-            RecordWarning,
-            stacklevel=5,  # whoever calls export_c
+            "code tells off in double precision."
         )
 
 

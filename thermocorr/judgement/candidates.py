@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
@@ -17,8 +16,8 @@ from ..equations.shared_noise import made_from, shows_the_same
 from ..estimators.checked import check_columns
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.run_levels import moments_between_runs
-from ..records import Log, ParquetLog, Record, RecordWarning, read_record
-from ..records.errors import listing
+from ..records import Log, ParquetLog, Record, read_record
+from ..records.errors import listing, warn
 from ..records.log import SomeColumns
 from ..records.numbers import is_frame, numeric_reading
 from ..records.record_log import RecordLog
@@ -73,32 +72,26 @@ def suspect_record(
     holey = [name for name in suspects if 0 < sound[name] <= MOST_SOUND]
     if holey:
         least = 1 - max(sound[name] for name in holey)
-        warnings.warn(
+        warn(
             f"{listing(holey)}: no number in {least:.0%} of the rows or more. Not under suspicion. Where the holes are "
-            "short, fill them first: X[column].interpolate().",
-            RecordWarning,
-            stacklevel=3,
+            "short, fill them first: X[column].interpolate()."
         )
     known = {name: column for name, column in values.items() if not _clock(column, short)}
     order = slice(None) if short.order is None else short.order
     reading = np.asarray(short.reading, float)[order]
     copies = [name for name, column in known.items() if made_from(column[order], reading)]
     if copies:
-        warnings.warn(
+        warn(
             f"{listing(copies)}: made from the reading (the reading itself, a line, a mean, a low pass or an earlier "
             "value of it), whose own noise it carries, so it explains nothing. Not under suspicion. Leave such columns "
-            "out of X.",
-            RecordWarning,
-            stacklevel=3,
+            "out of X."
         )
         known = {name: column for name, column in known.items() if name not in copies}
     same = [name for name, column in known.items() if shows_the_same(column[order], reading)]
     if same:
-        warnings.warn(
+        warn(
             f"{listing(same)}: the numbers of the reading, on its scale. Where that is a second measurement of the "
-            "same, leave it out of X: it explains the reading, and correcting by it takes away what is to be measured.",
-            RecordWarning,
-            stacklevel=3,
+            "same, leave it out of X: it explains the reading, and correcting by it takes away what is to be measured."
         )
     kept = {**{name: short.columns[name] for name in read.columns}, **known}
     found = filled(replace(short, columns=kept, known_moments={}), used=read.columns)

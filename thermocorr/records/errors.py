@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import re
+import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
+
+_WITHIN = (__name__.partition(".")[0], "contextlib")
+"""This package, and what stands between two of its functions."""
 
 
 class RecordError(ValueError):
@@ -15,6 +19,14 @@ class RecordError(ValueError):
 
 class RecordWarning(UserWarning):
     """The record can be used, but its user should know something first."""
+
+
+def warn(text: str) -> None:
+    """Warn of something in a record, at the line outside of this package that led to it: there it is said once."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _WITHIN:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, RecordWarning, stacklevel=level)
 
 
 @contextmanager

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import warnings
 from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +12,7 @@ import pandas as pd
 
 from .by_arrow import table_by_arrow
 from .csvlines import CUT, check_lines, checked_names, header_of
-from .errors import RecordError, RecordWarning, listing, quoted
+from .errors import RecordError, listing, quoted, warn
 from .grammar import MISSING
 from .parquet import open_parquet
 from .paths import existing_file
@@ -102,7 +101,7 @@ def csv_table(content: bytes, path: Path, names: list[str] | None = None, line: 
     except RecordError as error:
         raise RecordError(f"{path} cannot be read as a table: {error}") from None
     if end < len(content) and start < len(content):
-        warnings.warn(f"The last line of {path} is left out: {CUT}.", RecordWarning, stacklevel=3)
+        warn(f"The last line of {path} is left out: {CUT}.")
     names = [name or f"Unnamed: {i}" for i, name in enumerate(names)]
     if len(set(names)) < len(names):
         raise RecordError(f"{path} has columns without a name, and others called {listing(names)}. Name them all.")

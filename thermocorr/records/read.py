@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -12,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .errors import RecordError, RecordWarning, listing, quoted, times_word
+from .errors import RecordError, listing, quoted, times_word, warn
 from .indexes import index_times, no_times_text
 from .labels import factorized
 from .log import Log
@@ -108,7 +107,7 @@ def read_record(
     _refuse_ages(record)
     if not quiet:
         for note in notes:
-            warnings.warn(note, RecordWarning, stacklevel=4)
+            warn(note)
     return record
 
 
@@ -172,11 +171,9 @@ def temperature_column(X: Any, layout: Layout, quiet: bool = False) -> object:
         if "temperature" in candidates or not candidates:
             return "temperature"
         if len(candidates) > 1 and not quiet:
-            warnings.warn(
+            warn(
                 f"No column is called 'temperature': the first one, {candidates[0]!r}, is taken. Say which of "
-                f"{listing(candidates)} it is with temperature=...",
-                RecordWarning,
-                stacklevel=5,
+                f"{listing(candidates)} it is with temperature=..."
             )
         return candidates[0]
     return wanted

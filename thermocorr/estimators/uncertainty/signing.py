@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from numbers import Real
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from ...records import RecordWarning
+from ...records.errors import warn
 from ..fitted import FittedModel
 from ..run_levels import level_variance
 from ..threads import one_blas_thread
@@ -133,7 +132,7 @@ class SignedModel(FittedModel):
         _check_not_negative("reference_dof", reference_dof, strictly=True)
         joint = self.joint_errors()
         if doubt := too_short(joint):
-            warnings.warn(doubt, RecordWarning, stacklevel=2)
+            warn(doubt)
         record, _, _ = self.judged(X, y)
         return uncertainty_of(
             self,
