@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Collection, Sequence
 
+from ..effects import SensitivityStep, Step
 from .causes import Search
 from .choice import Cause, Tried, bent, harms
 from .dated import MANY
@@ -21,7 +22,8 @@ def searched(pool: Pool, anywhere: Collection[str]) -> tuple[Search, list[Cause]
     one that cannot be told from the first, came next to it, was found later, or came after that, be it proven only
     beside what is found then, or with a product whose evidence is greater but uneven; fewer causes that are likelier
     stand. A column that is late may have taken part of another cause upon itself, a drift: the search is begun with the
-    column as it is, and as many causes that are likelier stand. Where none was found, a column that is proven may have
+    column as it is, and as many causes that are likelier stand. So may a change of the law at a row, which is a step
+    where a sensitivity drifts. Where none was found, a column that is proven may have
     been refused for the harm that it does while a drift is missing: the search is begun with it, and several causes
     that are likelier stand.
     """
@@ -92,11 +94,12 @@ def _uneven_products(first: Cause) -> list[Tried]:
 
 
 def _nearly_as_it_is(tried: Tried, plain: Tried) -> bool:
-    """Whether the column as it is explains much of what it explains late or bent."""
-    return bent(tried, plain) and plain.score >= SPEAKS_PLAINLY * tried.score
+    """Whether the column as it is explains much of what it explains late or bent, or a step much of a change of law."""
+    of_law = tried.key[0] == SensitivityStep.kind and plain.key[0] == Step.kind
+    return (of_law or bent(tried, plain)) and plain.score >= SPEAKS_PLAINLY * tried.score
 
 
 def _value(search: Search, causes: Sequence[Cause]) -> float:
     """Log likelihood of the record with these causes, less what their columns and choice would gain by chance."""
     level = search.judged.level_with([cause.adopted for cause in causes])
-    return level - sum(search.family.price(cause.tried.number) for cause in causes)
+    return level - sum(search.family.price_in_base(cause.tried.number, cause.adopted) for cause in causes)
