@@ -51,7 +51,7 @@ def test_the_noise_of_a_filter_is_no_missing_effect(name):
         if found.verdict == "nothing missing":
             assert 0 < found.left.filtered < 20
             assert found.noise_floor == pytest.approx(found.residual_rms, rel=0.1)
-            assert "an instrument that filters or averages" in " ".join(str(found).split())
+            assert "An instrument that filters or averages" in " ".join(str(found).split())
     assert calm >= 7  # what the temperature took of slow noise, or what chance left of it, may look like more
 
 
@@ -67,9 +67,15 @@ def test_later_readings_of_such_an_instrument_are_signed_and_covered():
         assert inside[signed].mean() > 0.88  # of some hundred readings that are independent
 
 
+def switched(rng, often):
+    return np.cumsum(rng.random(N) < often) % 2
+
+
 OTHERS = {
     "slow": lambda rng: low_pass(0.97)(rng),
     "slow beside the instrument's": lambda rng: 0.7 * low_pass(0.9)(rng) + 0.7 * rng.standard_normal(N),
+    "switched, far above the noise": lambda rng: 2 * switched(rng, 0.15) + 0.1 * rng.standard_normal(N),
+    "switched often": lambda rng: switched(rng, 0.3) + 0.1 * rng.standard_normal(N),
     "a filter and slow": lambda rng: low_pass(0.6)(rng) + 0.7 * low_pass(0.99)(rng),
 }
 

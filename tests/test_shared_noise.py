@@ -63,13 +63,42 @@ def test_a_second_meter_on_the_source_is_pointed_out():
         diagnose(model().fit(X_all, y), X_all, y)
 
 
-def test_causes_are_not_taken_for_something_made_from_the_reading():
-    """Slow sensors of quick causes, too: of 25 records, with and without white noise in the cause."""
-    for seed in range(25):
+QUICK = {
+    "wandering": lambda rng: pd.Series(np.cumsum(rng.standard_normal(2500))).ewm(span=20).mean().to_numpy() / 20,
+    "wandering and white": lambda rng: QUICK["wandering"](rng) + 0.1 * rng.standard_normal(2500),
+    "white": lambda rng: rng.standard_normal(2500),
+    "on and off": lambda rng: 3.0 * (np.cumsum(rng.random(2500) < 0.1) % 2),
+}
+
+
+@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("size", [0.5, 2.0])
+def test_causes_are_not_taken_for_something_made_from_the_reading(name, size):
+    """Slow sensors of quick causes, and columns at whose rate a reading moves, neither."""
+    for seed in range(12):
         rng = np.random.default_rng(seed)
-        cause = pd.Series(np.cumsum(rng.standard_normal(2500))).ewm(span=20).mean().to_numpy() / 20
-        cause += (seed % 2) * 0.1 * rng.standard_normal(2500)
-        reading = 5 * cause + rng.standard_normal(2500)
-        for span in (1, 10, 60):
-            sensor = pd.Series(cause).ewm(span=span).mean().to_numpy() + 0.01 * rng.standard_normal(2500)
-            assert not made_from(sensor, reading)
+        slow = 20 * pd.Series(rng.standard_normal(3500)).ewm(span=200).mean().ewm(span=50).mean().to_numpy()[1000:]
+        cause = QUICK[name](rng)
+        reading = 8 * slow + size * cause + rng.standard_normal(2500)
+        for span in (1, 5, 60):
+            assert not made_from(pd.Series(cause).ewm(span=span).mean().to_numpy(), reading)
+        assert not made_from(np.cumsum(cause), reading)
+
+
+def test_means_and_earlier_values_of_short_and_long_records_are_known():
+    for seed, rows in enumerate((600, 2500, 100_000)):
+        rng = np.random.default_rng(seed)
+        slow = (
+            40 * pd.Series(rng.standard_normal(rows + 2000)).ewm(span=500).mean().ewm(span=100).mean().to_numpy()[2000:]
+        )
+        reading = pd.Series(8 * slow + rng.standard_normal(rows))
+        for span in (4, 20):
+            assert made_from(reading.rolling(span, min_periods=1).mean().to_numpy(), reading.to_numpy())
+        assert made_from(reading.shift(2).bfill().to_numpy(), reading.to_numpy())
+
+
+def test_a_reading_that_is_not_white_tells_nothing():
+    """Of a smooth one everything that follows is as smooth."""
+    rng = np.random.default_rng(0)
+    smooth = pd.Series(np.cumsum(rng.standard_normal(3000))).ewm(span=8).mean()
+    assert not made_from(smooth.ewm(span=10).mean().to_numpy(), smooth.to_numpy())

@@ -2,7 +2,8 @@
 
 A logger that asks more often than its instrument measures writes readings down more than once: such a record has fewer
 readings than rows, and several rows share the noise of one. What is written down again is equal to the last digit, and
-the next value is many digits away; readings that are merely coarse stand still as well, but move on by a digit or two.
+the next value is many digits away, after as many rows; readings that are merely coarse stand still as well, but move on
+by a digit or two, and now and then.
 At the end of its range an instrument shows one number again and again, though noise goes on.
 """
 
@@ -17,10 +18,14 @@ Booleans = NDArray[np.bool_]
 OFTEN = 0.15
 """Share of the readings that stand in more than one row, from which they may be repeated: those of white noise of 1.9
 digits do as often, and move on by two digits or less in two of three steps."""
-FEW_DIGITS = 2.5
-"""Size of a step [digits] up to which it is one of coarse readings."""
-COARSE = 0.5
-"""Share of such steps, of those before and after what stands still, from which readings are coarse."""
+DIGIT, FEW_DIGITS, COARSE = 0.1, 2.5, 0.5
+"""Quantile of the steps beside what stands still that is a digit where readings are coarse; steps of so many digits at
+most are theirs; share of such steps from which readings are coarse. Of white noise of many digits it is a quarter."""
+TRIMMED = 0.02
+"""Share of the readings that stand longest, and as many that stand shortest, whose rows are not asked."""
+UNEVEN, JITTER, JUST = 1.25, 0.15, 0.02
+"""How unevenly repeated readings may stand: variance of their numbers of rows over that of a logger that asks at even
+times, standard deviation as a share of their mean that is added, and variance that is added."""
 FEWEST = 30
 """Readings that stand in more than one row, below which nothing is said."""
 DIFFERENT = 30
@@ -29,6 +34,8 @@ FINE = 0.5
 """Share of the readings that are different numbers, from which one is hardly ever met twice."""
 MET = 10
 """Rows with the largest or smallest reading, below which it is no end of a range."""
+BESIDE, NEAR = 10, 3.0
+"""Rows to either side whose mean tells that a reading is near an end of the range; how near, in noises."""
 FEW_VISITS = 3
 """Times that it is met anew at least: noise goes on at the end of a range, and not where a device is at rest."""
 MORE_OFTEN = 4.0
@@ -61,12 +68,26 @@ def is_repeated(values: Floats) -> bool:
     if np.count_nonzero(again) < FEWEST:
         return False
     first = np.flatnonzero(~again)
-    shown, stands = values[first], np.diff(first, append=len(values)) > 1
+    shown, rows = values[first], np.diff(first, append=len(values))
+    stands = rows > 1
     if stands.sum() < max(FEWEST, OFTEN * len(shown)) or len(np.unique(shown[stands])) < DIFFERENT:
         return False
-    beside = np.abs(np.diff(shown))[stands[1:] | stands[:-1]]
-    digit = np.diff(np.unique(shown[np.isfinite(shown)])).min()
-    return bool(np.mean(beside[np.isfinite(beside)] <= FEW_DIGITS * digit) < COARSE)
+    steps = np.abs(np.diff(shown))
+    beside = steps[stands[1:] | stands[:-1]]
+    beside = beside[np.isfinite(beside)]
+    if np.mean(beside <= FEW_DIGITS * np.quantile(beside, DIGIT)) > COARSE:
+        return False
+    whole = np.isfinite(steps[1:]) & np.isfinite(steps[:-1])  # not cut by the end of a stretch
+    return _evenly(rows[1:-1][whole])
+
+
+def _evenly(rows: NDArray[np.intp]) -> bool:
+    """Whether readings stand in as many rows as those that a logger asks for at even times, or nearly so."""
+    low, high = np.quantile(rows, [TRIMMED, 1 - TRIMMED]) if len(rows) else (0, 0)
+    rows = rows[(rows >= low) & (rows <= high)]
+    mean = float(rows.mean()) if len(rows) else 0.0
+    most = UNEVEN * (mean % 1) * (1 - mean % 1) + (JITTER * mean) ** 2 + JUST
+    return len(rows) >= FEWEST and bool(np.var(rows) <= most)
 
 
 def ends_of_range(values: Floats) -> tuple[float, ...]:
@@ -95,3 +116,20 @@ def ends_of_range(values: Floats) -> tuple[float, ...]:
     times = rows if len(different) > FINE * visits[1:-1].sum() else visits  # a coarse reading stands still anywhere
     clipped = (times >= max(MET, MORE_OFTEN * times[1:-1].max())) & (visits >= FEW_VISITS)
     return tuple(float(different[end]) for end in (0, -1) if clipped[end])
+
+
+def at_ends(values: Floats, ends: tuple[float, ...], noise: float) -> Booleans:
+    """Which of consecutive readings are at an end of the range, or near one, shape (n,), booleans.
+
+    Near it noise is cut on one side, so that what is left there is wrong on the average. By the mean of the neighbours,
+    of which a reading's own noise is a small part: to leave out what is high would cut the noise again.
+    """
+    found = np.isin(values, ends)
+    if ends:
+        known = np.isfinite(values)
+        window = np.ones(2 * BESIDE + 1)
+        counts = np.convolve(known, window, "same")
+        mean = np.convolve(np.where(known, values, 0.0), window, "same") / np.maximum(counts, 1)
+        for end in ends:
+            found |= known & (np.abs(mean - end) < NEAR * noise)
+    return found

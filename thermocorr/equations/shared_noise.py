@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import csd, welch
+from scipy.signal import csd
 
 from .statistics import white_part
 
@@ -26,18 +26,24 @@ SMALL_STEPS = 0.5
 """Share of the reading's steps from row to row that are noise: the smaller half."""
 SAME_NOISE = 0.9
 """Squared correlation of these steps above which the column carries the reading's own noise."""
-WINDOW = 128
-"""Rows of a window in which spectra are measured, half of it overlapping the next."""
+WINDOW, STRETCH, STRETCHES = 128, 4096, 16
+"""Rows of a window in which spectra are measured, half of it overlapping the next; rows of a stretch of a long record,
+and stretches of it, in which they are."""
 FEWEST = 512
 """Rows below which spectra are not asked: in seven windows, chance alone makes a mean coherence of a seventh."""
+UPPER = 4
+"""Part of the frequencies, from zero on, above which they are the upper two octaves."""
 WHITE = 1.5
 """Ratio of the powers in the two upper octaves up to which the reading is white there."""
 COHERENT = 0.45
 """Mean coherence in these octaves from which a column has the reading's noise. A mean of 100 rows has 0.5: the other
 half is that of the rows that go."""
+SLOW, FOLLOWS = 64, 0.8
+"""Rows of a block, and squared correlation of the means of blocks from which a column follows the reading where it is
+slow, too. A quick cause, of which a slow sensor has as much of the noise, is not all that is slow in the reading."""
 SMOOTHED = 2.0
-"""Ratio of the reading's response to the column there, over that at low frequencies, from which the column is smoother
-than what it would cause."""
+"""Ratio of the reading's response to the column in the upper octaves, over that below a quarter of their lower end,
+from which the column is smoother than what it would cause."""
 LATE = 0.9
 """Correlation of the steps with those of the reading some rows before from which the column is an earlier reading."""
 ALIKE = 0.5
@@ -121,23 +127,45 @@ def _is_smoothed(column: Floats, reading: Floats) -> bool:
 
     By the spectra of their steps: a step has less of what is slow, which would leak into everything.
     """
-    if len(column) < FEWEST:
+    if len(column) < FEWEST or not _follows(column, reading):
         return False
-    steps, own = np.diff(reading), np.diff(column)
-    frequency, cross = csd(steps, own, nperseg=WINDOW)
-    power, of_column = (welch(x, nperseg=WINDOW)[1] for x in (steps, own))
-    n = len(frequency)
-    low, upper = slice(1, n // 16), slice(n // 4, n)
-    of_reading = power[upper] / (2 - 2 * np.cos(2 * np.pi * frequency[upper]))
-    octaves = np.mean(of_reading[: n // 4]) / np.mean(of_reading[n // 4 :])
-    if not 1 / WHITE < octaves < WHITE or not of_column[upper].any():
+    steps, own = (np.diff(_stretches(values), axis=1) for values in (reading, column))
+    frequency, power = _spectrum(steps, steps)
+    of_column, cross = _spectrum(own, own)[1].real, _spectrum(steps, own)[1]
+    upper, low = slice(len(frequency) // UPPER, None), slice(1, len(frequency) // UPPER // UPPER)
+    if not _is_white(frequency[upper], power.real[upper]) or not of_column[upper].any():
         return False
-    coherence = np.abs(cross[upper]) ** 2 / np.maximum(power[upper] * of_column[upper], np.finfo(float).tiny)
-    if coherence.mean() < COHERENT:
+    shared = np.abs(cross[upper]) ** 2 / np.maximum(power.real[upper] * of_column[upper], np.finfo(float).tiny)
+    if shared.mean() < COHERENT:
         return False
     slow, fast = (np.abs(cross[part]).sum() / of_column[part].sum() for part in (low, upper))
-    together, own_alone, alone = (
-        np.fft.irfft(spectrum) for spectrum in (cross, of_column, power)
-    )  # by Wiener-Khinchin
+    together, own_alone, alone = (np.fft.irfft(each) for each in (cross, of_column, power))  # by Wiener-Khinchin
     later = together[1 : WINDOW // 4].max() / np.sqrt(own_alone[0] * alone[0])
     return bool(fast > SMOOTHED * slow or later > LATE)
+
+
+def _follows(column: Floats, reading: Floats) -> bool:
+    """Whether a column follows the reading where both are slow."""
+    means = [values[: len(values) // SLOW * SLOW].reshape(-1, SLOW).mean(axis=1) for values in (column, reading)]
+    return bool(min(map(np.ptp, means)) > 0 and np.corrcoef(*means)[0, 1] ** 2 > FOLLOWS)
+
+
+def _stretches(values: Floats) -> Floats:
+    """The values, or stretches of them that are evenly spread, shape (stretches, rows)."""
+    if len(values) <= STRETCH * STRETCHES:
+        return values[None]
+    starts = np.linspace(0, len(values) - STRETCH, STRETCHES).astype(int)
+    return np.stack([values[start : start + STRETCH] for start in starts])
+
+
+def _spectrum(one: Floats, other: Floats) -> tuple[Floats, NDArray[np.complex128]]:
+    """Frequencies, and the cross spectrum over all stretches."""
+    frequency, each = csd(one, other, nperseg=WINDOW)
+    return frequency, np.asarray(each.mean(axis=0), complex)
+
+
+def _is_white(frequency: Floats, power: Floats) -> bool:
+    """Whether a reading whose steps have this power has as much noise in either of two octaves."""
+    own = power / (2 - 2 * np.cos(2 * np.pi * frequency))
+    half = len(own) // 3
+    return bool(1 / WHITE < np.mean(own[:half]) / np.mean(own[half:]) < WHITE)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .repeats import ends_of_range, is_repeated, repeated
+from .repeats import at_ends, ends_of_range, is_repeated, repeated
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -115,9 +115,7 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None) -> Usual:
     n = max(n_rows or 0, len(values))
     foretold = min(_foretold(peaks, share, n, noise) for share in shares)
     reach = max(SPIKE * noise, min(foretold, _below_a_gap(peaks, noise)))
-    return Usual(
-        middle=middle, low=low, high=high, noise=noise, reach=float(reach), repeats=repeats, ends=ends
-    )  # fmt: skip
+    return Usual(middle=middle, low=low, high=high, noise=noise, reach=float(reach), repeats=repeats, ends=ends)
 
 
 def _foretold(peaks: Floats, rare: float, n_rows: int, noise: float) -> float:
@@ -200,6 +198,8 @@ class Scanned:
     """The highest value of what is left."""
     repeats: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
     """Rows that repeat the one before, where readings are repeated."""
+    clipped: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
+    """Rows at an end of the instrument's range, or so near that noise would go beyond it."""
 
     @classmethod
     def together(cls, parts: Iterable[Scanned]) -> Scanned:
@@ -215,13 +215,13 @@ class Scanned:
             low=min((part.low for part in parts), default=np.inf),
             high=max((part.high for part in parts), default=-np.inf),
             repeats=np.concatenate([none, *(part.repeats for part in parts)]),
+            clipped=np.concatenate([none, *(part.clipped for part in parts)]),
         )
 
     def moved(self, rows: int) -> Scanned:
         """Rows counted from so many rows earlier."""
-        if not len(self.codes) and not len(self.spikes) and not len(self.repeats):
-            return self
-        return replace(self, codes=self.codes + rows, spikes=self.spikes + rows, repeats=self.repeats + rows)
+        found = {name: getattr(self, name) for name in ("codes", "spikes", "repeats", "clipped")}
+        return replace(self, **{name: places + rows for name, places in found.items() if len(places)})
 
     def true_spikes(self, usual: Usual, n_rows: int) -> NDArray[np.intp]:
         """Spikes that are none of the device's own jumps: at least half of the jumps of their size return."""
@@ -250,14 +250,11 @@ def scan(values: Floats, low: int, high: int, usual: Usual) -> Scanned:
         Rows are numbered as in `values`.
     """
     if usual.repeats or usual.ends:
-        ended = np.isin(values, usual.ends)
-        again = repeated(values) & ~ended & usual.repeats
-        rest = scan(np.where(again | ended, np.nan, values), low, high, replace(usual, repeats=False, ends=()))
-        return replace(
-            rest,
-            codes=np.union1d(rest.codes, low + np.flatnonzero(ended[low:high])),
-            repeats=low + np.flatnonzero(again[low:high]),
-        )
+        clipped = at_ends(values, usual.ends, usual.noise)
+        again = repeated(values) & ~clipped & usual.repeats
+        rest = scan(np.where(again | clipped, np.nan, values), low, high, replace(usual, repeats=False, ends=()))
+        at_end, at_rest = (low + np.flatnonzero(rows[low:high]) for rows in (clipped, again))
+        return replace(rest, clipped=at_end, repeats=at_rest)
     nothing, jumps = np.zeros(0, np.intp), Jumps()
     steps = values[1:] - values[:-1]
     most = min(usual.reach, OVERLOAD / 2)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 
 from ..effects import Periodic
-from .levels import ALIVE, AROUND_WAVE, AS_USUAL, LEAST_OWN, LONG_WAVE, MEDIAN_SQUARE, NYQUIST, ROWS_AROUND
+from .levels import ALIVE, AROUND_WAVE, AS_USUAL, LEAST_OWN, LONG_WAVE, LOUDEST, MEDIAN_SQUARE, NYQUIST, ROWS_AROUND
 from .likelihood import Comparison
 from .pool import Explanation, Pool
 
@@ -94,8 +94,8 @@ def louder(judged: Comparison, theta: np.ndarray, angle: float) -> float:
     """How much louder what is left is near an angular frequency [rad per row] than under an assumed noise; at least 1.
 
     That noise falls smoothly with frequency; a running mean's does in lobes, whose tops are no waves. By the median
-    power of the nearest rows: a wave, and others nearby, are a few of them only. Of waves of many rows, as a day is,
-    nothing is asked: their heights change, and that is loud nearby.
+    power of the nearest rows: a wave, and others nearby, are a few of them only. Waves of many rows, as a day has, or near
+    which it is far louder, are asked nothing: their heights change.
     """
     if angle < 2 * np.pi / LONG_WAVE:
         return 1.0
@@ -106,7 +106,8 @@ def louder(judged: Comparison, theta: np.ndarray, angle: float) -> float:
         return 1.0
     near = near[np.argpartition(off[near], ROWS_AROUND - 1)[:ROWS_AROUND]]
     power = judged.left(theta)[near] ** 2 / bands.each_row(judged.S(theta))[near]
-    return max(1.0, float(np.median(power)) / MEDIAN_SQUARE / AS_USUAL)
+    louder_by = float(np.median(power)) / MEDIAN_SQUARE
+    return 1.0 if louder_by > LOUDEST else max(1.0, louder_by / AS_USUAL)
 
 
 def six_digits(seconds: float) -> float:

@@ -91,8 +91,8 @@ class Left:
     filtered: float = 0.0
     """How long noise remembers [s] that an instrument makes which filters or averages, see `filter_memory`; else 0."""
     drift_hides: bool = False
-    """Whether a drift of several noises would pass for what temperature and causes do, which go with time; False beside
-    a model that has effects of time alone."""
+    """Whether a drift of several noises would pass for what model and causes have; False beside a model that has
+    effects of time alone, and where the reading is exact."""
 
     @property
     def absurd(self) -> bool:
@@ -150,7 +150,8 @@ def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (
         thermometers=pool.thermometers if structured else pd.DataFrame(),
         smallest_drift=smallest_drift,
         smallest_step=smallest_step,
-        drift_hides=not timed and smallest_drift > max(DRIFT_TO_STEP * smallest_step, DRIFT_TO_NOISE * floor),
+        drift_hides=not (timed or pool.rows.exact)
+        and smallest_drift > max(DRIFT_TO_STEP * smallest_step, DRIFT_TO_NOISE * floor),
         spectrum=_spectrum(pool, judged),
     )
 

@@ -283,15 +283,15 @@ LEAST_STRUCTURE = 0.01
 STRUCTURE = 12.0
 """Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: for eight
 parts, 12 has an error probability of 0.002."""
-FILTER_LENGTH, FILTER_SHARE, FILTER_WHITE, HARDLY_A_FILTER = 15.0, 0.6, 0.1, 2.0
+FILTER_LENGTH, FILTER_SHARE, FILTER_WHITE, HARDLY_A_FILTER, FILTER_TAILS = 15.0, 0.6, 0.1, 2.0, (2.4, 4.5)
 """Memory of a filter's noise at most [samples]; its share of what wanders; white noise beside it, of all, at most,
-unless it remembers for two samples only."""
+unless it remembers for so few samples; fourth moments between which what is left, and its steps, are Gaussian."""
 BELOW_FILTER, FEWEST_BELOW, FLAT = 3.0, 15, 4.0
 """Memories of a filter in the period, over two pi, beyond which its noise is white; rows there at least; log likelihood
 of what wanders there, over white noise, from which more is left."""
-LONG_WAVE, AROUND_WAVE, ROWS_AROUND, MEDIAN_SQUARE, AS_USUAL = 10.0, 0.2, 50, 0.4549, 1.25
-"""Rows in a wave's period beyond which it is not asked how loud noise nearby is; nearby: logarithm of frequency to
-either side, and nearest rows; median of a square of standard Gaussian noise; ratio up to which noise is usual."""
+LONG_WAVE, LOUDEST, AROUND_WAVE, ROWS_AROUND, MEDIAN_SQUARE, AS_USUAL = 30.0, 6.0, 0.2, 50, 0.4549, 1.25
+"""Rows in a wave's period, and loudness nearby, beyond which nothing is asked; nearby: logarithm of frequency to either
+side, and nearest rows; median of a square of standard Gaussian noise; ratio up to which noise is usual."""
 ROUNDED_OFF = 1.5
 """What is left over the usual rounding error of the reading (its step over the root of 12), up to which it is that."""
 TAILS, NINE_TENTHS = 3.0, 1.645
@@ -368,9 +368,9 @@ JOINTLY = (0.1, 0.03)
 PROVABLE = 12.0
 """Log likelihood that a drift or step gains on the average where it is proven half of the time: the level, for a family
 of seven hundred tests (chi-square, one degree of freedom)."""
-DRIFT_TO_STEP, DRIFT_TO_NOISE = 5.0, 3.0
+DRIFT_TO_STEP, DRIFT_TO_NOISE = 7.0, 3.0
 """The smallest drift that could be told, over the smallest step and over a reading's noise, from which drifts hide in
-what the temperature does. Where time and temperature go their own ways, the smallest drift is two to three steps."""
+what the model has. In ordinary records the smallest drift is two to four steps, in few steps of a chamber up to 26."""
 TO_A_DECADE = 8
 """Points that a spectrum has to a factor of ten in frequency."""
 RANKED = 10

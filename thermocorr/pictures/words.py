@@ -198,7 +198,7 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
     elif left.filtered and not left.uneven and not left.absurd:
         said.append(
             f"What is left remembers for about {span_text(left.filtered)}, a few samples, and looks like white noise "
-            "beyond: an instrument that filters or averages makes that."
+            "beyond. An instrument that filters or averages makes that, or something unseen that changes as fast."
         )
     elif not left.uneven and not left.absurd:
         beside = "" if VERDICTS[verdict].calm or VERDICTS[verdict].unknown else "Beside these causes, w"
@@ -240,8 +240,8 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
     if left.drift_hides and (VERDICTS[verdict].calm or VERDICTS[verdict].unknown):  # beside no cause
         which = "a smaller drift than that" if np.isfinite(left.smallest_drift) else "a drift"
         said.append(
-            f"Temperature and time go together here: {which} passes for what the temperature does, and a forecast goes "
-            "wrong by it once they part. Record on, until temperatures have come back."
+            f"What the model has can take the place of a drift here: {which} passes for it, and a forecast goes wrong "
+            "by that. Record on, through the same temperatures again."
         )
     return said
 

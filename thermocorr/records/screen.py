@@ -172,9 +172,8 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
         if len(found.repeats) and what == "temperature":  # a device may well stand still as long
             record = replace(record, notes=(*record.notes, _seldom(record, found.repeats)))
         repeats = found.repeats if what == "reading" else found.repeats[:0]
-        clipped = _at(record, column, found.codes, usual.ends)
-        sentinels = np.setdiff1d(found.codes, clipped)
-        for reason, positions in ((SENTINEL, sentinels), (CLIPPED, clipped), (SPIKE, spikes), (REPEAT, repeats)):
+        refused = (SENTINEL, found.codes), (CLIPPED, found.clipped), (SPIKE, spikes), (REPEAT, repeats)
+        for reason, positions in refused:
             if len(positions):
                 record = without(record, what, reason, positions, max_gap)
     if record.refused:
@@ -203,16 +202,11 @@ def _limits(record: Record, column: NDArray[Any], usual: Usual, found: Scanned, 
     met = np.unique(np.asarray(column[record.rows_at(_few(found.codes))], float)).tolist() if len(found.codes) else []
     far = ALL_CODES[(found.low > ALL_CODES) | (found.high < ALL_CODES)]
     far = far[usual.outside(far, ABSURD)] if usual.range > 0 else far[:0]
-    codes = sorted({code for code in (*met, *far.tolist()) if abs(code) < OVERLOAD})
+    codes = sorted({code for code in (*met, *far.tolist(), *usual.ends) if abs(code) < OVERLOAD})
     kept = spikes[:MOST_KEPT]
     values = np.asarray(column[record.rows_at(kept)], float).tolist() if len(kept) else []
     known = {record.stamp(k): value for k, value in zip(kept.tolist(), values, strict=True)}
     return Limits(middle=usual.middle, codes=tuple(codes), spikes=known)
-
-
-def _at(record: Record, column: NDArray[Any], positions: Rows, ends: tuple[float, ...]) -> Rows:
-    """Rows, of some, whose reading is at an end of the instrument's range."""
-    return positions[np.isin(np.asarray(column[record.rows_at(positions)], float), ends)] if ends else positions[:0]
 
 
 def _few(positions: Rows) -> Rows:
@@ -286,11 +280,12 @@ def _note(refused: Refused) -> str:
             "often than it is logged. They are left out; the first row of each reading is learned from."
         )
     if refused.reason == CLIPPED:
-        ends = " and ".join(f"{end:.10g}" for end in np.unique(refused.values))
+        values, times = np.unique(refused.values, return_counts=True)
+        ends = " and ".join(f"{value:.10g}" for value in values[2 * times > times.max()])
         return (
-            f"{times_word(count, 'reading')} left out as clipped, at exactly {ends}, "
-            "where no other number comes nearly as often: an end of the instrument's range. A later reading of exactly "
-            "that is flagged as a sentinel."
+            f"{times_word(count, 'reading')} left out as clipped, at exactly {ends} or so near that noise would go "
+            "beyond: no other number comes nearly as often. That is an end of the instrument's range, or what it shows "
+            "at rest. A later reading of exactly that is flagged as a sentinel."
         )
     rows = [str(row) for row in refused.rows[:LISTED].tolist()]
     more = f" and {count - LISTED} more" if count > LISTED else ""

@@ -27,8 +27,8 @@ EXTRAPOLATED = 0.1
 temperature is inside: a part of the device is not."""
 
 HIDDEN_DRIFT = (
-    "temperature and time go together in the fitted record, so a drift passes for what the temperature does, and "
-    "readings are wrong by it where they part (diagnosis.left says how large a drift)."
+    "in the fitted record a drift passes for what the model has, and a forecast goes wrong by it (diagnosis.left says "
+    "how large a drift). Record on, through the same temperatures again."
 )
 
 
