@@ -94,8 +94,8 @@ def louder(judged: Comparison, theta: np.ndarray, angle: float) -> float:
     """How much louder what is left is near an angular frequency [rad per row] than under an assumed noise; at least 1.
 
     That noise falls smoothly with frequency; a running mean's does in lobes, whose tops are no waves. By the median
-    power of the nearest rows: a wave, and others nearby, are a few of them only. Waves of many rows, as a day has, or near
-    which it is far louder, are asked nothing: their heights change.
+    power of the nearest rows: a wave, and others nearby, are a few of them only. Waves of many rows, as a day has, or
+    near which it is far louder, are asked nothing: their heights change.
     """
     if angle < 2 * np.pi / LONG_WAVE:
         return 1.0
