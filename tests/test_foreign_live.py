@@ -10,8 +10,9 @@ import pandas as pd
 import pytest
 from corpus.foreign_logs import GOOD, N, plain, semicolons, understood
 
-from thermocorr import DynamicBiasRegressor, save_model
+from thermocorr import DynamicBiasRegressor, RecordError, save_model
 from thermocorr.command.cli import main
+from thermocorr.foreign.counted_times import CountedTimes
 
 FOLLOWED = [
     "semicolons with decimal commas", "a German header in Latin-1", "tabs", "blanks", "a preamble as wide as the table",
@@ -189,16 +190,59 @@ def test_unix_times_of_a_log_in_another_dialect_are_followed_and_go_on_from_a_st
     pd.testing.assert_frame_equal(pd.read_csv(grown), pd.read_csv(whole), rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("damaged", ["0", "1717112400"])
-def test_a_stream_whose_first_times_do_not_agree_is_refused(damaged, tmp_path, capsys, monkeypatch):
-    fitted, path = tmp_path / "fitted.csv", tmp_path / "log.csv"
-    fitted.write_text(dated_rows("s"))
+@pytest.fixture
+def minutes(tmp_path):
+    """The file of a model that is fitted to a row a minute, with Unix times in seconds."""
+    (tmp_path / "fitted.csv").write_text(dated_rows("s"))
+    command = ["analyze", str(tmp_path / "fitted.csv"), "--time-constants", "5min", "--out", str(tmp_path / "out")]
+    assert main([*command, "--quiet"]) == 0
+    return tmp_path / "out" / "model.json"
+
+
+@pytest.mark.parametrize("unit", ["s", "ms"])
+@pytest.mark.parametrize("damaged", ["0", "17", "17171124000000000"])
+@pytest.mark.parametrize("place", [1, 2, 4, 6])
+def test_a_damaged_time_among_the_first_is_left_out(place, damaged, unit, minutes, tmp_path, capsys, monkeypatch):
+    """Most of the first rows tell what the times are, wherever the odd one stands."""
+    lines, path = dated_rows(unit).splitlines(keepends=True), tmp_path / "log.csv"
+    if damaged in ("0", "17") and unit == "s":
+        damaged = "1717112400000"
+    path.write_text("".join([*lines[:place], f"{damaged},22,10\n", *lines[place:]]))
+    for follow in ([], ["--follow", "--idle", "0"]):
+        capsys.readouterr()
+        assert corrected("a pipe", path, minutes, monkeypatch, *follow) == 1
+        shown = capsys.readouterr()
+        assert len(shown.out.splitlines()) == 1 + 400
+        kind = "seconds" if unit == "s" else "Unix times in ms"
+        said = f"line {place + 1} is left out: the time is {damaged}, and most of the first ones are {kind}"
+        assert said in shown.err and ("read as: Unix times in ms" in shown.err) == (unit == "ms")
+        assert "1 of 401 lines got no result" in shown.err
+
+
+@pytest.mark.parametrize("end", [4, 401])
+def test_a_stream_whose_first_times_do_not_agree_is_refused(end, minutes, tmp_path, capsys, monkeypatch):
+    """With three rows, and with more."""
     lines = dated_rows("ms").splitlines(keepends=True)
-    path.write_text("".join([lines[0], f"{damaged},{lines[1].split(',', 1)[1]}", *lines[2:]]))
-    assert main(["analyze", str(fitted), "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    for place, false in zip((1, 2, 4), ("0", "1717112400000000", "17"), strict=True):
+        lines[place] = f"{false},{lines[place].split(',', 1)[1]}"
+    path = tmp_path / "log.csv"
+    path.write_text("".join(lines[:end]))
     capsys.readouterr()
-    assert corrected("a pipe", path, tmp_path / "out" / "model.json", monkeypatch) == 2
-    assert f"The times in 'time' begin with {damaged}, 1.71711246e+12" in capsys.readouterr().err
+    assert corrected("a pipe", path, minutes, monkeypatch) == 2
+    said = capsys.readouterr().err
+    assert "The times in 'time' begin with 0, 1.7171124e+15, 1.71711252e+12" in said and "Begin behind them" in said
+
+
+def test_times_that_come_one_by_one_are_told_by_those_that_have_come():
+    times = CountedTimes("seconds")
+    assert times.read("17") == "17"  # nobody knows yet
+    assert times.read("1717112460000") == 1717112460.0 and times.unit == "ms"
+    assert times.read("1717112520000") == 1717112520.0
+    times.check("'time'")
+    with pytest.raises(RecordError, match="the time is 18, and most of the first ones are Unix times in ms"):
+        times.read("18")
+    assert times.read("1717112580000") == 1717112580.0
+    times.check("'time'")
 
 
 def test_unix_times_are_utc_for_a_model_of_times_with_a_zone(tmp_path, capsys, monkeypatch):
