@@ -277,13 +277,32 @@ def test_comments_before_the_header_of_a_pipe_are_passed_over(tmp_path, capsys, 
     np.testing.assert_allclose(found[2], found[0], rtol=0, atol=1e-9)
 
 
-def test_a_header_that_begins_with_a_mark_of_comments_stays_the_header_of_a_pipe(tmp_path, capsys, monkeypatch):
+@pytest.mark.parametrize("units", ["", ",°C,V\n"])
+def test_a_header_that_begins_with_a_mark_of_comments_stays_the_header_of_a_pipe(units, tmp_path, capsys, monkeypatch):
     """As pandas reads it, and a model is fitted to it in Python."""
     path = tmp_path / "log.csv"
-    path.write_text("# lab 3, gate 10 s\n" + dated_rows("dates", "#time,temperature,reading"))
-    log = pd.read_csv(path, skiprows=1)
+    header, rows = dated_rows("dates", "#time,temperature,reading").split("\n", 1)
+    path.write_text(f"# lab 3, gate 10 s, meter 2\n{header}\n{units}{rows}", encoding="utf-8")
+    log = pd.read_csv(io.StringIO(f"{header}\n{rows}"))
     model = DynamicBiasRegressor("temperature", ["5 min"], time="#time").fit(log, log["reading"])
     save_model(model, tmp_path / "model.json")
     assert corrected("a pipe", path, tmp_path / "model.json", monkeypatch) == 0
     frame = pd.read_csv(io.StringIO(capsys.readouterr().out))
     np.testing.assert_allclose(frame["corrected"], model.correct(log, log["reading"]), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("units", ["", ",°C,V\n"])
+@pytest.mark.parametrize("comment", ["# logger 7, room 5, serial 33", "# 7, 5, 33", "#temperature,reading,time"])
+def test_a_comment_with_as_many_commas_as_the_header_is_passed_over(comment, units, tmp_path, capsys, monkeypatch):
+    """The same bytes as a file and through a pipe, with units below the header or not."""
+    path, model = tmp_path / "log.csv", tmp_path / "out" / "model.json"
+    header, rows = dated_rows("dates").split("\n", 1)
+    path.write_text(f"{comment}\n{header}\n{units}{rows}", encoding="utf-8")
+    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    found = []
+    for way in WAYS:
+        capsys.readouterr()
+        assert corrected(way, path, model, monkeypatch) == 0
+        found.append(pd.read_csv(io.StringIO(capsys.readouterr().out))["corrected"])
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found[2], found[0], rtol=0, atol=1e-9)

@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..files.appending import Position, position
+from ..foreign.values import is_unit, is_value
 from ..records import RecordError
-from ..records.csvlines import LONGEST
+from ..records.csvlines import LONGEST, fields_of
+from ..records.grammar import is_missing
 from .stopping import StopSignal
 
 POLL = 0.1
@@ -189,12 +191,12 @@ class PipeLines(Lines):
             yield line
 
     def _behind_comments(self, line: bytes) -> Iterator[bytes]:
-        """The line, but for comments before the header: one with as many fields as the line behind it is the header."""
+        """The line, but for comments before the header; the last of them is the header where rows follow at once."""
         if not self._begun and line.lstrip().startswith(b"#"):
             self._comments += 1
             self._before = line
             return
-        if not self._begun and self._before.count(b",") == line.count(b",") > 0:
+        if not self._begun and self._before and _has_names(self._before, line):
             self._comments -= 1
             yield self._before + b"\n"
         self._begun = True
@@ -208,6 +210,18 @@ class PipeLines(Lines):
         """Close the pipe."""
         if self.own:
             os.close(self.descriptor)
+
+
+def _has_names(comment: bytes, behind: bytes) -> bool:
+    """Whether a comment is the header: the line behind it has as many cells, and these are values, or units alone."""
+    try:
+        cells = fields_of(behind)
+        if len(cells) < 2 or len(fields_of(comment)) != len(cells):
+            return False
+    except RecordError:
+        return False
+    known = [cell for cell in cells if not is_missing(cell)]
+    return all(map(is_unit, known)) or 2 * sum(map(is_value, known)) >= len(known)
 
 
 def _refuse_endless(line: bytes, what: object) -> None:
