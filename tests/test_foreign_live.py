@@ -199,24 +199,31 @@ def minutes(tmp_path):
     return tmp_path / "out" / "model.json"
 
 
-@pytest.mark.parametrize("unit", ["s", "ms"])
+@pytest.mark.parametrize("follow", [[], ["--follow", "--idle", "0"]])
 @pytest.mark.parametrize("damaged", ["0", "17", "17171124000000000"])
 @pytest.mark.parametrize("place", [1, 2, 4, 6])
-def test_a_damaged_time_among_the_first_is_left_out(place, damaged, unit, minutes, tmp_path, capsys, monkeypatch):
+def test_a_damaged_time_among_the_first_is_left_out(place, damaged, follow, minutes, tmp_path, capsys, monkeypatch):
     """Most of the first rows tell what the times are, wherever the odd one stands."""
-    lines, path = dated_rows(unit).splitlines(keepends=True), tmp_path / "log.csv"
-    if damaged in ("0", "17") and unit == "s":
-        damaged = "1717112400000"
+    lines, path = dated_rows("ms").splitlines(keepends=True), tmp_path / "log.csv"
     path.write_text("".join([*lines[:place], f"{damaged},22,10\n", *lines[place:]]))
-    for follow in ([], ["--follow", "--idle", "0"]):
-        capsys.readouterr()
-        assert corrected("a pipe", path, minutes, monkeypatch, *follow) == 1
-        shown = capsys.readouterr()
-        assert len(shown.out.splitlines()) == 1 + 400
-        kind = "seconds" if unit == "s" else "Unix times in ms"
-        said = f"line {place + 1} is left out: the time is {damaged}, and most of the first ones are {kind}"
-        assert said in shown.err and ("read as: Unix times in ms" in shown.err) == (unit == "ms")
-        assert "1 of 401 lines got no result" in shown.err
+    capsys.readouterr()
+    assert corrected("a pipe", path, minutes, monkeypatch, *follow) == 1
+    shown = capsys.readouterr()
+    assert len(shown.out.splitlines()) == 1 + 400 and "read as: Unix times in ms" in shown.err
+    said = f"line {place + 1} is left out: the time is {damaged}, and most of the first ones are Unix times in ms"
+    assert said in shown.err and "1 of 401 lines got no result" in shown.err
+
+
+@pytest.mark.parametrize("place", [1, 2])
+def test_one_time_that_looks_like_ms_makes_no_unix_times_of_seconds(place, minutes, tmp_path, capsys, monkeypatch):
+    """It is flagged, as it is further on."""
+    lines, path = dated_rows("s").splitlines(keepends=True), tmp_path / "log.csv"
+    path.write_text("".join([*lines[:place], "1717112400000,22,10\n", *lines[place:]]))
+    capsys.readouterr()
+    assert corrected("a pipe", path, minutes, monkeypatch) == 0
+    shown = capsys.readouterr()
+    flags = pd.read_csv(io.StringIO(shown.out))["flag"]
+    assert list(flags.index[flags == "suspect time"]) == [place - 1] and "Unix" not in shown.err
 
 
 @pytest.mark.parametrize("end", [4, 401])

@@ -63,7 +63,7 @@ class CountedTimes:
         Raises
         ------
         RecordError
-            For a number that is no time of the kind that most of the first ones are.
+            For a number that is no Unix time in the unit that most of the first ones have.
         """
         if not self._first and self._looked_at >= FIRST:  # dates
             return cell
@@ -72,13 +72,12 @@ class CountedTimes:
             self._looked_at += 1
             if count is not None:
                 self._decide(count)
-        if count is None:
+        if count is None or self.unit is None:  # a false time among seconds is found by those around it
             return cell
-        if len(self._first) > 1 and _kind_of(count) != (self.unit or "s"):
-            others = "seconds" if self.unit is None else f"Unix times in {self.unit}"
-            raise RecordError(f"the time is {cell.strip()[:60]}, and most of the first ones are {others}")
-        if self.unit is None:
-            return cell
+        if _kind_of(count) != self.unit:
+            raise RecordError(
+                f"the time is {cell.strip()[:60]}, and most of the first ones are Unix times in {self.unit}"
+            )
         if self.kind == "seconds":
             return count / EPOCHS[self.unit]
         zone = "UTC" if self.kind == "datetime with time zone" else None
