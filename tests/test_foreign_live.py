@@ -313,3 +313,20 @@ def test_a_comment_with_as_many_commas_as_the_header_is_passed_over(comment, uni
         found.append(pd.read_csv(io.StringIO(capsys.readouterr().out))["corrected"])
     np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9)
     np.testing.assert_allclose(found[2], found[0], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("begin", "said"),
+    [
+        ("\n", "Line 1 is empty"),
+        ("# logger 7\n\n", "Line 2 is empty"),
+        ('# logger 7\n# lab 3\n"time,temperature\n', "The header, line 3, cannot be read"),
+    ],
+)
+def test_a_line_that_is_no_header_is_called_by_its_number_in_the_stream(
+    begin, said, minutes, tmp_path, capsys, monkeypatch
+):
+    path = tmp_path / "log.csv"
+    path.write_text(begin + dated_rows("s"))
+    assert corrected("a pipe", path, minutes, monkeypatch) == 2
+    assert said in capsys.readouterr().err

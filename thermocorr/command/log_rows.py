@@ -102,7 +102,7 @@ class LogRows:
     def begin(self, line: bytes, new_file: bool = False) -> list[str]:
         """Read the header; returns its fields and the names of the results."""
         self.number += 1
-        header = header_of(line)
+        header = header_of(line, self._place_of(1))
         if self.header is not None and new_file and header != self.header:
             raise RecordError(
                 f"The log goes on in a file with other columns: {listing(header)} instead of {listing(self.header)}. "
