@@ -10,8 +10,9 @@ import pandas as pd
 import pytest
 from corpus.foreign_logs import GOOD, N, plain, semicolons, understood
 
-from thermocorr import DynamicBiasRegressor, save_model
+from thermocorr import DynamicBiasRegressor, RecordError, save_model
 from thermocorr.command.cli import main
+from thermocorr.foreign.counted_times import CountedTimes
 
 FOLLOWED = [
     "semicolons with decimal commas", "a German header in Latin-1", "tabs", "blanks", "a preamble as wide as the table",
@@ -189,16 +190,66 @@ def test_unix_times_of_a_log_in_another_dialect_are_followed_and_go_on_from_a_st
     pd.testing.assert_frame_equal(pd.read_csv(grown), pd.read_csv(whole), rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("damaged", ["0", "1717112400"])
-def test_a_stream_whose_first_times_do_not_agree_is_refused(damaged, tmp_path, capsys, monkeypatch):
-    fitted, path = tmp_path / "fitted.csv", tmp_path / "log.csv"
-    fitted.write_text(dated_rows("s"))
-    lines = dated_rows("ms").splitlines(keepends=True)
-    path.write_text("".join([lines[0], f"{damaged},{lines[1].split(',', 1)[1]}", *lines[2:]]))
-    assert main(["analyze", str(fitted), "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+@pytest.fixture
+def minutes(tmp_path):
+    """The file of a model that is fitted to a row a minute, with Unix times in seconds."""
+    (tmp_path / "fitted.csv").write_text(dated_rows("s"))
+    command = ["analyze", str(tmp_path / "fitted.csv"), "--time-constants", "5min", "--out", str(tmp_path / "out")]
+    assert main([*command, "--quiet"]) == 0
+    return tmp_path / "out" / "model.json"
+
+
+@pytest.mark.parametrize("follow", [[], ["--follow", "--idle", "0"]])
+@pytest.mark.parametrize("damaged", ["0", "17", "17171124000000000"])
+@pytest.mark.parametrize("place", [1, 2, 4, 6])
+def test_a_damaged_time_among_the_first_is_left_out(place, damaged, follow, minutes, tmp_path, capsys, monkeypatch):
+    """Most of the first rows tell what the times are, wherever the odd one stands."""
+    lines, path = dated_rows("ms").splitlines(keepends=True), tmp_path / "log.csv"
+    path.write_text("".join([*lines[:place], f"{damaged},22,10\n", *lines[place:]]))
     capsys.readouterr()
-    assert corrected("a pipe", path, tmp_path / "out" / "model.json", monkeypatch) == 2
-    assert f"The times in 'time' begin with {damaged}, 1.71711246e+12" in capsys.readouterr().err
+    assert corrected("a pipe", path, minutes, monkeypatch, *follow) == 1
+    shown = capsys.readouterr()
+    assert len(shown.out.splitlines()) == 1 + 400 and "read as: Unix times in ms" in shown.err
+    said = f"line {place + 1} is left out: the time is {damaged}, and most of the first ones are Unix times in ms"
+    assert said in shown.err and "1 of 401 lines got no result" in shown.err
+
+
+@pytest.mark.parametrize("place", [1, 2])
+def test_one_time_that_looks_like_ms_makes_no_unix_times_of_seconds(place, minutes, tmp_path, capsys, monkeypatch):
+    """It is flagged, as it is further on."""
+    lines, path = dated_rows("s").splitlines(keepends=True), tmp_path / "log.csv"
+    path.write_text("".join([*lines[:place], "1717112400000,22,10\n", *lines[place:]]))
+    capsys.readouterr()
+    assert corrected("a pipe", path, minutes, monkeypatch) == 0
+    shown = capsys.readouterr()
+    flags = pd.read_csv(io.StringIO(shown.out))["flag"]
+    assert list(flags.index[flags == "suspect time"]) == [place - 1] and "Unix" not in shown.err
+
+
+@pytest.mark.parametrize("end", [4, 401])
+def test_a_stream_whose_first_times_do_not_agree_is_refused(end, minutes, tmp_path, capsys, monkeypatch):
+    """With three rows, and with more."""
+    lines = dated_rows("ms").splitlines(keepends=True)
+    for place, false in zip((1, 2, 4), ("0", "1717112400000000", "17"), strict=True):
+        lines[place] = f"{false},{lines[place].split(',', 1)[1]}"
+    path = tmp_path / "log.csv"
+    path.write_text("".join(lines[:end]))
+    capsys.readouterr()
+    assert corrected("a pipe", path, minutes, monkeypatch) == 2
+    said = capsys.readouterr().err
+    assert "The times in 'time' begin with 0, 1.7171124e+15, 1.71711252e+12" in said and "Begin behind them" in said
+
+
+def test_times_that_come_one_by_one_are_told_by_those_that_have_come():
+    times = CountedTimes("seconds")
+    assert times.read("17") == "17"  # nobody knows yet
+    assert times.read("1717112460000") == 1717112460.0 and times.unit == "ms"
+    assert times.read("1717112520000") == 1717112520.0
+    times.check("'time'")
+    with pytest.raises(RecordError, match="the time is 18, and most of the first ones are Unix times in ms"):
+        times.read("18")
+    assert times.read("1717112580000") == 1717112580.0
+    times.check("'time'")
 
 
 def test_unix_times_are_utc_for_a_model_of_times_with_a_zone(tmp_path, capsys, monkeypatch):
@@ -233,13 +284,49 @@ def test_comments_before_the_header_of_a_pipe_are_passed_over(tmp_path, capsys, 
     np.testing.assert_allclose(found[2], found[0], rtol=0, atol=1e-9)
 
 
-def test_a_header_that_begins_with_a_mark_of_comments_stays_the_header_of_a_pipe(tmp_path, capsys, monkeypatch):
+@pytest.mark.parametrize("units", ["", ",°C,V\n"])
+def test_a_header_that_begins_with_a_mark_of_comments_stays_the_header_of_a_pipe(units, tmp_path, capsys, monkeypatch):
     """As pandas reads it, and a model is fitted to it in Python."""
     path = tmp_path / "log.csv"
-    path.write_text("# lab 3, gate 10 s\n" + dated_rows("dates", "#time,temperature,reading"))
-    log = pd.read_csv(path, skiprows=1)
+    header, rows = dated_rows("dates", "#time,temperature,reading").split("\n", 1)
+    path.write_text(f"# lab 3, gate 10 s, meter 2\n{header}\n{units}{rows}", encoding="utf-8")
+    log = pd.read_csv(io.StringIO(f"{header}\n{rows}"))
     model = DynamicBiasRegressor("temperature", ["5 min"], time="#time").fit(log, log["reading"])
     save_model(model, tmp_path / "model.json")
     assert corrected("a pipe", path, tmp_path / "model.json", monkeypatch) == 0
     frame = pd.read_csv(io.StringIO(capsys.readouterr().out))
     np.testing.assert_allclose(frame["corrected"], model.correct(log, log["reading"]), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("units", ["", ",°C,V\n"])
+@pytest.mark.parametrize("comment", ["# logger 7, room 5, serial 33", "# 7, 5, 33", "#temperature,reading,time"])
+def test_a_comment_with_as_many_commas_as_the_header_is_passed_over(comment, units, tmp_path, capsys, monkeypatch):
+    """The same bytes as a file and through a pipe, with units below the header or not."""
+    path, model = tmp_path / "log.csv", tmp_path / "out" / "model.json"
+    header, rows = dated_rows("dates").split("\n", 1)
+    path.write_text(f"{comment}\n{header}\n{units}{rows}", encoding="utf-8")
+    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    found = []
+    for way in WAYS:
+        capsys.readouterr()
+        assert corrected(way, path, model, monkeypatch) == 0
+        found.append(pd.read_csv(io.StringIO(capsys.readouterr().out))["corrected"])
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found[2], found[0], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("begin", "said"),
+    [
+        ("\n", "Line 1 is empty"),
+        ("# logger 7\n\n", "Line 2 is empty"),
+        ('# logger 7\n# lab 3\n"time,temperature\n', "The header, line 3, cannot be read"),
+    ],
+)
+def test_a_line_that_is_no_header_is_called_by_its_number_in_the_stream(
+    begin, said, minutes, tmp_path, capsys, monkeypatch
+):
+    path = tmp_path / "log.csv"
+    path.write_text(begin + dated_rows("s"))
+    assert corrected("a pipe", path, minutes, monkeypatch) == 2
+    assert said in capsys.readouterr().err

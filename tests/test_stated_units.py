@@ -84,6 +84,25 @@ def test_a_stated_unit_is_compared_with_the_fitted_one(way, case, record, tmp_pa
         assert np.isfinite(ask()).all()
 
 
+@pytest.mark.parametrize("way", ["predict", "a block of a stream", "the command"])
+@pytest.mark.parametrize("median", [0.0, -3.5, -8.5, -20.0, 45.0])
+def test_what_is_colder_or_warmer_in_the_unit_that_was_taken_is_accepted(median, way, record, tmp_path, capsys):
+    """Rooms of about 22 were fitted: no temperatures in degF, whatever the later ones would be in it."""
+    model = DynamicBiasRegressor("temperature", ["5 min"]).fit(stated(record, "degC", ""), record["reading"])
+    later = stated(record, "degC", "degC", median - record["temperature"].median())
+    if way == "predict":
+        assert np.isfinite(model.predict(later)).all()
+    elif way == "a block of a stream":
+        assert np.isfinite(OnlineCorrector(model).update_many(later, record["reading"])["bias"]).all()
+    else:
+        save(model, tmp_path / "model.json")
+        log = later.rename(columns={"temperature": "temperature [°C]"}).assign(reading=record["reading"])
+        log.to_csv(tmp_path / "log.csv", index_label="time")
+        named = ["--model", str(tmp_path / "model.json"), "--temperature", "temperature [°C]"]
+        assert main(["correct", str(tmp_path / "log.csv"), *named]) == 0
+        assert len(capsys.readouterr().out.splitlines()) == 1 + N
+
+
 def test_a_unit_that_the_header_names_is_one_that_is_known(record):
     X = stated(record, "degF", "").rename(columns={"temperature": "T [°F]"})
     reading = DynamicBiasRegressor("T [°F]", ["5 min"]).fit(X, record["reading"]).reading_

@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..files.appending import Position, position
+from ..foreign.values import is_unit, is_value
 from ..records import RecordError
-from ..records.csvlines import LONGEST
+from ..records.csvlines import LONGEST, fields_of
+from ..records.grammar import is_missing
 from .stopping import StopSignal
 
 POLL = 0.1
@@ -51,6 +53,35 @@ class Lines:
 
     def close(self) -> None:
         """Let go of the file."""
+
+
+class LinesAhead:
+    """Lines of which the first can be looked at before they are given; iterate for all of them, as of `Lines`.
+
+    Parameters
+    ----------
+    stream : iterator
+    most : int
+        How many lines are looked at, at most.
+    patience : float
+        How long they are waited for, where they are not there yet [s].
+    """
+
+    def __init__(self, stream: Iterator[bytes | None], most: int, patience: float):
+        self._stream = stream
+        self.first: list[bytes] = []
+        """Those that were read, and are still to be given: the position of the lines is behind them."""
+        until = time.monotonic() + patience
+        for line in stream:
+            if line is not None:
+                self.first.append(line)
+            if len(self.first) >= most or (line is None and time.monotonic() >= until):
+                break
+
+    def __iter__(self) -> Iterator[bytes | None]:
+        while self.first:
+            yield self.first.pop(0)
+        yield from self._stream
 
 
 class FileLines(Lines):
@@ -160,12 +191,12 @@ class PipeLines(Lines):
             yield line
 
     def _behind_comments(self, line: bytes) -> Iterator[bytes]:
-        """The line, but for comments before the header: one with as many fields as the line behind it is the header."""
+        """The line, but for comments before the header; the last of them is the header where rows follow at once."""
         if not self._begun and line.lstrip().startswith(b"#"):
             self._comments += 1
             self._before = line
             return
-        if not self._begun and self._before.count(b",") == line.count(b",") > 0:
+        if not self._begun and self._before and _has_names(self._before, line):
             self._comments -= 1
             yield self._before + b"\n"
         self._begun = True
@@ -179,6 +210,18 @@ class PipeLines(Lines):
         """Close the pipe."""
         if self.own:
             os.close(self.descriptor)
+
+
+def _has_names(comment: bytes, behind: bytes) -> bool:
+    """Whether a comment is the header: the line behind it has as many cells, and these are values, or units alone."""
+    try:
+        cells = fields_of(behind)
+        if len(cells) < 2 or len(fields_of(comment)) != len(cells):
+            return False
+    except RecordError:
+        return False
+    known = [cell for cell in cells if not is_missing(cell)]
+    return all(map(is_unit, known)) or 2 * sum(map(is_value, known)) >= len(known)
 
 
 def _refuse_endless(line: bytes, what: object) -> None:

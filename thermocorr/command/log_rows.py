@@ -102,7 +102,7 @@ class LogRows:
     def begin(self, line: bytes, new_file: bool = False) -> list[str]:
         """Read the header; returns its fields and the names of the results."""
         self.number += 1
-        header = header_of(line)
+        header = header_of(line, self._place_of(1))
         if self.header is not None and new_file and header != self.header:
             raise RecordError(
                 f"The log goes on in a file with other columns: {listing(header)} instead of {listing(self.header)}. "
@@ -129,6 +129,13 @@ class LogRows:
         self._counted = CountedTimes(self._counted.kind)
         self._extra = self.live.names
         return [*header, *new_names(self._extra, header)]
+
+    def foresee(self, lines: Iterable[bytes]) -> None:
+        """Look at the times of rows that are to be read next: together they tell what each of them is."""
+        if self._time is None or self.header is None or not self._by_their_size():
+            return
+        rows = [cells for line in lines if (cells := _cells(line)) != self.header and len(cells) == len(self.header)]
+        self._counted.foresee(row[self._time].strip() for row in rows)
 
     def read(self, line: bytes) -> LogRow | None:
         """A row; None for an empty line, a header that comes again, and a line that is left out and complained of.
@@ -159,7 +166,7 @@ class LogRows:
 
     def _look_at_first_times(self) -> None:
         """Say once that times are Unix times; RecordError where the first ones do not agree."""
-        if self._time is None or self.header is None:
+        if self._time is None or self.header is None or not self._by_their_size():
             return
         if self.says_unix and self._counted.unit is not None:
             self.complain(f"read as: Unix times in {self._counted.unit}")
@@ -169,10 +176,7 @@ class LogRows:
     def _is_of_units(self, line: bytes) -> bool:
         """Whether a line has the units of the columns, as it may below the header of a pipe, which are asked then."""
         assert self.header is not None
-        try:
-            fields = fields_of(line)
-        except RecordError:
-            return False
+        fields = _cells(line)
         if len(fields) != len(self.header) or not are_units(fields):
             return False
         self._units = units_below(self.header, fields)
@@ -182,6 +186,10 @@ class LogRows:
         if self.time_unit != before:
             self.complain(f"times in {self.time_unit or 's'}, by the units below the header")
         return True
+
+    def _by_their_size(self) -> bool:
+        """Whether times that are numbers are told by nothing but their size."""
+        return self._by_size and not self.time_unit
 
     def _unit_of_times(self, name: str) -> str:
         """The unit of the log's times, where these are numbers and none of seconds; "" where the user says a form."""
@@ -307,11 +315,19 @@ class LogRows:
         if self._time is None:
             return LogRow(fields, None, run, values, U)
         time: Any = fields[self._time].strip()
-        if self._by_size and not self.time_unit:
+        if self._by_their_size():
             time = self._counted.read(time)
         if self._seconds and isinstance(time, str):
             time = number(time, "the time") * SPANS.get(self.time_unit, 1.0)
         return LogRow(fields, self.live.stamp(time), run, values, U)
+
+
+def _cells(line: bytes) -> list[str]:
+    """Fields of a line; none of one that cannot be read, which is said once its turn comes."""
+    try:
+        return fields_of(line)
+    except RecordError:
+        return []
 
 
 def csv_text(rows: Iterable[list[str]]) -> bytes:

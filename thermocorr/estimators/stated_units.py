@@ -54,7 +54,8 @@ def check_temperature(fitted: Reading, name: str, fitted_name: str, unit: str, m
 
     Where the fitted record named no unit, the values tell: fitted ones that are no ambient temperatures in the unit
     that they were taken for, but are in the stated one, and among which these are as they stand, have the stated unit,
-    and a RecordWarning says what was taken wrong. Where values do not tell, nothing is assumed.
+    and a RecordWarning says what was taken wrong. Where values do not tell, nothing is assumed. The unit that they were
+    taken for is refused only where the fitted ones are ambient temperatures in degF alone: others are merely colder.
 
     Parameters
     ----------
@@ -83,12 +84,13 @@ def check_temperature(fitted: Reading, name: str, fitted_name: str, unit: str, m
         f"names no unit of {quoted(fitted_name)}: {low:.4g} to {high:.4g} were taken for {taken}"
     )
     refit = f"fit again with the unit in the column's name, as in {fitted_name + ' [°F]'!r}, or in X.attrs['units']"
+    ambient = {one: _is_ambient(_from(one, "degC", low), _from(one, "degC", high)) for one in (taken, unit, "degF")}
     if unit == taken:
-        if not as_it_is and _near(_from(unit, "degF", median), low, high):
+        in_degf = _near(_from(unit, "degF", median), low, high)
+        if in_degf and not as_it_is and ambient["degF"] and not ambient[taken]:
             raise RecordError(f"{begin}, and look like degF. Convert this column to degF, or {refit}.")
         return
-    ambient = [_is_ambient(_from(one, "degC", low), _from(one, "degC", high)) for one in (taken, unit)]
-    if as_it_is and not converted and ambient == [False, True]:
+    if as_it_is and not converted and ambient[unit] and not ambient[taken]:
         warn(
             f"{begin}. By their values they are {unit} too, and are used so; what the model says per degree of {taken} "
             f"is per degree of {unit}. To have that right, {refit}."

@@ -57,19 +57,20 @@ def is_comment(line: str, n_fields: int, n_columns: int) -> bool:
     return line.lstrip().startswith("#") and n_fields != n_columns
 
 
-def header_of(line: bytes) -> list[str]:
-    """Names of the columns, from the first line of a log.
+def header_of(line: bytes, place: str = "line 1") -> list[str]:
+    """Names of the columns, from the first line of a log, which may stand at another `place` behind comments.
 
     Raises RecordError for a line that is no header, and for names that stand twice.
     """
     if len(line) > LONGEST:  # millions of names would take a gigabyte
-        raise RecordError(f"The header, line 1, has more than {LONGEST} bytes. Is it a CSV log?")
+        raise RecordError(f"The header, {place}, has more than {LONGEST} bytes. Is it a CSV log?")
     try:
         names = fields_of(line.removeprefix(BOM))
     except RecordError as error:
-        raise RecordError(f"The header, line 1, cannot be read: {error}.") from None
+        raise RecordError(f"The header, {place}, cannot be read: {error}.") from None
     if not names:
-        raise RecordError("Line 1 is empty: a header line with the columns' names is needed, then one line per sample.")
+        empty = f"{place[:1].upper()}{place[1:]} is empty"
+        raise RecordError(f"{empty}: a header line with the columns' names is needed, then one line per sample.")
     if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
         raise RecordError(
             "The log seems to be separated by semicolons or tabs. A file is understood once it has some rows; a stream "
