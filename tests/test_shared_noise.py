@@ -102,3 +102,14 @@ def test_a_reading_that_is_not_white_tells_nothing():
     rng = np.random.default_rng(0)
     smooth = pd.Series(np.cumsum(rng.standard_normal(3000))).ewm(span=8).mean()
     assert not made_from(smooth.ewm(span=10).mean().to_numpy(), smooth.to_numpy())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_cause_that_is_slow_and_white_is_no_mean_of_the_reading(seed):
+    """What it follows it follows at once: a mean of the reading has less of what is fast."""
+    rng = np.random.default_rng(seed)
+    cause = 8 * pd.Series(rng.standard_normal(4500)).ewm(span=200).mean().ewm(span=50).mean().to_numpy()[2000:]
+    cause += 0.2 * rng.standard_normal(2500)
+    reading = 10 * cause + rng.standard_normal(2500)
+    assert not made_from(cause, reading)
+    assert made_from(pd.Series(reading).rolling(10, min_periods=1).mean().to_numpy(), reading)

@@ -119,13 +119,15 @@ class Family:
 
     def price(self, i: int) -> float:
         """What an explanation's columns, tuned parameters and the choice of them gain by chance (Schwarz 1978)."""
-        return 0.5 * math.log(self.judged.n) * self.judged.width(i) + self.price_of_tuning(i)
+        return self._price_of_columns(self.judged.width(i)) + self.price_of_tuning(i)
 
     def price_in_base(self, i: int, adopted: int) -> float:
         """The `price` that an explanation had before the base took it in, as the cause of that number."""
         columns = self.judged.causes[adopted]
-        width: int = columns.stop - columns.start
-        return 0.5 * math.log(self.judged.n) * width + self.price_of_tuning(i)
+        return self._price_of_columns(columns.stop - columns.start) + self.price_of_tuning(i)
+
+    def _price_of_columns(self, width: int) -> float:
+        return 0.5 * math.log(self.judged.n) * width
 
     def seen(self, full: float, i: int) -> float:
         """The log likelihood that an explanation gains, less what it may tell of gaps that nobody saw.

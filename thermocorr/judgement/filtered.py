@@ -34,7 +34,7 @@ def filter_memory(judged: Comparison, steps: float) -> float:
     fast = np.where(steps * times <= FILTER_LENGTH, theta[1:], 0.0)
     if fast.sum() < FILTER_SHARE * theta[1:].sum() or not fast.any():
         return 0.0
-    if not all(FILTER_TAILS[0] < _tails(rows) < FILTER_TAILS[1] for rows in _left(judged)):
+    if not all(FILTER_TAILS[0] < _fourth_moment(rows) < FILTER_TAILS[1] for rows in _beside(judged)):
         return 0.0
     memory = float(np.exp(np.average(np.log(times), weights=fast)))
     if theta[0] > FILTER_WHITE * theta.sum() and steps * memory > HARDLY_A_FILTER:
@@ -48,13 +48,13 @@ def filter_memory(judged: Comparison, steps: float) -> float:
     return memory if gained[0] < FLAT else 0.0
 
 
-def _left(judged: Comparison) -> tuple[np.ndarray, np.ndarray]:
+def _beside(judged: Comparison) -> tuple[np.ndarray, np.ndarray]:
     """What the base leaves of each row, and its steps from row to row."""
     left = judged.bands.back(judged.left(judged.base.theta)[:, None])[:, 0]
     return left, np.diff(left)
 
 
-def _tails(values: np.ndarray) -> float:
+def _fourth_moment(values: np.ndarray) -> float:
     """Fourth moment over the squared second: 3 of Gaussian noise, 1 of two levels, many of rare ones."""
     squares = np.square(values - values.mean())
     return float(np.mean(squares**2) / max(float(np.mean(squares)) ** 2, 1e-300))

@@ -269,8 +269,7 @@ def thermometer_sentences(left: Any, unit: str) -> list[str]:
             gain = f"is learned {about} too {'small' if row.gain_error < 0 else 'large'}"
             if row.resolution:
                 far = about if row.gain_error < 1 else "as much as itself"
-                no_limit = "a size and no limit (twice that held for 89 of 90 simulated records)"
-                gain = f"may be off by {far}, which is {no_limit}"
+                gain = f"may be off by {far}, which is a size and no limit"
             said.append(
                 f"For {whose} the static gain {gain}. "
                 "Readings are corrected as well as this thermometer allows; the gain itself is not to be quoted."
