@@ -22,7 +22,7 @@ from null_records import NOISES
 
 from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.judgement import levels
+from thermocorr.judgement import left_levels, levels, refinement_levels
 
 PLANTED = ("covariate", "lagged_covariate", "interaction", "drift", "step", "hysteresis", "hinge", "periodic",
            "sensitivity_drift", "log_ageing", "lag_products", "initial_transient")  # fmt: skip
@@ -66,7 +66,8 @@ def changed(name: str, value: float) -> None:
 
 def main() -> None:
     """Print the table."""
-    numbers = {n: v for n, v in vars(levels).items() if n.isupper() and isinstance(v, int | float)}
+    every = vars(levels) | vars(left_levels) | vars(refinement_levels)
+    numbers = {name: value for name, value in every.items() if name.isupper() and isinstance(value, int | float)}
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--names", nargs="*", default=list(numbers), choices=list(numbers))
     options = parser.parse_args()

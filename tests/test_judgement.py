@@ -242,9 +242,10 @@ def test_steps_to_and_fro_are_one_cause():
     assert better.residual_std_ == pytest.approx(0.2, rel=0.05)
 
 
-def test_every_threshold_is_explained():
-    """Each constant of `levels` has a docstring that says more than its name."""
-    path = Path(thermocorr.__file__).parent / "judgement" / "levels.py"
+@pytest.mark.parametrize("name", ["levels", "left_levels", "refinement_levels"])
+def test_every_threshold_is_explained(name):
+    """Each constant has a docstring that says more than its name."""
+    path = Path(thermocorr.__file__).parent / "judgement" / f"{name}.py"
     body = ast.parse(path.read_text(encoding="utf-8")).body
     for node, after in pairwise(body):
         if isinstance(node, ast.Assign):

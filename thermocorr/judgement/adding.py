@@ -19,7 +19,8 @@ from ..estimators.thermometers import Thermometers
 from ..records.numbers import numeric_reading
 from ..records.quantities import quantity_texts
 from ..records.thinned import ThinnedLog
-from .levels import FURTHER_HELP, HELD_OUT_BLOCKS, HELPS, MOSTLY, SAME, SUPERFLUOUS
+from .levels import HELD_OUT_BLOCKS
+from .refinement_levels import FURTHER_HELP, HELPS, MOSTLY, SAME, SUPERFLUOUS
 
 
 @dataclass(frozen=True)

@@ -26,13 +26,7 @@ from ..records.states import is_state, parted_state, state, states_of
 from ..records.thinned import Thinned, thinned
 from ..records.types import kind_of
 from .blocks import filled, with_exact
-from .levels import (
-    FINE,
-    MANY_STARTS,
-    MOST_ROWS,
-    MOST_SOUND,
-    TIME_LIKE,
-)
+from .levels import FINE, MANY_STARTS, MOST_ROWS, MOST_SOUND, TIME_LIKE
 
 
 def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Effect] = ()) -> Record:

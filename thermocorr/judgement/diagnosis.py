@@ -31,7 +31,8 @@ from .family import ANYWHERE
 from .found import Diagnosis, FoundSuspect
 from .lacking import lacking
 from .left import what_is_left
-from .levels import GAIN, RANKED
+from .left_levels import RANKED
+from .levels import GAIN
 from .pool import Pool
 from .residual import beyond_judgement, felt_in_gaps, quiet_share, residuals_of
 from .together import as_one

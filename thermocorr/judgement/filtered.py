@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..equations.noise import whittle
-from .levels import (
+from .left_levels import (
     BELOW_FILTER,
     FEWEST_BELOW,
     FILTER_LENGTH,

@@ -13,7 +13,7 @@ from ..effects import Hinge
 from ..effects.grids import temperature_quantiles, time_grid
 from ..estimators.regressor import DynamicBiasRegressor
 from .adding import Errors, Extended, with_missing
-from .levels import CLEARLY_LESS, ON_EITHER_SIDE
+from .refinement_levels import CLEARLY_LESS, ON_EITHER_SIDE
 from .tuning import at_freezing, effects_of, freezing
 
 

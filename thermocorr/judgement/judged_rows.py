@@ -13,17 +13,7 @@ from ..equations.spikes import spikes
 from ..estimators.evenness import evenness
 from .blocks import Averages
 from .directions import orthonormal
-from .levels import (
-    FAR,
-    FEW,
-    FEW_HELD,
-    GROUPS,
-    HELD,
-    MANY_STARTS,
-    ROBUST,
-    ROUNDING,
-    START_HELD,
-)
+from .levels import FAR, FEW, FEW_HELD, GROUPS, HELD, MANY_STARTS, ROBUST, ROUNDING, START_HELD
 
 
 class Starts:

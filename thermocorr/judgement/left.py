@@ -16,17 +16,8 @@ from ..records.screen import CLIPPED, REPEAT
 from .causes import Search
 from .filtered import filter_memory
 from .imitations import together
-from .levels import (
-    DRIFT_TO_NOISE,
-    DRIFT_TO_STEP,
-    NINE_TENTHS,
-    OF_THERMOMETER,
-    PROVABLE,
-    RANKED,
-    TAILS,
-    TO_A_DECADE,
-    WANDERS,
-)
+from .left_levels import DRIFT_TO_NOISE, DRIFT_TO_STEP, NINE_TENTHS, PROVABLE, RANKED, TAILS, TO_A_DECADE, WANDERS
+from .levels import OF_THERMOMETER
 from .likelihood import Comparison
 from .pool import Pool
 from .residual import quiet_rows

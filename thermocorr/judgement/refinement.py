@@ -24,7 +24,7 @@ from .adding import Errors, Extended, with_missing
 from .diagnosis import diagnose
 from .found import WIDTH, Diagnosis, FoundSuspect
 from .freezing import with_knee_at_freezing
-from .levels import CLEARLY_LESS, JOINTLY, TRIES
+from .refinement_levels import CLEARLY_LESS, JOINTLY, TRIES
 from .shorter import shorter
 from .tuning import effects_of, fitted_with, tuned
 from .worked_out import worked_out

@@ -12,7 +12,7 @@ from ..effects import Hinge
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
-from .levels import FREEZING, LOWER
+from .refinement_levels import FREEZING, LOWER
 
 
 def effects_of(model: DynamicBiasRegressor) -> list[Effect]:

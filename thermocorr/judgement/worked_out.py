@@ -19,7 +19,7 @@ from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..estimators.regressor import DynamicBiasRegressor
 from .adding import Errors, same_but_for_lags
-from .levels import (
+from .refinement_levels import (
     AS_FREEZING,
     CLEARLY_LESS,
     FURTHER_HELP,
