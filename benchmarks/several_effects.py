@@ -6,7 +6,8 @@
 Settings, devices and decoy columns are those of `hidden_effects.py`; the kinds are drawn anew for each record. An
 effect counts where the record can show it: what is left of it beside the base model's columns and the other effects
 gains at least `SHOWN` in log likelihood under the noise, which is white. It is found where it is a cause or in a
-cause's declared set; a label is untrue where a cause's set holds no planted effect. With `--refine`, the rms error of
+cause's declared set; a label is untrue where a cause's set holds no planted effect. A lagged column has the column as
+it is, too (`LaggedCovariate`): where both are planted, its name says both. With `--refine`, the rms error of
 the refined model against the truth over the noise.
 """
 
@@ -65,6 +66,8 @@ def judge(setting: str, seed: int, n: int, strength: float, refined: bool) -> di
     found = diagnose(case.model, case.X, case.y)
     sets = [set(map(name_of, (cause.effect, *cause.confusable_with))) for cause in found.causes]
     named = set().union(*sets) if sets else set()
+    late = [name for name in named & set(case.labels) if name.startswith("lagged_covariate:")]
+    named |= {name.removeprefix("lagged_") for name in late}
     untrue = [sorted(names) for names in sets if not names & set(case.labels)]
     result = {"setting": setting, "seed": seed, "planted": case.labels, "shown": len(shown)}
     result |= {"missed": [name for name in shown if name not in named], "untrue": untrue, "causes": len(sets)}

@@ -35,6 +35,7 @@ def tried(effect, score, later, blocks, number=0, full=None, p_value=1e-6, scatt
         number=number,
         score=score,
         full=score if full is None else full,
+        as_law=score if full is None else full,
         p_value=p_value,
         worth=Worth(later=later, blocks=blocks),
         scatter=scatter,

@@ -86,8 +86,8 @@ def test_missing_cells_stay_where_they_are_and_copies_are_whole_elsewhere():
 def weighed(inflation, helped, later=3.0, blocks=2.0):
     """A column's evidence beside copies that gain, and help, so much."""
     before = Tried(
-        explanation=Explanation(Covariate("c1"), np.zeros((3, 1))), number=0, score=25.0, full=35.0, p_value=1e-9,
-        worth=Worth(later=later, blocks=blocks), scatter=3.0, uneven=False,
+        explanation=Explanation(Covariate("c1"), np.zeros((3, 1))), number=0, score=25.0, full=35.0, as_law=35.0,
+        p_value=1e-9, worth=Worth(later=later, blocks=blocks), scatter=3.0, uneven=False,
     )  # fmt: skip
     search = object.__new__(Search)
     search.family = SimpleNamespace(price=lambda number: 5.0, p_value=lambda gain, number: float(np.exp(-gain)))

@@ -81,7 +81,7 @@ def test_a_slow_lag_of_the_model_is_said_to_be_what_is_proven_as_well(proven):
     def tried(effect, in_model, p_value):
         return Tried(
             explanation=Explanation(effect, np.zeros((3, 1)), in_model), number=0, score=10.0, full=10.0,
-            p_value=p_value, worth=Worth(later=1.0, blocks=1.0), scatter=0.0, uneven=False,
+            as_law=10.0, p_value=p_value, worth=Worth(later=1.0, blocks=1.0), scatter=0.0, uneven=False,
         )  # fmt: skip
 
     lag, drift = tried(ThermalLag([9000.0]), True, 1e-6), tried(Drift(), False, 1e-6 if proven else 0.1)

@@ -24,6 +24,7 @@ def cause_of(columns, effect=None, p_value=0.0, score=1.0):
         number=0,
         score=score,
         full=1.0,
+        as_law=1.0,
         p_value=p_value,
         worth=Worth(later=0.0, blocks=0.0),
         scatter=0.0,

@@ -85,8 +85,8 @@ def tried(number, columns, score, kind):
     Kind.kind = kind
     worth = Worth(later=1.0, blocks=1.0)
     return Tried(
-        explanation=Explanation(Kind(), columns), number=number, score=score, full=score, p_value=0.0, worth=worth,
-        scatter=0.0, uneven=False,
+        explanation=Explanation(Kind(), columns), number=number, score=score, full=score, as_law=score,
+        p_value=0.0, worth=worth, scatter=0.0, uneven=False,
     )  # fmt: skip
 
 

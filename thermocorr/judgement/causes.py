@@ -36,10 +36,11 @@ from .levels import (
     TUNED,
     WITHIN,
 )
-from .nearby import move_again, moved
+from .nearby import move_again, moved, moved_for_another
 from .needed import first_proven, needed, still_helping, worth_beside
 from .pairs import may_hide, pairs
 from .pool import Key, Pool
+from .there_and_back import there_and_back
 from .worth import HeldOut, Worth
 
 
@@ -69,6 +70,8 @@ class Search:
         self._chance: HelpOfNoise | None = None
         self.moved_beside: set[tuple[int, int]] = set()
         """Causes that were to be moved, each with the number of causes beside which it was tried."""
+        self.moved_for: set[tuple[int, int]] = set()
+        """Causes that were to be moved for what is found next."""
         self.any_moved = False
         """Whether a cause was moved, so that what each is worth is not what it was when it was found."""
         self.paired = False
@@ -82,7 +85,7 @@ class Search:
         if self._first_look is None and not self.pool.rows.exact:
             self._first_look = self.look()
         other = copy(self)
-        other.judged, other.moved_beside, other.copies = self.judged.copy(), set(), {}
+        other.judged, other.moved_beside, other.moved_for, other.copies = self.judged.copy(), set(), set(), {}
         other.family = self.family.beside(other.judged)
         return other
 
@@ -107,16 +110,20 @@ class Search:
             else:
                 tried, best, rivals = self._choice(tried, found)
             alone, self.half_a_pair = best is not None, False
+            if not alone and moved_for_another(self.pool, self.family, found, self.moved_for):
+                self._held_anew(found)
+                continue
             if not alone and (found or first is None):
                 best, rivals = self._of_a_pair()
             enough = self.rounded or len(found) - steps == MOST
             if best is None or enough or (found and trifling(best, self.share(best), self.record)):
                 found = found if first is None else first_proven(self.judged, found, self.family.price, self._chance_of)
-                return self._needed(found), tried
+                whole = there_and_back(self.pool, self.family, found)
+                self.any_moved |= len(whole) < len(found)
+                return self._needed(whole), tried
             gain = best.score + self.family.price(best.number)
             if move_again(self.pool, self.judged, found, best.key, gain, self.moved_beside):
-                coarse = [self.pool.coarse(cause.tried.explanation.columns) for cause in found]
-                self.held, self.any_moved = self.first_held.with_columns(np.column_stack(coarse)), True
+                self._held_anew(found)
                 continue
             if best.proven and alone:  # else the likelihood has nothing to say on its parameters
                 best = (self._tuned([best], FINER) or [best])[0]
@@ -133,6 +140,11 @@ class Search:
                 found += self._further_steps(MOST_STEPS - steps - 1, least)
             if hopeless(self, found):
                 return [], tried
+
+    def _held_anew(self, found: Sequence[Cause]) -> None:
+        """Judge on data not learned from beside causes that were moved."""
+        coarse = [self.pool.coarse(cause.tried.explanation.columns) for cause in found]
+        self.held, self.any_moved = self.first_held.with_columns(np.column_stack(coarse)), True
 
     def _choice(self, tried: Sequence[Tried], found: Sequence[Cause]) -> tuple[list[Tried], Tried | None, list[Tried]]:
         """What was tried, the best, or none, and its rivals.
@@ -226,11 +238,13 @@ class Search:
     def _likelier(self, best: Tried, rivals: Sequence[Tried], own: Sequence[Tried]) -> Tried:
         """Best proven rival that is likelier than every explanation of the kind and helps half as much; or `best`.
 
-        The same column bent or late must be likelier by more than a tie; what needs no recorded column, and helps no
-        more, by a tie.
+        The same column bent or late must be likelier by more than a tie, whatever copies explain; what needs no
+        recorded column, and helps no more, by a tie.
         """
         score, full, least = max(t.score for t in own), max(t.full for t in own), HALF * best.worth.mean
-        more = [min(t.score - score, t.full - full) - TIE * bent(t, best) for t in rivals]
+        law = max(t.as_law for t in own)
+        more = [min(t.score - score, t.full - full) for t in rivals]
+        more = [min(m, t.as_law - law) - TIE if bent(t, best) else m for t, m in zip(rivals, more, strict=True)]
         likelier = [t for t, m in zip(rivals, more, strict=True) if t.proven and m > 0 and t.worth.mean >= least]
         likelier = [t for t in likelier if t.score >= score + TIE or not unrecorded(t, best)]
         same = says_the_same(self.judged, best, likelier)

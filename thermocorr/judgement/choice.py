@@ -45,6 +45,8 @@ class Tried:
     """Gain in log likelihood, less what its columns and the choice of its parameters would gain by chance."""
     full: float
     """Score of the record as a whole, also where a few stretches decide it."""
+    as_law: float
+    """As `full`, whatever copies of its column explain: how likely it is among the laws of one column."""
     p_value: float
     """Error probability, the whole family having been tried."""
     worth: Worth
@@ -143,9 +145,10 @@ def chosen(
 
     What is proven comes before what only helps; of what is proven, what helps on later data comes first. Among what
     helps nearly as much the likelihood decides; between two laws of one column in the record as a whole, since how
-    evenly its evidence lies is a question to the column, not to its law. A recorded column that does harm on later
-    stretches and on held-out blocks alike is accused only where its evidence is strong and even, lest the noise is not
-    what it is thought to be; a product with a column that is worth nothing on either, where it is strong.
+    evenly its evidence lies, and what its copies explain, are questions to the column, not to its law. A recorded
+    column that does harm on later stretches and on held-out blocks alike is accused only where its evidence is
+    strong and even, lest the noise is not what it is thought to be; a product with a column that is worth nothing
+    on either, where it is strong.
 
     Where nothing is proven and nothing helps much, what depends on time alone may be what wanders: see `_settling`.
     """
@@ -165,7 +168,7 @@ def chosen(
         best = max((t for t in recorded if t.score >= best.score - TIE), key=lambda t: t.score, default=best)
     if best.key[1] is not None:  # a column as it is before the same one bent or late; likelier, where it helps less
         plainer = [t for t in proven if bent(best, t)]
-        enough = [t for t in plainer if max(t.score - best.score, t.full - best.full) >= -TIE * (t in near)]
+        enough = [t for t in plainer if max(t.score - best.score, t.as_law - best.as_law) >= -TIE * (t in near)]
         best = max(enough, key=lambda t: t.score, default=best)
     rivals = [
         t

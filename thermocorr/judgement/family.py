@@ -171,6 +171,7 @@ class Family:
             number=i,
             score=gain - price,
             full=full - price,
+            as_law=full - price,
             p_value=chance,
             worth=worth,
             scatter=scatter,

@@ -304,6 +304,8 @@ FINER = (0.01, 0.003)
 LEFT_OVER = 0.75
 """Share of the log likelihood gained by a second cause of a kind and column, from which a move of the first that gains
 as much says that the second is what the first one's parameters have missed."""
+BESIDE_OTHERS = 2
+"""Kinds that a cause is moved for, where they would be proven beside other parameters of it."""
 TUNED = 4
 """Kinds whose parameters are tuned in each turn."""
 WITHIN = 0.3

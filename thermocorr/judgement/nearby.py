@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from .choice import WAVE, Cause
 from .dated import MANY, lasting
-from .levels import FINER, LEFT_OVER, MANY_CAUSES, SHARES
+from .family import Family
+from .levels import BESIDE_OTHERS, FINER, LEFT_OVER, LEVEL, MANY_CAUSES, SHARES
 from .likelihood import Comparison
 from .pool import Explanation, Key, Pool
 
@@ -55,3 +58,58 @@ def move_again(
         if there is not None and judged.moves(cause.adopted, there.columns, LEFT_OVER * gain):
             found[k] = replace(cause, tried=replace(cause.tried, explanation=there))
     return found != before
+
+
+def moved_for_another(pool: Pool, family: Family, found: list[Cause], done: set[tuple[int, int]]) -> bool:
+    """Whether a cause in `found` has moved to parameters beside which something else is proven.
+
+    Each cause was tuned before the next one was known, and may have taken part of it upon itself: what the two gain
+    together, over what stands, decides. `done` as in `move_again`.
+    """
+    judged = family.judged
+    for k, cause in enumerate(found[:MANY_CAUSES]):
+        now = cause.tried.explanation
+        if cause.tried.key in (WAVE, *MANY) or now.in_model or not now.n_tuned or (k, len(found)) in done:
+            continue
+        done.add((k, len(found)))
+        for i in _proven_beside(pool, family, cause):
+            beside = judged.without([cause.adopted])
+            beside.add([each.columns for each in pool.with_columns([family.tried[i]])])
+            beside.adopt(0)
+            there = moved(pool, beside, now, (*SHARES, *FINER))
+            if there is None:
+                continue
+            beside.explanations = []
+            beside.add([there.columns])
+            gain = beside.refit([0])[0].level - judged.base.level
+            if _proven(family, gain, i) and judged.moves(cause.adopted, there.columns, -gain):
+                found[k] = replace(cause, tried=replace(cause.tried, explanation=there))
+                return True
+    return False
+
+
+def _proven_beside(pool: Pool, family: Family, cause: Cause) -> list[int]:
+    """What would be proven if a cause had whatever parameters, near those it has: the best of a few kinds.
+
+    Slow ones are hidden in noise that wanders, so they are sought under white noise, too, as in a first look.
+    """
+    judged, alive = family.judged, family.alive()
+    near = pool.of(cause.tried.explanation.effect.nearby(pool.record))[::2]  # one side of each parameter
+    judged.add([np.column_stack([each.columns for each in near])])
+    free = judged.of([len(judged.explanations) - 1, *alive])
+    judged.explanations.pop()
+    free.adopt(0)
+    best: dict[int, None] = {}
+    for gains in (free.screen(free.base.theta)[1:], free.screen(free.only_white(), profiled=True)[1:]):
+        scores = {i: gain - family.price(i) for i, gain in zip(alive, gains, strict=True)}
+        of_each = {family.tried[i].key: i for i in sorted(scores, key=scores.__getitem__)}
+        of_each.pop(cause.tried.key, None)
+        best |= dict.fromkeys(sorted(of_each.values(), key=lambda i: -scores[i])[:BESIDE_OTHERS])
+    level, place = free.base.level, {i: k for k, i in enumerate(alive, start=1)}
+    fits = free.refit([place[i] for i in best])
+    gained = {i: fit.level - level for i, fit in zip(best, fits, strict=True)}
+    return sorted((i for i in best if _proven(family, gained[i], i)), key=lambda i: -gained[i])
+
+
+def _proven(family: Family, gain: float, i: int) -> bool:
+    return gain > family.price(i) and family.p_value(gain, i) <= LEVEL
