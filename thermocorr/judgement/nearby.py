@@ -64,10 +64,10 @@ def moved_for_another(pool: Pool, family: Family, found: list[Cause], done: set[
     """Whether a cause in `found` has moved to parameters beside which something else is proven.
 
     Each cause was tuned before the next one was known, and may have taken part of it upon itself: what the two gain
-    together, over what stands, decides. `done` as in `move_again`.
+    together, over what stands, decides. `done` as in `move_again`; where many causes were found, none is moved.
     """
     judged = family.judged
-    for k, cause in enumerate(found[:MANY_CAUSES]):
+    for k, cause in enumerate(found if len(found) <= MANY_CAUSES else ()):
         now = cause.tried.explanation
         if cause.tried.key in (WAVE, *MANY) or now.in_model or not now.n_tuned or (k, len(found)) in done:
             continue

@@ -11,7 +11,7 @@ import numpy as np
 from ..effects import Disturbance, Step
 from .choice import Cause
 from .family import Family
-from .levels import LEVEL, LONGEST_STRETCH
+from .levels import LEVEL, LONGEST_STRETCH, MANY_CAUSES
 from .pool import Explanation, Pool
 
 
@@ -19,10 +19,11 @@ def there_and_back(pool: Pool, family: Family, found: Sequence[Cause]) -> list[C
     """The causes; a disturbance in the place of two steps, of which one is superfluous beside it.
 
     The first step was found while something else was missing, and may have taken part of that upon itself. What lasts
-    longer than any disturbance that is looked for stays two steps.
+    longer than any disturbance that is looked for stays two steps; so does everything where many causes were found,
+    some of which stand for one another.
     """
     causes = list(found)
-    if Disturbance.kind not in family.anywhere:
+    if Disturbance.kind not in family.anywhere or len(causes) > MANY_CAUSES:
         return causes
     steps = sorted((c for c in causes if c.tried.explanation.effect.kind == Step.kind), key=_moment)
     for first, second in sorted(pairwise(steps), key=lambda pair: _moment(pair[1]) - _moment(pair[0])):
