@@ -59,6 +59,25 @@ def test_a_slow_column_that_is_the_cause_is_named(seed):
     assert found.causes[0].effect.inputs() == ["c0"] and not found.left.copied
 
 
+def test_which_law_of_a_column_it_is_is_not_asked_of_its_copies():
+    """Copies explained more beside the product, which was likelier than the late one; that one was named, alone."""
+    record = make_record(23_040, sampling_period=30.0, setting="chamber", device="box", noise=0.2, seed=299,
+                         effects={"interaction": 0.5})  # fmt: skip
+    X, y = record.drop(columns="reading"), record["reading"]
+    (cause,) = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y).causes
+    assert isinstance(cause.effect, Interaction) and cause.effect.inputs() == ["pressure"]
+
+
+def test_copies_that_other_parameters_outdo_are_outdone():
+    """A lag that was likelier, and helped a little less than twice as much, gave way to half of it; true are 12 days."""
+    assert not weighed(5 * INFLATION, 1.9).outdoes and weighed(5 * INFLATION, 1.9, outdone=True).outdoes
+    record = make_record(17_280, sampling_period=600.0, setting="outdoor", device="plate", noise=0.2, seed=3001,
+                         effects={"lagged_covariate": 1.0, "log_ageing": 1.0})  # fmt: skip
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert found.causes[0].effect.inputs() == ["supply"] and found.causes[0].effect.time_constants[0] > 500_000
+
+
 def test_copies_hold_the_same_values_at_other_times():
     X, y = a_record(0, 500)
     record = read_record(X, Layout(temperature="temperature"), y=y.to_numpy(), needed=list(X.columns))
@@ -83,7 +102,7 @@ def test_missing_cells_stay_where_they_are_and_copies_are_whole_elsewhere():
         np.testing.assert_array_equal(np.sort(column[np.isfinite(column)]), np.sort(X["c1"].dropna()))
 
 
-def weighed(inflation, helped, later=3.0, blocks=2.0):
+def weighed(inflation, helped, later=3.0, blocks=2.0, outdone=False):
     """A column's evidence beside copies that gain, and help, so much."""
     before = Tried(
         explanation=Explanation(Covariate("c1"), np.zeros((3, 1))), number=0, score=25.0, full=35.0, as_law=35.0,
@@ -91,7 +110,7 @@ def weighed(inflation, helped, later=3.0, blocks=2.0):
     )  # fmt: skip
     search = object.__new__(Search)
     search.family = SimpleNamespace(price=lambda number: 5.0, p_value=lambda gain, number: float(np.exp(-gain)))
-    search.copies = {before.key: Copies(inflation=inflation, help=helped)}
+    search.copies = {before.key: Copies(inflation=inflation, help=helped, outdone=outdone)}
     return search._beside_copies(before)
 
 

@@ -163,7 +163,9 @@ class Search:
             best = self.imitations.behind(best, rivals, found, self.left)
             if best.key[1] is None or best.key in self.copies:
                 return tried, best, rivals
-            self.copies[best.key] = Copies.of(self.pool, self.judged, self.held, best.number, best.explanation.effect)
+            copies = Copies.of(self.pool, self.judged, self.held, best.number, best.explanation.effect)
+            outdone = any(copies.outdone_by(t.worth) for t in tried if t.key == best.key and t.proven)
+            self.copies[best.key] = replace(copies, outdone=outdone)
             tried = sorted((self._beside_copies(t) if t.key == best.key else t for t in tried), key=lambda t: -t.score)
 
     def _beside_start(self, tried: Sequence[Tried]) -> list[Tried]:

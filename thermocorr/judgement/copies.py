@@ -41,6 +41,8 @@ class Copies:
     """Gain of the copies in log likelihood over what noise that is as it seems would give them."""
     help: float
     """The most that one of them helps, on later stretches and on held-out blocks alike [dB]."""
+    outdone: bool = False
+    """Whether they were outdone by the effect with some parameters or other: a question to the column."""
 
     @classmethod
     def of(cls, pool: Pool, judged: Comparison, held: HeldOut, number: int, effect: Effect) -> Copies:
@@ -62,7 +64,7 @@ class Copies:
 
     def outdone_by(self, worth: Worth) -> bool:
         """Whether data that were not learned from tell the effect from its copies."""
-        return worth.both >= max(GAIN, OUTDONE * self.help)
+        return self.outdone or worth.both >= max(GAIN, OUTDONE * self.help)
 
 
 def _columns_of(records: Iterable[Record], effect: Effect) -> list[np.ndarray]:
