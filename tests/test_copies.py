@@ -69,7 +69,7 @@ def test_which_law_of_a_column_it_is_is_not_asked_of_its_copies():
 
 
 def test_copies_that_other_parameters_outdo_are_outdone():
-    """A lag that was likelier, and helped a little less than twice as much, gave way to half of it; true are 12 days."""
+    """A lag that was likelier, and helped a little less than twice as much, gave way to half of it; true are 12 d."""
     assert not weighed(5 * INFLATION, 1.9).outdoes and weighed(5 * INFLATION, 1.9, outdone=True).outdoes
     record = make_record(17_280, sampling_period=600.0, setting="outdoor", device="plate", noise=0.2, seed=3001,
                          effects={"lagged_covariate": 1.0, "log_ageing": 1.0})  # fmt: skip
