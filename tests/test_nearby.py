@@ -59,3 +59,20 @@ def test_no_cause_is_moved_to_where_it_explains_less(parts):
     assert not judged.moves(0, there, 1.0)
     assert judged.base.level == level
     assert judged.Q is Q
+
+
+def test_a_cause_of_fewer_columns_leaves_what_had_been_left_had_it_been_there_at_once(parts):
+    reading, base, near, there, other = parts
+    run = np.repeat([0, 1], N // 2)
+    moved, fresh = Comparison(reading, base, run), Comparison(reading, base, run)
+    wide = np.column_stack((near, there))
+    for judged, first in ((moved, wide), (fresh, there)):
+        judged.add([first, other, near + other])
+        judged.adopt(0)
+        judged.adopt(1)
+    assert moved.moves(0, there, -10.0)
+    assert moved.Q.shape == fresh.Q.shape and moved.causes == fresh.causes
+    assert moved.level_with([0]) == pytest.approx(fresh.level_with([0]), abs=0.1)
+    assert moved.level_with([1]) == pytest.approx(fresh.level_with([1]), abs=0.1)
+    theta = fresh.base.theta
+    np.testing.assert_allclose(moved.screen(theta), fresh.screen(theta), rtol=1e-8, atol=1e-8)

@@ -8,7 +8,7 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.equations.repeats import ends_of_range, is_repeated
+from thermocorr.equations.repeats import ends_of_range, filled_in, is_repeated
 from thermocorr.records.errors import RecordWarning
 
 N = 3000
@@ -46,6 +46,37 @@ def test_readings_that_stand_in_several_rows_are_no_effect(seed, rows):
     once, other = repeated.mask(repeated == repeated.shift()), DynamicBiasRegressor("temperature")
     assert model.residual_std_ == pytest.approx(other.fit(X, once).residual_std_, rel=1e-12)
     assert model.flags(X, repeated).eq("").all()  # later rows are corrected: what is measured is still shown
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("rows", "digits"), [(2, 12), (2, 2), (3, 3), (5, 12), (5, 3)])
+def test_readings_between_which_rows_were_filled_in_are_no_effect(seed, rows, digits):
+    """Waves and leads were told of straight lines."""
+    X, y = record(seed)
+    bends = np.arange(0, N, rows)
+    lines = pd.Series(np.interp(np.arange(N), bends, y.to_numpy()[bends]).round(digits), y.index, name="reading")
+    model, found, said = told(X, lines)
+    assert found.verdict == "nothing missing" and "the rows between rarer readings were filled in" in said
+    rare = DynamicBiasRegressor("temperature").fit(X, lines.mask(np.arange(N) % rows != 0))
+    assert model.residual_std_ == pytest.approx(rare.residual_std_, rel=0.02)
+    assert model.flags(X, lines).eq("").all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_smooth_and_straight_readings_were_not_filled_in(seed):
+    rng, row = np.random.default_rng(seed), np.arange(N)
+    noise = pd.Series(rng.standard_normal(N))
+    for values in (
+        0.9 * row,
+        0.9 * row + 0.1 * noise,
+        20 * np.sin(row / 30) + 0.01 * noise,
+        noise.ewm(span=20).mean(),
+        noise.rolling(5, min_periods=1).mean(),
+        np.abs(row % 200 - 100.0),
+        np.cumsum(noise),
+    ):
+        for digits in (0, 1, 3, 12):
+            assert np.isnan(filled_in(np.round(np.asarray(values), digits)))
 
 
 def test_a_parquet_log_is_screened_as_a_frame_is(tmp_path):
@@ -106,6 +137,7 @@ def test_coarse_readings_and_devices_at_rest_are_neither(seed, digit):
         rounded = np.round(values.to_numpy() / digit) * digit
         assert not is_repeated(rounded)
         assert ends_of_range(rounded) == ()
+        assert np.isnan(filled_in(rounded))
 
 
 COARSE = {
@@ -126,6 +158,7 @@ def test_coarse_readings_of_more_than_one_digit_are_not_repeated(how, noise):
         rng = np.random.default_rng(seed)
         w = 10 + 0.02 * np.cumsum(rng.standard_normal(N)) + noise * rng.standard_normal(N)
         assert not is_repeated(COARSE[how](np.round(w, 1), w))
+        assert np.isnan(filled_in(COARSE[how](np.round(w, 1), w)))
 
 
 @pytest.mark.parametrize("rows", [12_000, 60_000])

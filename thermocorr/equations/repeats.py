@@ -3,7 +3,8 @@
 A logger that asks more often than its instrument measures writes readings down more than once: such a record has fewer
 readings than rows, and several rows share the noise of one. What is written down again is equal to the last digit, and
 the next value is many digits away, after as many rows; readings that are merely coarse stand still as well, but move on
-by a digit or two, and now and then.
+by a digit or two, and now and then. Where the rows between two readings were filled in by straight lines, as
+`pandas.DataFrame.interpolate` does, each of them is the mean of its neighbours, and says nothing of its own.
 At the end of its range an instrument shows one number again and again, though noise goes on.
 """
 
@@ -30,6 +31,16 @@ FEWEST = 30
 """Readings that stand in more than one row, below which nothing is said."""
 DIFFERENT = 30
 """Different numbers among these readings, below which they are states or setpoints."""
+ON_LINE, BENDS, MOSTLY_ON_LINES = 1e-3, 0.02, 0.3
+"""Distance from the mean of the neighbours, over the one that this share of the readings exceeds, up to which a reading
+stands on a straight line; share that does, from which they may be filled in. Of white noise one in five hundred does,
+of coarse readings up to one in six, where every second row is filled in, half."""
+ARITHMETIC = 1e-9
+"""A distance over that one, below which it is rounding of the arithmetic."""
+ROUNDED_LINE = 0.03
+"""A digit over that distance, up to which lines may be rounded to it."""
+LOOK = 4000
+"""Rows that are looked at first: hardly any record is filled in."""
 FINE = 0.5
 """Share of the readings that are different numbers, from which one is hardly ever met twice."""
 MET = 10
@@ -79,6 +90,56 @@ def is_repeated(values: Floats) -> bool:
         return False
     whole = np.isfinite(steps[1:]) & np.isfinite(steps[:-1])  # not cut by the end of a stretch
     return _evenly(rows[1:-1][whole])
+
+
+def on_lines(values: Floats, near: float) -> Booleans:
+    """Which of consecutive readings stand on the line between their neighbours, and not still, shape (n,), booleans.
+
+    `near` is how far from it at most; NaN for none.
+    """
+    found = np.zeros(len(values), bool)
+    found[1:-1] = (_off_lines(values) <= near) & (values[1:-1] != values[:-2])
+    return found
+
+
+def _off_lines(values: Floats) -> Floats:
+    """Distance of consecutive readings from the mean of their neighbours, but for the first and last."""
+    return np.asarray(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2))
+
+
+def filled_in(values: Floats) -> float:
+    """How near to the line between its neighbours a reading stands that was filled in; NaN where none were.
+
+    Parameters
+    ----------
+    values : array of shape (n,)
+        Consecutive readings, NaN where there is none, or rows were not looked at.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> noise = np.random.default_rng(0).normal(size=400)
+    >>> lines = np.interp(np.arange(1200) / 3, np.arange(400), noise)
+    >>> bool(filled_in(lines) > 0), filled_in(noise), filled_in(noise.round())
+    (True, nan, nan)
+    """
+    first = _off_lines(values[:LOOK])
+    if np.count_nonzero(first <= ROUNDED_LINE * np.nanmax(first, initial=0.0)) < MOSTLY_ON_LINES * len(first) / 2:
+        return np.nan
+    off = _off_lines(values)
+    off = off[np.isfinite(off)]
+    far = float(np.quantile(off, 1 - BENDS)) if len(off) >= FEWEST else 0.0
+    digit = float(off[off > ARITHMETIC * far].min(initial=np.inf))
+    near = max(ON_LINE * far, 2.1 * digit if 2.1 * digit <= ROUNDED_LINE * far else 0.0)
+    on = on_lines(values, near if near > 0 else np.nan)
+    if on.sum() < max(FEWEST, MOSTLY_ON_LINES * len(off)):
+        return np.nan
+    bends = np.flatnonzero(~on & np.isfinite(values))
+    inside = bends[(bends > 0) & (bends < len(values) - 1)]
+    bent = _off_lines(values)[inside - 1]
+    bent = bent[bent > near]
+    coarse = not len(bent) or np.mean(bent <= FEW_DIGITS * np.quantile(bent, DIGIT)) > COARSE
+    return np.nan if coarse or not _evenly(np.diff(bends)) else near
 
 
 def _evenly(rows: NDArray[np.intp]) -> bool:

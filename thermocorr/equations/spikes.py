@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .repeats import at_ends, ends_of_range, is_repeated, repeated
+from .repeats import at_ends, ends_of_range, filled_in, is_repeated, on_lines, repeated
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -77,6 +77,8 @@ class Usual:
     """Height that the largest peak of the whole record may have; infinite where nothing tells."""
     repeats: bool = False
     """Whether they are written down more than once each."""
+    on_lines: float = np.nan
+    """How near to the line between its neighbours a reading stands that was filled in; NaN where none were."""
     ends: tuple[float, ...] = ()
     """Readings at which they are clipped."""
 
@@ -103,8 +105,8 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None) -> Usual:
     low, middle, high = (_share(values, share) for share in (0.05, 0.5, 0.95))
     line = np.concatenate([np.concatenate(([np.nan], part)) for part in known])
     ends, repeats = ends_of_range(line), is_repeated(line)
-    if repeats:
-        line = line[~repeated(line)]
+    near = np.nan if repeats else filled_in(line)
+    line = line[~(repeated(line) if repeats else on_lines(line, near))]
     steps = line[1:] - line[:-1]
     noise = _noise(steps)
     if noise == 0.0:
@@ -115,7 +117,9 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None) -> Usual:
     n = max(n_rows or 0, len(values))
     foretold = min(_foretold(peaks, share, n, noise) for share in shares)
     reach = max(SPIKE * noise, min(foretold, _below_a_gap(peaks, noise)))
-    return Usual(middle=middle, low=low, high=high, noise=noise, reach=float(reach), repeats=repeats, ends=ends)
+    return Usual(
+        middle=middle, low=low, high=high, noise=noise, reach=float(reach), repeats=repeats, on_lines=near, ends=ends
+    )
 
 
 def _foretold(peaks: Floats, rare: float, n_rows: int, noise: float) -> float:
@@ -197,7 +201,7 @@ class Scanned:
     high: float = -np.inf
     """The highest value of what is left."""
     repeats: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
-    """Rows that repeat the one before, where readings are repeated."""
+    """Rows that repeat the one before, or stand on lines, where readings are repeated or filled in."""
     clipped: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
     """Rows at an end of the instrument's range, or so near that noise would go beyond it."""
 
@@ -249,10 +253,11 @@ def scan(values: Floats, low: int, high: int, usual: Usual) -> Scanned:
     Scanned
         Rows are numbered as in `values`.
     """
-    if usual.repeats or usual.ends:
+    if usual.repeats or usual.ends or usual.on_lines == usual.on_lines:
         clipped = at_ends(values, usual.ends, usual.noise)
-        again = repeated(values) & ~clipped & usual.repeats
-        rest = scan(np.where(again | clipped, np.nan, values), low, high, replace(usual, repeats=False, ends=()))
+        again = (repeated(values) if usual.repeats else on_lines(values, usual.on_lines)) & ~clipped
+        plain = replace(usual, repeats=False, on_lines=np.nan, ends=())
+        rest = scan(np.where(again | clipped, np.nan, values), low, high, plain)
         at_end, at_rest = (low + np.flatnonzero(rows[low:high]) for rows in (clipped, again))
         return replace(rest, clipped=at_end, repeats=at_rest)
     nothing, jumps = np.zeros(0, np.intp), Jumps()

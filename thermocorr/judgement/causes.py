@@ -39,8 +39,8 @@ from .levels import (
 from .nearby import move_again, moved, moved_for_another
 from .needed import first_proven, needed, still_helping, worth_beside
 from .pairs import may_hide, pairs
+from .plain_steps import with_plain_steps
 from .pool import Key, Pool
-from .there_and_back import there_and_back
 from .worth import HeldOut, Worth
 
 
@@ -118,9 +118,9 @@ class Search:
             enough = self.rounded or len(found) - steps == MOST
             if best is None or enough or (found and trifling(best, self.share(best), self.record)):
                 found = found if first is None else first_proven(self.judged, found, self.family.price, self._chance_of)
-                whole = there_and_back(self.pool, self.family, found)
-                self.any_moved |= len(whole) < len(found)
-                return self._needed(whole), tried
+                plain = with_plain_steps(self.pool, self.family, found)
+                self.any_moved |= [*map(id, plain)] != [*map(id, found)]
+                return self._needed(plain), tried
             gain = best.score + self.family.price(best.number)
             if move_again(self.pool, self.judged, found, best.key, gain, self.moved_beside):
                 self._held_anew(found)

@@ -119,14 +119,15 @@ class Family:
 
     def price(self, i: int) -> float:
         """What an explanation's columns, tuned parameters and the choice of them gain by chance (Schwarz 1978)."""
-        return self._price_of_columns(self.judged.width(i)) + self.price_of_tuning(i)
+        return self.price_of_columns(self.judged.width(i)) + self.price_of_tuning(i)
 
     def price_in_base(self, i: int, adopted: int) -> float:
         """The `price` that an explanation had before the base took it in, as the cause of that number."""
         columns = self.judged.causes[adopted]
-        return self._price_of_columns(columns.stop - columns.start) + self.price_of_tuning(i)
+        return self.price_of_columns(columns.stop - columns.start) + self.price_of_tuning(i)
 
-    def _price_of_columns(self, width: int) -> float:
+    def price_of_columns(self, width: int) -> float:
+        """What so many columns gain by chance."""
         return 0.5 * math.log(self.judged.n) * width
 
     def seen(self, full: float, i: int) -> float:

@@ -12,7 +12,7 @@ import pandas as pd
 from ..effects import InitialTransient
 from ..estimators.evenness import BURST
 from ..estimators.holdout import rms
-from ..records.screen import CLIPPED, REPEAT
+from ..records.screen import CLIPPED, FILLED_IN, REPEAT
 from .causes import Search
 from .filtered import filter_memory
 from .imitations import together
@@ -196,7 +196,8 @@ def _tails(residual: np.ndarray) -> float:
 def _spikes(pool: Pool) -> tuple[float, ...]:
     """Times of the readings that were left out, the farthest from the usual one first."""
     rows, record = np.flatnonzero(pool.rows.spikes), pool.record
-    refused = [found for found in record.refused if found.what == "reading" and found.reason not in (CLIPPED, REPEAT)]
+    usual = CLIPPED, REPEAT, FILLED_IN
+    refused = [found for found in record.refused if found.what == "reading" and found.reason not in usual]
     seconds = [*(found.seconds for found in refused), pool.data.seconds[rows]]
     values = np.concatenate([*(found.values for found in refused), pool.data.reading[rows]])
     far = np.argsort(-np.abs(values - np.median(pool.data.reading)))

@@ -257,27 +257,28 @@ class Comparison:
         return other
 
     def moves(self, k: int, columns: np.ndarray, least: float) -> bool:
-        """Put other columns, shape (n, width), in the place of an adopted explanation's; False where that gains little.
-
-        They must gain `least`, in log likelihood, and be as many beside the base.
-        """
-        part, other = self.causes[k], copy(self)
+        """Put no more columns, shape (n, width), in the place of an adopted explanation's; False where less is gained."""
+        part, other, p = self.causes[k], copy(self), self.Q.shape[1]
         other.explanations = []
         other.add([columns])
         found = other.explanations[0]
-        if found is None or found.rows.shape[1] != part.stop - part.start:
+        if found is None or found.rows.shape[1] > part.stop - part.start:
             return False
-        crossed = found.base.copy()
-        crossed[:, part] = found.own
-        other.Q, other.Qz, other.QQ = self.Q.copy(), self.Qz.copy(), self.QQ.copy()
-        other.Q[:, part], other.Qz[:, part] = found.rows, found.reading
-        other.QQ[:, :, part], other.QQ[:, part] = crossed, crossed.transpose(0, 2, 1)
+        order = np.r_[0 : part.start, p : p + found.rows.shape[1], part.stop : p]
+        both = np.block([[self.QQ, found.base], [found.base.transpose(0, 2, 1), found.own]])
+        other.QQ = np.ascontiguousarray(both[:, order][:, :, order])
+        other.Q = np.column_stack((self.Q, found.rows))[:, order]
+        other.Qz = np.concatenate((self.Qz, found.reading), axis=1)[:, order]
         other.base = other.first_fit(self.base.theta)
         if other.base.level < self.base.level + least:
             return False
-        for each in self.explanations:
-            if each is not None:
-                each.base[:, part] = self._crossed(found.rows, each.rows)
+        self.explanations = [
+            each and replace(each, base=np.concatenate((each.base, self._crossed(found.rows, each.rows)), 1)[:, order])
+            for each in self.explanations
+        ]
+        self.causes[k] = slice(p, p + found.rows.shape[1])
+        places = [np.flatnonzero(np.isin(order, np.r_[cause])).tolist() for cause in self.causes]
+        self.causes = [slice(place[0], place[-1] + 1) for place in places]
         self.Q, self.Qz, self.QQ, self.base = other.Q, other.Qz, other.QQ, other.base
         self.white = self._white()
         return True

@@ -38,7 +38,7 @@ class Refused(NamedTuple):
     what: str
     """ "reading" or "temperature"."""
     reason: str
-    """ "spike", "sentinel", "other unit", "clipped", or "repeat" (the reading of the row before once more)."""
+    """ "spike", "sentinel", "other unit", "clipped", "filled in", or "repeat" (the reading of the row before again)."""
     rows: NDArray[np.intp]
     """Rows of the user's record, shape (n,)."""
     values: Floats

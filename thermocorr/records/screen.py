@@ -30,7 +30,8 @@ MOST_KEPT = 10_000
 """Spikes that are known again in later rows at most."""
 LISTED = 10
 """Rows that a note lists."""
-SPIKE, SENTINEL, OTHER_UNIT, REPEAT, CLIPPED = "spike", "sentinel", "other unit", "repeat", "clipped"
+SPIKE, SENTINEL, OTHER_UNIT, CLIPPED = "spike", "sentinel", "other unit", "clipped"
+REPEAT, FILLED_IN = "repeat", "filled in"
 
 Rows = NDArray[np.intp]
 
@@ -165,14 +166,16 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
             continue
         usual = usual_of(_sampled(record, column), record.n_used)
         if what == "temperature":
-            usual = replace(usual, ends=())  # lags do not go across a room that is beyond its thermometer's range
+            # lags do not go across a room that is beyond its thermometer's range, and take it for straight in between
+            usual = replace(usual, ends=(), on_lines=np.nan)
         found = record.scanned(what, usual)
         spikes = found.true_spikes(usual, record.n_used)
         limits[what] = _limits(record, column, usual, found, spikes)
         if len(found.repeats) and what == "temperature":  # a device may well stand still as long
             record = replace(record, notes=(*record.notes, _seldom(record, found.repeats)))
         repeats = found.repeats if what == "reading" else found.repeats[:0]
-        refused = (SENTINEL, found.codes), (CLIPPED, found.clipped), (SPIKE, spikes), (REPEAT, repeats)
+        again = REPEAT if usual.repeats else FILLED_IN
+        refused = (SENTINEL, found.codes), (CLIPPED, found.clipped), (SPIKE, spikes), (again, repeats)
         for reason, positions in refused:
             if len(positions):
                 record = without(record, what, reason, positions, max_gap)
@@ -278,6 +281,11 @@ def _note(refused: Refused) -> str:
         return (
             f"{count} of the readings are the one of the row before to the last digit: the instrument measures less "
             "often than it is logged. They are left out; the first row of each reading is learned from."
+        )
+    if refused.reason == FILLED_IN:
+        return (
+            f"{count} of the readings stand on the straight line between those beside them: the rows between rarer "
+            "readings were filled in. They are left out; the readings at the bends are learned from."
         )
     if refused.reason == CLIPPED:
         values, times = np.unique(refused.values, return_counts=True)
