@@ -257,7 +257,7 @@ class Comparison:
         return other
 
     def moves(self, k: int, columns: np.ndarray, least: float) -> bool:
-        """Put no more columns, shape (n, width), in the place of an adopted explanation's; False where less is gained."""
+        """Put no more columns, shape (n, width), in the place of an adopted explanation's; False where less gains."""
         part, other, p = self.causes[k], copy(self), self.Q.shape[1]
         other.explanations = []
         other.add([columns])
