@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import re
 
@@ -20,6 +21,21 @@ FOLLOWED = [
     "date and time in two columns", "time and date in two columns", "a fraction of a second behind a comma",
     "comments in front", "the header in a comment", "names of months", "LabVIEW", "Unix times in ms",
 ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def analyzed(tmp_path_factory):
+    """Function that analyzes a log, once for each text and options, and returns the folder of results."""
+
+    @functools.cache
+    def of(text, *options):
+        folder = tmp_path_factory.mktemp("analyzed")
+        (folder / "fitted.csv").write_text(text, encoding="utf-8")
+        command = ["analyze", str(folder / "fitted.csv"), *options, "--time-constants", "5min", "--quiet"]
+        assert main([*command, "--out", str(folder)]) == 0
+        return folder
+
+    return of
 
 
 @pytest.mark.parametrize("name", FOLLOWED)
@@ -112,16 +128,15 @@ def test_a_damaged_line_is_called_by_its_number_in_the_file(before, place, tmp_p
         ("time,T_C,dmm_V", ",°C,mV", "'dmm_V' is in mV, and the model was fitted to 'dmm_V' in V"),
     ],
 )
-def test_units_below_the_header_are_asked(way, header, units, said, tmp_path, capsys, monkeypatch):
+def test_units_below_the_header_are_asked(way, header, units, said, analyzed, tmp_path, capsys, monkeypatch):
     """The log that the model was fitted to has the units of the first case below its header, or in it."""
     rows = "".join(
         f"2024-03-04 00:{k // 60:02d}:{k % 60:02d},{22 + 0.01 * (k % 37)},{10 + 1e-4 * (k % 7)}\n" for k in range(400)
     )
-    fitted, path, out = tmp_path / "fitted.csv", tmp_path / "log.csv", tmp_path / "out"
-    fitted.write_text(f"{header}\n{'' if 'dmm' in header else ',°C,V' + chr(10)}{rows}", encoding="utf-8")
+    path = tmp_path / "log.csv"
     path.write_text(f"{header}\n{units}\n{rows}", encoding="utf-8")
     named = [f"--temperature={header.split(',')[1]}", f"--reading={header.split(',')[2]}"]
-    assert main(["analyze", str(fitted), *named, "--time-constants", "5", "--out", str(out), "--quiet"]) == 0
+    out = analyzed(f"{header}\n{'' if 'dmm' in header else ',°C,V' + chr(10)}{rows}", *named)
     capsys.readouterr()
     with path.open() as stream:
         monkeypatch.setattr("sys.stdin", stream)
@@ -158,12 +173,10 @@ def dated_rows(unit, header="time,temperature,reading", n=400):
 
 @pytest.mark.parametrize("fitted_to", ["dates", "s"])
 @pytest.mark.parametrize("unit", ["ms", "us", "ns"])
-def test_unix_times_are_told_by_their_size_in_every_way(unit, fitted_to, tmp_path, capsys, monkeypatch):
+def test_unix_times_are_told_by_their_size_in_every_way(unit, fitted_to, analyzed, tmp_path, capsys, monkeypatch):
     """As the file's reader does, for models of dates and of Unix times in seconds: the same results, said once."""
-    fitted, path, out = tmp_path / "fitted.csv", tmp_path / "log.csv", tmp_path / "out"
-    fitted.write_text(dated_rows(fitted_to))
+    path, out = tmp_path / "log.csv", analyzed(dated_rows(fitted_to))
     path.write_text(dated_rows(unit))
-    assert main(["analyze", str(fitted), "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
     expected = pd.read_csv(out / "corrected.csv")["corrected"]
     for way in WAYS:
         capsys.readouterr()
@@ -191,12 +204,9 @@ def test_unix_times_of_a_log_in_another_dialect_are_followed_and_go_on_from_a_st
 
 
 @pytest.fixture
-def minutes(tmp_path):
+def minutes(analyzed):
     """The file of a model that is fitted to a row a minute, with Unix times in seconds."""
-    (tmp_path / "fitted.csv").write_text(dated_rows("s"))
-    command = ["analyze", str(tmp_path / "fitted.csv"), "--time-constants", "5min", "--out", str(tmp_path / "out")]
-    assert main([*command, "--quiet"]) == 0
-    return tmp_path / "out" / "model.json"
+    return analyzed(dated_rows("s")) / "model.json"
 
 
 @pytest.mark.parametrize("follow", [[], ["--follow", "--idle", "0"]])

@@ -36,6 +36,7 @@ from .levels import (
     TUNED,
     WITHIN,
 )
+from .likelihood import Fit
 from .nearby import move_again, moved, moved_for_another
 from .needed import first_proven, needed, still_helping, worth_beside
 from .pairs import may_hide, pairs
@@ -72,6 +73,8 @@ class Search:
         """Causes that were to be moved, each with the number of causes beside which it was tried."""
         self.moved_for: set[tuple[int, int]] = set()
         """Causes that were to be moved for what is found next."""
+        self.was: tuple[int, Cause, Fit] | None = None
+        """Place of the last one that was, and cause and fit as they were, until something is found beside it."""
         self.any_moved = False
         """Whether a cause was moved, so that what each is worth is not what it was when it was found."""
         self.paired = False
@@ -110,8 +113,9 @@ class Search:
             else:
                 tried, best, rivals = self._choice(tried, found)
             alone, self.half_a_pair = best is not None, False
-            if not alone and moved_for_another(self.pool, self.family, found, self.moved_for):
-                self._held_anew(found)
+            if alone:
+                self.was = None
+            elif self._moved_for_another(found, tried):
                 continue
             if not alone and (found or first is None):
                 best, rivals = self._of_a_pair()
@@ -140,6 +144,22 @@ class Search:
                 found += self._further_steps(MOST_STEPS - steps - 1, least)
             if hopeless(self, found):
                 return [], tried
+
+    def _moved_for_another(self, found: list[Cause], tried: Sequence[Tried]) -> bool:
+        """Whether a cause was moved for what may be found next; or back, where nothing was found."""
+        if self.was is None:
+            refused, fit = {t.key for t in tried if t.proven}, self.judged.base
+            there = moved_for_another(self.pool, self.family, found, refused, self.moved_for)
+            if there is None:
+                return False
+            self.was = *there, fit
+        else:
+            (place, before, fit), self.was = self.was, None
+            found[place] = before
+            self.judged.moves(before.adopted, before.tried.explanation.columns, -np.inf)
+            self.judged.base = fit
+        self._held_anew(found)
+        return True
 
     def _held_anew(self, found: Sequence[Cause]) -> None:
         """Judge on data not learned from beside causes that were moved."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -60,11 +60,14 @@ def move_again(
     return found != before
 
 
-def moved_for_another(pool: Pool, family: Family, found: list[Cause], done: set[tuple[int, int]]) -> bool:
-    """Whether a cause in `found` has moved to parameters beside which something else is proven.
+def moved_for_another(
+    pool: Pool, family: Family, found: list[Cause], refused: Collection[Key], done: set[tuple[int, int]]
+) -> tuple[int, Cause] | None:
+    """Move a cause in `found` to parameters beside which something else is proven; its place, and what it was, or None.
 
     Each cause was tuned before the next one was known, and may have taken part of it upon itself: what the two gain
-    together, over what stands, decides. `done` as in `move_again`; where many causes were found, none is moved.
+    together, over what stands, decides. What was `refused` is proven already, and no cause. `done` as in `move_again`;
+    where many causes were found, none is moved.
     """
     judged = family.judged
     for k, cause in enumerate(found if len(found) <= MANY_CAUSES else ()):
@@ -72,7 +75,7 @@ def moved_for_another(pool: Pool, family: Family, found: list[Cause], done: set[
         if cause.tried.key in (WAVE, *MANY) or now.in_model or not now.n_tuned or (k, len(found)) in done:
             continue
         done.add((k, len(found)))
-        for i in _proven_beside(pool, family, cause):
+        for i in _proven_beside(pool, family, cause, refused):
             beside = judged.without([cause.adopted])
             beside.add([each.columns for each in pool.with_columns([family.tried[i]])])
             beside.adopt(0)
@@ -84,11 +87,11 @@ def moved_for_another(pool: Pool, family: Family, found: list[Cause], done: set[
             gain = beside.refit([0])[0].level - judged.base.level
             if _proven(family, gain, i) and judged.moves(cause.adopted, there.columns, -gain):
                 found[k] = replace(cause, tried=replace(cause.tried, explanation=there))
-                return True
-    return False
+                return k, cause
+    return None
 
 
-def _proven_beside(pool: Pool, family: Family, cause: Cause) -> list[int]:
+def _proven_beside(pool: Pool, family: Family, cause: Cause, refused: Collection[Key]) -> list[int]:
     """What would be proven if a cause had whatever parameters, near those it has: the best of a few kinds.
 
     Slow ones are hidden in noise that wanders, so they are sought under white noise, too, as in a first look.
@@ -103,8 +106,8 @@ def _proven_beside(pool: Pool, family: Family, cause: Cause) -> list[int]:
     for gains in (free.screen(free.base.theta)[1:], free.screen(free.only_white(), profiled=True)[1:]):
         scores = {i: gain - family.price(i) for i, gain in zip(alive, gains, strict=True)}
         of_each = {family.tried[i].key: i for i in sorted(scores, key=scores.__getitem__)}
-        of_each.pop(cause.tried.key, None)
-        best |= dict.fromkeys(sorted(of_each.values(), key=lambda i: -scores[i])[:BESIDE_OTHERS])
+        able = [i for key, i in of_each.items() if key != cause.tried.key and key not in refused]
+        best |= dict.fromkeys(sorted(able, key=lambda i: -scores[i])[:BESIDE_OTHERS])
     level, place = free.base.level, {i: k for k, i in enumerate(alive, start=1)}
     fits = free.refit([place[i] for i in best])
     gained = {i: fit.level - level for i, fit in zip(best, fits, strict=True)}
