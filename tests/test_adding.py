@@ -11,6 +11,8 @@ from thermocorr.judgement.adding import Errors
 from thermocorr.judgement.refinement import worth_trying
 from thermocorr.judgement.tuning import effects_of
 
+pytestmark = pytest.mark.newest
+
 BEFORE = Errors(1.0, 1.0)
 
 

@@ -19,6 +19,8 @@ from thermocorr.judgement.worth import Worth
 from thermocorr.records import read_record
 from thermocorr.records.read import Layout
 
+pytestmark = pytest.mark.newest
+
 
 def swinging(n, seed):
     """A random walk: a column that has nothing to do with the record."""

@@ -21,7 +21,10 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(thermocorr.__file__).parents
 COMMAND = [sys.executable, "-m", "thermocorr"]
 ANALYZE = ["--reading", "reading", "--time-constants", "10min,2h", "--blocks", "2", "--quiet"]
 
-pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="signals and locks are those of Unix")
+pytestmark = [
+    pytest.mark.newest,
+    pytest.mark.skipif(not hasattr(os, "fork"), reason="signals and locks are those of Unix"),
+]
 
 
 @pytest.fixture(scope="module")

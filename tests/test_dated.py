@@ -18,6 +18,8 @@ from thermocorr.judgement.cuts import change_gains, products_from
 from thermocorr.judgement.likelihood import Comparison
 from thermocorr.judgement.stretches import best_stretch, damped, lengths_of, squares_of
 
+pytestmark = pytest.mark.newest
+
 TIMES = np.array([1.0, 3.0, 9.0, 27.0])
 
 

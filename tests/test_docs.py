@@ -19,7 +19,10 @@ DOCS = Path(__file__).parents[1] / "docs"
 PACKAGE = Path(thermocorr.__file__).parent
 DISPLAYS = [name for name in pictures.__all__ if name.endswith("Display")]
 """All pictures; `thermocorr.__all__` may list them, and need not."""
-pytestmark = pytest.mark.skipif(not (DOCS / "making").is_dir(), reason="docs is not beside the tests")
+pytestmark = [
+    pytest.mark.newest,
+    pytest.mark.skipif(not (DOCS / "making").is_dir(), reason="docs is not beside the tests"),
+]
 
 
 @pytest.fixture

@@ -7,6 +7,8 @@ from scipy.signal import lfilter
 
 from thermocorr import DynamicBiasRegressor, diagnose
 
+pytestmark = pytest.mark.newest
+
 N = 3000
 
 

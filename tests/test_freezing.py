@@ -12,6 +12,8 @@ from thermocorr.judgement.adding import Errors
 from thermocorr.judgement.freezing import freezing_point, with_knee_at_freezing
 from thermocorr.judgement.tuning import effects_of
 
+pytestmark = pytest.mark.newest
+
 NOISE = 0.05
 TAU = 40_000.0
 

@@ -13,6 +13,8 @@ import pytest
 import thermocorr
 from thermocorr.effects import CATALOGUE
 
+pytestmark = pytest.mark.newest
+
 PACKAGE = Path(thermocorr.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
 ROOT = Path(__file__).parents[1]

@@ -16,6 +16,8 @@ from thermocorr.estimators.fitting import sweep_effects
 from thermocorr.judgement.judged_rows import Starts
 from thermocorr.records import Layout, read_record
 
+pytestmark = pytest.mark.newest
+
 TAUS = [200.0, 1500.0, 5000.0]
 
 

@@ -6,9 +6,12 @@ import importlib.util
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from thermocorr import DynamicBiasRegressor, diagnose, refine
 from thermocorr.datasets import load_real_record
+
+pytestmark = pytest.mark.newest
 
 spec = importlib.util.spec_from_file_location("bench", Path(__file__).parents[1] / "benchmarks" / "real_records.py")
 bench = importlib.util.module_from_spec(spec)

@@ -23,6 +23,8 @@ from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate
 from thermocorr.records.states import state, states_of
 
+pytestmark = pytest.mark.newest
+
 ROWS = 6000
 
 

@@ -9,6 +9,8 @@ from thermocorr.effects import Covariate, Drift, LaggedCovariate
 from thermocorr.estimators.holdout import rms
 from thermocorr.judgement.tuning import effects_of
 
+pytestmark = pytest.mark.newest
+
 N, LEARNED = 5000, 3500
 
 

@@ -16,6 +16,8 @@ from thermocorr.judgement.likelihood import Comparison
 from thermocorr.judgement.pool import Explanation
 from thermocorr.judgement.worth import Worth
 
+pytestmark = pytest.mark.newest
+
 CURVED = "static_polynomial", "lag_products"
 CASES = [
     ("chamber", "box", 635, CURVED),  # a hinge and three more

@@ -11,6 +11,8 @@ from thermocorr.judgement.adding import Errors
 from thermocorr.judgement.tuning import effects_of, fitted_with, tuned
 from thermocorr.judgement.worked_out import worked_out
 
+pytestmark = pytest.mark.newest
+
 NOISE = 0.05
 
 
