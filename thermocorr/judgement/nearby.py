@@ -98,6 +98,8 @@ def _proven_beside(pool: Pool, family: Family, cause: Cause, refused: Collection
     """
     judged, alive = family.judged, family.alive()
     near = pool.of(cause.tried.explanation.effect.nearby(pool.record))[::2]  # one side of each parameter
+    if not near:  # an effect of the user's own
+        return []
     judged.add([np.column_stack([each.columns for each in near])])
     free = judged.of([len(judged.explanations) - 1, *alive])
     judged.explanations.pop()
