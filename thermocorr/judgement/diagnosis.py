@@ -11,7 +11,7 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
-from ..effects import CATALOGUE
+from ..effects import CATALOGUE, Drift, LogAgeing
 from ..effects.protocol import SINCE_START, TEMPERATURE_DIFFERENCE, Effect
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
@@ -29,7 +29,7 @@ from .choice import Cause, Tried, first_of_each
 from .dated import DATED
 from .family import ANYWHERE
 from .found import Diagnosis, FoundSuspect
-from .lacking import lacking
+from .lacking import lacking, start_lacking
 from .left import what_is_left
 from .left_levels import RANKED
 from .levels import GAIN
@@ -100,10 +100,10 @@ def diagnose(
         pool = Pool(model, record, base, candidates, felt_in_gaps(model, read, base.slowest))
         search, causes, last = searched(pool, [kind for kind in ANYWHERE if kind not in exclude])
         missing = [cause for cause in map(_not_silently, causes) if not cause.tried.explanation.in_model]
-        missing = missing or lacking(model, search, exclude)
+        missing = missing or start_lacking(model, search, causes, exclude) or lacking(model, search, exclude)
         missing.sort(key=_worth_to_the_user)
         search.judged.let_go()
-        return _conclude(model, y, seen, read, search, missing, last)
+        return _conclude(model, y, seen, read, search, missing, last, _as_likely_as_the_start(causes))
 
 
 def _conclude(
@@ -114,13 +114,14 @@ def _conclude(
     search: Search,
     causes: Sequence[Cause],
     last: Sequence[Tried],
+    start_or: tuple[str, ...],
 ) -> Diagnosis:
     """Verdict, causes and other suspects, and what is left."""
     residual, rms = residuals_of(model, read, search.pool.record)
     doubts = [[tried for tried in last if tried.uneven], [tried for tried in last if tried.copied]]
     labels = [[effect_text(tried.explanation.effect) for tried in first_of_each(doubt)] for doubt in doubts]
     share, apart = beyond_judgement(model, read)
-    rest = replace(what_is_left(search, residual, *labels), unjudged=share, unjudged_rms=apart)
+    rest = replace(what_is_left(search, residual, *labels), unjudged=share, unjudged_rms=apart, start_or=start_or)
     rounded = rest.rounding and not causes
     floor = rms if search.pool.rows.exact or rounded else min(max(rest.floor, rest.rounding / np.sqrt(12)), rms)
     moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, causes)]
@@ -168,6 +169,14 @@ def _not_silently(cause: Cause) -> Cause:
         return cause
     best = max(proven, key=lambda t: t.score)
     return replace(cause, tried=best, alike=(cause.tried, *(t for t in cause.alike if t is not best)))
+
+
+def _as_likely_as_the_start(causes: Sequence[Cause]) -> tuple[str, ...]:
+    """Labels of what goes on with time, and is as likely as the start of the record that the model takes for it."""
+    starts = [cause for cause in causes if cause.tried.explanation.is_start]
+    rivals = [t for start in starts for t in start.alike if t.proven and t.score >= start.tried.score]
+    effects = [t.explanation.effect for t in rivals if not t.explanation.in_model]
+    return tuple(effect_text(effect) for effect in effects if isinstance(effect, Drift | LogAgeing))
 
 
 def _worth_to_the_user(cause: Cause) -> tuple[bool, float]:

@@ -1,4 +1,4 @@
-"""What the model's own lags lack: a lag, a delay, a rate or a lead, judged beside them alone.
+"""What the model's own lags lack: a lag, a delay, a rate or a lead, judged beside them alone; so with its decays.
 
 Other causes are judged beside many lags, so that a poor thermal part makes none of them look guilty. Where none was
 found, the many lags make room for the model's few, and what these leave is looked at. Beside a cause that is missing,
@@ -7,7 +7,8 @@ the model's lags made up for it as well as they could: they would be found wanti
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 from sklearn.base import clone
@@ -18,7 +19,10 @@ from ..estimators.regressor import DynamicBiasRegressor
 from .blocks import averaged_columns
 from .causes import Search
 from .choice import Cause, first_of_each
-from .levels import FINE, GAIN, OF_MUCH, SIZEABLE, TIE
+from .directions import orthonormal
+from .levels import FINE, GAIN, OF_MUCH, SIZEABLE, START_TOLD, TIE
+from .pool import Pool
+from .starts import OwnStart
 
 
 def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str]) -> list[Cause]:
@@ -26,13 +30,7 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
     pool = search.pool
     if pool.rows.exact or search.rounded:
         return []
-    rows = float(np.median(pool.data.counts)) * float(np.sum(pool.rows.weight**2))  # in each, the usual noise
-    small = rows * SIZEABLE**2  # twice what it gains in white noise
-    own = [clone(effect) for effect in model.features_.effect_list() if not isinstance(effect, InitialTransient)]
-    for effect in own:
-        effect.learn(pool.record)
-    lags = map(pool.rows.weighed, averaged_columns(pool.record, own, FINE))
-    thin = np.column_stack([pool.rows.constant, *lags, *pool.start])
+    small, thin = _small(pool), np.column_stack([_own_lags(model, pool), *pool.start])
     most = search.judged.total - pool.compared(thin).total
     if most < small / 2:  # the many lags themselves gain no more than that
         return []
@@ -49,3 +47,43 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
     if share < OF_MUCH and max(t.worth.both for t in near) < GAIN:
         return []
     return [Cause(tried=best, alike=alike, others=others, share=share)]
+
+
+def start_lacking(
+    model: DynamicBiasRegressor, search: Search, causes: Sequence[Cause], exclude: Collection[str]
+) -> list[Cause]:
+    """The start of the record, at most one cause, where it was taken for the model's and the model's decays miss much.
+
+    Decays are held up to a share of the record, whether the model has as slow ones or not.
+    """
+    pool = search.pool
+    starts = [cause.tried for cause in causes if cause.tried.explanation.is_start]
+    taken = [t for t in starts if isinstance(t.explanation.effect, InitialTransient)]
+    own = [effect for effect in model.features_.effect_list() if isinstance(effect, InitialTransient)]
+    if not taken or InitialTransient.kind in exclude:
+        return []
+    decays: list[Effect] = [OwnStart(effect, which=slice(1), beyond=1.0) for effect in own]
+    for effect in decays:
+        effect.learn(pool.record)
+    held = [orthonormal(part, START_TOLD) for part in averaged_columns(pool.record, decays, FINE)]
+    thin = np.column_stack([_own_lags(model, pool), *map(pool.rows.weighed, held)])
+    missed = [replace(each, in_model=False) for each in pool.unmade([clone(t.explanation.effect) for t in taken])]
+    beside = Search(pool.beside(thin, missed), anywhere=())
+    small = _small(pool) / 2
+    tried = [t for t in beside.look() if not t.explanation.in_model and t.proven]
+    tried = [t for t in tried if t.score > small or t.worth.both >= GAIN]
+    return [Cause(tried=t, alike=(), others=(), share=beside.share(t)) for t in tried[:1]]
+
+
+def _own_lags(model: DynamicBiasRegressor, pool: Pool) -> np.ndarray:
+    """Columns of the model but for its decays, and the constant, as they are judged, shape (n, p)."""
+    own = [clone(effect) for effect in model.features_.effect_list() if not isinstance(effect, InitialTransient)]
+    for effect in own:
+        effect.learn(pool.record)
+    return np.column_stack([pool.rows.constant, *map(pool.rows.weighed, averaged_columns(pool.record, own, FINE))])
+
+
+def _small(pool: Pool) -> float:
+    """Twice the log likelihood in white noise up to which what the model lacks is too small for a word."""
+    rows = float(np.median(pool.data.counts)) * float(np.sum(pool.rows.weight**2))  # in each, the usual noise
+    return rows * SIZEABLE**2

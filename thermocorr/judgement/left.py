@@ -85,6 +85,9 @@ class Left:
     """Whether a drift of several noises would pass for what model and causes have; False beside a model that has
     effects of time alone, and where the reading is exact."""
 
+    start_or: tuple[str, ...] = ()
+    """Labels of effects that go on with time, as likely as the start of the record that the model takes for them."""
+
     @property
     def absurd(self) -> bool:
         """Whether a few readings make most of the residual: no noise has such tails."""

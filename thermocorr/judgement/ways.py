@@ -20,10 +20,10 @@ def searched(pool: Pool, anywhere: Collection[str]) -> tuple[Search, list[Cause]
     What is taken in first decides what is left for the next. Two effects at once may look like a third one, and what
     that leaves like several more. Where many causes were found and leave noise that wanders, the search is begun with
     one that cannot be told from the first, came next to it, was found later, or came after that, be it proven only
-    beside what is found then, or with a product whose evidence is greater but uneven; fewer causes that are likelier
-    stand. A column that is late may have taken part of another cause upon itself, a drift: the search is begun with the
-    column as it is, and as many causes that are likelier stand. So may a change of the law at a row, which is a step
-    where a sensitivity drifts. Where none was found, a column that is proven may have
+    beside what is found then; fewer causes that are likelier stand. A column that is late may have taken part of
+    another cause upon itself, a drift: the search is begun with the column as it is, and as many causes that are
+    likelier stand. So may a change of the law at a row, which is a step where a sensitivity drifts; and whatever was
+    found first, where a product has greater but uneven evidence. Where none was found, a column that is proven may have
     been refused for the harm that it does while a drift is missing: the search is begun with it, and several causes
     that are likelier stand.
     """
@@ -74,12 +74,12 @@ def _other_firsts(causes: Sequence[Cause], last: Sequence[Tried]) -> dict[Key, i
     if len(causes) < 2 or len({cause.tried.key for cause in causes}) > MANY_CAUSES:
         return {}
     plain = [t.key for cause in causes for t in cause.others if t.proven and _nearly_as_it_is(cause.tried, t)]
+    plain += [t.key for t in _uneven_products(causes[0])[:1]]
     others: list[Key] = []
     if len(causes) > FEW_CAUSES:
-        others = [t.key for t in _uneven_products(causes[0])[:1]]
         next_best = sorted(causes[0].others, key=lambda t: -t.score)
         later = [cause.tried for cause in causes[1:]]
-        others += [t.key for t in (*causes[0].alike[:1], *next_best[:1], *later, *next_best[1:])]
+        others = [t.key for t in (*causes[0].alike[:1], *next_best[:1], *later, *next_best[1:])]
     firsts = [key for key in dict.fromkeys((*plain, *others)) if key != causes[0].tried.key]
     return {key: 0 if key in plain else -1 for key in firsts[:WAYS]}
 

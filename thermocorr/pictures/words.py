@@ -243,6 +243,11 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
             f"What the model has can take the place of a drift here: {which} passes for it, and a forecast goes wrong "
             "by that. Record on, through the same temperatures again."
         )
+    if left.start_or:
+        said.append(
+            f"What the model takes for the start of the record is as likely {' or '.join(left.start_or)}, which goes "
+            "on where a start ends: a forecast goes wrong by that. Record on: a longer record tells them apart."
+        )
     return said
 
 

@@ -30,6 +30,10 @@ HIDDEN_DRIFT = (
     "in the fitted record a drift passes for what the model has, and a forecast goes wrong by it (diagnosis.left says "
     "how large a drift). Record on, through the same temperatures again."
 )
+GOES_ON = (
+    "what the model takes for the start of the fitted record is as likely something that goes on "
+    "(diagnosis.left.start_or), and a forecast goes wrong by it. Record on."
+)
 
 
 def uncertainty_of(
@@ -95,7 +99,9 @@ def why_incomplete(model: Any, joint: JointErrors, diagnosis: Any) -> str:
         verdict = _verdict_on(model, diagnosis)
         if not VERDICTS[verdict].calm:
             return f"the diagnosis says {verdict!r}."
-        return HIDDEN_DRIFT if diagnosis.left.drift_hides else ""
+        if diagnosis.left.drift_hides:
+            return HIDDEN_DRIFT
+        return GOES_ON if diagnosis.left.start_or else ""
     share = joint.noise.wander_variance / joint.noise.variance if joint.noise.variance > 0 else 0.0
     if share <= WANDERS:
         return ""
