@@ -9,7 +9,7 @@ import pytest
 from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.equations.repeats import ends_of_range, filled_in, is_repeated
-from thermocorr.records.errors import RecordWarning
+from thermocorr.records.errors import RecordError, RecordWarning
 
 N = 3000
 
@@ -60,6 +60,36 @@ def test_readings_between_which_rows_were_filled_in_are_no_effect(seed, rows, di
     rare = DynamicBiasRegressor("temperature").fit(X, lines.mask(np.arange(N) % rows != 0))
     assert model.residual_std_ == pytest.approx(rare.residual_std_, rel=0.02)
     assert model.flags(X, lines).eq("").all()
+
+
+@pytest.mark.parametrize("rows", [2, 3, 6, 10, 30])
+@pytest.mark.parametrize("n", [3000, 8000, 50_000])
+def test_filled_in_rows_are_told_in_records_of_any_length(rows, n):
+    """Of long ones some stretches are looked at, whose ends are no bends; nor are still rows at the end."""
+    X = pd.DataFrame({"temperature": np.sin(np.arange(n) / 500)})
+    lines = pd.Series(np.random.default_rng(n + rows).standard_normal(n)).where(np.arange(n) % rows == 0).interpolate()
+    spoiled = lines.mask(np.random.default_rng(0).random(n) < 0.01, 500.0)
+    for y in (lines, lines.astype(np.float32), lines.mask(np.arange(n) % 97 == 5), spoiled if rows <= 10 else lines):
+        with pytest.warns(RecordWarning, match="rows between rarer readings were filled in"):
+            DynamicBiasRegressor("temperature", [20.0], sampling_period=1.0).fit(X, y)
+
+
+def test_glitches_of_a_temperature_that_was_filled_in_are_found():
+    X, y = record(0)
+    rare = X["temperature"] + 0.1 * np.random.default_rng(0).standard_normal(N)
+    X["temperature"] = rare.where(np.arange(N) % 5 == 0).interpolate()
+    X.iloc[[500, 1001, 2002], 0] += 1.0
+    _, _, said = told(X, y)
+    assert "3 temperatures left out as spikes: rows 500, 1001, 2002." in said
+
+
+def test_too_few_readings_between_filled_in_rows_are_said():
+    X, y = record(0)
+    rare = y.where(np.arange(N) % 48 == 0).interpolate()
+    with pytest.warns(RecordWarning, match="filled in"):
+        model = DynamicBiasRegressor("temperature", [60.0]).fit(X, rare)
+    with pytest.raises(RecordError, match=r"100 are needed, beside what was left out \(filled in\)\. Record longer"):
+        diagnose(model, X, rare)
 
 
 @pytest.mark.parametrize("seed", range(5))

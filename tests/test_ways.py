@@ -30,6 +30,12 @@ CASES = [
     ("lab", "plate", 2309, ("sensitivity_drift", "disturbance")),  # two steps of opposite size, and the drift
     ("lab", "layered", 3006, ("sensitivity_drift", "disturbance")),  # likewise
     ("lab", "slab", 2524, ("sensitivity_drift", "step")),  # a step of the sensitivity, whose slope the drift has
+    (
+        "chamber",
+        "slab",
+        2628,
+        ("sensitivity_drift", "interaction"),
+    ),  # a step of the sensitivity, and one of the reading
     ("chamber", "slab", 2320, ("lagged_modulation", "log_ageing")),  # a shorter lag, which took the ageing upon itself
 ]
 

@@ -31,16 +31,23 @@ FEWEST = 30
 """Readings that stand in more than one row, below which nothing is said."""
 DIFFERENT = 30
 """Different numbers among these readings, below which they are states or setpoints."""
-ON_LINE, BENDS, MOSTLY_ON_LINES = 1e-3, 0.02, 0.3
-"""Distance from the mean of the neighbours, over the one that this share of the readings exceeds, up to which a reading
-stands on a straight line; share that does, from which they may be filled in. Of white noise one in five hundred does,
-of coarse readings up to one in six, where every second row is filled in, half."""
-ARITHMETIC = 1e-9
-"""A distance over that one, below which it is rounding of the arithmetic."""
-ROUNDED_LINE = 0.03
+ARITHMETIC, OF_TIMES = 8.0, 1e-7
+"""Distances up to which they are rounding of the arithmetic: in units of the last place of the largest reading, and,
+for times are rounded, too, as a share of the largest distance."""
+MOSTLY_ON_LINES = 0.3
+"""Share of the readings that are the mean of their neighbours, from which rows may be filled in. Of coarse readings one
+in six is; where every second row is filled in, half."""
+BENDS = 0.05
+"""Share of the readings that are farther from that mean than what counts as far: more than spikes, and fewer than bends
+where at most nineteen rows in twenty are filled in."""
+ROUNDED_LINE = 0.1
 """A digit over that distance, up to which lines may be rounded to it."""
-LOOK = 4000
-"""Rows that are looked at first: hardly any record is filled in."""
+AT_MULTIPLES = 0.8
+"""Share of the distances between bends that must be multiples of the usual one: rows are filled in evenly."""
+OUTLYING = 10.0
+"""Distance of a bend over the median one, beyond which it is a spike."""
+LOOK, NEAR_AT_ONCE = 4000, 0.025
+"""Rows that are looked at first, for hardly any record is filled in; share of the largest distance that is near."""
 FINE = 0.5
 """Share of the readings that are different numbers, from which one is hardly ever met twice."""
 MET = 10
@@ -124,22 +131,35 @@ def filled_in(values: Floats) -> float:
     (True, nan, nan)
     """
     first = _off_lines(values[:LOOK])
-    if np.count_nonzero(first <= ROUNDED_LINE * np.nanmax(first, initial=0.0)) < MOSTLY_ON_LINES * len(first) / 2:
+    if np.count_nonzero(first <= NEAR_AT_ONCE * np.nanmax(first, initial=0.0)) < MOSTLY_ON_LINES * len(first) / 2:
         return np.nan
-    off = _off_lines(values)
-    off = off[np.isfinite(off)]
-    far = float(np.quantile(off, 1 - BENDS)) if len(off) >= FEWEST else 0.0
-    digit = float(off[off > ARITHMETIC * far].min(initial=np.inf))
-    near = max(ON_LINE * far, 2.1 * digit if 2.1 * digit <= ROUNDED_LINE * far else 0.0)
-    on = on_lines(values, near if near > 0 else np.nan)
-    if on.sum() < max(FEWEST, MOSTLY_ON_LINES * len(off)):
+    off = np.full(len(values), np.nan)
+    off[1:-1] = _off_lines(values)
+    known = off[np.isfinite(off)]
+    single = bool(np.array_equal(values.astype(np.float32), values, equal_nan=True))
+    last_place = float(np.finfo(np.float32 if single else float).eps * np.nanmax(np.abs(values)))
+    exact = max(ARITHMETIC * last_place, OF_TIMES * float(known.max(initial=0.0)))
+    away = known[known > exact]
+    if len(away) < FEWEST:
         return np.nan
-    bends = np.flatnonzero(~on & np.isfinite(values))
-    inside = bends[(bends > 0) & (bends < len(values) - 1)]
-    bent = _off_lines(values)[inside - 1]
-    bent = bent[bent > near]
-    coarse = not len(bent) or np.mean(bent <= FEW_DIGITS * np.quantile(bent, DIGIT)) > COARSE
-    return np.nan if coarse or not _evenly(np.diff(bends)) else near
+    far, digit = max(float(np.quantile(known, 1 - BENDS)), float(np.median(away))), 2 * float(away.min())
+    near = 2 * digit if 2 * digit <= ROUNDED_LINE * far else exact
+    on = on_lines(values, near)
+    if on.sum() < max(FEWEST, MOSTLY_ON_LINES * len(known)):
+        return np.nan
+    still = repeated(values)
+    still[:-1] |= still[1:]
+    bends = np.flatnonzero(~on & ~still & np.isfinite(off))
+    if len(bends) < FEWEST:
+        return np.nan
+    bends = bends[off[bends] <= OUTLYING * np.median(off[bends])]
+    stretch = np.cumsum(np.isnan(off))
+    rows = np.diff(bends)[stretch[bends[1:]] == stretch[bends[:-1]]]
+    bent = off[bends]
+    if len(rows) < FEWEST or np.mean(bent <= FEW_DIGITS * np.quantile(bent, DIGIT)) > COARSE:
+        return np.nan
+    usual = int(np.bincount(rows).argmax())
+    return near if usual > 1 and np.mean(rows % usual == 0) >= AT_MULTIPLES else np.nan
 
 
 def _evenly(rows: NDArray[np.intp]) -> bool:

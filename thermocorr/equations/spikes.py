@@ -96,8 +96,8 @@ class Usual:
         return np.asarray((values < self.low - ranges * self.range) | (values > self.high + ranges * self.range))
 
 
-def usual_of(stretches: Sequence[Floats], n_rows: int | None = None) -> Usual:
-    """What is usual, from stretches of consecutive readings (NaN where there is none) of a record of `n_rows`."""
+def usual_of(stretches: Sequence[Floats], n_rows: int | None = None, lines: bool = True) -> Usual:
+    """What is usual, from stretches of consecutive readings of `n_rows` (NaN: none); those on `lines` do not count."""
     known = [part[np.abs(part) < OVERLOAD] for part in stretches]  # NaN is not
     values = np.sort(np.concatenate([np.zeros(0), *known]))
     if len(values) < FEWEST:
@@ -105,7 +105,8 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None) -> Usual:
     low, middle, high = (_share(values, share) for share in (0.05, 0.5, 0.95))
     line = np.concatenate([np.concatenate(([np.nan], part)) for part in known])
     ends, repeats = ends_of_range(line), is_repeated(line)
-    near = np.nan if repeats else filled_in(line)
+    whole = [np.concatenate(([np.nan], np.where(np.abs(part) < OVERLOAD, part, np.nan))) for part in stretches]
+    near = filled_in(np.concatenate(whole)) if lines and not repeats else np.nan
     line = line[~(repeated(line) if repeats else on_lines(line, near))]
     steps = line[1:] - line[:-1]
     noise = _noise(steps)

@@ -113,14 +113,13 @@ class Search:
             else:
                 tried, best, rivals = self._choice(tried, found)
             alone, self.half_a_pair = best is not None, False
-            if alone:
-                self.was = None
-            elif self._moved_for_another(found, tried):
+            if not alone and self._moved_for_another(found, tried):
                 continue
             if not alone and (found or first is None):
                 best, rivals = self._of_a_pair()
             enough = self.rounded or len(found) - steps == MOST
             if best is None or enough or (found and trifling(best, self.share(best), self.record)):
+                self._put_back(found)
                 found = found if first is None else first_proven(self.judged, found, self.family.price, self._chance_of)
                 plain = with_plain_steps(self.pool, self.family, found)
                 self.any_moved |= [*map(id, plain)] != [*map(id, found)]
@@ -139,6 +138,7 @@ class Search:
             others = [t for t in tried if t.key != best.key]
             self.family.keep_only({best.number, *(t.number for t in (*first_of_each(tried), *alike))})
             found.append(self._taken_in(best, alike, others))
+            self.was = None
             if best.key in MANY:
                 least = max((t.score for t in others if t.key not in MANY), default=0.0)
                 found += self._further_steps(MOST_STEPS - steps - 1, least)
@@ -147,19 +147,24 @@ class Search:
 
     def _moved_for_another(self, found: list[Cause], tried: Sequence[Tried]) -> bool:
         """Whether a cause was moved for what may be found next; or back, where nothing was found."""
-        if self.was is None:
-            refused, fit = {t.key for t in tried if t.proven}, self.judged.base
-            there = moved_for_another(self.pool, self.family, found, refused, self.moved_for)
-            if there is None:
-                return False
+        if self.was is not None:
+            self._put_back(found)
+            return True
+        refused, fit = {t.key for t in tried if t.proven}, self.judged.base
+        there = moved_for_another(self.pool, self.family, found, refused, self.moved_for)
+        if there is not None:
             self.was = *there, fit
-        else:
-            (place, before, fit), self.was = self.was, None
-            found[place] = before
-            self.judged.moves(before.adopted, before.tried.explanation.columns, -np.inf)
-            self.judged.base = fit
-        self._held_anew(found)
-        return True
+            self._held_anew(found)
+        return there is not None
+
+    def _put_back(self, found: list[Cause]) -> None:
+        """Move the cause back that was moved last, if nothing was found beside it."""
+        if self.was is None:
+            return
+        (place, before, fit), self.was = self.was, None
+        if self.judged.moves(before.adopted, before.tried.explanation.columns, -np.inf):  # as many columns as before
+            found[place], self.judged.base = before, fit
+            self._held_anew(found)
 
     def _held_anew(self, found: Sequence[Cause]) -> None:
         """Judge on data not learned from beside causes that were moved."""

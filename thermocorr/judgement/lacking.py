@@ -52,9 +52,9 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
 def start_lacking(
     model: DynamicBiasRegressor, search: Search, causes: Sequence[Cause], exclude: Collection[str]
 ) -> list[Cause]:
-    """The start of the record, at most one cause, where it was taken for the model's and the model's decays miss much.
+    """At most one cause: a start that was taken for the model's, where the model's decays miss much of it.
 
-    Decays are held up to a share of the record, whether the model has as slow ones or not.
+    A search holds decays up to a share of the record for the model's, whether it has as slow ones or not.
     """
     pool = search.pool
     starts = [cause.tried for cause in causes if cause.tried.explanation.is_start]

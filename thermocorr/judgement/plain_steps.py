@@ -12,9 +12,9 @@ from itertools import pairwise
 import numpy as np
 
 from ..effects import Disturbance, SensitivityStep, Step
-from .choice import Cause
+from .choice import Cause, Tried
 from .family import Family
-from .levels import LEVEL, LONGEST_STRETCH, MANY_CAUSES
+from .levels import LEVEL, LONGEST_STRETCH, MANY_CAUSES, TIE
 from .pool import Explanation, Pool
 
 
@@ -29,14 +29,18 @@ def with_plain_steps(pool: Pool, family: Family, found: Sequence[Cause]) -> list
 
 
 def _without_law(pool: Pool, family: Family, cause: Cause) -> Cause:
-    """A step where the cause is another law that gains no more than one column does by chance; or the cause."""
+    """A step where the cause is another law that gains no more than one column does by chance; or the cause.
+
+    The law that is left may be what is there, where it is nearly as likely.
+    """
     effect = cause.tried.explanation.effect
     if not isinstance(effect, SensitivityStep) or Step.kind not in family.anywhere:
         return cause
-    step = pool.of([Step(effect.time)])[0]
-    if not family.judged.moves(cause.adopted, step.columns, -family.price_of_columns(1)):
+    step, least, before = pool.of([Step(effect.time)])[0], family.price_of_columns(1), family.judged.base.level
+    if not family.judged.moves(cause.adopted, step.columns, -least):
         return cause
-    return _told_as(family, cause, step, cause.share)
+    lost = before - family.judged.base.level
+    return _told_as(family, cause, step, cause.share, *([cause.tried] if lost > least - TIE else []))
 
 
 def _there_and_back(pool: Pool, family: Family, found: Sequence[Cause]) -> list[Cause]:
@@ -50,14 +54,14 @@ def _there_and_back(pool: Pool, family: Family, found: Sequence[Cause]) -> list[
     steps = sorted((c for c in causes if c.tried.explanation.effect.kind == Step.kind), key=_moment)
     for first, second in sorted(pairwise(steps), key=lambda pair: _moment(pair[1]) - _moment(pair[0])):
         here = [any(c is one for c in causes) for one in (first, second)]
-        if all(here) and (stretch := _enough(pool, family, first, second)) is not None:
+        if all(here) and (stretch := _stretch_between(pool, family, first, second)) is not None:
             one = _told_as(family, first, stretch, first.share + second.share)
             causes = [one if c is first else c for c in causes if c is not second]
     return causes
 
 
-def _enough(pool: Pool, family: Family, first: Cause, second: Cause) -> Explanation | None:
-    """The stretch between two steps, where it is enough; the first of them is it, in the comparison, from then on."""
+def _stretch_between(pool: Pool, family: Family, first: Cause, second: Cause) -> Explanation | None:
+    """The stretch between two steps, which then stands for the first in the comparison; None where it is not enough."""
     start, end = _moment(first), _moment(second)
     seconds = pool.data.seconds
     if np.count_nonzero((seconds >= start) & (seconds < end)) > LONGEST_STRETCH * len(seconds):
@@ -74,10 +78,10 @@ def _enough(pool: Pool, family: Family, first: Cause, second: Cause) -> Explanat
     return stretch
 
 
-def _told_as(family: Family, cause: Cause, explanation: Explanation, share: float) -> Cause:
-    """A cause by another explanation, which stands in its place in the comparison."""
+def _told_as(family: Family, cause: Cause, explanation: Explanation, share: float, *more: Tried) -> Cause:
+    """A cause by another explanation, which stands in its place in the comparison; it may be `more`, too."""
     number = family.add([explanation])[0]
-    alike = tuple(t for t in cause.alike if t.key != explanation.key)
+    alike = tuple(t for t in (*more, *cause.alike) if t.key != explanation.key)
     tried = replace(cause.tried, explanation=explanation, number=number)
     return replace(cause, tried=tried, alike=alike, share=min(share, 1.0))
 

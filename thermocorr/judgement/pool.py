@@ -101,9 +101,10 @@ class Pool:
             effect.learn(record)
         self.data: Averages = averaged(record, [*own, *base, *first, *slow], FINE)
         if len(self.data.reading) < FEWEST:
+            gone = ", ".join(sorted({refused.reason for refused in record.refused if refused.what == "reading"}))
             raise RecordError(
                 f"The record is too short to judge: {len(self.data.reading)} readings, and {FEWEST} are "
-                "needed. Record longer."
+                f"needed{f', beside what was left out ({gone})' if gone else ''}. Record longer."
             )
         self.span = spans(self.data, record)
         """Number of the span of each row, over which noise goes on, shape (n,)."""

@@ -164,10 +164,9 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
         if column is None:
             limits[what] = Limits()
             continue
-        usual = usual_of(_sampled(record, column), record.n_used)
+        usual = usual_of(_sampled(record, column), record.n_used, lines=what == "reading")
         if what == "temperature":
-            # lags do not go across a room that is beyond its thermometer's range, and take it for straight in between
-            usual = replace(usual, ends=(), on_lines=np.nan)
+            usual = replace(usual, ends=())  # lags do not go across a room that is beyond its thermometer's range
         found = record.scanned(what, usual)
         spikes = found.true_spikes(usual, record.n_used)
         limits[what] = _limits(record, column, usual, found, spikes)
@@ -285,7 +284,8 @@ def _note(refused: Refused) -> str:
     if refused.reason == FILLED_IN:
         return (
             f"{count} of the readings stand on the straight line between those beside them: the rows between rarer "
-            "readings were filled in. They are left out; the readings at the bends are learned from."
+            "readings were filled in. They are left out, and the readings at the bends are learned from; screen=False "
+            "keeps all."
         )
     if refused.reason == CLIPPED:
         values, times = np.unique(refused.values, return_counts=True)
