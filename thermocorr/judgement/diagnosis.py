@@ -100,7 +100,7 @@ def diagnose(
         pool = Pool(model, record, base, candidates, felt_in_gaps(model, read, base.slowest))
         search, causes, last = searched(pool, [kind for kind in ANYWHERE if kind not in exclude])
         missing = [cause for cause in map(_not_silently, causes) if not cause.tried.explanation.in_model]
-        missing = missing or start_lacking(model, search, causes, exclude) or lacking(model, search, exclude)
+        missing = missing or start_lacking(model, read, search, causes, exclude) or lacking(model, search, exclude)
         missing.sort(key=_worth_to_the_user)
         search.judged.let_go()
         return _conclude(model, y, seen, read, search, missing, last, _as_likely_as_the_start(causes))

@@ -16,12 +16,14 @@ from sklearn.base import clone
 from ..effects import CATALOGUE, InitialTransient
 from ..effects.protocol import Effect
 from ..estimators.regressor import DynamicBiasRegressor
+from ..records import Record
 from .blocks import averaged_columns
 from .causes import Search
 from .choice import Cause, first_of_each
 from .directions import orthonormal
 from .levels import FINE, GAIN, OF_MUCH, SIZEABLE, START_TOLD, TIE
 from .pool import Pool
+from .residual import residuals_of
 from .starts import OwnStart
 
 
@@ -50,11 +52,12 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
 
 
 def start_lacking(
-    model: DynamicBiasRegressor, search: Search, causes: Sequence[Cause], exclude: Collection[str]
+    model: DynamicBiasRegressor, read: Record, search: Search, causes: Sequence[Cause], exclude: Collection[str]
 ) -> list[Cause]:
     """At most one cause: a start that was taken for the model's, where the model's decays miss much of it.
 
-    A search holds decays up to a share of the record for the model's, whether it has as slow ones or not.
+    A search holds decays up to a share of the record for the model's, whether it has as slow ones or not. `read` is the
+    record as the model reads it, whose residual must be larger than the noise by what is worth a word.
     """
     pool = search.pool
     starts = [cause.tried for cause in causes if cause.tried.explanation.is_start]
@@ -72,7 +75,17 @@ def start_lacking(
     small = _small(pool) / 2
     tried = [t for t in beside.look() if not t.explanation.in_model and t.proven]
     tried = [t for t in tried if t.score > small or t.worth.both >= GAIN]
-    return [Cause(tried=t, alike=(), others=(), share=beside.share(t)) for t in tried[:1]]
+    if not tried or _beyond_noise(model, read, search) < SIZEABLE:
+        return []
+    return [Cause(tried=tried[0], alike=(), others=(), share=beside.share(tried[0]))]
+
+
+def _beyond_noise(model: DynamicBiasRegressor, read: Record, search: Search) -> float:
+    """Rms of the model's residual beyond the noise of one sample, over that noise."""
+    counts = float(np.median(search.pool.data.counts))
+    noise = search.judged.unit * float(np.sqrt(search.judged.innovation * counts))
+    rms = residuals_of(model, read, search.pool.record)[1]
+    return float(np.sqrt(max(rms**2 - noise**2, 0.0)) / noise)
 
 
 def _own_lags(model: DynamicBiasRegressor, pool: Pool) -> np.ndarray:
