@@ -93,7 +93,7 @@ def is_repeated(values: Floats) -> bool:
     steps = np.abs(np.diff(shown))
     beside = steps[stands[1:] | stands[:-1]]
     beside = beside[np.isfinite(beside)]
-    if np.mean(beside <= FEW_DIGITS * np.quantile(beside, DIGIT)) > COARSE:
+    if _coarse(beside):
         return False
     whole = np.isfinite(steps[1:]) & np.isfinite(steps[:-1])  # not cut by the end of a stretch
     return _evenly(rows[1:-1][whole])
@@ -135,31 +135,46 @@ def filled_in(values: Floats) -> float:
         return np.nan
     off = np.full(len(values), np.nan)
     off[1:-1] = _off_lines(values)
-    known = off[np.isfinite(off)]
-    single = bool(np.array_equal(values.astype(np.float32), values, equal_nan=True))
-    last_place = float(np.finfo(np.float32 if single else float).eps * np.nanmax(np.abs(values)))
-    exact = max(ARITHMETIC * last_place, OF_TIMES * float(known.max(initial=0.0)))
-    away = known[known > exact]
-    if len(away) < FEWEST:
-        return np.nan
-    far, digit = max(float(np.quantile(known, 1 - BENDS)), float(np.median(away))), 2 * float(away.min())
-    near = 2 * digit if 2 * digit <= ROUNDED_LINE * far else exact
+    near = _near_lines(values, off[np.isfinite(off)])
     on = on_lines(values, near)
-    if on.sum() < max(FEWEST, MOSTLY_ON_LINES * len(known)):
+    if on.sum() < max(FEWEST, MOSTLY_ON_LINES * np.isfinite(off).sum()):
         return np.nan
     still = repeated(values)
     still[:-1] |= still[1:]
-    bends = np.flatnonzero(~on & ~still & np.isfinite(off))
+    return near if _bends_evenly(np.where(on | still, np.nan, off), np.cumsum(np.isnan(off))) else np.nan
+
+
+def _near_lines(values: Floats, off: Floats) -> float:
+    """How far off a line rounding takes a reading, from their distances: the arithmetic's, or that to a digit."""
+    single = bool(np.array_equal(values.astype(np.float32), values, equal_nan=True))
+    last_place = float(np.finfo(np.float32 if single else float).eps * np.nanmax(np.abs(values)))
+    exact = max(ARITHMETIC * last_place, OF_TIMES * float(off.max(initial=0.0)))
+    away = off[off > exact]
+    if len(away) < FEWEST:
+        return np.nan
+    far, digit = max(float(np.quantile(off, 1 - BENDS)), float(np.median(away))), 2 * float(away.min())
+    return 2 * digit if 2 * digit <= ROUNDED_LINE * far else exact
+
+
+def _bends_evenly(off: Floats, stretch: NDArray[np.intp]) -> bool:
+    """Whether bends, readings whose distance from the line is no NaN, come after multiples of one number of rows.
+
+    `stretch` is the number of the stretch of known readings that each is in.
+    """
+    bends = np.flatnonzero(np.isfinite(off))
     if len(bends) < FEWEST:
-        return np.nan
+        return False
     bends = bends[off[bends] <= OUTLYING * np.median(off[bends])]
-    stretch = np.cumsum(np.isnan(off))
     rows = np.diff(bends)[stretch[bends[1:]] == stretch[bends[:-1]]]
-    bent = off[bends]
-    if len(rows) < FEWEST or np.mean(bent <= FEW_DIGITS * np.quantile(bent, DIGIT)) > COARSE:
-        return np.nan
+    if len(rows) < FEWEST or _coarse(off[bends]):
+        return False
     usual = int(np.bincount(rows).argmax())
-    return near if usual > 1 and np.mean(rows % usual == 0) >= AT_MULTIPLES else np.nan
+    return usual > 1 and bool(np.mean(rows % usual == 0) >= AT_MULTIPLES)
+
+
+def _coarse(steps: Floats) -> bool:
+    """Whether most steps are of a digit or two."""
+    return bool(np.mean(steps <= FEW_DIGITS * np.quantile(steps, DIGIT)) > COARSE)
 
 
 def _evenly(rows: NDArray[np.intp]) -> bool:

@@ -77,7 +77,7 @@ class Usual:
     """Height that the largest peak of the whole record may have; infinite where nothing tells."""
     repeats: bool = False
     """Whether they are written down more than once each."""
-    on_lines: float = np.nan
+    near_lines: float = np.nan
     """How near to the line between its neighbours a reading stands that was filled in; NaN where none were."""
     ends: tuple[float, ...] = ()
     """Readings at which they are clipped."""
@@ -119,7 +119,7 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None, lines: bool
     foretold = min(_foretold(peaks, share, n, noise) for share in shares)
     reach = max(SPIKE * noise, min(foretold, _below_a_gap(peaks, noise)))
     return Usual(
-        middle=middle, low=low, high=high, noise=noise, reach=float(reach), repeats=repeats, on_lines=near, ends=ends
+        middle=middle, low=low, high=high, noise=noise, reach=float(reach), repeats=repeats, near_lines=near, ends=ends
     )
 
 
@@ -254,10 +254,10 @@ def scan(values: Floats, low: int, high: int, usual: Usual) -> Scanned:
     Scanned
         Rows are numbered as in `values`.
     """
-    if usual.repeats or usual.ends or usual.on_lines == usual.on_lines:
+    if usual.repeats or usual.ends or np.isfinite(usual.near_lines):
         clipped = at_ends(values, usual.ends, usual.noise)
-        again = (repeated(values) if usual.repeats else on_lines(values, usual.on_lines)) & ~clipped
-        plain = replace(usual, repeats=False, on_lines=np.nan, ends=())
+        again = (repeated(values) if usual.repeats else on_lines(values, usual.near_lines)) & ~clipped
+        plain = replace(usual, repeats=False, near_lines=np.nan, ends=())
         rest = scan(np.where(again | clipped, np.nan, values), low, high, plain)
         at_end, at_rest = (low + np.flatnonzero(rows[low:high]) for rows in (clipped, again))
         return replace(rest, clipped=at_end, repeats=at_rest)
