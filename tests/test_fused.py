@@ -128,7 +128,7 @@ def test_averages_of_a_long_record_have_its_columns(both, kind, monkeypatch):
 
 @pytest.mark.parametrize("rows", [300, 2048, 1 << 15])
 def test_blocks_may_end_anywhere(both, rows, monkeypatch):
-    monkeypatch.setattr(fused_columns.FusedColumns, "block_rows", lambda self, whole: rows)
+    monkeypatch.setattr(fused_columns.FusedColumns, "block_rows", lambda self: rows)
     effects, layout = EFFECTS["segments"]
     assert_same(*both(*with_gaps(*room(jitter=0.3)), effects, layout))
 
@@ -234,7 +234,7 @@ def rows_of(rng, n, size):
 def taken(coordinates, rows):
     """Take rows in by numpy's own arithmetic."""
 
-    def crossed(triangle, inverse):
+    def crossed(triangle, inverse, largest):
         with np.errstate(all="ignore"):
             Z = np.zeros_like(rows)
             for j in range(rows.shape[1]):

@@ -211,4 +211,4 @@ class BlockSignals(Signals):
 def felt_decays(block: Block, of_segments: Mapping[int, Numbers]) -> NDArray[Any]:
     """Time constants [s] of the decays of the fitted segment that a block goes on; none once they are over."""
     taus = np.asarray(() if block.segment_key is None else of_segments.get(block.segment_key, ()), float)
-    return taus if len(taus) and block.least_elapsed() <= FELT * taus.max() else np.zeros(0)
+    return taus if len(taus) and block.elapsed_at(0) <= FELT * taus.max() else np.zeros(0)

@@ -224,6 +224,15 @@ def _cross(z, n, product):  # type: ignore[no-untyped-def]
 
 
 @_inline
+def _is_beyond(product, largest):  # type: ignore[no-untyped-def]
+    """Whether an element of the diagonal is larger, or NaN."""
+    beyond = False
+    for j in range(len(product)):
+        beyond |= not product[j, j] <= largest
+    return beyond
+
+
+@_inline
 def _fill(rows, bodies, at, n, z, change, decay, gain):  # type: ignore[no-untyped-def]
     """Columns of the tile of `n` rows from row `at` on; `decay` and `gain` hold the factors of each body and row."""
     D, J = len(bodies.decays), len(bodies.lags)
@@ -275,7 +284,7 @@ def _leave_out(z, n):  # type: ignore[no-untyped-def]
                 z[:, k] = 0.0
 
 
-def _sweep(rows, bodies, triangle, inverse, product, sums, out):  # type: ignore[no-untyped-def]
+def _sweep(rows, bodies, triangle, inverse, largest, product, sums, out):  # type: ignore[no-untyped-def]
     q = len(bodies.decays) + 1 + len(bodies.lags) + len(rows.ready) + 1
     z, change = np.empty((q, TILE)), np.empty(TILE)
     decay, gain = np.empty((len(bodies.rates), TILE)), np.empty((len(bodies.rates), TILE))
@@ -305,15 +314,18 @@ def _sweep(rows, bodies, triangle, inverse, product, sums, out):  # type: ignore
             else:
                 _substitute(z, n, triangle, inverse)
                 _cross(z, n, product[part])
+                if _is_beyond(product[part], largest):
+                    return
 
 
-sweep_tiles: Callable[[Rows, Bodies, Floats, Floats, Floats, Floats, Floats], None] = jitted(
+sweep_tiles: Callable[[Rows, Bodies, Floats, Floats, float, Floats, Floats, Floats], None] = jitted(
     cache=True, fastmath={"reassoc", "contract", "nsz"}, error_model="numpy"
 )(_sweep)
-"""Function ``(rows, bodies, triangle, inverse, product, sums, out)`` that carries `bodies` on through `rows`.
+"""Function ``(rows, bodies, triangle, inverse, largest, product, sums, out)`` that carries `bodies` on through `rows`.
 
 Where `out`, shape (q, n), has rows, it gets the columns; else their cross products are added to `product`, shape
 (parts, q, q), in the coordinates of `triangle`: of ``columns @ inv(triangle)``, `inverse` being one over its diagonal.
+It ends where a diagonal element of `product` exceeds `largest`, and nothing of what it wrote is of use then.
 `sums`, shape (bins, r), gets the sums of the last r columns. All arrays are contiguous in C's order, so that there is
 one function to compile.
 """
@@ -340,20 +352,23 @@ class Pass:
         self.sums: Floats = np.zeros((0, self._n_summed))
         """Sums over the bins, shape (bins, n_summed)."""
 
-    def crossed(self, triangle: Floats, inverse: Floats) -> Floats:
-        """Upper triangles of each part's cross products of ``columns @ inv(triangle)``, shape (parts, q, q)."""
+    def crossed(self, triangle: Floats, inverse: Floats, largest: float) -> Floats:
+        """Upper triangles of each part's cross products of ``columns @ inv(triangle)``, shape (parts, q, q).
+
+        Made no further than to where a diagonal element exceeds `largest`.
+        """
         product = np.zeros((len(self._rows.parts), self.n_columns, self.n_columns))
-        self._run(np.ascontiguousarray(triangle), inverse, product, np.zeros((0, 0)))
+        self._run(np.ascontiguousarray(triangle), inverse, largest, product, np.zeros((0, 0)))
         return product
 
     def columns(self) -> Floats:
         """The columns, shape (n, q), Fortran order."""
         out = np.empty((self.n_columns, len(self._rows.temperature)))
-        self._run(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0, 0)), out)
+        self._run(np.zeros((0, 0)), np.zeros(0), np.inf, np.zeros((0, 0, 0)), out)
         return out.T
 
-    def _run(self, triangle: Floats, inverse: Floats, product: Floats, out: Floats) -> None:
+    def _run(self, triangle: Floats, inverse: Floats, largest: float, product: Floats, out: Floats) -> None:
         b = self._before
         self.bodies = b._replace(decays=b.decays.copy(), lags=b.lags.copy(), temperature=b.temperature.copy())
         self.sums = np.zeros((len(self._rows.bins), self._n_summed))
-        sweep_tiles(self._rows, self.bodies, triangle, inverse, product, self.sums, out)
+        sweep_tiles(self._rows, self.bodies, triangle, inverse, largest, product, self.sums, out)

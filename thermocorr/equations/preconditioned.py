@@ -73,7 +73,7 @@ class Preconditioned:
         self._count_from(triangle)
         self.knows_nothing = True
 
-    def take(self, first: int, crossed: Callable[[Floats, Floats], Floats]) -> list[Crossed]:
+    def take(self, first: int, crossed: Callable[[Floats, Floats, float], Floats]) -> list[Crossed]:
         """Take parts of rows in by their cross products; an empty list, and nothing is taken, where these will not do.
 
         Parameters
@@ -81,13 +81,13 @@ class Preconditioned:
         first : int
             How many of the first columns are zero in all rows.
         crossed : callable
-            Given R of the other columns and one over its diagonal, upper triangles of B, shape (parts, q - first,
-            q - first).
+            Given R of the other columns, one over its diagonal and `LARGEST`, upper triangles of B, shape (parts,
+            q - first, q - first), or what there is of them when a diagonal element becomes larger.
         """
         if self.knows_nothing:
             return []
         triangle, inverse = self._part(first)
-        products = crossed(triangle, inverse)
+        products = crossed(triangle, inverse, LARGEST)
         if not np.einsum("pii->pi", products).max() <= LARGEST:  # or NaN
             return []
         self._grown[first:, first:] += products.sum(axis=0)

@@ -58,6 +58,8 @@ CHUNK = 32_000
 HALO = 64
 """Rows to either side that decide on a row, missing ones included."""
 _BINS, _PER_OCTAVE = 512, 8
+_APART = np.full(1, np.nan)
+"""Stands between two stretches."""
 _DEVIATION = 1.4826 / np.sqrt(2)
 """Standard deviation of white Gaussian noise, over the median size of its steps."""
 
@@ -98,15 +100,17 @@ class Usual:
 
 def usual_of(stretches: Sequence[Floats], n_rows: int | None = None, lines: bool = True) -> Usual:
     """What is usual, from stretches of consecutive readings of `n_rows` (NaN: none); those on `lines` do not count."""
-    known = [part[np.abs(part) < OVERLOAD] for part in stretches]  # NaN is not
-    values = np.sort(np.concatenate([np.zeros(0), *known]))
+    whole = np.concatenate([np.zeros(0), *(part for stretch in stretches for part in (_APART, stretch))])
+    fits = np.abs(whole) < OVERLOAD  # NaN does not
+    values = np.sort(whole[fits])
     if len(values) < FEWEST:
         return Usual(middle=0.0, low=-np.inf, high=np.inf, noise=np.inf, reach=np.inf)
     low, middle, high = (_share(values, share) for share in (0.05, 0.5, 0.95))
-    line = np.concatenate([np.concatenate(([np.nan], part)) for part in known])
+    lengths = np.array([1 + len(stretch) for stretch in stretches])
+    fits[np.cumsum(lengths) - lengths] = True
+    line = whole[fits]
     ends, repeats = ends_of_range(line), is_repeated(line)
-    whole = [np.concatenate(([np.nan], np.where(np.abs(part) < OVERLOAD, part, np.nan))) for part in stretches]
-    near = filled_in(np.concatenate(whole)) if lines and not repeats else np.nan
+    near = filled_in(np.where(fits, whole, np.nan)) if lines and not repeats else np.nan
     line = line[~(repeated(line) if repeats else on_lines(line, near))]
     steps = line[1:] - line[:-1]
     noise = _noise(steps)

@@ -94,7 +94,7 @@ class Binning:
     def bins(self, block: Block) -> tuple[slice | np.ndarray, np.ndarray]:
         """Numbers of the bins that a block's rows fall into, and the first of its rows in each."""
         first, low = int(self.first[block.segment]), block.start - int(self.starts[block.segment])
-        if len(block) == block.stop - block.start:  # no row is passed over
+        if block.is_whole:
             begin, end = low // self.width, (low + len(block) - 1) // self.width + 1
             at = np.arange(begin * self.width - low, end * self.width - low, self.width)
             at[0] = 0

@@ -33,11 +33,25 @@ def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
         if not X.columns.is_unique:
             twice = X.columns[X.columns.duplicated()][0]
             raise RecordError(f"Several columns are called {twice!r}. Give columns unique names.")
-        validate_data(estimator, X, skip_check_array=True, reset=reset)
+        _check_names(estimator, X, reset)
         return X
     return validate_data(
         estimator, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan", accept_sparse=False
     )
+
+
+def _check_names(estimator: Any, X: pd.DataFrame, reset: bool) -> None:
+    """Set or compare names and number of a frame's columns, as `validate_data` does.
+
+    Names that are text are set here, and are found to be the fitted ones: scikit-learn's way to them, which has any
+    library's frames in mind, takes a twentieth of a fit. It is asked, and raises, wherever there is more to say.
+    """
+    names = np.array(X.columns.tolist(), dtype=object)
+    plain = all(type(name) is str for name in names)
+    if plain and reset:
+        estimator.feature_names_in_, estimator.n_features_in_ = names, len(names)
+    elif not (plain and np.array_equal(getattr(estimator, "feature_names_in_", ()), names)):
+        validate_data(estimator, X, skip_check_array=True, reset=reset)
 
 
 def _check_log_columns(estimator: Any, X: Log, reset: bool) -> Log:

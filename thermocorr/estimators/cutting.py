@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..records import BLOCK_ROWS, Record
+from ..records import BLOCK_ROWS, Block, Record
 
 N_CHUNKS = 20
 """Stretches of time whose factors are kept apart for standard errors."""
@@ -35,10 +35,10 @@ def equal_edges(record: Record, n_chunks: int = N_CHUNKS) -> np.ndarray:
     return np.unique(np.concatenate(([0], starts[segment] + wanted - before[segment], [record.n_rows])))
 
 
-def pieces(edges: np.ndarray, places: np.ndarray) -> Iterator[tuple[int, slice]]:
-    """The stretches that rows at increasing places fall into, and which of the rows each has."""
-    first, last = np.searchsorted(edges, (places[0], places[-1]), side="right") - 1
-    ends = np.searchsorted(places, edges[first : last + 2])
-    for chunk, (low, high) in enumerate(pairwise(ends.tolist()), start=int(first)):
+def pieces(edges: np.ndarray, block: Block) -> Iterator[tuple[int, slice]]:
+    """The stretches between `edges` that the rows of a block fall into, and which of the rows each has."""
+    first, last = np.searchsorted(edges, (block.start, block.stop - 1), side="right").tolist()
+    ends = block.first_from(edges[first - 1 : last + 1]).tolist()
+    for chunk, (low, high) in enumerate(pairwise(ends), start=first - 1):
         if low < high:
             yield chunk, slice(low, high)

@@ -199,7 +199,7 @@ def sweep_readings(
         if record.weight is not None:
             rows = rows * np.sqrt(record.weight[block.rows])[:, None]
         known = np.isfinite(reading) if np.isnan(reading.sum()) else None
-        for chunk, part in pieces(edges, block.places):
+        for chunk, part in pieces(edges, block):
             piece = np.asfortranarray(rows[part] if known is None else rows[part][known[part]])
             if starts is None:
                 chunks[chunk].update(piece)

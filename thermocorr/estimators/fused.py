@@ -21,8 +21,8 @@ from .cutting import pieces
 from .fused_columns import FusedColumns
 from .fused_factors import FusedFactors
 
-ALONE = 4096
-"""Rows that tell the coordinates of the others, at most: their columns are written down."""
+ALONE = 2048
+"""Rows that tell the coordinates of the others at first: their columns are written down."""
 _NOTHING = np.zeros(0)
 
 
@@ -67,7 +67,7 @@ class FusedSweep:
         self.chunks = FusedFactors(columns.first[-1] + 1, len(edges) - 1, self._shared)
         """Factors of ``[1 | Q | U]``, one for each stretch."""
         zero, starts = (None, own_starts(record)) if begun is None else (begun.zero, {0: begun.start})
-        for block in record.blocks(columns.block_rows(self.binning.whole), zero, starts):
+        for block in record.blocks(columns.block_rows(), zero, starts):
             if block.start == record.segments[block.segment].start:
                 self._begin(block, None if begun is None else begun.states)
             self._take(block)
@@ -79,6 +79,7 @@ class FusedSweep:
         n_old = len(self._decays)
         self._decays, self._places = self._columns.decays(block.segment)
         self._coordinates.begin(len(self._decays), n_old)
+        self._n_known = 0
         self._states: list[Any] = list(states or [None] * len(self._columns.effects))
         self._lags, self._temperature = np.zeros(len(self._columns.time_constants)), block.temperature[:1].copy()
         known = [self._states[i] for i in self._columns.lags if self._states[i] is not None]
@@ -102,16 +103,17 @@ class FusedSweep:
             bins=begins,
         )
         sums = np.zeros((len(begins), 1 if self.binning.whole else len(self._decays) + len(self._shared)))
-        parts = list(pieces(self._edges, block.places))
-        alone = int(self._coordinates.knows_nothing)  # the others are like these rows, mostly
-        if alone:
-            parts = [*_cut(parts[0], ALONE), *parts[1:]]
-        for some in (parts[:alone], parts[alone:]):
-            if some:
-                crossed = self._crossed(block, rows, [part for _, part in some], sums)
-                self._gathered += zip((chunk for chunk, _ in some), crossed, strict=True)
+        parts = list(pieces(self._edges, block))
         for chunk, part in parts:
             self.chunks.n_rows[chunk] += part.stop - part.start if known is None else int(known[part].sum())
+        while parts:
+            some, parts = parts, []
+            crossed = [] if self._coordinates.knows_nothing else self._crossed(block, rows, some, sums)
+            if not crossed:  # as many rows as are known tell of the others, mostly
+                some, parts = _cut(some, max(self._n_known, ALONE))
+                crossed = self._crossed(block, rows, some, sums, reflected=True)
+            self._gathered += zip((chunk for chunk, _ in some), crossed, strict=True)
+            self._n_known += some[-1][1].stop - some[0][1].start
         self.binning.add(block, bins, begins, known, sums[:, -1], self._binned(sums))
 
     def _ready(self, block: Block) -> np.ndarray:
@@ -125,13 +127,19 @@ class FusedSweep:
             at += width
         return columns
 
-    def _crossed(self, block: Block, rows: Any, parts: list[slice], sums: np.ndarray) -> list[Crossed]:
-        """Cross products of parts of a block; the lags go on, and `sums` over the block's bins grow."""
-        some = slice(parts[0].start, parts[-1].stop)
-        elapsed = self._record.times.between(self._record.stamp(int(block.places[some.start])), block.segment_zero)
+    def _crossed(
+        self, block: Block, rows: Any, parts: list[tuple[int, slice]], sums: np.ndarray, reflected: bool = False
+    ) -> list[Crossed]:
+        """Cross products of parts of a block; the lags go on, and `sums` over the block's bins grow.
+
+        An empty list, and nothing has gone on, where the rows must be `reflected`.
+        """
+        some = slice(parts[0][1].start, parts[-1][1].stop)
+        elapsed = block.elapsed_at(some.start)
         dead = int(np.searchsorted(self._decays, elapsed / FELT))
         first, last = np.searchsorted(rows.bins, (some.start, some.stop - 1), side="right").tolist()
-        rows = rows._replace(parts=np.array([part.start - some.start for part in parts]))
+        inside = [slice(part.start - some.start, part.stop - some.start) for _, part in parts]
+        rows = rows._replace(parts=np.array([part.start for part in inside]))
         if some.stop - some.start < len(block):
             rows = rows._replace(
                 temperature=rows.temperature[some],
@@ -143,13 +151,14 @@ class FusedSweep:
             )
         bodies = self._bodies(rows.steps, self._decays[dead:], elapsed)
         one_pass = self._kernels.Pass(rows, bodies, 1 if self.binning.whole else 0)
-        crossed = self._coordinates.take(dead, one_pass.crossed)
-        if not crossed:
+        if reflected:
             columns = one_pass.columns()
-            inside = [slice(part.start - some.start, part.stop - some.start) for part in parts]
             crossed = [self._coordinates.reflect(dead, columns[part].copy(order="F")) for part in inside]
-        self._lags, self._temperature = one_pass.bodies.lags, one_pass.bodies.temperature
-        sums[first - 1 : last, -one_pass.sums.shape[1] :] += one_pass.sums
+        else:
+            crossed = self._coordinates.take(dead, one_pass.crossed)
+        if crossed:
+            self._lags, self._temperature = one_pass.bodies.lags, one_pass.bodies.temperature
+            sums[first - 1 : last, -one_pass.sums.shape[1] :] += one_pass.sums
         return crossed
 
     def _bodies(self, steps: np.ndarray, decays: np.ndarray, elapsed: float) -> Any:
@@ -188,8 +197,9 @@ class FusedSweep:
         self._gathered = []
 
 
-def _cut(part: tuple[int, slice], n_rows: int) -> list[tuple[int, slice]]:
-    """The first rows of a part of a block, and the others where there are any."""
-    chunk, rows = part
-    middle = rows.start + n_rows
-    return [part] if middle >= rows.stop else [(chunk, slice(rows.start, middle)), (chunk, slice(middle, rows.stop))]
+def _cut(parts: list[tuple[int, slice]], n_rows: int) -> tuple[list[tuple[int, slice]], list[tuple[int, slice]]]:
+    """The first rows of consecutive parts of a block, and the others."""
+    middle = parts[0][1].start + n_rows
+    first = [(chunk, slice(rows.start, min(rows.stop, middle))) for chunk, rows in parts if rows.start < middle]
+    others = [(chunk, slice(max(rows.start, middle), rows.stop)) for chunk, rows in parts if rows.stop > middle]
+    return first, others

@@ -17,9 +17,8 @@ WIDEST = 32
 """Columns of all segments up to which one pass is the faster way: beyond them the blocks of LAPACK are."""
 FEWEST = 1 << 13
 """Rows from which on one pass is the faster way: before, what it does once for every stretch takes longer."""
-_NUMBERS, _OF_WHOLE = 3 << 17, 3 << 16
-"""Numbers that a block of rows may hold, inputs and columns made for the pass (3 MiB); fewer of a record so short that
-it is kept whole: its few blocks come from memory that nobody has touched, and larger ones gain nothing."""
+_NUMBERS = 3 << 17
+"""Numbers that a block of rows may hold, inputs and columns made for the pass (3 MiB)."""
 _NOTHING = np.zeros(0)
 
 
@@ -55,10 +54,9 @@ class FusedColumns:
                 self._places.setdefault(segment, []).extend(range(first, first + len(taus)))
                 first += len(taus)
 
-    def block_rows(self, whole: bool) -> int:
-        """Rows of a block: as many as leave the memory small; `whole` says that the record is kept whole."""
-        numbers = _OF_WHOLE if whole else _NUMBERS
-        return max(numbers // (6 + sum(self.first[i + 1] - self.first[i] for i in self.ready)), 256)
+    def block_rows(self) -> int:
+        """Rows of a block: as many as leave the memory small."""
+        return max(_NUMBERS // (6 + sum(self.first[i + 1] - self.first[i] for i in self.ready)), 256)
 
     def shared(self) -> list[int]:
         """Columns that every segment has, in the order of the pass: the 1, lags, those made for it, the reading."""

@@ -220,7 +220,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
                 prior = known_before(self, features)
                 record = features.learn(X, y, quiet=self.search_ is not None)
                 reading = Reading.of(X, y, record)
-                n_columns = len(features.get_feature_names_out())
+                n_columns = sum(effect.n_columns() for effect in features.effect_list())
                 if prior is None:
                     require_rows(reading.n_readings, n_columns)
                 check_plausible(record, reading, prior is not None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import cached_property
 from numbers import Integral
 from typing import Any
 
@@ -244,17 +245,22 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             best = len(tried) - 1
         else:
             final = sensitivity(factored, choice.time_constants, choice.alpha)
-        self.time_constants_ = (
-            interval_table(np.zeros(0), np.zeros(0))
-            if final is None
-            else interval_table(final.time_constants, final.errors())
-        )
+        self.__dict__.pop("time_constants_", None)
+        self._chosen = None if final is None else (final.time_constants, final.extended)
         self.spectrum_ = None if choice.reference is None else spectrum_table(factored, choice.reference)
         self.cv_results_ = _results(tried, times)
         self.best_index_ = best
         self.best_params_ = dict(self.cv_results_["params"][best])
         self.best_score_ = float(self.cv_results_["mean_test_score"][best])
         self.n_splits_ = len(chosen.losses)
+
+    @cached_property
+    def time_constants_(self) -> pd.DataFrame:
+        """The choice with 95 % intervals [s], made when it is asked for."""
+        if self._chosen is None:
+            return interval_table(np.zeros(0), np.zeros(0))
+        time_constants, extended = self._chosen
+        return interval_table(time_constants, extended.log_errors())
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

@@ -31,9 +31,9 @@ class ReferenceRows:
     def __getitem__(self, column: Any) -> np.ndarray:
         return self.values[column]
 
-    def least_elapsed(self) -> float:
-        """The first of `elapsed` [s]."""
-        return float(self.elapsed[0])
+    def elapsed_at(self, number: int) -> float:
+        """One of `elapsed` [s]."""
+        return float(self.elapsed[number])
 
 
 def reference_bias(

@@ -88,6 +88,15 @@ class Block:
         """Where the rows stand in time order, shape (n,)."""
         return self.record.kept_places(self.start, self.stop)
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether no row is passed over."""
+        return len(self) == self.stop - self.start
+
+    def first_from(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Numbers within the block of the first rows at or behind some places in time order."""
+        return np.clip(places - self.start, 0, len(self)) if self.is_whole else np.searchsorted(self.places, places)
+
     @cached_property
     def seconds(self) -> Floats:
         """Time since the first row of the fitted record [s], shape (n,)."""
@@ -110,10 +119,10 @@ class Block:
         other.__dict__["rows"] = self.rows  # known already
         return other
 
-    def least_elapsed(self) -> float:
-        """The first of `elapsed` [s]."""
-        first = self.start if isinstance(self.rows, slice) else int(self.rows[0])
-        return self.record.times.between(self.record.times.stamp(first), self.segment_zero)
+    def elapsed_at(self, number: int) -> float:
+        """One of `elapsed` [s]."""
+        row = self.start + number if isinstance(self.rows, slice) else int(self.rows[number])
+        return self.record.times.between(self.record.times.stamp(row), self.segment_zero)
 
     @property
     def temperature(self) -> Floats:

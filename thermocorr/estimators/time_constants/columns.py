@@ -10,12 +10,10 @@ import numpy as np
 from ...effects import InitialTransient, ThermalLag
 from ...effects.covariates import ColumnLags
 from ...effects.protocol import Effect
-from ...equations import TriangularFactor
 from ...records import Record
 from ..features import DiffusiveFeatures
-from ..fitting import sweep_effects
+from ..fitting import Swept, sweep_effects
 from .folds import TimeFolds
-from .remembered import Sweeps
 from .spectrum import GridLayout
 
 MOST_SEGMENTS = 8
@@ -89,14 +87,11 @@ class LagColumns:
             result.append([column for column, key, tau in self.decays if tau > limits[key]])
         return result
 
-    def swept(
-        self, record: Record, effects: Sequence[Effect], edges: np.ndarray, sweeps: Sweeps | None = None
-    ) -> list[TriangularFactor]:
-        """Factors of ``[1 | Q | U]`` for the stretches between `edges`, less what starts of many segments hold.
+    @property
+    def taken_out(self) -> InitialTransient | None:
+        """`starts`, where they are used."""
+        return self.starts if self.starts.decays_ else None
 
-        `sweeps` knows those of earlier searches.
-        """
-        starts = self.starts if self.starts.decays_ else None
-        if sweeps is not None:
-            return sweeps.chunks(record, effects, edges, starts)
-        return list(sweep_effects(record, effects, edges, starts).chunks)
+    def swept(self, record: Record, effects: Sequence[Effect], edges: np.ndarray) -> Swept:
+        """Factors of ``[1 | Q | U]`` for the stretches between `edges`, less what starts of many segments hold."""
+        return sweep_effects(record, effects, edges, self.taken_out)

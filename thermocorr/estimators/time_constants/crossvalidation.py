@@ -64,6 +64,11 @@ class CrossValidation:
 
     def score_sets(self, sets: Sequence[Set], alpha: float) -> np.ndarray:
         """Losses of sets, shape (n_sets, n_folds)."""
+        self.try_sets(sets, alpha)
+        return np.array([self.losses[alpha, members] for members in sets])
+
+    def try_sets(self, sets: Sequence[Set], alpha: float) -> None:
+        """Put the losses of sets into `losses`."""
         new: dict[int, list[Set]] = {}
         for members in sets:
             if (alpha, members) not in self.losses:
@@ -72,7 +77,6 @@ class CrossValidation:
             columns = self.groups[np.array(group, np.intp).reshape(len(group), count)].reshape(len(group), -1)
             losses = self.loss_of(set_errors(self.prepared(alpha), columns))
             self.losses.update(((alpha, members), loss) for members, loss in zip(group, losses, strict=True))
-        return np.array([self.losses[alpha, members] for members in sets])
 
     @cached_property
     def sides(self) -> list[Sides]:

@@ -8,7 +8,9 @@ Each step is one pass over the record, and the same factors give the standard er
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -32,40 +34,64 @@ LONGEST_STEP = 0.5
 
 
 @dataclass(frozen=True)
+class Extended:
+    """Factors of ``[1 | Q | dU/dln tau | U]``, made when somebody asks for them."""
+
+    chunks: Sequence[TriangularFactor]
+    """Factors of ``[1 | Q | Q of moved time constants | U]``, stretch by stretch."""
+    combination: np.ndarray
+    """What makes the columns of these those of the others."""
+    n_time_constants: int
+
+    @cached_property
+    def factors(self) -> list[TriangularFactor]:
+        """Stretch by stretch."""
+        return [chunk.combined(self.combination) for chunk in self.chunks]
+
+    def log_errors(self) -> np.ndarray:
+        """Standard error of each ln tau; true for residuals that forget within a stretch (see `standard_errors`).
+
+        Infinite where the record says nothing about a time constant.
+        """
+        n = self.n_time_constants
+        swept = Swept([factor for factor in self.factors if factor.n_rows], [], 0.0)
+        solution = solve_ridge(swept.total())
+        silent = np.linalg.norm(solution.inverse_triangle[-n:], axis=1) == 0
+        return np.where(silent, np.inf, standard_errors(swept, solution, 0.0)[-n:])
+
+
+@dataclass(frozen=True)
 class Sensitivity:
     """A model and its sensitivity to each time constant."""
 
-    model: Factored
-    """Factors of ``[1 | Q | U]``, stretch by stretch, and what their columns are."""
-    extended: list[TriangularFactor]
-    """Factors of ``[1 | Q | dU/dln tau | U]``."""
+    base: Factored
+    columns: LagColumns
+    extended: Extended
     residual_sum_of_squares: float
 
     @property
     def time_constants(self) -> np.ndarray:
         """[s]."""
-        return self.model.layout.grid
+        return self.columns.layout.grid
+
+    @cached_property
+    def model(self) -> Factored:
+        """Factors of ``[1 | Q | U]``, stretch by stretch, and what their columns are."""
+        own = _own_columns(self.columns)
+        return Factored(
+            record=self.base.record, reading=self.base.reading, features=self.base.features, columns=self.columns,
+            chunks=[chunk.select(own) for chunk in self.extended.chunks], folds=self.base.folds,
+        )  # fmt: skip
 
     def step(self, alpha: float, damping: float) -> np.ndarray:
         """Gauss-Newton step in ln tau, damped as Levenberg and Marquardt do where directions are nearly alike."""
-        factor, n = TriangularFactor.merged(self.extended), len(self.time_constants)
+        factor, n = TriangularFactor.merged(self.extended.factors), len(self.time_constants)
         n_rows = factor.n_rows
         rows = np.zeros((n, factor.r.shape[1]), order="F")
         rows[:, -1 - n : -1] = np.diag(damping * np.linalg.norm(factor.r[1:, -1 - n : -1], axis=0))
         factor.update(rows)
         factor.n_rows = n_rows
         return np.clip(solve_ridge(factor, alpha).coef[-n:], -LONGEST_STEP, LONGEST_STEP)
-
-    def errors(self) -> np.ndarray:
-        """Standard error of each ln tau; true for residuals that forget within a stretch (see `standard_errors`).
-
-        Infinite where the record says nothing about a time constant.
-        """
-        n = len(self.time_constants)
-        swept = Swept([chunk for chunk in self.extended if chunk.n_rows], [], 0.0)
-        solution = solve_ridge(swept.total())
-        silent = np.linalg.norm(solution.inverse_triangle[-n:], axis=1) == 0
-        return np.where(silent, np.inf, standard_errors(swept, solution, 0.0)[-n:])
 
 
 def sensitivity(base: Factored, time_constants: np.ndarray, alpha: float) -> Sensitivity:
@@ -86,12 +112,11 @@ def sensitivity(base: Factored, time_constants: np.ndarray, alpha: float) -> Sen
     moved_lag.time_constants_ = time_constants * np.exp(DIFFERENCE)
     moved_transient.decays_ = {key: taus * np.exp(DIFFERENCE) for key, taus in columns.transient.decays_.items()}
     effects = [*base.features.effect_list(), columns.lag, columns.transient, moved_lag, moved_transient]
-    chunks = columns.swept(record, effects, base.folds.edges)
-    n_moved = n_lags + len(columns.decays)
-    n_model = columns.layout.n_free + n_moved
-    plain = [chunk.select([*range(n_model), n_model + n_moved]) for chunk in chunks]
-    solution = solve_ridge(TriangularFactor.merged(plain), alpha)
-    combination = np.zeros((n_model + n_moved + 1, n_model + n_lags + 1))
+    swept = columns.swept(record, effects, base.folds.edges)
+    *own, reading = _own_columns(columns)
+    n_model, n_moved = len(own), reading - len(own)
+    solution = solve_ridge(swept.total().select([*own, reading]), alpha)
+    combination = np.zeros((reading + 1, n_model + n_lags + 1))
     combination[:n_model, :n_model] = np.eye(n_model)
     combination[-1, -1] = 1.0
     for j in range(n_lags):
@@ -99,10 +124,15 @@ def sensitivity(base: Factored, time_constants: np.ndarray, alpha: float) -> Sen
             share = solution.coef[column - 1] / DIFFERENCE
             combination[column, n_model + j] = -share
             combination[column + n_moved, n_model + j] = share
-    model = Factored(
-        record=record, reading=base.reading, features=base.features, columns=columns, chunks=plain, folds=base.folds
-    )
-    return Sensitivity(model, [chunk.combined(combination) for chunk in chunks], solution.residual_sum_of_squares)
+    extended = Extended(swept.chunks, combination, n_lags)
+    return Sensitivity(base, columns, extended, solution.residual_sum_of_squares)
+
+
+def _own_columns(columns: LagColumns) -> list[int]:
+    """Those of ``[1 | Q | U]`` where the columns of moved time constants stand before the reading."""
+    n_moved = len(columns.layout.grid) + len(columns.decays)
+    n_model = columns.layout.n_free + n_moved
+    return [*range(n_model), n_model + n_moved]
 
 
 def moved_to_best(here: Sensitivity, alpha: float) -> Sensitivity:
@@ -114,8 +144,8 @@ def moved_to_best(here: Sensitivity, alpha: float) -> Sensitivity:
             if np.abs(step).max(initial=0.0) < CONVERGED:
                 break
             taus = here.time_constants * np.exp(step)
-            if (np.diff(np.log(taus)) > CONVERGED).all() and taus[0] > here.model.record.usual_step() / 2:
-                trial = sensitivity(here.model, taus, alpha)
+            if (np.diff(np.log(taus)) > CONVERGED).all() and taus[0] > here.base.record.usual_step() / 2:
+                trial = sensitivity(here.base, taus, alpha)
                 if trial.residual_sum_of_squares < here.residual_sum_of_squares:
                     there = trial
                     break

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
 from numbers import Integral
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -76,8 +76,7 @@ class SearchSettings:
     """What earlier searches in the same record have swept."""
 
 
-@dataclass(frozen=True)
-class CandidateRow:
+class CandidateRow(NamedTuple):
     """One line of the table of candidates."""
 
     members: Set
@@ -273,7 +272,7 @@ def _by_cross_validation(
         members = iter(np.searchsorted(grid, np.concatenate(explicit)).tolist())
         sets = [tuple(islice(members, len(times))) for times in explicit]
         for alpha in alphas:
-            cross.score_sets(sets, alpha)
+            cross.try_sets(sets, alpha)
             settings.say(f"alpha {alpha:.4g}: {len(sets)} sets done")
         best = _best_of_each_size(cross, sets, alphas)
     else:
@@ -371,7 +370,10 @@ def factors_of(
     columns = LagColumns.of(features, record, grid, settings.longest_decay_share)
     folds = folds_in_time(record, settings.cv, settings.washout)
     effects = [*features.effect_list(), columns.lag, *columns.further, columns.transient]
-    chunks = columns.swept(record, effects, folds.edges, settings.sweeps)
+    if settings.sweeps is None:
+        chunks = list(columns.swept(record, effects, folds.edges).chunks)
+    else:
+        chunks = settings.sweeps.chunks(record, effects, folds.edges, columns.taken_out)
     return Factored(record=record, reading=reading, features=features, columns=columns, chunks=chunks, folds=folds)
 
 
