@@ -149,10 +149,13 @@ def _sum_up(z, n, at, bins, sums):  # type: ignore[no-untyped-def]
 
 
 @_inline
-def _substitute(z, n, triangle, inverse):  # type: ignore[no-untyped-def]
-    """Rows by the inverse of a triangle: the columns of a tile, each less its share in those before it."""
-    for j in range(len(z)):
-        i = 0
+def _substitute(z, n, first, triangle, inverse):  # type: ignore[no-untyped-def]
+    """Rows by the inverse of a triangle: the columns of a tile, each less its share in those before it.
+
+    Those before the `first` are zero.
+    """
+    for j in range(first, len(z)):
+        i = first
         while j - i >= 4:
             r0, r1, r2, r3 = triangle[i, j], triangle[i + 1, j], triangle[i + 2, j], triangle[i + 3, j]
             for k in range(n):
@@ -169,11 +172,14 @@ def _substitute(z, n, triangle, inverse):  # type: ignore[no-untyped-def]
 
 
 @_inline
-def _cross(z, n, product):  # type: ignore[no-untyped-def]
-    """Add the cross products of a tile's columns to the upper triangle of `product`; three by three in registers."""
-    q, i = len(z), 0
+def _cross(z, n, first, product):  # type: ignore[no-untyped-def]
+    """Add the cross products of a tile's columns to the upper triangle of `product`; three by three in registers.
+
+    Columns before the `first` are zero.
+    """
+    q, i = len(z), first
     while q - i >= 3:
-        j = 0
+        j = first
         while j < i:
             s00 = s01 = s02 = s10 = s11 = s12 = s20 = s21 = s22 = 0.0
             for k in range(n):
@@ -215,7 +221,7 @@ def _cross(z, n, product):  # type: ignore[no-untyped-def]
         product[i + 2, i + 2] += s22
         i += 3
     while i < q:
-        for j in range(i + 1):
+        for j in range(first, i + 1):
             s00 = 0.0
             for k in range(n):
                 s00 += z[i, k] * z[j, k]
@@ -233,8 +239,11 @@ def _is_beyond(product, largest):  # type: ignore[no-untyped-def]
 
 
 @_inline
-def _fill(rows, bodies, at, n, z, change, decay, gain):  # type: ignore[no-untyped-def]
-    """Columns of the tile of `n` rows from row `at` on; `decay` and `gain` hold the factors of each body and row."""
+def _fill(rows, bodies, at, n, first, z, change, decay, gain):  # type: ignore[no-untyped-def]
+    """Columns of the tile of `n` rows from row `at` on; `decay` and `gain` hold the factors of each body and row.
+
+    Decays before the `first` are over.
+    """
     D, J = len(bodies.decays), len(bodies.lags)
     T, reading, ready = rows.temperature[at : at + n], rows.reading[at : at + n], rows.ready[:, at : at + n]
     change[0] = T[0] - bodies.temperature[0]
@@ -246,11 +255,11 @@ def _fill(rows, bodies, at, n, z, change, decay, gain):  # type: ignore[no-untyp
         for k in range(n):
             longest = max(longest, steps[k])
             per_step[k] = 1.0 / steps[k]
-        for j in range(D + J):
-            if j >= D or bodies.decays[j] > 0.0:
-                rate = bodies.rates[j]
-                _factors_of_steps(steps, longest, per_step, n, rate, bodies.first_order, decay[j], gain[j])
-    for j in range(D):  # eq. (18)
+        for j in range(first, D + J):
+            _factors_of_steps(steps, longest, per_step, n, bodies.rates[j], bodies.first_order, decay[j], gain[j])
+    for j in range(first):
+        z[j, :n] = 0.0
+    for j in range(first, D):  # eq. (18)
         left = bodies.decays[j] if at == 0 else bodies.decays[j] * decay[j, 0]
         for k in range(n):
             if k:
@@ -259,10 +268,10 @@ def _fill(rows, bodies, at, n, z, change, decay, gain):  # type: ignore[no-untyp
         bodies.decays[j] = left if left > _GONE else 0.0
     z[D, :n] = 1.0
     if bodies.regular:
-        first = 1 if at == 0 else 0
+        begun = 1 if at == 0 else 0
         all_rows = bodies.factors[:, D:].copy().reshape((4, J, 1))
-        _follow(change, 0, first, all_rows[0], all_rows[1], 0, bodies.lags, z[D + 1 :])
-        _follow(change, first, n, all_rows[2], all_rows[3], 0, bodies.lags, z[D + 1 :])
+        _follow(change, 0, begun, all_rows[0], all_rows[1], 0, bodies.lags, z[D + 1 :])
+        _follow(change, begun, n, all_rows[2], all_rows[3], 0, bodies.lags, z[D + 1 :])
     else:
         _follow(change, 0, n, decay[D:], gain[D:], 1, bodies.lags, z[D + 1 :])
     for j in range(len(ready)):
@@ -295,8 +304,10 @@ def _sweep(rows, bodies, triangle, inverse, largest, product, sums, out):  # typ
     for part in range(len(rows.parts)):
         end = rows.parts[part + 1] if part + 1 < len(rows.parts) else len(rows.temperature)
         for at in range(rows.parts[part], end, TILE):
-            n = min(TILE, end - at)
-            _fill(rows, bodies, at, n, z, change, decay, gain)
+            n, first = min(TILE, end - at), 0
+            while first < len(bodies.decays) and bodies.decays[first] == 0.0:
+                first += 1
+            _fill(rows, bodies, at, n, first, z, change, decay, gain)
             if bodies.regular and at == 0:
                 decay[:, 0] = bodies.factors[2]
             _leave_out(z, n)
@@ -312,8 +323,8 @@ def _sweep(rows, bodies, triangle, inverse, largest, product, sums, out):  # typ
                     for k in range(n):
                         here[j, k] = z[j, k]
             else:
-                _substitute(z, n, triangle, inverse)
-                _cross(z, n, product[part])
+                _substitute(z, n, first, triangle, inverse)
+                _cross(z, n, first, product[part])
                 if _is_beyond(product[part], largest):
                     return
 

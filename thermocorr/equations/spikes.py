@@ -98,8 +98,8 @@ class Usual:
         return np.asarray((values < self.low - ranges * self.range) | (values > self.high + ranges * self.range))
 
 
-def usual_of(stretches: Sequence[Floats], n_rows: int | None = None, lines: bool = True) -> Usual:
-    """What is usual, from stretches of consecutive readings of `n_rows` (NaN: none); those on `lines` do not count."""
+def usual_of(stretches: Sequence[Floats], n_rows: int | None = None, temperature: bool = False) -> Usual:
+    """What is usual, from stretches of consecutive readings of `n_rows` (NaN: none); a `temperature` has no ends."""
     whole = np.concatenate([np.zeros(0), *(part for stretch in stretches for part in (_APART, stretch))])
     fits = np.abs(whole) < OVERLOAD  # NaN does not
     values = np.sort(whole[fits])
@@ -109,9 +109,10 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None, lines: bool
     lengths = np.array([1 + len(stretch) for stretch in stretches])
     fits[np.cumsum(lengths) - lengths] = True
     line = whole[fits]
-    ends, repeats = ends_of_range(line), is_repeated(line)
-    near = filled_in(np.where(fits, whole, np.nan)) if lines and not repeats else np.nan
-    line = line[~(repeated(line) if repeats else on_lines(line, near))]
+    ends, repeats = () if temperature else ends_of_range(line), is_repeated(line)
+    near = np.nan if temperature or repeats else filled_in(np.where(fits, whole, np.nan))
+    if repeats or np.isfinite(near):
+        line = line[~(repeated(line) if repeats else on_lines(line, near))]
     steps = line[1:] - line[:-1]
     noise = _noise(steps)
     if noise == 0.0:

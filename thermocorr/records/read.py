@@ -253,6 +253,19 @@ def _segments(
     return [Segment(start, stop, None if runs is None else runs[start]) for start, stop in pairwise(edges)]
 
 
+def _steps_from(start: int, times: Times, order: NDArray[np.intp] | None) -> NDArray[np.float64]:
+    """Steps [s] to the rows of a chunk behind row `start`, in time order."""
+    stop = min(start + _CHUNK + 1, times.n)
+    return times.steps(slice(start, stop) if order is None else order[start:stop])[1:]
+
+
+def _inside(start: int, steps: NDArray[np.float64], starts_run: set[int]) -> NDArray[np.bool_]:
+    """Which of the steps behind row `start` do not lead to another run, shape (n,), booleans."""
+    inside = np.ones(len(steps), bool)
+    inside[[k - 1 - start for k in starts_run if start < k <= start + len(steps)]] = False
+    return inside
+
+
 def _known(record: Record, layout: Layout, notes: list[str]) -> Record:
     """The record without the rows that lack a needed value: they are passed over as if they had not been recorded."""
     n, gone = record.n_rows, [np.zeros(0, np.intp)]
@@ -295,24 +308,23 @@ def _check_steps(
     """Refuse times that stand still or go back; return where gaps longer than max_gap end."""
     n = times.n
     max_gap = layout.longest_step()
-    found, wide, usual = [], [], None
+    found, wide, usual, least = [], [], None, 0.0
     for start in range(0, n - 1, _CHUNK):
-        stop = min(start + _CHUNK + 1, n)
-        rows = slice(start, stop) if order is None else order[start:stop]
-        steps = times.steps(rows)[1:]
+        steps = _steps_from(start, times, order)
         low, high = float(steps.min()), float(steps.max())
-        if 0 < low == high <= (np.inf if max_gap is None else max_gap) and (usual is None or low <= GAP_STEPS * usual):
-            usual = low if usual is None else usual  # all alike: nothing to look for
+        least = low if start == 0 else least  # the usual step is no shorter
+        if 0 < low and high <= (GAP_STEPS * least if max_gap is None else max_gap):
             continue
-        inside = np.ones(len(steps), bool)
-        inside[[k - 1 - start for k in starts_run if start < k < stop]] = False
+        inside = _inside(start, steps, starts_run)
         bad = inside & (steps <= 0)
         if bad.any():
             shuffled = bad.sum() > SHUFFLED * inside.sum() and not bad.all()
             usual = float(np.median(steps[inside & (steps > 0)])) if (inside & (steps > 0)).any() else 0.0
             _refuse_order(times, order, start + 1 + int(bad.argmax()), layout, shuffled, usual)
         if usual is None:
-            usual = float(np.median(steps[inside])) if inside.any() else None
+            first = _steps_from(0, times, order)
+            at_first = first[_inside(0, first, starts_run)]
+            usual = float(np.median(at_first)) if len(at_first) else None
         if usual is not None:
             gaps = np.flatnonzero(inside & (steps > (GAP_STEPS * usual if max_gap is None else max_gap)))
             found.extend((gaps + start + 1).tolist())

@@ -164,9 +164,7 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
         if column is None:
             limits[what] = Limits()
             continue
-        usual = usual_of(_sampled(record, column), record.n_used, lines=what == "reading")
-        if what == "temperature":
-            usual = replace(usual, ends=())  # lags do not go across a room that is beyond its thermometer's range
+        usual = usual_of(_sampled(record, column), record.n_used, temperature=what == "temperature")
         found = record.scanned(what, usual)
         spikes = found.true_spikes(usual, record.n_used)
         limits[what] = _limits(record, column, usual, found, spikes)
