@@ -308,6 +308,8 @@ def _check_steps(
     """Refuse times that stand still or go back; return where gaps longer than max_gap end."""
     n = times.n
     max_gap = layout.longest_step()
+    if order is None and times.even_step is not None and times.even_step <= (np.inf if max_gap is None else max_gap):
+        return np.zeros(0, np.intp)
     found, wide, usual, least = [], [], None, 0.0
     for start in range(0, n - 1, _CHUNK):
         steps = _steps_from(start, times, order)

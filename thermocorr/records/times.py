@@ -28,6 +28,8 @@ _LETTERS = {"d": "D", "w": "W", "H": "h", "S": "s"}
 """Units of spans, of one letter, as they may be written and as every version of pandas has them."""
 _UNIT_LETTER = re.compile(r"(?<![^\W\d_])[dwHSTLUN](?![^\W\d_])")
 """A unit of one letter that some version of pandas has warned of."""
+_CHUNK = 1 << 16
+"""Times that are looked at together."""
 _FAR = 1 << 62
 """Integers that stay below this differ by one that does not wrap."""
 _DAY = "(?:[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}|[0-9]{8})"
@@ -75,10 +77,27 @@ class Times:
                 steps[0] = ((rows.start if isinstance(rows, slice) else int(rows[0])) - before) * self.period
             return steps
         ticks = self.ticks[rows]
-        steps = np.empty(len(ticks))
-        np.divide(self._apart(ticks[1:], ticks[:-1]), self.per_second, out=steps[1:])
+        even = self.__dict__.get("even_step") if isinstance(rows, slice) else None
+        if even is None:
+            steps = np.empty(len(ticks))
+            np.divide(self._apart(ticks[1:], ticks[:-1]), self.per_second, out=steps[1:])
+        else:
+            steps = np.full(len(ticks), even)
         steps[0] = 1.0 if before is None else (ticks[0].item() - self.ticks[before].item()) / self.per_second
         return steps
+
+    @cached_property
+    def even_step(self) -> float | None:
+        """The step from each row to the next [s], where all are alike; once it is known, `steps` needs no times."""
+        if not isinstance(self.ticks, np.ndarray) or self.kind == "rows" or self.n < 2:
+            return None
+        low = high = self.ticks[1] - self.ticks[0] if self._close else 0
+        for start in range(0, self.n - 1, _CHUNK):
+            if not 0 < low == high:
+                return None
+            apart = np.diff(self.ticks[start : start + _CHUNK + 1])
+            low, high = min(low, apart.min()), max(high, apart.max())
+        return float(low / self.per_second) if 0 < low == high else None
 
     def seconds(self, rows: Rows, origin: float = 0) -> Floats:
         """Seconds since `origin`, which is what `stamp` gives for the row that counts as zero."""
