@@ -315,7 +315,7 @@ def _check_steps(
         steps = _steps_from(start, times, order)
         low, high = float(steps.min()), float(steps.max())
         least = low if start == 0 else least  # the usual step is no shorter
-        if 0 < low and high <= (GAP_STEPS * least if max_gap is None else max_gap):
+        if low > 0 and high <= (GAP_STEPS * least if max_gap is None else max_gap):
             continue
         inside = _inside(start, steps, starts_run)
         bad = inside & (steps <= 0)
