@@ -133,6 +133,32 @@ def test_blocks_may_end_anywhere(both, rows, monkeypatch):
     assert_same(*both(*with_gaps(*room(jitter=0.3)), effects, layout))
 
 
+@pytest.mark.parametrize("rows", [3000, 1 << 15])
+def test_rows_are_reflected_until_the_coordinates_know_enough(both, rows, monkeypatch):
+    """Slow neighbouring lags of a room that stands still for long, moves a little, then much: few rows tell little."""
+    reflected, reflect = [], Preconditioned.reflect
+
+    def counted(self, first, block):
+        reflected.append(len(block))
+        return reflect(self, first, block)
+
+    monkeypatch.setattr(Preconditioned, "reflect", counted)
+    monkeypatch.setattr(fused_columns.FusedColumns, "block_rows", lambda self: rows)
+    X, y = room(20_000)
+    X.iloc[:4000, 0] = 23.0
+    X.iloc[4000:6000, 0] = 23.0 + 1e-3 * np.sin(np.arange(2000) / 300)
+    taus = np.geomspace(10.0, 60_000.0, 20).tolist()
+    assert_same(*both(X, y, [StaticPolynomial(1), ThermalLag(taus), InitialTransient([500.0], 1.0)], {}))
+    assert 5000 < sum(reflected) < len(X)
+
+
+def test_decays_that_are_over_leave_their_tiles_as_they_are(both):
+    """Of very different lives, in a run that begins anew: one ends within the first rows, one in the middle."""
+    taus = [3.0, 40.0, 300.0, 1500.0]
+    X, y = with_gaps(*room(jitter=0.3))
+    assert_same(*both(X, y, [StaticPolynomial(1), ThermalLag(TAUS), InitialTransient(taus, 1.0)], {"max_gap": 500.0}))
+
+
 def test_a_stretch_without_readings_has_an_empty_factor(both, capfd):
     """As where a fit learns from the rows before a date: LAPACK prints what it refuses."""
     X, y = room()

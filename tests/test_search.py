@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.base import clone
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import GridSearchCV, KFold, LeaveOneGroupOut, TimeSeriesSplit
 from sklearn.pipeline import Pipeline
@@ -120,6 +122,16 @@ def test_planted_time_constants_are_found_and_intervals_hold_them():
         np.testing.assert_allclose(table["time_constant"], TRUE, rtol=0.15)
         hits += int(((table["low"] < TRUE) & (table["high"] > TRUE)).sum())
     assert hits >= 12
+
+
+def test_intervals_are_those_of_the_last_fit_and_survive_pickling(lab):
+    X, y = lab
+    search = TimeConstantSearch(candidates=[[600.0], [600.0, 6000.0]], refit=False, rule="best")
+    kept = pickle.loads(pickle.dumps(search.fit(X, y)))  # before anybody has asked
+    pd.testing.assert_frame_equal(kept.time_constants_, search.time_constants_)
+    search.set_params(candidates=[[1200.0]]).fit(X, y)
+    assert search.time_constants_["time_constant"].tolist() == [1200.0]
+    assert not hasattr(clone(search), "time_constants_")
 
 
 def test_default_choice_is_the_regressors_own(lab):

@@ -1,0 +1,48 @@
+"""Steps between rows: those that are all alike, and gaps among others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from effect_records import temperatures
+
+from thermocorr.records import Layout, read, read_record, times
+
+N = 60
+
+
+def record_of(X, **layout):
+    return read_record(X, Layout(**layout), quiet=True)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.3])
+@pytest.mark.parametrize("late", [9.0, 11.0, 3.0])
+def test_a_gap_far_behind_is_told_by_the_usual_step_of_the_first_rows(late, jitter, monkeypatch):
+    """In steps as they are at first: of rows that come later, three times as far apart, a step of four is no gap."""
+    monkeypatch.setattr(read, "_CHUNK", N // 5)
+    steps = 10.0 * (1 + jitter * np.sin(np.arange(N)))
+    steps[N // 2 :] *= 3.0
+    steps[-3] = 10.0 * late
+    notes = record_of(pd.DataFrame({"temperature": temperatures(), "t": np.cumsum(steps)}), time="t").notes
+    assert any(f"Sampling has 1 gap, the first after row {N - 4}" in note for note in notes) == (late > 10)
+
+
+@pytest.mark.parametrize("n", [2, 3, N])
+@pytest.mark.parametrize("form", ["spans", "seconds", "dates"])
+def test_a_step_that_all_rows_share_is_known_and_changes_nothing(n, form, monkeypatch):
+    monkeypatch.setattr(times, "_CHUNK", 7)
+    seconds = 1.5 * np.arange(n)
+    index = pd.to_timedelta(seconds, unit="s") + (pd.Timestamp(2026, 1, 1) if form == "dates" else pd.Timedelta(0))
+    even = record_of(pd.DataFrame({"temperature": temperatures()[:n]}, index=seconds if form == "seconds" else index))
+    assert even.times.even_step == (None if even.times.ticks is None else 1.5)
+    rows = [slice(0, n), slice(1, n), slice(n - 1, n), slice(0, 0), np.arange(n)]
+    for where, before in [(each, b) for each in rows for b in (None, 0)]:
+        if len(np.arange(n)[where]):
+            known, plain = even.times, replace(even.times)
+            assert np.array_equal(known.steps(where, before), plain.steps(where, before))
+    if n == N and even.times.ticks is not None:
+        uneven = replace(even.times, ticks=np.delete(even.times.ticks, 12), n=n - 1)
+        assert uneven.even_step is None
