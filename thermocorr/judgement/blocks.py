@@ -16,10 +16,12 @@ import numpy as np
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts, walk
 from ..equations import noise
-from ..records import BLOCK_ROWS, Block, Record
+from ..records import Block, Record
 from ..records.thinned import Thinned
 from .levels import COARSE, MOST_SOUND
 
+ROWS = 1 << 15
+"""Rows of a block: each of some hundred effects is asked for its columns, block by block."""
 AHEAD_ROWS = 1 << 17
 """Rows of a block for effects that look ahead, each time over many rows beyond it."""
 
@@ -53,7 +55,7 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
     assert record.reading is not None
     width = stretch_of(record, n_stretches)
     readings, counts, segments, seconds = [], [], [], []
-    for block in record.blocks(_rows(width, BLOCK_ROWS), starts=own_starts(record)):
+    for block in record.blocks(_rows(width, ROWS), starts=own_starts(record)):
         reading, share = np.asarray(record.reading[block.rows], float), _shares(record, block)
         starts = np.arange(0, len(block), width)
         count = np.add.reduceat(share, starts)
@@ -74,14 +76,14 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
 def averaged_columns(record: Record, effects: Sequence[Effect], n_stretches: int) -> list[np.ndarray]:
     """The columns of `averaged` alone: one array of shape (n, width) for each effect."""
     width = stretch_of(record, n_stretches)
-    near = iter(_columns([(record, e) for e in effects if not e.foresees], width, BLOCK_ROWS))
+    near = iter(_columns([(record, e) for e in effects if not e.foresees], width, ROWS))
     far = iter(_columns([(record, e) for e in effects if e.foresees], width, AHEAD_ROWS))
     return [next(far if effect.foresees else near) for effect in effects]
 
 
 def averaged_copies(copies: Sequence[tuple[Record, Effect]], n_stretches: int) -> list[np.ndarray]:
     """As `averaged_columns`, of an effect in many records that have their times and readings in common."""
-    rows = AHEAD_ROWS if copies[0][1].foresees else BLOCK_ROWS
+    rows = AHEAD_ROWS if copies[0][1].foresees else ROWS
     return _columns(copies, stretch_of(copies[0][0], n_stretches), rows)
 
 
@@ -96,13 +98,13 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
     known = [
         own.exact.get(said(e)) if isinstance(own, Thinned) and own.exact_rows == width else None for own, e in pairs
     ]
-    at = 0
+    at, whole = 0, _reads_every_row(record)
     states: list[Any] = []
     for block in record.blocks(_rows(width, rows), starts=own_starts(record)):
         if block.start == record.segments[block.segment].start:
             states = [None] * len(effects)
-        share = _shares(record, block)
-        even = bool((share == 1.0).all())
+        share = np.ones(0) if whole else _shares(record, block)
+        even = whole or bool((share == 1.0).all())
         starts = np.arange(0, len(block), width)
         count = np.diff(starts, append=len(block)) if even else np.add.reduceat(share, starts)
         share_of_one, kept = 1 / np.maximum(count, 1), slice(None) if count.all() else count > 0
@@ -137,6 +139,11 @@ def _shares(record: Record, block: Block) -> np.ndarray:
     assert record.reading is not None
     known = np.isfinite(np.asarray(record.reading[block.rows], float))
     return np.where(known, record.counts[block.rows].astype(float) if isinstance(record, Thinned) else 1.0, 0.0)
+
+
+def _reads_every_row(record: Record) -> bool:
+    """Whether each row stands for one reading."""
+    return not isinstance(record, Thinned) and bool(np.isfinite(np.asarray(record.reading, float).sum()))
 
 
 def sums_of(columns: np.ndarray, width: int) -> np.ndarray:

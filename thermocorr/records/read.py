@@ -324,9 +324,9 @@ def _check_steps(
             usual = float(np.median(steps[inside & (steps > 0)])) if (inside & (steps > 0)).any() else 0.0
             _refuse_order(times, order, start + 1 + int(bad.argmax()), layout, shuffled, usual)
         if usual is None:
-            first = _steps_from(0, times, order)
-            at_first = first[_inside(0, first, starts_run)]
-            usual = float(np.median(at_first)) if len(at_first) else None
+            early = _steps_from(0, times, order)
+            early = early[_inside(0, early, starts_run)]
+            usual = float(np.median(early)) if len(early) else None
         if usual is not None:
             gaps = np.flatnonzero(inside & (steps > (GAP_STEPS * usual if max_gap is None else max_gap)))
             found.extend((gaps + start + 1).tolist())

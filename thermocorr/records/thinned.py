@@ -132,7 +132,7 @@ def _in_memory(record: Record, columns: Mapping[Any, Any]) -> tuple[Record, dict
         looked, values = _Looked(), np.array(column[:], float)
         own[name], sound[name] = looked.sound(values), looked.share(len(values))
     times = record.times
-    if times.ticks is not None:
+    if times.ticks is not None and not isinstance(times.ticks, np.ndarray):
         times = replace(times, ticks=np.asarray(times.ticks[:]))
     reading = None if record.reading is None else np.asarray(record.reading[:], float)
     return replace(record, times=times, columns=own, reading=reading, known_moments={}), sound
