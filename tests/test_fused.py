@@ -291,6 +291,17 @@ def test_rows_unlike_those_before_are_swept_in_by_reflections():
     np.testing.assert_allclose(np.abs(np.diag(R)), np.abs(np.diag(Q)), rtol=1e-9)
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("size", [0.0, 5e-324, 1e-310, 1e-200])
+def test_a_column_of_next_to_nothing_that_wakes_up_is_swept_in(size):
+    rng, coordinates = np.random.default_rng(1), Preconditioned(3)
+    rows = rows_of(rng, 400, np.ones(3))
+    rows[:200, 1] *= size
+    crossed = [taken(coordinates, part) for part in (rows[:100], rows[100:200], rows[200:])]
+    R = np.linalg.qr(np.vstack([one.factor() for one in crossed]))[1]
+    np.testing.assert_allclose(R.T @ R, rows.T @ rows, rtol=1e-12, atol=1e-12)
+
+
 def test_rows_without_information_in_some_direction_have_a_factor():
     """A stretch of constant temperature: its cross products are singular."""
     triangle = np.triu(np.ones((3, 3)))

@@ -46,3 +46,16 @@ def test_a_step_that_all_rows_share_is_known_and_changes_nothing(n, form, monkey
     if n == N and even.times.ticks is not None:
         uneven = replace(even.times, ticks=np.delete(even.times.ticks, 12), n=n - 1)
         assert uneven.even_step is None
+
+
+@pytest.mark.parametrize("max_gap", [None, 50.0])
+def test_a_gap_is_told_behind_many_runs_of_a_row_each(max_gap, monkeypatch):
+    """No step of the first rows lies within a run, so none of them tells what is usual."""
+    monkeypatch.setattr(read, "_CHUNK", 10)
+    run = np.r_[np.arange(30), np.full(N - 30, 99)]
+    seconds = np.where(run < 99, 60.0 * np.arange(N), 1800.0 + np.arange(N))
+    seconds[45:] += 100.0
+    X = pd.DataFrame({"temperature": temperatures(), "t": seconds, "run": run})
+    record = record_of(X, time="t", run="run", max_gap=max_gap)
+    assert len(record.segments) == 31 + (max_gap is not None)
+    assert any("1 gap, the first after row 44" in note for note in record.notes) == (max_gap is None)

@@ -81,6 +81,7 @@ def test_labels_are_those_of_the_fitted_record():
             label(text, ["a"])
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_absurd_numbers_are_refused_by_row():
     for value, words in ((1e160, "is 1e\\+160 in row 70000: no measurement"), (-np.inf, "infinity in row 70000")):
         values = np.zeros(80_000)

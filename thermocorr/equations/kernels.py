@@ -56,7 +56,7 @@ class Bodies(NamedTuple):
     factors: Floats
     """Decay and gain of the first step, decay and gain of all others, shape (4, D + J)."""
     decays: Floats
-    """Start-up decays at the first row, then behind the last one, shape (D,); written to."""
+    """Start-up decays at the first row, then behind the last one, the fastest first, shape (D,); written to."""
     lags: Floats
     """Lag differences before the first row, then at the last one, shape (J,); written to."""
     temperature: Floats
@@ -149,13 +149,13 @@ def _sum_up(z, n, at, bins, sums):  # type: ignore[no-untyped-def]
 
 
 @_inline
-def _substitute(z, n, first, triangle, inverse):  # type: ignore[no-untyped-def]
+def _substitute(z, n, n_over, triangle, inverse):  # type: ignore[no-untyped-def]
     """Rows by the inverse of a triangle: the columns of a tile, each less its share in those before it.
 
-    Those before the `first` are zero.
+    The first `n_over` are zero.
     """
-    for j in range(first, len(z)):
-        i = first
+    for j in range(n_over, len(z)):
+        i = n_over
         while j - i >= 4:
             r0, r1, r2, r3 = triangle[i, j], triangle[i + 1, j], triangle[i + 2, j], triangle[i + 3, j]
             for k in range(n):
@@ -172,14 +172,14 @@ def _substitute(z, n, first, triangle, inverse):  # type: ignore[no-untyped-def]
 
 
 @_inline
-def _cross(z, n, first, product):  # type: ignore[no-untyped-def]
+def _cross(z, n, n_over, product):  # type: ignore[no-untyped-def]
     """Add the cross products of a tile's columns to the upper triangle of `product`; three by three in registers.
 
-    Columns before the `first` are zero.
+    The first `n_over` columns are zero.
     """
-    q, i = len(z), first
+    q, i = len(z), n_over
     while q - i >= 3:
-        j = first
+        j = n_over
         while j < i:
             s00 = s01 = s02 = s10 = s11 = s12 = s20 = s21 = s22 = 0.0
             for k in range(n):
@@ -221,7 +221,7 @@ def _cross(z, n, first, product):  # type: ignore[no-untyped-def]
         product[i + 2, i + 2] += s22
         i += 3
     while i < q:
-        for j in range(first, i + 1):
+        for j in range(n_over, i + 1):
             s00 = 0.0
             for k in range(n):
                 s00 += z[i, k] * z[j, k]
@@ -239,10 +239,10 @@ def _is_beyond(product, largest):  # type: ignore[no-untyped-def]
 
 
 @_inline
-def _fill(rows, bodies, at, n, first, z, change, decay, gain):  # type: ignore[no-untyped-def]
+def _fill(rows, bodies, at, n, n_over, z, change, decay, gain):  # type: ignore[no-untyped-def]
     """Columns of the tile of `n` rows from row `at` on; `decay` and `gain` hold the factors of each body and row.
 
-    Decays before the `first` are over.
+    The first `n_over` decays are over.
     """
     D, J = len(bodies.decays), len(bodies.lags)
     T, reading, ready = rows.temperature[at : at + n], rows.reading[at : at + n], rows.ready[:, at : at + n]
@@ -255,11 +255,11 @@ def _fill(rows, bodies, at, n, first, z, change, decay, gain):  # type: ignore[n
         for k in range(n):
             longest = max(longest, steps[k])
             per_step[k] = 1.0 / steps[k]
-        for j in range(first, D + J):
+        for j in range(n_over, D + J):
             _factors_of_steps(steps, longest, per_step, n, bodies.rates[j], bodies.first_order, decay[j], gain[j])
-    for j in range(first):
+    for j in range(n_over):
         z[j, :n] = 0.0
-    for j in range(first, D):  # eq. (18)
+    for j in range(n_over, D):  # eq. (18)
         left = bodies.decays[j] if at == 0 else bodies.decays[j] * decay[j, 0]
         for k in range(n):
             if k:
@@ -304,10 +304,10 @@ def _sweep(rows, bodies, triangle, inverse, largest, product, sums, out):  # typ
     for part in range(len(rows.parts)):
         end = rows.parts[part + 1] if part + 1 < len(rows.parts) else len(rows.temperature)
         for at in range(rows.parts[part], end, TILE):
-            n, first = min(TILE, end - at), 0
-            while first < len(bodies.decays) and bodies.decays[first] == 0.0:
-                first += 1
-            _fill(rows, bodies, at, n, first, z, change, decay, gain)
+            n, n_over = min(TILE, end - at), 0
+            while n_over < len(bodies.decays) and bodies.decays[n_over] == 0.0:
+                n_over += 1
+            _fill(rows, bodies, at, n, n_over, z, change, decay, gain)
             if bodies.regular and at == 0:
                 decay[:, 0] = bodies.factors[2]
             _leave_out(z, n)
@@ -323,8 +323,8 @@ def _sweep(rows, bodies, triangle, inverse, largest, product, sums, out):  # typ
                     for k in range(n):
                         here[j, k] = z[j, k]
             else:
-                _substitute(z, n, first, triangle, inverse)
-                _cross(z, n, first, product[part])
+                _substitute(z, n, n_over, triangle, inverse)
+                _cross(z, n, n_over, product[part])
                 if _is_beyond(product[part], largest):
                     return
 

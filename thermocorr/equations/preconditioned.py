@@ -4,7 +4,7 @@ Cross products of the columns themselves square their condition number, so that 
 digit; Householder reflections do not, and pass over the rows many times. Here the columns are first multiplied by the
 inverse of the triangle R of what was seen before, as in Cholesky QR done twice (Yamamoto et al. 2015, ETNA 44, 306):
 ``Z = rows R^-1`` is nearly orthogonal where the rows are like those before, and ``Z'Z = B`` is as good as it gets:
-``R' B R`` are the cross products. Rows that show a direction which R hardly knows are swept in by reflections instead.
+``R' B R`` are the cross products. Where rows show a direction which R hardly knows, some are swept in by reflections.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ LARGEST = 1e8
 GROWN = 1e3
 """Growth of the cross products from which on R is brought up to date."""
 _UNSEEN = 1e150
-"""One over the diagonal of R where a column was zero so far: if it is no longer, its cross products are too large."""
+"""One over the diagonal of R where a column was next to nothing so far: if it is no longer, its cross products are too
+large."""
 
 
 class Crossed(NamedTuple):
@@ -82,7 +83,7 @@ class Preconditioned:
             How many of the first columns are zero in all rows.
         crossed : callable
             Given R of the other columns, one over its diagonal and `LARGEST`, upper triangles of B, shape (parts,
-            q - first, q - first), or what there is of them when a diagonal element becomes larger.
+            q - first, q - first); it may stop where a diagonal element becomes larger, for nothing is taken then.
         """
         if self.knows_nothing:
             return []
@@ -110,7 +111,8 @@ class Preconditioned:
         if first not in self._parts:
             triangle = np.array(self._triangle[first:, first:], order="C")
             diagonal = triangle.diagonal()
-            inverse = np.divide(1.0, diagonal, out=np.full(len(diagonal), _UNSEEN), where=diagonal != 0.0)
+            inverse = np.full(len(diagonal), _UNSEEN)
+            np.divide(1.0, diagonal, out=inverse, where=np.abs(diagonal) > 1 / _UNSEEN)
             self._parts[first] = triangle, inverse
         return self._parts[first]
 

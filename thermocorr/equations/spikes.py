@@ -58,8 +58,7 @@ CHUNK = 32_000
 HALO = 64
 """Rows to either side that decide on a row, missing ones included."""
 _BINS, _PER_OCTAVE = 512, 8
-_APART = np.full(1, np.nan)
-"""Stands between two stretches."""
+_APART = np.full(1, np.nan)  # stands between two stretches
 _DEVIATION = 1.4826 / np.sqrt(2)
 """Standard deviation of white Gaussian noise, over the median size of its steps."""
 
@@ -99,15 +98,14 @@ class Usual:
 
 
 def usual_of(stretches: Sequence[Floats], n_rows: int | None = None, temperature: bool = False) -> Usual:
-    """What is usual, from stretches of consecutive readings of `n_rows` (NaN: none); a `temperature` has no ends."""
+    """What is usual of `n_rows` readings, from stretches (NaN: none); no ends or lines of a `temperature`."""
     whole = np.concatenate([np.zeros(0), *(part for stretch in stretches for part in (_APART, stretch))])
     fits = np.abs(whole) < OVERLOAD  # NaN does not
     values = np.sort(whole[fits])
     if len(values) < FEWEST:
         return Usual(middle=0.0, low=-np.inf, high=np.inf, noise=np.inf, reach=np.inf)
     low, middle, high = (_share(values, share) for share in (0.05, 0.5, 0.95))
-    lengths = np.array([1 + len(stretch) for stretch in stretches])
-    fits[np.cumsum(lengths) - lengths] = True
+    fits[np.cumsum([0, *(1 + len(stretch) for stretch in stretches[:-1])])] = True
     line = whole[fits]
     ends, repeats = () if temperature else ends_of_range(line), is_repeated(line)
     near = np.nan if temperature or repeats else filled_in(np.where(fits, whole, np.nan))

@@ -64,6 +64,7 @@ class FusedSweep:
         self._coordinates = Preconditioned(len(self._shared))
         self._decays, self._places = columns.decays(-1)
         self._gathered: list[tuple[int, Crossed]] = []
+        self._n_known = 0  # rows of the segment so far
         self.chunks = FusedFactors(columns.first[-1] + 1, len(edges) - 1, self._shared)
         """Factors of ``[1 | Q | U]``, one for each stretch."""
         zero, starts = (None, own_starts(record)) if begun is None else (begun.zero, {0: begun.start})
@@ -107,13 +108,14 @@ class FusedSweep:
         for chunk, part in parts:
             self.chunks.n_rows[chunk] += part.stop - part.start if known is None else int(known[part].sum())
         while parts:
-            some, parts = parts, []
-            crossed = [] if self._coordinates.knows_nothing else self._crossed(block, rows, some, sums)
+            done, left = parts, parts[:0]
+            crossed = [] if self._coordinates.knows_nothing else self._crossed(block, rows, done, sums)
             if not crossed:  # as many rows as are known tell of the others, mostly
-                some, parts = _cut(some, max(self._n_known, ALONE))
-                crossed = self._crossed(block, rows, some, sums, reflected=True)
-            self._gathered += zip((chunk for chunk, _ in some), crossed, strict=True)
-            self._n_known += some[-1][1].stop - some[0][1].start
+                done, left = _cut(parts, max(self._n_known, ALONE))
+                crossed = self._crossed(block, rows, done, sums, reflected=True)
+            self._gathered += zip((chunk for chunk, _ in done), crossed, strict=True)
+            self._n_known += done[-1][1].stop - done[0][1].start
+            parts = left
         self.binning.add(block, bins, begins, known, sums[:, -1], self._binned(sums))
 
     def _ready(self, block: Block) -> np.ndarray:
@@ -132,7 +134,7 @@ class FusedSweep:
     ) -> list[Crossed]:
         """Cross products of parts of a block; the lags go on, and `sums` over the block's bins grow.
 
-        An empty list, and nothing has gone on, where the rows must be `reflected`.
+        An empty list, and nothing has gone on, where the rows must be `reflected`: the pass ends there.
         """
         some = slice(parts[0][1].start, parts[-1][1].stop)
         elapsed = block.elapsed_at(some.start)

@@ -246,7 +246,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         else:
             final = sensitivity(factored, choice.time_constants, choice.alpha)
         self.__dict__.pop("time_constants_", None)
-        self._chosen = None if final is None else (final.time_constants, final.extended)
+        self._chosen = (np.zeros(0), None) if final is None else (final.time_constants, final.extended)
         self.spectrum_ = None if choice.reference is None else spectrum_table(factored, choice.reference)
         self.cv_results_ = _results(tried, times)
         self.best_index_ = best
@@ -257,10 +257,9 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     @cached_property
     def time_constants_(self) -> pd.DataFrame:
         """The choice with 95 % intervals [s], made when it is asked for."""
-        if self._chosen is None:
-            return interval_table(np.zeros(0), np.zeros(0))
-        time_constants, extended = self._chosen
-        return interval_table(time_constants, extended.log_errors())
+        check_is_fitted(self, "cv_results_")
+        time_constants, extended = self.__dict__.pop("_chosen")
+        return interval_table(time_constants, np.zeros(0) if extended is None else extended.log_errors())
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

@@ -174,8 +174,10 @@ def _refuse_absurd(chunk: Any, first_row: int, what: str) -> None:
     """Refuse infinities, and numbers that no instrument shows: their squares would not be numbers."""
     if chunk.dtype.kind != "f" or not len(chunk):
         return
-    if chunk.dtype == np.float64 and chunk.ndim == 1 and chunk.dot(chunk) <= LARGEST**2:  # one look, where none is NaN
-        return
+    if chunk.dtype == np.float64 and chunk.ndim == 1:
+        with np.errstate(over="ignore", invalid="ignore"):
+            if chunk.dot(chunk) <= LARGEST**2:  # one look, where none is NaN
+                return
     high, low = float(np.fmax.reduce(chunk, axis=None)), float(np.fmin.reduce(chunk, axis=None))
     if not max(high, -low) > LARGEST:
         return

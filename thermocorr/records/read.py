@@ -310,34 +310,34 @@ def _check_steps(
     max_gap = layout.longest_step()
     if order is None and times.even_step is not None and times.even_step <= (np.inf if max_gap is None else max_gap):
         return np.zeros(0, np.intp)
-    found, wide, usual, least = [], [], None, 0.0
+    found, wide, first, usual = [], [], None, None
     for start in range(0, n - 1, _CHUNK):
         steps = _steps_from(start, times, order)
-        low, high = float(steps.min()), float(steps.max())
-        least = low if start == 0 else least  # the usual step is no shorter
-        if low > 0 and high <= (GAP_STEPS * least if max_gap is None else max_gap):
-            continue
         inside = _inside(start, steps, starts_run)
+        if not inside.any():
+            continue
+        if first is None:  # of its steps within runs the usual one is the median, and no shorter than the least
+            first, least = start, float(steps[inside].min())
+        if steps.min() > 0 and steps.max() <= (GAP_STEPS * least if max_gap is None else max_gap):
+            continue
         bad = inside & (steps <= 0)
         if bad.any():
             shuffled = bad.sum() > SHUFFLED * inside.sum() and not bad.all()
             usual = float(np.median(steps[inside & (steps > 0)])) if (inside & (steps > 0)).any() else 0.0
             _refuse_order(times, order, start + 1 + int(bad.argmax()), layout, shuffled, usual)
-        if usual is None:
-            early = _steps_from(0, times, order)
-            early = early[_inside(0, early, starts_run)]
-            usual = float(np.median(early)) if len(early) else None
-        if usual is not None:
-            gaps = np.flatnonzero(inside & (steps > (GAP_STEPS * usual if max_gap is None else max_gap)))
-            found.extend((gaps + start + 1).tolist())
-            wide.extend(steps[gaps].tolist())
+        if usual is None and max_gap is None:
+            early = _steps_from(first, times, order)
+            usual = float(np.median(early[_inside(first, early, starts_run)]))
+        gaps = np.flatnonzero(inside & (steps > (GAP_STEPS * (usual or 0.0) if max_gap is None else max_gap)))
+        found.extend((gaps + start + 1).tolist())
+        wide.extend(steps[gaps].tolist())
     if max_gap is not None:
         return np.asarray(found, np.intp)
     if found:
-        first = found[0] - 1 if order is None else int(order[found[0] - 1])
+        row = found[0] - 1 if order is None else int(order[found[0] - 1])
         advice = 3 * (usual or 1)
         notes.append(
-            f"Sampling has {times_word(len(found), 'gap')}, the first after row {first} "
+            f"Sampling has {times_word(len(found), 'gap')}, the first after row {row} "
             f"({' where '.join(span_texts((wide[0], usual or 0.0)))} is usual). Temperature is taken as a straight "
             f"line across. Pass max_gap={advice:.5g} to start a new segment there."
         )

@@ -61,7 +61,10 @@ class Times:
         return float(stamp) if self.kind == "seconds" and UNIX[0] <= stamp < UNIX[1] else None
 
     def steps(self, rows: Rows, before: int | None = None) -> Floats:
-        """Time from the row before to each of `rows` [s]; ``steps[0]`` reaches back to row `before` (1 s if None)."""
+        """Time from the row before to each of `rows` [s]; ``steps[0]`` reaches back to row `before` (1 s if None).
+
+        Rows of a slice follow one another. Where `even_step` has been asked for, it is what they have in common.
+        """
         if not isinstance(rows, slice) and not len(rows):
             return np.zeros(0)
         if self.ticks is not None and self.kind == "rows":
@@ -88,7 +91,7 @@ class Times:
 
     @cached_property
     def even_step(self) -> float | None:
-        """The step from each row to the next [s], where all are alike; once it is known, `steps` needs no times."""
+        """The step from each row to the next [s], where all are alike; None where they are not."""
         if not isinstance(self.ticks, np.ndarray) or self.kind == "rows" or self.n < 2:
             return None
         low = high = self.ticks[1] - self.ticks[0] if self._close else 0
