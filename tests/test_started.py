@@ -13,6 +13,8 @@ from thermocorr import DynamicBiasRegressor, diagnose, refine
 from thermocorr.datasets import make_record
 from thermocorr.effects import InitialTransient
 
+pytestmark = pytest.mark.newest
+
 BEFORE, N = 4000, 12_000
 SETTINGS = [("lab", "slab", 60.0, 31), ("outdoor", "plate", 600.0, 32), ("chamber", "layered", 30.0, 33),
             ("lab", "box", 60.0, 34)]  # fmt: skip

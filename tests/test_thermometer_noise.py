@@ -29,6 +29,8 @@ from thermocorr.pictures.words import thermometer_sentences
 from thermocorr.records import Record, RecordError, Segment
 from thermocorr.records.times import Times
 
+pytestmark = pytest.mark.newest
+
 PERIODS = {"lab": 60.0, "outdoor": 600.0, "chamber": 30.0}
 
 
