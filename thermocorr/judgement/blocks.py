@@ -103,10 +103,11 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
     for block in record.blocks(_rows(width, rows), starts=own_starts(record)):
         if block.start == record.segments[block.segment].start:
             states = [None] * len(effects)
-        share = np.ones(0) if whole else _shares(record, block)
-        even = whole or bool((share == 1.0).all())
+        share = None if whole else _shares(record, block)
+        if share is not None and (share == 1.0).all():
+            share = None  # as many rows as readings
         starts = np.arange(0, len(block), width)
-        count = np.diff(starts, append=len(block)) if even else np.add.reduceat(share, starts)
+        count = np.diff(starts, append=len(block)) if share is None else np.add.reduceat(share, starts)
         share_of_one, kept = 1 / np.maximum(count, 1), slice(None) if count.all() else count > 0
         first, n = n, n + int(np.count_nonzero(count))
         at, before = at + len(starts), at
@@ -116,7 +117,7 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
                 continue
             columns, states[i] = effect.columns(block if own is record else block.of(own), states[i])
             columns = np.asarray(columns).reshape(len(block), edges[i + 1] - edges[i])
-            if not even:
+            if share is not None:
                 columns = columns * share[:, None]
             if width > 1:
                 columns = sums_of(columns, width)

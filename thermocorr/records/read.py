@@ -325,10 +325,13 @@ def _check_steps(
             shuffled = bad.sum() > SHUFFLED * inside.sum() and not bad.all()
             usual = float(np.median(steps[inside & (steps > 0)])) if (inside & (steps > 0)).any() else 0.0
             _refuse_order(times, order, start + 1 + int(bad.argmax()), layout, shuffled, usual)
-        if usual is None and max_gap is None:
-            early = _steps_from(first, times, order)
-            usual = float(np.median(early[_inside(first, early, starts_run)]))
-        gaps = np.flatnonzero(inside & (steps > (GAP_STEPS * (usual or 0.0) if max_gap is None else max_gap)))
+        limit = max_gap
+        if limit is None:
+            if usual is None:
+                early = _steps_from(first, times, order)
+                usual = float(np.median(early[_inside(first, early, starts_run)]))
+            limit = GAP_STEPS * usual
+        gaps = np.flatnonzero(inside & (steps > limit))
         found.extend((gaps + start + 1).tolist())
         wide.extend(steps[gaps].tolist())
     if max_gap is not None:
