@@ -98,6 +98,7 @@ class LaggedCovariate(Covariate):
     """
 
     kind = "lagged_covariate"
+    lags_apart = True
     learned = {"mean_": "number", "time_constants_": "times"}
     info = EffectInfo(
         physics="Another recorded quantity acts on the reading late: moisture that is taken up, heat that a current "

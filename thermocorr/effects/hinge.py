@@ -43,6 +43,7 @@ class Hinge(Effect):
     """
 
     kind = "hinge"
+    lags_apart = True
     learned = {"time_constants_": "times"}
     info = EffectInfo(
         physics="Freezing, condensation, a clamp that opens or a sensor that saturates changes the law at one "

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..equations import lag_differences
+from ..equations.shifted import shifted
 from ..records import Block, Record, seconds_of
 from ..records.quantities import span_text
 from .foresight import elapsed, rows_until, temperatures
@@ -92,7 +93,11 @@ class Lead(Effect):
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """Temperature of later less that of now, and its lags [K]; looks beyond the block, to its segment's end."""
         rows = rows_until(block, self.lead_)
-        later = np.interp(block.elapsed + self.lead_, elapsed(block, rows), temperatures(block, rows))
+        T, step = temperatures(block, rows), block.even_step
+        if step is None:
+            later = np.interp(block.elapsed + self.lead_, elapsed(block, rows), T)
+        else:
+            later = shifted(T, self.lead_ / step, len(block))
         ahead = later - block.temperature
         if not len(self.time_constants_):
             return ahead, None

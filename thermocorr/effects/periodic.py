@@ -80,8 +80,7 @@ class Periodic(Effect):
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """Harmonics; the higher ones by the addition theorem."""
-        angle = x.angle(self.period_)
-        sine, cosine = x.sin(angle), x.cos(angle)
+        sine, cosine = x.wave(self.period_)
         waves = [sine, cosine]
         for _ in range(1, self.harmonics):
             s, c = waves[-2:]

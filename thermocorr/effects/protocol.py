@@ -12,7 +12,7 @@ from sklearn.base import BaseEstimator, clone
 
 from ..records import Block, Record, seconds_of
 from .expressions import words_of
-from .signals import BlockSignals, Signals
+from .signals import BlockSignals, Signals, TurnedSignals
 
 SINCE_START = "s since the start"
 """Unit of a parameter that is a moment of the record, for which a date will do as well."""
@@ -98,6 +98,8 @@ class Effect(ParametersOnce):
     all others."""
     of_thermometer: ClassVar[bool] = False
     """True for what a finer thermometer could do without."""
+    lags_apart: ClassVar[bool] = False
+    """True where each of the `time_constants` has columns of its own, whatever the others are."""
     tried: ClassVar[bool] = True
     """False for what a diagnosis does not try as such: what somebody knows, or what it puts together from others."""
     removed_by_correct: bool = True
@@ -208,15 +210,28 @@ class Effect(ParametersOnce):
     def _fill_said(self, block: Block, state: Any, columns: np.ndarray) -> Any:
         """`fill` by the formula."""
         x = BlockSignals(block, state)
-        said = self.signals(x)
-        if len(said) != columns.shape[1]:
-            raise ValueError(
-                f"{type(self).__name__}.signals returned {len(said)} columns for {columns.shape[1]} names. Return one "
-                "for each name."
-            )
-        for i, column in enumerate(said):
+        for i, column in enumerate(self._said(x, columns.shape[1])):
             columns[:, i] = column
         return x.state()
+
+    def _said(self, x: BlockSignals, width: int) -> Sequence[Any]:
+        """Values of the formula, arrays of shape (n,) or numbers."""
+        said = self.signals(x)
+        if len(said) != width:
+            raise ValueError(
+                f"{type(self).__name__}.signals returned {len(said)} columns for {width} names. Return one for each "
+                "name."
+            )
+        return said
+
+    def each_column(self, block: Block, state: Any) -> tuple[Sequence[Any], Any]:
+        """As `columns`, but for rounding, one by one: arrays of shape (n,), which others may hold too, or numbers."""
+        width = self.n_columns()
+        if self.says_signals():
+            x = TurnedSignals(block, state)
+            return self._said(x, width), x.state()
+        columns, state = self.columns(block, state)
+        return list(np.asarray(columns).reshape(len(block), width).T), state
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """Columns of one block, and the state for the next one: what `signals` says, unless an effect defines it.

@@ -160,6 +160,7 @@ class ThermalLag(Effect):
     """
 
     kind = "thermal_lag"
+    lags_apart = True
     thermal_rank = 1
     learned = {"time_constants_": "times", "reference_temperature_": "temperature"}
     info = EffectInfo(

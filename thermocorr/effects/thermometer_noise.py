@@ -88,12 +88,16 @@ class ThermometerNoise(Effect):
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """Temperature averaged over rows before and after, less that of now [K], shape (n,)."""
-        span, after, last, ahead = np.array([self.span_]), np.zeros(0), np.inf, None
+        span, after, last, ahead, step = np.array([self.span_]), np.zeros(0), np.inf, None, block.even_step
         for rows in parts_of(rows_until(block, REACH * self.span_), len(block))[::-1]:
-            until = elapsed(block, rows)[::-1]
-            steps = np.diff(-until, prepend=-last)  # from the last row to the first
-            found, ahead = lag_differences(temperatures(block, rows)[::-1], steps, span, ahead)
-            after, last = found[::-1, 0], until[-1]
+            T = temperatures(block, rows)[::-1]  # from the last row to the first
+            if step is None:
+                until = elapsed(block, rows)[::-1]
+                steps, last = np.diff(-until, prepend=-last), until[-1]
+            else:
+                steps = np.full(len(T), step)
+            found, ahead = lag_differences(T, steps, span, ahead)
+            after = found[::-1, 0]
         before, state = lag_differences(block.temperature, block.steps, span, state)
         return (before[:, 0] + after) / 2, state
 

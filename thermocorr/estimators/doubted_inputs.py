@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..records import Block, Record
+from ..records import Block, Record, SegmentStart
 from ..records.flags import Flags
-from ..records.record import SegmentStart
 from ..records.screen import LeftOut
 from .features import DiffusiveFeatures
 from .filling_error import SPOILT, FillingError

@@ -15,10 +15,9 @@ from ..effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLa
 from ..effects.protocol import Effect
 from ..effects.stream import Walked, needed_columns, own_starts, resume, walk
 from ..effects.wrap import EffectsParameters, as_effects
-from ..records import History, Layout, Log, Record, RecordError, read_record
+from ..records import History, Layout, Log, Record, RecordError, SegmentStart, read_record
 from ..records.errors import warn
 from ..records.read import check_max_gap
-from ..records.record import SegmentStart
 from ..records.screen import screened
 from .checked import check_columns
 from .filling import Filling, check_rules, filling_of, learned_beside

@@ -24,6 +24,8 @@ class ReferenceRows:
     segment_key: int | None
     record: Any
     zero: float = 0.0
+    even_step: None = None
+    """Steps are taken one by one."""
 
     def __len__(self) -> int:
         return len(self.temperature)

@@ -18,6 +18,7 @@ from ..effects.stream import own_starts, walk
 from ..equations import noise
 from ..records import Block, Record
 from ..records.thinned import Thinned
+from .lag_banks import banks
 from .levels import COARSE, MOST_SOUND
 
 ROWS = 1 << 15
@@ -91,18 +92,18 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
     """Columns of effects in records of the same rows, averaged over `width` rows, from blocks of about `rows` rows."""
     if not pairs:
         return []
-    record, effects = pairs[0][0], [effect for _, effect in pairs]
-    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)]).tolist()
+    record = pairs[0][0]
+    edges = np.cumsum([0, *(effect.n_columns() for _, effect in pairs)]).tolist()
     most = sum(-(-segment.n_rows // width) for segment in record.segments)
     means, n = np.empty((most, edges[-1]), order="F"), 0  # at once: memory in small pieces costs more than its use
-    known = [
-        own.exact.get(said(e)) if isinstance(own, Thinned) and own.exact_rows == width else None for own, e in pairs
-    ]
+    places = [range(low, high) for low, high in pairwise(edges)]
+    exact = [_exact(own, effect, width) for own, effect in pairs]
+    walked = banks([(*pairs[i], places[i]) for i, known in enumerate(exact) if known is None])
     at, whole = 0, _reads_every_row(record)
     states: list[Any] = []
     for block in record.blocks(_rows(width, rows), starts=own_starts(record)):
         if block.start == record.segments[block.segment].start:
-            states = [None] * len(effects)
+            states = [None] * len(walked)
         share = None if whole else _shares(record, block)
         if share is not None and (share == 1.0).all():
             share = None  # as many rows as readings
@@ -111,18 +112,31 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
         share_of_one, kept = 1 / np.maximum(count, 1), slice(None) if count.all() else count > 0
         first, n = n, n + int(np.count_nonzero(count))
         at, before = at + len(starts), at
-        for i, (own, effect) in enumerate(pairs):
-            if (exact := known[i]) is not None:
-                means[first:n, edges[i] : edges[i + 1]] = exact[before:at][kept]
-                continue
-            columns, states[i] = effect.columns(block if own is record else block.of(own), states[i])
-            columns = np.asarray(columns).reshape(len(block), edges[i + 1] - edges[i])
-            if share is not None:
-                columns = columns * share[:, None]
-            if width > 1:
-                columns = sums_of(columns, width)
-            means[first:n, edges[i] : edges[i + 1]] = (columns.T * share_of_one).T[kept]
+        for own, known in zip(places, exact, strict=True):
+            if known is not None:
+                means[first:n, own] = known[before:at][kept]
+        for i, bank in enumerate(walked):
+            seen = block if bank.record is record else block.of(bank.record)
+            columns, states[i] = bank.effect.each_column(seen, states[i])
+            for column, same in zip(columns, bank.places, strict=True):
+                mean = (_summed(column, share, width, len(block)) * share_of_one)[kept]
+                for place in same:
+                    means[first:n, place] = mean
     return [means[:n, low:high] for low, high in pairwise(edges)]
+
+
+def _exact(record: Record, effect: Effect, width: int) -> np.ndarray | None:
+    """Averages that the record knows already, see `with_exact`."""
+    return record.exact.get(said(effect)) if isinstance(record, Thinned) and record.exact_rows == width else None
+
+
+def _summed(column: Any, share: np.ndarray | None, width: int, n: int) -> np.ndarray:
+    """Sums over stretches of a column of n rows, or one number for all, each row times its share."""
+    if np.ndim(column) == 0:
+        column = np.full(n, column)
+    if share is not None:
+        column = column * share
+    return sums_of(column[:, None], width)[:, 0] if width > 1 else np.asarray(column, float)
 
 
 def stretch_of(record: Record, n_stretches: int) -> int:

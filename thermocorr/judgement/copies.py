@@ -85,10 +85,12 @@ def moved(record: Record, effect: Effect) -> Iterator[Record]:
     known = np.logical_and.reduce([np.isfinite(column) for column in whole.values()])
     if isinstance(record, Thinned):
         record = replace(record, exact={})
+    every = known.all() and record.n_used == record.n_rows  # the same numbers in another order
+    stays = {of: moments for of, moments in record.known_moments.items() if every or of[0] not in names}
     for k in range(1, COPIES + 1):
         rows = round((LEAST_MOVED + (1 - 2 * LEAST_MOVED) * (k * GOLDEN % 1)) * np.count_nonzero(known))
         columns = {name: _rolled(column, known, rows, -1 if k % 2 else 1) for name, column in whole.items()}
-        yield replace(record, columns={**record.columns, **columns}, known_moments={})
+        yield replace(record, columns={**record.columns, **columns}, known_moments=dict(stays))
         del columns  # before those of the next one are there
 
 

@@ -5,7 +5,8 @@ from .history import History
 from .log import Log
 from .parquet import ParquetLog
 from .read import Layout, read_record
-from .record import BLOCK_ROWS, Block, Record, Segment, SegmentStart
+from .record import BLOCK_ROWS, Block, Record
+from .segments import Segment, SegmentStart
 from .times import seconds_of
 
 __all__ = [

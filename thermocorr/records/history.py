@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from .errors import RecordError
 from .gaps import Gaps, least_gap
 from .other_units import other_units
-from .record import Record, Segment, SegmentStart
+from .record import Record
 from .screen import Screen
+from .segments import Segment, SegmentStart
 from .times import Kind, Rows, Times
 
 HISTORY_ROWS = 1 << 17

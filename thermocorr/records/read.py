@@ -18,8 +18,9 @@ from .log import Log
 from .missing import missing_text, nothing_known_text
 from .numbers import is_frame, numeric_column
 from .quantities import span_text, span_texts
-from .record import Record, Segment, holes
+from .record import Record, holes
 from .record_log import as_data
+from .segments import Segment
 from .times import Times, seconds_of, steps_back_an_hour, summer_time_text, times_from
 from .types import kind_of
 from .weighted import reading_of

@@ -13,23 +13,11 @@ from numpy.typing import NDArray
 from ..equations.spikes import CHUNK, Scanned, Usual, scan_stretch
 from ..equations.statistics import Moments
 from .reach import where_read
+from .segments import Segment, SegmentStart
 from .times import Floats, Rows, Times
 
 BLOCK_ROWS = 8192
 """Rows of one block: large enough to keep Python out of the way, small enough to stay in the cache."""
-
-
-class Segment(NamedTuple):
-    """A stretch without a gap: rows ``start:stop`` in the record's time order."""
-
-    start: int
-    stop: int
-    run: object = None
-
-    @property
-    def n_rows(self) -> int:
-        """Number of rows, those passed over included."""
-        return self.stop - self.start
 
 
 class Refused(NamedTuple):
@@ -87,6 +75,11 @@ class Block:
     def places(self) -> NDArray[np.intp]:
         """Where the rows stand in time order, shape (n,)."""
         return self.record.kept_places(self.start, self.stop)
+
+    @property
+    def even_step(self) -> float | None:
+        """The step from each row to the next [s], where all rows of the record have one and the same; else None."""
+        return self.record.times.step_of(self.rows)
 
     @property
     def is_whole(self) -> bool:
@@ -384,14 +377,3 @@ class Record:
 def holes(places: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Stretches of consecutive numbers among sorted ones: the first of each, and the one behind its last."""
     return places[np.diff(places, prepend=-2) != 1], places[np.diff(places, append=-2) != 1] + 1
-
-
-class SegmentStart(NamedTuple):
-    """How a segment of a new record hangs on one of the fitted record."""
-
-    key: int | None
-    """Number of the fitted segment that it belongs to; None for a stretch that hangs on none."""
-    segment_zero: float
-    """Stamp of that segment's first sample."""
-    step: float | None
-    """Time since the sample whose state it continues [s]; None where it starts afresh."""

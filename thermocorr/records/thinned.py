@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .grammar import LARGEST
-from .record import Record, Segment
+from .record import Record
 from .record_log import RecordLog
+from .segments import Segment
 from .times import Floats, Times
 
 CHUNK = 1 << 16

@@ -102,6 +102,12 @@ class Times:
             low, high = min(low, apart.min()), max(high, apart.max())
         return float(low / self.per_second) if 0 < low == high else None
 
+    def step_of(self, rows: Rows) -> float | None:
+        """The step from each of some rows to the next [s], where all rows have one and the same; None otherwise."""
+        if not isinstance(rows, slice):
+            return None
+        return self.period if self.ticks is None else self.even_step
+
     def seconds(self, rows: Rows, origin: float = 0) -> Floats:
         """Seconds since `origin`, which is what `stamp` gives for the row that counts as zero."""
         if self.ticks is None:
