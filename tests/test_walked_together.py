@@ -52,7 +52,7 @@ def test_each_column_is_that_of_columns_whether_steps_are_even_or_not(example, s
 def test_a_known_step_changes_nothing(example):
     effect, record = learned(example, log(irregular=0.0))
     unknown = replace(record, times=replace(record.times))
-    unknown.times.__dict__["even_step"] = None
+    unknown.times.__dict__["_even_ticks"] = None
     np.testing.assert_allclose(whole(effect, record), whole(effect, unknown), rtol=0, atol=1e-10)
 
 

@@ -18,7 +18,8 @@ from ..foreign import RUN, ForeignTable, HowToRead, read_logs, with_times
 from ..records import RecordError, read_record
 from ..records.errors import listing, quoted, warn
 from ..records.files import TIME_NAMES, require_column
-from ..records.times import dates_once, seconds_of
+from ..records.time_spans import seconds_of
+from ..records.times import dates_once
 from ..records.types import kind_of
 from ..records.units import DEGREES, unit_of
 from .spans import number_or_span

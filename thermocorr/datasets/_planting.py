@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..records import seconds_of
-from ..records.times import span_of
+from ..records.time_spans import span_of
 from ._checks import check_choice, check_float, check_int
 from ._compose import STREAMS
 from ._own_columns import of_own_columns

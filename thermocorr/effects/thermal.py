@@ -216,6 +216,10 @@ class ThermalLag(Effect):
         """K; K s for the paper's form."""
         return ["K" if self.form == "unit_gain" else "K s"] * len(self.time_constants_)
 
+    def memory(self) -> float:
+        """The longest time constant [s]."""
+        return float(self.time_constants_.max(initial=0.0))
+
     def signals(self, x: Signals) -> Sequence[Any]:
         """Lag differences [K]."""
         start = self.reference_temperature_ if self.initial_state == "zero" else None

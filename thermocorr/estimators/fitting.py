@@ -91,8 +91,10 @@ def sweep_effects(
         else _swept(record, effects, edges, starts)
     )
     flat = {id(effect) for effect in flat_effects(record, effects)}
+    if not flat:
+        return swept
     silent = [id(effect) in flat for effect in effects for _ in effect.names()]
-    return swept.without((1 + np.flatnonzero(silent)).tolist()) if flat else swept
+    return swept.without((1 + np.flatnonzero(silent)).tolist())
 
 
 def _by_itself(record: Any, effects: Sequence[Effect], edges: np.ndarray, starts: InitialTransient | None) -> Swept:

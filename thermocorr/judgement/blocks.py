@@ -119,7 +119,7 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
             seen = block if bank.record is record else block.of(bank.record)
             columns, states[i] = bank.effect.each_column(seen, states[i])
             for column, same in zip(columns, bank.places, strict=True):
-                mean = (_summed(column, share, width, len(block)) * share_of_one)[kept]
+                mean = column if np.ndim(column) == 0 else (_summed(column, share, width) * share_of_one)[kept]
                 for place in same:
                     means[first:n, place] = mean
     return [means[:n, low:high] for low, high in pairwise(edges)]
@@ -130,10 +130,8 @@ def _exact(record: Record, effect: Effect, width: int) -> np.ndarray | None:
     return record.exact.get(said(effect)) if isinstance(record, Thinned) and record.exact_rows == width else None
 
 
-def _summed(column: Any, share: np.ndarray | None, width: int, n: int) -> np.ndarray:
-    """Sums over stretches of a column of n rows, or one number for all, each row times its share."""
-    if np.ndim(column) == 0:
-        column = np.full(n, column)
+def _summed(column: np.ndarray, share: np.ndarray | None, width: int) -> np.ndarray:
+    """Sums of a column over stretches, each row times its share."""
     if share is not None:
         column = column * share
     return sums_of(column[:, None], width)[:, 0] if width > 1 else np.asarray(column, float)

@@ -13,7 +13,8 @@ import pandas as pd
 
 from ..records import History, RecordError
 from ..records.grammar import LARGEST
-from ..records.times import BEYOND, Times, date_of_text, difference, span_of
+from ..records.time_spans import span_of
+from ..records.times import BEYOND, Times, date_of_text, difference
 
 _NS = 1_000_000_000
 _EPOCH, _EPOCH_UTC = datetime(1970, 1, 1), datetime(1970, 1, 1, tzinfo=UTC)

@@ -21,7 +21,8 @@ from .quantities import span_text, span_texts
 from .record import Record, holes
 from .record_log import as_data
 from .segments import Segment
-from .times import Times, seconds_of, steps_back_an_hour, summer_time_text, times_from
+from .time_spans import seconds_of
+from .times import Times, steps_back_an_hour, summer_time_text, times_from
 from .types import kind_of
 from .weighted import reading_of
 

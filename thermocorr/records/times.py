@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -24,10 +23,6 @@ _NS = 1_000_000_000
 BEYOND = "Times may lie 292 years from 1970 at most. Is the date damaged?"
 UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": _NS}
 """Ticks in a second, by the unit that pandas counts in."""
-_LETTERS = {"d": "D", "w": "W", "H": "h", "S": "s"}
-"""Units of spans, of one letter, as they may be written and as every version of pandas has them."""
-_UNIT_LETTER = re.compile(r"(?<![^\W\d_])[dwHSTLUN](?![^\W\d_])")
-"""A unit of one letter that some version of pandas has warned of."""
 _CHUNK = 1 << 16
 """Times that are looked at together."""
 _FAR = 1 << 62
@@ -80,27 +75,35 @@ class Times:
                 steps[0] = ((rows.start if isinstance(rows, slice) else int(rows[0])) - before) * self.period
             return steps
         ticks = self.ticks[rows]
-        even = self.__dict__.get("even_step") if isinstance(rows, slice) else None
-        if even is None:
+        if not isinstance(rows, slice) or self.__dict__.get("_even_ticks") is None:
             steps = np.empty(len(ticks))
             np.divide(self._apart(ticks[1:], ticks[:-1]), self.per_second, out=steps[1:])
         else:
-            steps = np.full(len(ticks), even)
+            steps = np.full(len(ticks), self.even_step)
         steps[0] = 1.0 if before is None else (ticks[0].item() - self.ticks[before].item()) / self.per_second
         return steps
 
-    @cached_property
+    @property
     def even_step(self) -> float | None:
         """The step from each row to the next [s], where all are alike; None where they are not."""
+        return None if self._even_ticks is None else float(self._even_ticks / self.per_second)
+
+    @cached_property
+    def _even_ticks(self) -> Any:
+        """`even_step` in ticks: then the first and the last time are the least and the greatest."""
         if not isinstance(self.ticks, np.ndarray) or self.kind == "rows" or self.n < 2:
             return None
-        low = high = self.ticks[1] - self.ticks[0] if self._close else 0
-        for start in range(0, self.n - 1, _CHUNK):
-            if not 0 < low == high:
-                return None
-            apart = np.diff(self.ticks[start : start + _CHUNK + 1])
-            low, high = min(low, apart.min()), max(high, apart.max())
-        return float(low / self.per_second) if 0 < low == high else None
+        first, second, last = (self.ticks[k].item() for k in (0, 1, -1))
+        step = second - first
+        if not 0 < step < _FAR or (isinstance(step, int) and last - first != step * (self.n - 1)):
+            return None
+        chunks = (self.ticks[start : start + _CHUNK + 1] for start in range(0, self.n - 1, _CHUNK))
+        return None if any((np.diff(chunk) != step).any() for chunk in chunks) else step
+
+    def ends(self) -> NDArray[Any]:
+        """Ticks among which the least and the greatest are: two of them where steps are even."""
+        assert self.ticks is not None
+        return self.ticks if self._even_ticks is None else self.ticks[[0, -1]]
 
     def step_of(self, rows: Rows) -> float | None:
         """The step from each of some rows to the next [s], where all rows have one and the same; None otherwise."""
@@ -127,8 +130,10 @@ class Times:
     @cached_property
     def _close(self) -> bool:
         """Whether no two times lie so far apart that their difference wraps; False where they are not in memory."""
-        in_memory = isinstance(self.ticks, np.ndarray) and len(self.ticks) > 0
-        return in_memory and self.ticks.min() > -_FAR and self.ticks.max() < _FAR  # type: ignore[union-attr]
+        if not isinstance(self.ticks, np.ndarray) or not len(self.ticks):
+            return False
+        ends = self.ends()
+        return bool(ends.min() > -_FAR and ends.max() < _FAR)
 
     def stamp(self, row: int) -> float:
         """Absolute time of a row: nanoseconds for dates and spans (exact integer), seconds otherwise."""
@@ -240,23 +245,34 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
 def _times_of_index(index: pd.DatetimeIndex | pd.TimedeltaIndex, where: str) -> Times:
     """Times of an index of dates or spans, without a copy."""
     ticks = index.asi8
-    if len(ticks) and ticks.min() == pd.NaT.value:
-        _refuse_missing(np.asarray(index.isna()), where)
     kind: Kind = "timedelta"
     zone = None
     if isinstance(index, pd.DatetimeIndex):
         kind, zone = "datetime" if index.tz is None else "datetime with time zone", index.tz
-    per_second = UNITS[index.unit]
-    return Times(len(index), kind, within_range(ticks, per_second, where, zone=zone), per_second)
+    times = Times(len(index), kind, ticks, UNITS[index.unit])
+    ends = times.ends()
+    if len(ends) and ends.min() == pd.NaT.value:
+        _refuse_missing(np.asarray(index.isna()), where)
+    within_range(ticks, times.per_second, where, zone=zone, ends=ends)
+    return times
 
 
 def within_range(
-    ticks: NDArray[Any], per_second: int, where: str, first_row: int = 0, zone: object = None
+    ticks: NDArray[Any],
+    per_second: int,
+    where: str,
+    first_row: int = 0,
+    zone: object = None,
+    ends: NDArray[Any] | None = None,
 ) -> NDArray[Any]:
-    """The ticks; RecordError where one of them is no integer of nanoseconds, as stamps are, in its zone too."""
+    """The ticks; RecordError where one of them is no integer of nanoseconds, as stamps are, in its zone too.
+
+    `ends`: those among which the least and the greatest are known to be.
+    """
+    ends = ticks if ends is None else ends
     margin = 0 if zone is None or str(zone) == "UTC" else 86_400 * per_second
     limit = np.iinfo(np.int64).max // (_NS // per_second) - margin
-    if (margin or per_second < _NS) and len(ticks) and (ticks.max() > limit or ticks.min() < -limit):
+    if (margin or per_second < _NS) and len(ends) and (ends.max() > limit or ends.min() < -limit):
         row = int(np.argmax((ticks > limit) | (ticks < -limit)))
         date = np.datetime64(int(ticks[row]) // per_second, "s")
         raise RecordError(f"{where} is {date} in row {first_row + row}. {BEYOND}")
@@ -340,53 +356,3 @@ def date_of_text(text: str) -> Any:
     """One date as a column of dates is read; NaT for what is none."""
     parsed = _parse_dates(pd.Series([text], dtype="string"))
     return parsed.iloc[0]
-
-
-def span_of(value: Any) -> Any:
-    """A time span as pandas reads it, in text ("1 d 2 h") or as an object; NaT for what says that there is none.
-
-    Units are days and weeks, hours and seconds in small letters and in capitals: which of them are out of use differs
-    between versions of pandas.
-
-    Raises ValueError or TypeError for what is no span.
-
-    Examples
-    --------
-    >>> span_of("1 d 2 H").total_seconds()
-    93600.0
-    """
-    if isinstance(value, str) and not value.strip().lstrip("+-").startswith("P"):  # ISO 8601 has capitals of its own
-        value = _UNIT_LETTER.sub(_known_unit, value)
-    return pd.Timedelta(value)
-
-
-def _known_unit(found: re.Match[str]) -> str:
-    """A unit of one letter as every version of pandas knows it."""
-    if found[0] not in _LETTERS:
-        raise ValueError(f"invalid unit abbreviation: {found[0]}")
-    return _LETTERS[found[0]]
-
-
-def seconds_of(value: Any, name: str) -> float:
-    """A time span in seconds: a number, or anything that pandas reads as a span ('15 min', Timedelta).
-
-    Raises ValueError in the words of scikit-learn's parameter checks.
-
-    Examples
-    --------
-    >>> seconds_of("15 min", "time_constant")
-    900.0
-    """
-    if isinstance(value, int | float | np.number) and not isinstance(value, bool):
-        seconds = float(value)
-    else:
-        try:
-            seconds = span_of(value).total_seconds()
-        except (ValueError, TypeError):
-            seconds = float("nan")
-    if not (np.isfinite(seconds) and seconds > 0):
-        raise ValueError(
-            f"The {name!r} parameter must be a positive time: seconds, or a span such as '15 min'. "
-            f"Got {value!r} instead."
-        )
-    return seconds
