@@ -302,3 +302,17 @@ def test_the_command_keeps_openblas_to_one_thread_unless_told_otherwise(monkeypa
     monkeypatch.setattr("os.environ", dict(given))
     monkeypatch.setattr("thermocorr.command.cli.main", lambda: os.environ.get("OPENBLAS_NUM_THREADS"))
     assert start() == threads
+
+
+@pytest.mark.parametrize("collecting", [True, False])
+def test_the_collector_of_garbage_is_left_as_it_was_and_passes_over_what_was_loaded(collecting):
+    told = (
+        f"import gc; gc.{'enable' if collecting else 'disable'}(); from thermocorr.command.cli import main\n"
+        "counts = []\n"
+        "for _ in range(2):\n"
+        "    main(['correct', 'none.csv', '--model', 'none.json'])\n"
+        "    counts.append(gc.get_freeze_count())\n"
+        "print(gc.isenabled(), counts[0] > 100_000, counts[1] - counts[0])"
+    )
+    done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == [str(collecting), "True", "0"]
