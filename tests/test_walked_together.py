@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.base import clone
 
-from thermocorr.effects import Covariate, Delay, Hinge, LaggedCovariate, LagProducts, ThermalLag
+from thermocorr.effects import Covariate, Delay, Effect, Hinge, LaggedCovariate, LagProducts, ThermalLag
 from thermocorr.effects.covariates import ColumnLags
-from thermocorr.effects.signals import DelayState
+from thermocorr.effects.signals import BlockSignals, DelayState
 from thermocorr.effects.stream import own_starts
 from thermocorr.equations.shifted import shifted
 from thermocorr.judgement import blocks
@@ -97,6 +97,36 @@ def test_effects_walked_together_have_the_columns_of_each(missing):
     for effect, columns in zip(effects, together, strict=True):
         (alone,) = blocks.averaged_columns(record, [effect], 500)
         np.testing.assert_allclose(columns, alone, rtol=1e-12, atol=1e-12, err_msg=str(effect))
+
+
+class Odd(Effect):
+    """A user's own: truth, a list, one number for all rows, as an array too."""
+
+    def names(self):
+        return ["warm", "list", "one", "array of one", "whole"]
+
+    def signals(self, x):
+        return [x.T > 23.0, x.T.tolist(), 2, np.array([3.0]), np.arange(len(x.T))]
+
+
+@pytest.mark.parametrize("n", [3000, 2998, 400])
+def test_columns_of_an_own_effect_are_averaged_whatever_numbers_they_are(n):
+    effect, X = Odd(), log(n)
+    record = replace(read(X), reading=X["temperature"].to_numpy())
+    (found,) = blocks.averaged_columns(record, [effect], 500)
+    (block,) = record.blocks(10**9)
+    columns, _ = effect.columns(block, None)
+    width = blocks.stretch_of(record, 500)
+    means = [columns[low : low + width].mean(axis=0) for low in range(0, n, width)]
+    np.testing.assert_allclose(found, means, rtol=1e-13)
+
+
+def test_a_late_column_is_its_own():
+    """What an effect does to it in place must not reach the user's data."""
+    (block,) = read(log(50, irregular=0.0)).blocks(10**9)
+    for delay in (60.0, 90.0, 1e9):
+        late = BlockSignals(block, None).delayed(block.temperature, delay)
+        assert not np.shares_memory(late, block.temperature)
 
 
 def test_as_many_effects_are_walked_as_differ_in_more_than_time_constants():

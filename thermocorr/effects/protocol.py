@@ -229,9 +229,10 @@ class Effect(ParametersOnce):
         width = self.n_columns()
         if self.says_signals():
             x = TurnedSignals(block, state)
-            return self._said(x, width), x.state()
+            said = [np.asarray(column, float) for column in self._said(x, width)]
+            return [column if column.ndim == 0 else np.broadcast_to(column, len(block)) for column in said], x.state()
         columns, state = self.columns(block, state)
-        return list(np.asarray(columns).reshape(len(block), width).T), state
+        return list(np.asarray(columns, float).reshape(len(block), width).T), state
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """Columns of one block, and the state for the next one: what `signals` says, unless an effect defines it.

@@ -24,7 +24,6 @@ def shifted(values: NDArray[np.float64], first: float, n: int) -> NDArray[np.flo
     Returns
     -------
     array of shape (n,)
-        Not to be written to: it may be a part of `values`.
 
     Examples
     --------
@@ -40,4 +39,4 @@ def shifted(values: NDArray[np.float64], first: float, n: int) -> NDArray[np.flo
         before, behind = max(min(-low, n + 1), 0), max(min(high - m, n + 1), 0)
         inside = np.concatenate((np.full(before, values[0]), inside, np.full(behind, values[-1])))
     earlier = inside[:n]
-    return earlier + part * (inside[1:] - earlier) if part else earlier
+    return earlier + part * (inside[1:] - earlier) if part else earlier.copy()
