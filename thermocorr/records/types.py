@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal, cast
 
+import numpy as np
 import pandas as pd
 
 from .errors import RecordError
@@ -45,6 +46,8 @@ def kind_of(values: Any) -> ColumnKind:
     if isinstance(said, str):
         return cast(ColumnKind, said)
     dtype = values.dtype
+    if isinstance(dtype, np.dtype) and dtype.kind in "fiu":
+        return "number"
     if pd.api.types.is_bool_dtype(dtype):
         return "switch"
     if pd.api.types.is_complex_dtype(dtype):
