@@ -15,7 +15,7 @@ from sklearn.base import clone
 from thermocorr.effects import Covariate, Delay, Effect, Hinge, LaggedCovariate, LagProducts, ThermalLag
 from thermocorr.effects.covariates import ColumnLags
 from thermocorr.effects.signals import BlockSignals, DelayState
-from thermocorr.effects.stream import own_starts
+from thermocorr.effects.stream import own_starts, walk
 from thermocorr.equations.shifted import shifted
 from thermocorr.judgement import blocks
 from thermocorr.judgement.copies import moved
@@ -45,6 +45,16 @@ def test_each_column_is_that_of_columns_whether_steps_are_even_or_not(example, s
         state = None if block.begins else state
         each, state = effect.each_column(block, state)
         parts.append(np.column_stack([np.broadcast_to(column, len(block)) for column in each]))
+    np.testing.assert_allclose(np.vstack(parts), whole(effect, record), rtol=1e-11, atol=1e-11)
+
+
+@pytest.mark.parametrize("size", [100, 37, 8])
+@pytest.mark.parametrize("example", EXAMPLES, ids=NAMES)
+def test_rows_that_are_passed_over_are_known_to_be_lacking_wherever_blocks_end(example, size):
+    X = log(irregular=0.0)
+    X.iloc[[120, 121, 122, 250], 0] = np.nan
+    effect, record = learned(example, X)
+    parts = [step.columns for step in walk([effect], record, starts=own_starts(record), size=size)]
     np.testing.assert_allclose(np.vstack(parts), whole(effect, record), rtol=1e-11, atol=1e-11)
 
 
@@ -127,6 +137,47 @@ def test_a_late_column_is_its_own():
     for delay in (60.0, 90.0, 1e9):
         late = BlockSignals(block, None).delayed(block.temperature, delay)
         assert not np.shares_memory(late, block.temperature)
+
+
+class Late(LaggedCovariate):
+    """One that has its time constants by another parameter."""
+
+    def __init__(self, tau=3600.0):
+        super().__init__("humidity", [tau])
+        self.tau = tau
+
+
+class Between(ThermalLag):
+    """One column, of two lags; any two have its name."""
+
+    def names(self):
+        return ["between"]
+
+    def signals(self, x):
+        fast, slow = super().signals(x)
+        return [slow - fast]
+
+
+class Balanced(ThermalLag):
+    """Each column depends on all lags."""
+
+    def signals(self, x):
+        lags = super().signals(x)
+        return [lag - sum(lags) / len(lags) for lag in lags]
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [[Late(60.0), Late(600.0)], *([kind([600, 6000]), kind([60, 9000])] for kind in (Between, Balanced))],
+    ids=["late", "between", "balanced"],
+)
+def test_effects_derived_from_those_with_lags_are_walked_alone(effects):
+    record = replace(read(log(3000)), reading=np.arange(3000.0))
+    for effect in effects:
+        effect.learn(record)
+    together = blocks.averaged_columns(record, effects, 500)
+    for effect, columns in zip(effects, together, strict=True):
+        np.testing.assert_array_equal(columns, blocks.averaged_columns(record, [effect], 500)[0])
 
 
 def test_as_many_effects_are_walked_as_differ_in_more_than_time_constants():

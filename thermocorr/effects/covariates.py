@@ -156,6 +156,8 @@ class LaggedCovariate(Covariate):
 class ColumnLags(LaggedCovariate):
     """The lag differences of a recorded column without the column itself."""
 
+    lags_apart = True
+
     def names(self) -> list[str]:
         """``humidity lag[3600 s]``, ..."""
         return super().names()[1:]

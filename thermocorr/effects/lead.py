@@ -93,7 +93,7 @@ class Lead(Effect):
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """Temperature of later less that of now, and its lags [K]; looks beyond the block, to its segment's end."""
         rows = rows_until(block, self.lead_)
-        T, step = temperatures(block, rows), block.even_step
+        T, step = temperatures(block, rows), block.record.times.step_of(rows)
         if step is None:
             later = np.interp(block.elapsed + self.lead_, elapsed(block, rows), T)
         else:

@@ -99,7 +99,8 @@ class Effect(ParametersOnce):
     of_thermometer: ClassVar[bool] = False
     """True for what a finer thermometer could do without."""
     lags_apart: ClassVar[bool] = False
-    """True where each of the `time_constants` has columns of its own, whatever the others are."""
+    """True where each of the `time_constants` has columns of its own, whatever the others are. Each class says it for
+    itself: one that is derived from it may have other columns."""
     tried: ClassVar[bool] = True
     """False for what a diagnosis does not try as such: what somebody knows, or what it puts together from others."""
     removed_by_correct: bool = True
@@ -225,7 +226,7 @@ class Effect(ParametersOnce):
         return said
 
     def each_column(self, block: Block, state: Any) -> tuple[Sequence[Any], Any]:
-        """As `columns`, but for rounding, one by one: arrays of shape (n,), which others may hold too, or numbers."""
+        """What `columns` gives, but for rounding, one by one: numbers, or arrays of shape (n,) to be read only."""
         width = self.n_columns()
         if self.says_signals():
             x = TurnedSignals(block, state)

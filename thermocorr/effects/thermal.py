@@ -217,7 +217,7 @@ class ThermalLag(Effect):
         return ["K" if self.form == "unit_gain" else "K s"] * len(self.time_constants_)
 
     def memory(self) -> float:
-        """The longest time constant [s]."""
+        """The longest time constant [s], as its formula would tell, which every fit would have to read for it."""
         return float(self.time_constants_.max(initial=0.0))
 
     def signals(self, x: Signals) -> Sequence[Any]:

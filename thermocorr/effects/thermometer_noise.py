@@ -88,8 +88,10 @@ class ThermometerNoise(Effect):
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """Temperature averaged over rows before and after, less that of now [K], shape (n,)."""
-        span, after, last, ahead, step = np.array([self.span_]), np.zeros(0), np.inf, None, block.even_step
-        for rows in parts_of(rows_until(block, REACH * self.span_), len(block))[::-1]:
+        span, after, last, ahead = np.array([self.span_]), np.zeros(0), np.inf, None
+        all_rows = rows_until(block, REACH * self.span_)
+        step = block.record.times.step_of(all_rows)
+        for rows in parts_of(all_rows, len(block))[::-1]:
             T = temperatures(block, rows)[::-1]  # from the last row to the first
             if step is None:
                 until = elapsed(block, rows)[::-1]

@@ -16,8 +16,6 @@ from ..effects.thermal import seconds_array
 from ..records import Record
 
 TIMES = "time_constants"
-
-
 Wanted = tuple[Record, Effect, range]
 """An effect that has learned a record, and where its columns belong among all that are asked for."""
 
@@ -36,15 +34,15 @@ def banks(wanted: Sequence[Wanted]) -> list[Bank]:
     """What to walk through records, so that all columns that are asked for are there."""
     groups: dict[object, list[Wanted]] = {}
     for number, each in enumerate(wanted):
-        record, effect, _ = each
-        groups.setdefault((id(record), _apart_from_times(effect)) if effect.lags_apart else number, []).append(each)
+        groups.setdefault(_alike(each) if vars(type(each[1])).get("lags_apart") else number, []).append(each)
     return [bank for group in groups.values() for bank in _joined(group)]
 
 
-def _apart_from_times(effect: Effect) -> str:
-    """An effect with its class and parameters, less its time constants, as text; whether it has any is said."""
+def _alike(wanted: Wanted) -> tuple[object, ...]:
+    """What effects that are walked together have in common: all but their time constants, of which each has some."""
+    record, effect, _ = wanted
     given = effect.get_params(deep=False)
-    return f"{type(effect)} {np.size(given.pop(TIMES)) > 0} {sorted(given.items())}"
+    return id(record), type(effect), np.size(given.pop(TIMES)) > 0, str(sorted(given.items()))
 
 
 def _joined(group: Sequence[Wanted]) -> list[Bank]:

@@ -78,7 +78,10 @@ class Block:
 
     @property
     def even_step(self) -> float | None:
-        """The step from each row to the next [s], where all rows of the record have one and the same; else None."""
+        """The step from each row of the block to the next [s], where it is that of all rows of the record; else None.
+
+        What comes before the block and behind it may lack rows that are passed over.
+        """
         return self.record.times.step_of(self.rows)
 
     @property

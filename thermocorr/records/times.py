@@ -58,7 +58,7 @@ class Times:
     def steps(self, rows: Rows, before: int | None = None) -> Floats:
         """Time from the row before to each of `rows` [s]; ``steps[0]`` reaches back to row `before` (1 s if None).
 
-        Rows of a slice follow one another. Where `even_step` has been asked for, it is what they have in common.
+        Rows of a slice follow one another. Where it is known that all steps are alike, they are not looked at again.
         """
         if not isinstance(rows, slice) and not len(rows):
             return np.zeros(0)
@@ -106,7 +106,7 @@ class Times:
         return self.ticks if self._even_ticks is None else self.ticks[[0, -1]]
 
     def step_of(self, rows: Rows) -> float | None:
-        """The step from each of some rows to the next [s], where all rows have one and the same; None otherwise."""
+        """The step from each of some rows to the next [s], where all rows have it and none is left out; or None."""
         if not isinstance(rows, slice):
             return None
         return self.period if self.ticks is None else self.even_step
