@@ -37,6 +37,7 @@ from thermocorr.effects import (
     Step,
     ThermalLag,
 )
+from thermocorr.effects.grids import temperature_quantiles
 from thermocorr.files.model_file import signed
 from thermocorr.records import Layout, read_record
 
@@ -111,8 +112,19 @@ def test_neighbours_lie_on_either_side():
     assert lags == [[30.0, 100.0], [120.0, 100.0], [60.0, 50.0], [60.0, 200.0]]
     low, high = [e.time for e in Step("2024-03-04 03:03:45").nearby(record)]  # 6000 s since the start
     assert (low + high) / 2 == pytest.approx(6000.0) and high - low == pytest.approx(0.5 * 499 * 60 / 49)
-    low, high = [e.knee for e in Hinge(0.0).nearby(record)]
-    assert low == -high < 0
+    middle = temperature_quantiles(record, (0.5,))[0]
+    low, high = [e.knee for e in Hinge(middle).nearby(record)]
+    assert low < middle < high and low + high == pytest.approx(2 * middle)
+
+
+def test_a_knee_that_is_moved_leaves_a_twentieth_of_the_temperatures_on_either_side():
+    """Moved to where 4 % lay below it, a knee had 0.4 K on the rest of a measured record, which went on below."""
+    record = read(log(500, seed=1))
+    low, high = temperature_quantiles(record, (0.05, 0.95))
+    assert [e.knee for e in Hinge(low + 1e-6).nearby(record)] == [low, pytest.approx(low, abs=(high - low) / 30)]
+    assert [e.knee for e in Hinge(high).nearby(record)] == [pytest.approx(high, abs=(high - low) / 30)]
+    beyond = low - 1.0  # one that a user put there stays, or comes nearer
+    assert [e.knee > beyond for e in Hinge(beyond).nearby(record)] == [True]
 
 
 @pytest.mark.parametrize("kind", CATALOGUE)

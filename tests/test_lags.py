@@ -166,6 +166,26 @@ def test_sample_by_sample_gives_the_same_bits(hold, regular):
     assert np.array_equal(np.array(rows), whole)
 
 
+@pytest.mark.parametrize("hold", HOLDS)
+def test_even_stretches_of_uneven_steps_give_the_same_bits(hold):
+    """A block whose steps are all alike is computed with the factors of one step."""
+    random = np.random.default_rng(4)
+    lengths = random.integers(1, 700, 12)
+    stretches = [np.full(n, 15.0) if i % 2 else random.uniform(1.0, 60.0, n) for i, n in enumerate(lengths)]
+    stretches[2][-1], stretches[6][5] = 1e5, 4e6  # gaps: a long step beside short ones
+    steps = np.concatenate(stretches)
+    T = room(len(steps))
+    tau = np.array([0.02, 15.0 / np.log(2.0) * 2, 43.0, 44.0, 60.0, 175.0, 3600.0, 1e5, 1e9])  # 0.35 = ln(2)/2 is near
+    for taus in (tau, tau[:1], tau[2:6]):
+        whole, _ = lag_differences(T, steps, taus, hold=hold)
+        state, parts, at = None, [], 0
+        for n in lengths:
+            part, state = lag_differences(T[at : at + n], steps[at : at + n], taus, state, hold=hold)
+            parts.append(part)
+            at += n
+        assert np.array_equal(np.vstack(parts), whole)
+
+
 @pytest.mark.parametrize("given_state", [True, False])
 def test_empty_block_changes_nothing(given_state):
     T, steps, tau = room(50), some_steps(50, False), np.array([60.0, 600.0])
@@ -273,6 +293,27 @@ def test_gain_is_right_on_both_sides_of_the_series_threshold():
     np.testing.assert_allclose(gain[series], np.array(exact_gain)[series], rtol=3 * EPS)
     alone = np.array([decay_and_gain(ratios[k : k + 1], 1.0) for k in range(len(ratios))])[..., 0]
     assert np.array_equal(alone, np.column_stack((decay, gain)))  # alone or among others: the same bits
+
+
+def test_compiled_factors_are_exact_to_two_units_of_the_last_digit():
+    """One step from a lag difference of 1 K is the decay, one with a change of 1 K less the gain."""
+    pytest.importorskip("numba", reason="compiled code needs numba: pip install 'thermocorr[fast]'")
+    from thermocorr.equations.lag_kernels import recursion
+
+    half = np.log(2.0) / 2  # where the power of two is no longer 2^0
+    beside = [half, *half * (1 + np.array([-1e-15, 1e-15, -3e-3, 3e-3])), 3 * half, 60.0, 690.0]
+    for ratio in np.r_[np.geomspace(1e-15, 50.0, 200), beside]:
+        decay, gain = np.empty((1, 1)), np.empty((1, 1))
+        steps, rates = np.array([7.0 * ratio]), np.array([1.0 / 7.0])
+        recursion(np.zeros(1), steps, rates, True, False, np.ones(1), decay)
+        recursion(np.ones(1), steps, rates, True, False, np.zeros(1), gain)
+        with localcontext() as context:
+            context.prec = 60
+            r = Decimal(float(ratio))
+            exact = float((-r).exp()), float((1 - (-r).exp()) / r)
+        # the ratio itself is rounded three times
+        np.testing.assert_allclose(decay[0, 0], exact[0], rtol=(2 + 2 * ratio) * EPS)
+        np.testing.assert_allclose(-gain[0, 0], exact[1], rtol=4 * EPS)
 
 
 def test_zero_order_hold_has_gain_one_and_the_same_decay():

@@ -80,10 +80,15 @@ class Hinge(Effect):
         return first + [cls(knee, "above", [tau]) for knee in sorted(lagged) for tau in lags]
 
     def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
-        """Moved knees (`share` of a tenth of the range of 90 % of the temperatures), scaled time constants."""
+        """Moved knees (`share` of a tenth of the range of 90 % of the temperatures), scaled time constants.
+
+        As among the candidates, a twentieth of the temperatures stays on either side: of fewer the law is not known.
+        """
         low, high = temperature_quantiles(record, (0.05, 0.95))
-        moved = [self.knee + side * share * (high - low) / 10 for side in (-1, 1)]
-        return [clone(self).set_params(knee=float(knee)) for knee in moved] + super().nearby(record, share)
+        away = share * (high - low) / 10
+        moved = [max(self.knee - away, min(low, self.knee)), min(self.knee + away, max(high, self.knee))]
+        knees = [clone(self).set_params(knee=float(knee)) for knee in moved if knee != self.knee]
+        return knees + super().nearby(record, share)
 
     def learn(self, record: Record) -> None:
         """Check parameters; convert time constants to seconds."""

@@ -1,7 +1,7 @@
-"""Recursions as compiled code, where numba is installed (extra "fast"); about ten times faster than LAPACK's solver.
+"""Compiled code, where numba is installed (extra "fast").
 
-Four time constants run side by side, so that the processor works on three while it waits for one. Set the environment
-variable THERMOCORR_COMPILED=0 to do without. Results agree with the plain path to the last digit or two.
+Set the environment variable THERMOCORR_COMPILED=0 to do without. Results agree with the plain path to the last digit or
+two.
 """
 
 from __future__ import annotations
@@ -16,19 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Recursion = Callable[[Floats, Floats, Floats, Floats, Floats], None]
 Play = Callable[[Floats, Floats, float, Floats], None]
-
-
-@cache
-def compiled_recursion() -> Recursion | None:
-    """Function ``(change, decay, gain, first, out)`` that fills `out`, shape (n, J); None without numba.
-
-    ``out[k] = decay[k] * out[k - 1] - gain[k] * change[k]``, `first` before `out`; `decay` and `gain` have n rows, or
-    two where every step but the first is the same.
-    """
-    compiled: Recursion | None = _compiled(_recursion)
-    return compiled
 
 
 def play(low: Floats, high: Floats, position: float) -> Floats:
@@ -95,24 +83,3 @@ def _play(low: Any, high: Any, position: Any, out: Any) -> None:
         elif position > high[k]:
             position = high[k]
         out[k] = position
-
-
-def _recursion(change: Any, decay: Any, gain: Any, first: Any, out: Any) -> None:
-    n, n_lags = out.shape
-    last = decay.shape[0] - 1
-    for j in range(0, n_lags - n_lags % 4, 4):
-        d0, d1, d2, d3 = first[j], first[j + 1], first[j + 2], first[j + 3]
-        for k in range(n):
-            row = min(k, last)
-            step = change[k]
-            d0 = decay[row, j] * d0 - gain[row, j] * step  # eq. (25) for d = lagged - T
-            d1 = decay[row, j + 1] * d1 - gain[row, j + 1] * step
-            d2 = decay[row, j + 2] * d2 - gain[row, j + 2] * step
-            d3 = decay[row, j + 3] * d3 - gain[row, j + 3] * step
-            out[k, j], out[k, j + 1], out[k, j + 2], out[k, j + 3] = d0, d1, d2, d3
-    for j in range(n_lags - n_lags % 4, n_lags):
-        d = first[j]
-        for k in range(n):
-            row = min(k, last)
-            d = decay[row, j] * d - gain[row, j] * change[k]
-            out[k, j] = d

@@ -9,20 +9,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import jitted
+from .lag_kernels import TILE, factors_of_steps, follow, inline
 from .lags import FELT
 
 Floats = NDArray[np.float64]
-TILE = 256
-"""Rows of a tile."""
 _GONE = math.exp(-FELT)
 """What is left of a start-up decay when it counts as over."""
-_inline: Callable[[Any], Any] = jitted(inline="always")
 
 
 class Rows(NamedTuple):
@@ -63,73 +61,7 @@ class Bodies(NamedTuple):
     """Temperature before the first row, then at the last one, shape (1,); written to."""
 
 
-@_inline
-def _factors_of_steps(steps, longest, per_step, n, rate, first_order, decay, gain):  # type: ignore[no-untyped-def]
-    """exp(-r) and (1 - exp(-r))/r of r = step * rate: exp(f) - 1 by its series, r = -2^s f, and doubled s times."""
-    doublings, scaled = 0, rate
-    while longest * scaled > 0.25 and doublings < 13:
-        scaled *= 0.5
-        doublings += 1
-    for k in range(n):
-        f = max(-steps[k] * scaled, -0.5)
-        p = 1.0 / 39916800.0 + f * (1.0 / 479001600.0 + f / 6227020800.0)
-        p = 1.0 / 40320.0 + f * (1.0 / 362880.0 + f * (1.0 / 3628800.0 + f * p))
-        p = 1.0 / 120.0 + f * (1.0 / 720.0 + f * (1.0 / 5040.0 + f * p))
-        p = 1.0 + f * (0.5 + f * (1.0 / 6.0 + f * (1.0 / 24.0 + f * p)))
-        gain[k] = p
-        decay[k] = f * p
-    for _ in range(doublings):
-        for k in range(n):
-            decay[k] *= 2.0 + decay[k]
-    if doublings:
-        tau = 1.0 / rate
-        for k in range(n):
-            gain[k] = -decay[k] * (per_step[k] * tau)
-    for k in range(n):
-        decay[k] += 1.0
-    if not first_order:
-        gain[:n] = 1.0
-
-
-@_inline
-def _follow(change, first, n, decay, gain, each, lags, out):  # type: ignore[no-untyped-def]
-    """The recursion of eq. (25), six bodies side by side: the processor works on five while it waits for one.
-
-    `decay` and `gain` have a column for each row where `each` is 1, and one for all where it is 0.
-    """
-    j = 0
-    while len(lags) - j >= 6:
-        d0, d1, d2, d3, d4, d5 = lags[j], lags[j + 1], lags[j + 2], lags[j + 3], lags[j + 4], lags[j + 5]
-        for k in range(first, n):
-            step, i = change[k], k * each
-            d0 = decay[j, i] * d0 - gain[j, i] * step
-            d1 = decay[j + 1, i] * d1 - gain[j + 1, i] * step
-            d2 = decay[j + 2, i] * d2 - gain[j + 2, i] * step
-            d3 = decay[j + 3, i] * d3 - gain[j + 3, i] * step
-            d4 = decay[j + 4, i] * d4 - gain[j + 4, i] * step
-            d5 = decay[j + 5, i] * d5 - gain[j + 5, i] * step
-            out[j, k], out[j + 1, k], out[j + 2, k] = d0, d1, d2
-            out[j + 3, k], out[j + 4, k], out[j + 5, k] = d3, d4, d5
-        lags[j], lags[j + 1], lags[j + 2], lags[j + 3], lags[j + 4], lags[j + 5] = d0, d1, d2, d3, d4, d5
-        j += 6
-    while len(lags) - j >= 2:
-        d0, d1 = lags[j], lags[j + 1]
-        for k in range(first, n):
-            step, i = change[k], k * each
-            d0 = decay[j, i] * d0 - gain[j, i] * step
-            d1 = decay[j + 1, i] * d1 - gain[j + 1, i] * step
-            out[j, k], out[j + 1, k] = d0, d1
-        lags[j], lags[j + 1] = d0, d1
-        j += 2
-    if j < len(lags):
-        d0 = lags[j]
-        for k in range(first, n):
-            d0 = decay[j, k * each] * d0 - gain[j, k * each] * change[k]
-            out[j, k] = d0
-        lags[j] = d0
-
-
-@_inline
+@inline
 def _sum_up(z, n, at, bins, sums):  # type: ignore[no-untyped-def]
     """Add the columns of a tile, whose first row is number `at`, to those of the last columns that `sums` asks for."""
     if not len(bins):
@@ -148,7 +80,7 @@ def _sum_up(z, n, at, bins, sums):  # type: ignore[no-untyped-def]
         b += 1
 
 
-@_inline
+@inline
 def _substitute(z, n, n_over, triangle, inverse):  # type: ignore[no-untyped-def]
     """Rows by the inverse of a triangle: the columns of a tile, each less its share in those before it.
 
@@ -171,7 +103,7 @@ def _substitute(z, n, n_over, triangle, inverse):  # type: ignore[no-untyped-def
             z[j, k] *= scale
 
 
-@_inline
+@inline
 def _cross(z, n, n_over, product):  # type: ignore[no-untyped-def]
     """Add the cross products of a tile's columns to the upper triangle of `product`; three by three in registers.
 
@@ -229,7 +161,7 @@ def _cross(z, n, n_over, product):  # type: ignore[no-untyped-def]
         i += 1
 
 
-@_inline
+@inline
 def _is_beyond(product, largest):  # type: ignore[no-untyped-def]
     """Whether an element of the diagonal is larger, or NaN."""
     beyond = False
@@ -238,11 +170,11 @@ def _is_beyond(product, largest):  # type: ignore[no-untyped-def]
     return beyond
 
 
-@_inline
+@inline
 def _fill(rows, bodies, at, n, n_over, z, change, decay, gain):  # type: ignore[no-untyped-def]
-    """Columns of the tile of `n` rows from row `at` on; `decay` and `gain` hold the factors of each body and row.
+    """Columns of the tile of `n` rows from row `at` on; `decay` and `gain` get the factors of each body and row.
 
-    The first `n_over` decays are over.
+    Where all steps are alike, they hold the factors of one in their first column. The first `n_over` decays are over.
     """
     D, J = len(bodies.decays), len(bodies.lags)
     T, reading, ready = rows.temperature[at : at + n], rows.reading[at : at + n], rows.ready[:, at : at + n]
@@ -251,29 +183,29 @@ def _fill(rows, bodies, at, n, n_over, z, change, decay, gain):  # type: ignore[
         change[k] = T[k] - T[k - 1]
     bodies.temperature[0] = T[n - 1]
     if not bodies.regular:
-        steps, per_step, longest = rows.steps[at : at + n], np.empty(n), 0.0
+        steps, per_step, power, longest = rows.steps[at : at + n], np.empty(n), np.empty(n), 0.0
         for k in range(n):
             longest = max(longest, steps[k])
             per_step[k] = 1.0 / steps[k]
+        first_order = bodies.first_order
         for j in range(n_over, D + J):
-            _factors_of_steps(steps, longest, per_step, n, bodies.rates[j], bodies.first_order, decay[j], gain[j])
-    for j in range(n_over):
-        z[j, :n] = 0.0
-    for j in range(n_over, D):  # eq. (18)
-        left = bodies.decays[j] if at == 0 else bodies.decays[j] * decay[j, 0]
+            factors_of_steps(steps, per_step, longest, n, bodies.rates[j], first_order, power, decay[j], gain[j])
+    each, first = 0 if bodies.regular else 1, 0
+    for j in range(D):  # eq. (18)
+        left = 0.0 if j < n_over else bodies.decays[j]
         for k in range(n):
-            if k:
-                left *= decay[j, k]
+            if at + k and left:
+                left *= decay[j, k * each]
             z[j, k] = left if left > _GONE else 0.0
         bodies.decays[j] = left if left > _GONE else 0.0
-    z[D, :n] = 1.0
-    if bodies.regular:
-        begun = 1 if at == 0 else 0
-        all_rows = bodies.factors[:, D:].copy().reshape((4, J, 1))
-        _follow(change, 0, begun, all_rows[0], all_rows[1], 0, bodies.lags, z[D + 1 :])
-        _follow(change, begun, n, all_rows[2], all_rows[3], 0, bodies.lags, z[D + 1 :])
-    else:
-        _follow(change, 0, n, decay[D:], gain[D:], 1, bodies.lags, z[D + 1 :])
+    for k in range(n):
+        z[D, k] = 1.0
+    if bodies.regular and at == 0:
+        first = 1
+        for j in range(J):
+            bodies.lags[j] = bodies.factors[0, D + j] * bodies.lags[j] - bodies.factors[1, D + j] * change[0]
+            z[D + 1 + j, 0] = bodies.lags[j]
+    follow(change, first, n, decay[D:], gain[D:], each, bodies.lags, z[D + 1 :])
     for j in range(len(ready)):
         for k in range(n):
             z[D + 1 + J + j, k] = ready[j, k]
@@ -281,7 +213,7 @@ def _fill(rows, bodies, at, n, n_over, z, change, decay, gain):  # type: ignore[
         z[len(z) - 1, k] = reading[k]
 
 
-@_inline
+@inline
 def _leave_out(z, n):  # type: ignore[no-untyped-def]
     """Rows without a reading become zeros."""
     missing = 0
@@ -290,7 +222,8 @@ def _leave_out(z, n):  # type: ignore[no-untyped-def]
     if missing:
         for k in range(n):
             if z[len(z) - 1, k] != z[len(z) - 1, k]:
-                z[:, k] = 0.0
+                for j in range(len(z)):
+                    z[j, k] = 0.0
 
 
 def _sweep(rows, bodies, triangle, inverse, largest, product, sums, out):  # type: ignore[no-untyped-def]
@@ -298,9 +231,8 @@ def _sweep(rows, bodies, triangle, inverse, largest, product, sums, out):  # typ
     z, change = np.empty((q, TILE)), np.empty(TILE)
     decay, gain = np.empty((len(bodies.rates), TILE)), np.empty((len(bodies.rates), TILE))
     if bodies.regular:
-        for j in range(len(bodies.decays)):  # lags take theirs from the factors
-            decay[j] = bodies.factors[2, j]
-            decay[j, 0] = bodies.factors[0, j]
+        for j in range(len(bodies.rates)):
+            decay[j, 0], gain[j, 0] = bodies.factors[2, j], bodies.factors[3, j]
     for part in range(len(rows.parts)):
         end = rows.parts[part + 1] if part + 1 < len(rows.parts) else len(rows.temperature)
         for at in range(rows.parts[part], end, TILE):
@@ -308,8 +240,6 @@ def _sweep(rows, bodies, triangle, inverse, largest, product, sums, out):  # typ
             while n_over < len(bodies.decays) and bodies.decays[n_over] == 0.0:
                 n_over += 1
             _fill(rows, bodies, at, n, n_over, z, change, decay, gain)
-            if bodies.regular and at == 0:
-                decay[:, 0] = bodies.factors[2]
             _leave_out(z, n)
             _sum_up(z, n, at, rows.bins, sums)
             if len(rows.root_weight):

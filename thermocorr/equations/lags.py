@@ -12,17 +12,18 @@ the same line for regular and irregular steps.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.blas import dtbsv
 
-from .compiled import compiled_recursion
+from .compiled import is_compiled
 
 Floats = NDArray[np.float64]
 Structure = Callable[[Floats], Floats]
+Recursion = Callable[[Floats, Floats, Floats, bool, bool, Floats, Floats], None]
 CELLS, FINEST = 32, 2e-3
 """Cells that a gap is cut into, and the last of them as a share of the gap, or less where a lag is fast. With eight
 times as many, ten times finer, the error is the same to 2 %."""
@@ -43,6 +44,16 @@ _SMALL_STEP = 0.1
 
 FELT = 46.0
 """Time constants after which a start is no longer felt: exp(-46) is below 1e-20."""
+
+
+@cache
+def compiled_recursion() -> Recursion | None:
+    """`thermocorr.equations.lag_kernels.recursion`; None without numba."""
+    if not is_compiled():
+        return None
+    from . import lag_kernels
+
+    return lag_kernels.recursion
 
 
 def equilibrium(temperature: float, time_constants: ArrayLike) -> LagState:
@@ -156,14 +167,9 @@ def lag_differences(
     regular = n > 1 and bool((steps[1:] == steps[1]).all())
     recursion = compiled_recursion()
     if recursion is not None:
-        if regular:
-            decay, gain = factors_of_two_steps(*steps[:2].tolist(), tuple(time_constants.tolist()), hold)
-        else:
-            decay, gain = (np.empty((n, n_lags), order="F") for _ in range(2))
-            for j, time_constant in enumerate(time_constants):
-                decay[:, j], gain[:, j] = decay_and_gain(steps, time_constant, hold)
-        result = np.empty((n, n_lags), order="F")
-        recursion(change, np.asfortranarray(decay), np.asfortranarray(gain), state.lag_difference, result)
+        result, lags = np.empty((n, n_lags), order="F"), np.array(state.lag_difference, dtype=np.float64)
+        steps = np.require(steps, np.float64, ("C", "W"))  # else numba compiles the function once more
+        recursion(change, steps, 1.0 / time_constants, hold == "first_order", regular, lags, result.T)
     else:
         result = _solved(change, steps, time_constants, state.lag_difference, hold, regular)
     return result, LagState(result[-1].copy(), float(temperature[-1]))
