@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from effect_records import temperatures
 
-from thermocorr.records import Layout, read, read_record, times
+from thermocorr.records import Layout, gaps, read, read_record, times
 
 N = 60
 
@@ -59,3 +59,24 @@ def test_a_gap_is_told_behind_many_runs_of_a_row_each(max_gap, monkeypatch):
     record = record_of(X, time="t", run="run", max_gap=max_gap)
     assert len(record.segments) == 31 + (max_gap is not None)
     assert any("1 gap, the first after row 44" in note for note in record.notes) == (max_gap is None)
+
+
+@pytest.mark.parametrize("form", ["spans", "seconds", "dates", "rows"])
+@pytest.mark.parametrize("jitter", [0.0, 0.3])
+def test_the_longest_step_tells_that_there_is_no_gap_and_where_there_is_one(form, jitter, monkeypatch):
+    monkeypatch.setattr(times, "_CHUNK", 7)
+    seconds = np.cumsum(10.0 * (1 + jitter * np.sin(np.arange(N))))
+    for at, late in ((None, 0.0), (13, 500.0), (N - 1, 500.0), (1, 500.0)):
+        moved = seconds + (0.0 if at is None else late * (np.arange(N) >= at))
+        index = pd.to_timedelta(moved, unit="s") + (pd.Timestamp(2026, 1, 1) if form == "dates" else pd.Timedelta(0))
+        frame = pd.DataFrame({"temperature": temperatures()}, index=moved if form == "seconds" else index)
+        record = record_of(frame.reset_index(drop=True) if form == "rows" else frame)
+        steps = record.times.steps(slice(0, N))[1:]
+        assert record.times.longest_step == steps.max()
+        walked = steps.max() if steps.max() > 60.0 else 0.0
+        assert gaps.longest_gap(record, 60.0) == walked
+        missing = frame.assign(temperature=np.where(np.arange(N) % 11 == 5, np.nan, temperatures()))
+        if form != "rows":  # rows that are passed over make longer steps than there are between rows
+            holed = record_of(missing)
+            kept = np.delete(moved, holed.skipped)
+            assert gaps.longest_gap(holed, 15.0) == pytest.approx(np.diff(kept).max(), abs=1e-6)

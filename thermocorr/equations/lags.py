@@ -168,7 +168,8 @@ def lag_differences(
     recursion = compiled_recursion()
     if recursion is not None:
         result, lags = np.empty((n, n_lags), order="F"), np.array(state.lag_difference, dtype=np.float64)
-        steps = np.require(steps, np.float64, ("C", "W"))  # else numba compiles the function once more
+        if not (steps.flags.carray and steps.dtype == np.float64):  # else numba compiles the function once more
+            steps = np.array(steps, np.float64)
         recursion(change, steps, 1.0 / time_constants, hold == "first_order", regular, lags, result.T)
     else:
         result = _solved(change, steps, time_constants, state.lag_difference, hold, regular)

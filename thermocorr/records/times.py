@@ -100,6 +100,21 @@ class Times:
         chunks = (self.ticks[start : start + _CHUNK + 1] for start in range(0, self.n - 1, _CHUNK))
         return None if any((np.diff(chunk) != step).any() for chunk in chunks) else step
 
+    @cached_property
+    def longest_step(self) -> float:
+        """The longest step from a row to the next, as they stand in the log [s]; infinite where it takes more to tell.
+
+        No look at rows one by one is needed where it is no gap.
+        """
+        if self.ticks is None:
+            return self.period
+        if not isinstance(self.ticks, np.ndarray) or self.kind == "rows" or not self._close or self.n < 2:
+            return np.inf
+        if self.even_step is not None:
+            return self.even_step
+        chunks = (self.ticks[start : start + _CHUNK + 1] for start in range(0, self.n - 1, _CHUNK))
+        return float(max(np.diff(chunk).max() for chunk in chunks) / self.per_second)
+
     def ends(self) -> NDArray[Any]:
         """Ticks among which the least and the greatest are: two of them where steps are even."""
         assert self.ticks is not None
