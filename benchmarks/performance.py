@@ -5,9 +5,10 @@
     python benchmarks/performance.py --check            # quick lines alone, against ratios.json: exit status 1 beyond
 
 Each line is our processor time over that of something that a user could do instead, or that bounds it from below: the
-least of alternated runs, one BLAS thread. Times differ from machine to machine, ratios hardly: a line fails the check
-where it is more than 1.5 times what ratios.json says, in three tries. What is stored only falls, lest a noisy run
-loosens the check: take a line out of ratios.json by hand where it has to grow.
+least of alternated runs, one BLAS thread. Times differ from machine to machine, most ratios hardly: a line fails the
+check where it is more than 1.5 times what ratios.json says of such a processor (of any, the greatest, where this one is
+new), in three tries. What is stored only falls, lest a noisy run loosens the check: take a line out of ratios.json by
+hand where it has to grow.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
 from sklearn.pipeline import make_pipeline
-from threadpoolctl import threadpool_limits
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from thermocorr import (
     DynamicBiasRegressor,
@@ -280,6 +281,17 @@ def key(line: Line) -> str:
     return f"{line.what} / {line.against}"
 
 
+def processor() -> str:
+    """Kind of processor, as BLAS knows it: some differ in what Python costs beside cross products by a half."""
+    return next((str(library["architecture"]) for library in threadpool_info() if "architecture" in library), "unknown")
+
+
+def stored_ratio(stored: dict[str, dict[str, float]], name: str) -> float:
+    """What a line was at best on such a processor; the greatest of others where there is none."""
+    own = stored.get(processor(), {}).get(name)
+    return max(ratios[name] for ratios in stored.values() if name in ratios) if own is None else own
+
+
 def shown(value: float) -> str:
     """A ratio, or its inverse where that reads better."""
     return f"{value:.2f}" if value >= 0.1 else f"1/{1 / value:.0f}"
@@ -288,7 +300,8 @@ def shown(value: float) -> str:
 _PAGE = """# What it costs
 
 Ratios of processor times within one process (the least of alternated runs, one BLAS thread), made by
-`python benchmarks/performance.py --write`, which also stores them for the check that runs before every change.
+`python benchmarks/performance.py --write`, which also stores them for the check that runs before every change, by the
+kind of processor: the same fit of 84 000 rows was at 1.9 floors on one and at 2.8 on another.
 
 {table}
 
@@ -307,7 +320,7 @@ def page(found: dict[str, tuple[Line, float]]) -> str:
     packages = ("numpy", "scipy", "scikit-learn", "pandas", *(["numba"] if find_spec("numba") else []))
     return _PAGE.format(
         table="\n".join(["| what | over | ratio |", "|---|---|---|", *rows]),
-        machine=f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
+        machine=f"{platform.machine()} ({processor()}), {os.cpu_count()} cores, Python {platform.python_version()}",
         versions=", ".join(f"{name} {version(name)}" for name in packages),
         compiled="compiled by numba" if find_spec("numba") else "not compiled",
     )
@@ -336,16 +349,18 @@ def main() -> int:
     with threadpool_limits(1):
         for line in lines(options.check):
             line.ours()
-            value = checked(line, stored[key(line)]) if options.check else ratio(line)
+            before = stored_ratio(stored, key(line)) if options.check else np.inf
+            value = checked(line, before) if options.check else ratio(line)
             found[key(line)] = (line, value)
-            worse = options.check and value > WORSE * stored[key(line)]
+            worse = value > WORSE * before
             slow += [line.what] * worse
-            was = f"   (stored {shown(stored[key(line)])}{', SLOWER' if worse else ''})" if options.check else ""
+            was = f"   (stored {shown(before)}{', SLOWER' if worse else ''})" if options.check else ""
             print(f"{line.what:52s} over {line.against:44s} {shown(value):>8s}{was}", flush=True)
     if options.write:
         PAGE.write_text(page(found), encoding="utf-8")
-        least = {name: round(min(value, stored.get(name, value)), 5) for name, (_, value) in found.items()}
-        STORED.write_text(json.dumps(least, indent=1) + "\n")
+        own = stored.get(processor(), {})
+        own = {name: round(min(value, own.get(name, value)), 5) for name, (_, value) in found.items()}
+        STORED.write_text(json.dumps({**stored, processor(): own}, indent=1) + "\n")
     return 1 if slow else 0
 
 

@@ -27,7 +27,7 @@ class Rows(NamedTuple):
     """Consecutive rows of one segment."""
 
     temperature: Floats
-    """Shape (n,)."""
+    """Shape (n,), read-only."""
     steps: Floats
     """Time since the row before [s], shape (n,)."""
     reading: Floats
@@ -190,7 +190,8 @@ def _fill(rows, bodies, at, n, n_over, z, change, decay, gain):  # type: ignore[
         first_order = bodies.first_order
         for j in range(n_over, D + J):
             factors_of_steps(steps, per_step, longest, n, bodies.rates[j], first_order, power, decay[j], gain[j])
-    each, first = 0 if bodies.regular else 1, 0
+    each = 0 if bodies.regular else 1
+    first = 0
     for j in range(D):  # eq. (18)
         left = 0.0 if j < n_over else bodies.decays[j]
         for k in range(n):

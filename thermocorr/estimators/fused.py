@@ -94,8 +94,10 @@ class FusedSweep:
         known = np.isfinite(reading) if np.isnan(reading.sum()) else None
         weight = _NOTHING if self._record.weight is None else np.sqrt(self._record.weight[block.rows])
         bins, begins = self.binning.bins(block)
+        temperature = block.temperature.view()
+        temperature.flags.writeable = False  # the user's may be so or not: there is one function to compile
         rows = self._kernels.Rows(
-            temperature=block.temperature.copy(),
+            temperature=temperature,
             steps=block.steps,
             reading=reading,
             root_weight=weight,
@@ -151,7 +153,7 @@ class FusedSweep:
                 ready=rows.ready[:, some].copy(),
                 bins=np.maximum(rows.bins[first - 1 : last] - some.start, 0),
             )
-        bodies = self._bodies(rows.steps, self._decays[dead:], elapsed)
+        bodies = self._bodies(rows.steps, block.even_step is not None, self._decays[dead:], elapsed)
         one_pass = self._kernels.Pass(rows, bodies, 1 if self.binning.whole else 0)
         if reflected:
             columns = one_pass.columns()
@@ -163,14 +165,14 @@ class FusedSweep:
             sums[first - 1 : last, -one_pass.sums.shape[1] :] += one_pass.sums
         return crossed
 
-    def _bodies(self, steps: np.ndarray, decays: np.ndarray, elapsed: float) -> Any:
+    def _bodies(self, steps: np.ndarray, even: bool, decays: np.ndarray, elapsed: float) -> Any:
         taus = np.concatenate((decays, self._columns.time_constants))
         hold = self._columns.hold
         decay, gain = factors_of_two_steps(float(steps[0]), float(steps[-1]), tuple(taus.tolist()), hold)
         return self._kernels.Bodies(
             rates=1.0 / taus,
             first_order=hold == "first_order",
-            regular=len(steps) < 2 or bool((steps[1:] == steps[1]).all()),
+            regular=even or len(steps) < 2 or bool((steps[1:] == steps[1]).all()),
             factors=np.stack((decay[0], gain[0], decay[1], gain[1])),
             decays=np.exp(-elapsed / decays),
             lags=self._lags,
