@@ -52,7 +52,7 @@ def factors_of_steps(steps, per_step, longest, n, rate, first_order, power, deca
         tau, bits = 1.0 / rate, power.view(np.int64)
         for k in range(n):
             r = min(steps[k] * rate, _LARGEST_RATIO)
-            m = math.floor(r * _PER_LN2 + 0.5)
+            m = np.floor(r * _PER_LN2 + 0.5)
             f = m * _LN2 - r
             p = _series(f)
             gain[k], decay[k], power[k] = p, 1.0 + f * p, m
