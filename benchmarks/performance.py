@@ -288,8 +288,10 @@ def processor() -> str:
 
 def stored_ratio(stored: dict[str, dict[str, float]], name: str) -> float:
     """What a line was at best on such a processor; the greatest of others where there is none."""
-    own = stored.get(processor(), {}).get(name)
-    return max(ratios[name] for ratios in stored.values() if name in ratios) if own is None else own
+    known = {kind: ratios[name] for kind, ratios in stored.items() if name in ratios}
+    if not known:
+        raise SystemExit(f"ratios.json knows nothing of {name!r}: python benchmarks/performance.py --write stores it.")
+    return known.get(processor(), max(known.values()))
 
 
 def shown(value: float) -> str:

@@ -360,3 +360,16 @@ def test_compiled_and_plain_recursion_agree(monkeypatch, regular, hold):
     plain, same_end = lag_differences(T, steps, taus, hold=hold)
     np.testing.assert_allclose(compiled, plain, rtol=0, atol=1e-12 * np.abs(plain).max())
     np.testing.assert_allclose(end.lag_difference, same_end.lag_difference, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("regular", [True, False])
+def test_inputs_of_any_kind_are_computed_in_double_precision(regular):
+    T, steps, tau = room(700), some_steps(700, regular), np.array([16.0, 700.0, 8000.0])
+    expected, _ = lag_differences(T, steps, tau)
+    fixed = T.copy(), steps.copy()
+    for values in fixed:
+        values.flags.writeable = False
+    assert np.array_equal(lag_differences(*fixed, tau)[0], expected)
+    assert np.array_equal(lag_differences(np.repeat(T, 2)[::2], np.repeat(steps, 2)[::2], tau)[0], expected)
+    for kind in ("f4", "i8", ">f8", np.longdouble):  # the time constants are exact in all of them
+        assert np.array_equal(lag_differences(T, steps, tau.astype(kind))[0], expected)

@@ -75,7 +75,7 @@ def test_the_longest_step_tells_that_there_is_no_gap_and_where_there_is_one(form
         layout = {"time": "t"} if form == "seconds" else {}
         record = record_of(frame, **layout)
         steps = record.times.steps(slice(0, N))[1:]
-        assert record.times.longest_step == steps.max()
+        assert record.times.longest_between_rows == steps.max()
         assert gaps.longest_gap(record, 60.0) == (steps.max() if steps.max() > 60.0 else 0.0)
         if form != "rows":  # rows that are passed over make longer steps than there are between rows
             holed = record_of(frame.assign(temperature=frame["temperature"].where(np.arange(N) % 11 != 5)), **layout)

@@ -54,7 +54,7 @@ class Bodies(NamedTuple):
     factors: Floats
     """Decay and gain of the first step, decay and gain of all others, shape (4, D + J)."""
     decays: Floats
-    """Start-up decays at the first row, then behind the last one, the fastest first, shape (D,); written to."""
+    """Start-up decays at the first row, then at the last one, the fastest first, shape (D,); written to."""
     lags: Floats
     """Lag differences before the first row, then at the last one, shape (J,); written to."""
     temperature: Floats
@@ -191,7 +191,6 @@ def _fill(rows, bodies, at, n, n_over, z, change, decay, gain):  # type: ignore[
         for j in range(n_over, D + J):
             factors_of_steps(steps, per_step, longest, n, bodies.rates[j], first_order, power, decay[j], gain[j])
     each = 0 if bodies.regular else 1
-    first = 0
     for j in range(D):  # eq. (18)
         left = 0.0 if j < n_over else bodies.decays[j]
         for k in range(n):
@@ -201,7 +200,8 @@ def _fill(rows, bodies, at, n, n_over, z, change, decay, gain):  # type: ignore[
         bodies.decays[j] = left if left > _GONE else 0.0
     for k in range(n):
         z[D, k] = 1.0
-    if bodies.regular and at == 0:
+    first = 0
+    if bodies.regular and at == 0:  # the first step may be another one
         first = 1
         for j in range(J):
             bodies.lags[j] = bodies.factors[0, D + j] * bodies.lags[j] - bodies.factors[1, D + j] * change[0]

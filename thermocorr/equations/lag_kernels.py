@@ -21,10 +21,10 @@ inline: Callable[[Any], Any] = jitted(inline="always")
 TILE = 256
 """Rows of a tile: its numbers stay in the processor's nearest caches."""
 _LANES = 32
-"""Factors are made for a multiple of so many rows: those of a row are the same whatever rows are around it."""
+"""`_recursion` makes factors for a multiple of so many rows: those of a row are the same whatever is around it."""
 _LN2, _PER_LN2 = math.log(2.0), 1.0 / math.log(2.0)
 _LARGEST_RATIO = 700.0
-"""Step over time constant from which on all is forgotten: exp(-700) is 1e-304."""
+"""Step over time constant up to which the decay is known, and from which on it stays what it is there, 1e-304."""
 
 
 @inline
@@ -70,7 +70,8 @@ def factors_of_steps(steps, per_step, longest, n, rate, first_order, power, deca
 def follow(change, first, n, decay, gain, each, lags, out):  # type: ignore[no-untyped-def]
     """The recursion of eq. (25), six bodies side by side: the processor works on five while it waits for one.
 
-    `decay` and `gain` have a column for each row where `each` is 1, and one for all where it is 0.
+    It fills columns `first` to `n` of `out` and carries `lags` on. `decay` and `gain` have a column for each row where
+    `each` is 1, and one for all where it is 0.
     """
     j = 0
     while len(lags) - j >= 6:
@@ -112,7 +113,7 @@ def _recursion(change, steps, rates, first_order, alike, lags, out):  # type: ig
     while at < n:
         rows = min(TILE, n - at)
         if at == 0 or not alike:
-            full = (rows + _LANES - 1) // _LANES * _LANES
+            full = _LANES if alike else (rows + _LANES - 1) // _LANES * _LANES
             longest = 0.0
             for k in range(full):
                 here[k] = steps[min(at + k, n - 1)]
@@ -120,10 +121,10 @@ def _recursion(change, steps, rates, first_order, alike, lags, out):  # type: ig
                 per_step[k] = 1.0 / here[k]
             for j in range(n_lags):
                 factors_of_steps(here, per_step, longest, full, rates[j], first_order, power, decay[j], gain[j])
-        if alike:
+        if alike:  # the first step may be another one: that row goes alone, and then all others
             rows = 1 if at == 0 else n - at
         follow(change[at : at + rows], 0, rows, decay, gain, 0 if alike else 1, lags, out[:, at : at + rows])
-        if alike:
+        if alike and at == 0:
             for j in range(n_lags):
                 decay[j, 0], gain[j, 0] = decay[j, 1], gain[j, 1]
         at += rows
@@ -135,5 +136,6 @@ recursion: Callable[[Floats, Floats, Floats, bool, bool, Floats, Floats], None] 
 """Function ``(change, steps, rates, first_order, alike, lags, out)`` that fills `out`, shape (J, n).
 
 ``out[:, k] = decay[k] * out[:, k - 1] - gain[k] * change[k]``, with `lags`, shape (J,), in front, which are carried on.
-`steps` are [s], `rates` 1/tau [1/s]; `alike` says that all steps but the first are the same.
+`steps` are [s], `rates` 1/tau [1/s]; `alike` says that all steps but the first are the same. Arrays are of float64,
+contiguous in C's order and writable, so that there is one function to compile.
 """

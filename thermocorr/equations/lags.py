@@ -152,6 +152,7 @@ def lag_differences(
     >>> lag_difference[-1].round(4)
     array([-0.1353])
     """
+    time_constants = np.asarray(time_constants, np.float64)
     n, n_lags = len(temperature), len(time_constants)
     if state is not None and np.isnan(state.temperature):
         state = None  # only empty blocks so far

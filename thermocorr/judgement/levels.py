@@ -301,6 +301,9 @@ SHARES = (0.5, 0.25, 0.1, 0.03)
 """How far parameters are moved, coarse to fine, in a search around the best of each kind."""
 FINER = (0.01, 0.003)
 """Final step sizes for an accepted cause: what inexact parameters leave would look like a further cause."""
+NO_MORE = 1e-3
+"""Gain of log likelihood up to which parameters stay where they are: rounding gains as much. A step may lie anywhere
+between two rows."""
 LEFT_OVER = 0.75
 """Share of the log likelihood gained by a second cause of a kind and column, from which a move of the first that gains
 as much says that the second is what the first one's parameters have missed."""

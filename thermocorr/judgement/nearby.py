@@ -10,7 +10,7 @@ import numpy as np
 from .choice import WAVE, Cause
 from .dated import MANY, lasting
 from .family import Family
-from .levels import BESIDE_OTHERS, FINER, LEFT_OVER, LEVEL, MANY_CAUSES, SHARES
+from .levels import BESIDE_OTHERS, FINER, LEFT_OVER, LEVEL, MANY_CAUSES, NO_MORE, SHARES
 from .likelihood import Comparison
 from .pool import Explanation, Key, Pool
 
@@ -32,8 +32,9 @@ def moved(pool: Pool, beside: Comparison, explanation: Explanation, shares: Sequ
         beside.explanations = []
         beside.add([each.columns for each in near])
         gains = beside.screen(theta)
-        if gains.max() > most:
-            most, best = gains.max(), near[int(gains.argmax())]
+        if gains.max() > most + NO_MORE:
+            first = int(np.argmax(gains > gains.max() - NO_MORE))
+            most, best = gains[first], near[first]
     return None if best is explanation else best
 
 

@@ -94,7 +94,7 @@ def longest_gap(record: Record, least: float) -> float:
     """The longest step that is a gap [s]; 0 where there is none."""
     if _is_even(record):
         return record.usual_step() if record.usual_step() > least else 0.0
-    if record.order is None and not len(record.skipped) and record.times.longest_step <= least:
+    if record.order is None and not len(record.skipped) and record.times.longest_between_rows <= least:
         return 0.0
     return max(float(block.steps[gap_rows(block, least)].max(initial=0.0)) for block in record.blocks())
 

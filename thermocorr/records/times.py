@@ -101,7 +101,7 @@ class Times:
         return None if any((np.diff(chunk) != step).any() for chunk in chunks) else step
 
     @cached_property
-    def longest_step(self) -> float:
+    def longest_between_rows(self) -> float:
         """The longest step from a row to the next, as they stand in the log [s]; infinite where it takes more to tell.
 
         No look at rows one by one is needed where it is no gap.
