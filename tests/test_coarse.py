@@ -58,7 +58,7 @@ def test_moments_and_widths_of_suspects_are_said_as_on_the_page():
     found = diagnose(DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y), X, y)
     titles = {suspect.effect.kind: suspect.title for suspect in found.suspects}
     step = next(suspect for suspect in found.suspects if suspect.effect.kind == "step")
-    assert titles["step"] == f"step: time {X.index[0] + pd.Timedelta(round(step.effect.time), unit='s')}"
+    assert titles["step"] == f"step: time {X.index[0] + pd.Timedelta(step.effect.time, unit='s')}"
     assert re.fullmatch(r"hysteresis: width \d\.\d+ K", titles["hysteresis"])
     said = " ".join(str(found).split())
     assert all(title in said for kind, title in titles.items() if kind in {c.effect.kind for c in found.causes})

@@ -76,3 +76,15 @@ def test_a_cause_of_fewer_columns_leaves_what_had_been_left_had_it_been_there_at
     assert moved.level_with([1]) == pytest.approx(fresh.level_with([1]), abs=0.1)
     theta = fresh.base.theta
     np.testing.assert_allclose(moved.screen(theta), fresh.screen(theta), rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize(("seed", "strength"), [(2, 3.0), (5, 2.0), (9, 2.0)])
+def test_rounding_does_not_choose_the_moment_of_a_step(seed, strength):
+    """It may lie anywhere between two rows; what differs by the last digit, as processors do, had other moments."""
+    record = make_record(3000, effects={"step": strength}, seed=seed)
+    X, moments = record[["temperature"]], set()
+    for last_digit in (0.0, 1e-15, -1e-15, 3e-15):
+        y = record["reading"] * (1 + last_digit)
+        found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+        moments |= {cause.effect.time for cause in found.causes}
+    assert len(moments) == 1

@@ -192,7 +192,7 @@ def _fill(rows, bodies, at, n, n_over, z, change, decay, gain):  # type: ignore[
             factors_of_steps(steps, per_step, longest, n, bodies.rates[j], first_order, power, decay[j], gain[j])
     each = 0 if bodies.regular else 1
     for j in range(D):  # eq. (18)
-        left = 0.0 if j < n_over else bodies.decays[j]
+        left = bodies.decays[j]
         for k in range(n):
             if at + k and left:
                 left *= decay[j, k * each]
