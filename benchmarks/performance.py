@@ -303,7 +303,7 @@ _PAGE = """# What it costs
 
 Ratios of processor times within one process (the least of alternated runs, one BLAS thread), made by
 `python benchmarks/performance.py --write`, which also stores them for the check that runs before every change, by the
-kind of processor: the same fit of 84 000 rows was at 1.9 floors on one and at 2.8 on another.
+kind of processor: some differ in what Python costs beside cross products by a half.
 
 {table}
 
