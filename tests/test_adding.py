@@ -7,7 +7,7 @@ from thermocorr import DynamicBiasRegressor, diagnose, refine
 from thermocorr.datasets import load_real_record, make_record
 from thermocorr.effects import Covariate, Drift, Interaction, LogAgeing, Step
 from thermocorr.estimators.holdout import rms
-from thermocorr.judgement.adding import Errors
+from thermocorr.judgement.adding import Errors, held_out_blocks
 from thermocorr.judgement.refinement import worth_trying
 from thermocorr.judgement.tuning import effects_of
 
@@ -148,3 +148,15 @@ def test_causes_that_spoil_one_another_are_added_together():
     assert result.model_.residual_std_ < 1.02 * 0.2
     assert {effect.kind for effect in effects_of(result.model_)} == {"periodic", "disturbance"}
     assert " and " in result.steps["effect"].iloc[1]
+
+
+def test_held_out_blocks_are_cut_where_readings_are_believed():
+    """A code for "no value" far behind the readings makes the record no longer."""
+    record = make_record(3000, seed=1)
+    X, y = record[["temperature"]], record["reading"].where(np.arange(3000) < 900)
+    model = DynamicBiasRegressor("temperature", ["15 min", "2 h"]).fit(X, y)
+    blocks = held_out_blocks(model, X, y)
+    coded = y.copy()
+    coded.iloc[2900] = 9.9e37
+    assert np.isfinite(blocks).all()
+    np.testing.assert_allclose(held_out_blocks(model, X, coded), blocks, rtol=1e-9)

@@ -7,9 +7,22 @@ import pandas as pd
 import pytest
 from sklearn.exceptions import NotFittedError
 
-from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge, compare_variants, held_out_residuals
+from thermocorr import (
+    DiffusiveFeatures,
+    DynamicBiasRegressor,
+    MergedRidge,
+    OnlineCorrector,
+    TimeConstantSearch,
+    compare_variants,
+    diagnose,
+    held_out_residuals,
+    later_errors,
+    refine,
+)
 from thermocorr.datasets import load_real_record, make_record
 from thermocorr.effects import Covariate, LaggedCovariate
+from thermocorr.equations import allan_deviation
+from thermocorr.pictures import AllanDisplay
 
 N = 300
 
@@ -35,6 +48,10 @@ def fit(data=None, y=None, **options):
     options = {"time_constants": [300.0], **options}
     data = X if data is None else data
     return DynamicBiasRegressor(**options).fit(data, Y.set_axis(data.index[:N]) if y is None else y)
+
+
+def search(**options):
+    return TimeConstantSearch(method="cross_validation", **options).fit(X, Y)
 
 
 def reindexed(order):
@@ -135,6 +152,36 @@ CASES = {
     "other kind of times at predict": (lambda: model.predict(untimed()), "times of kind.*Give both"),
     "residuals of another length": (lambda: model.residuals(X, Y[:5]), "300 rows and y has 5"),
     "variants without readings": (lambda: compare_variants(X, np.full(N, np.nan)), "readings are missing.*Check"),
+    "options beside a model": (
+        lambda: compare_variants(X, Y, model=model, time_constants=[60.0], foo=3),
+        "not both.*time_constants, foo",
+    ),
+    "nonlinear of degree 1": (lambda: compare_variants(X, Y, degree=1), r"'degree' parameter.*\[2"),
+    "window of none": (lambda: compare_variants(X, Y, window=0), r"'window' parameter.*\[1"),
+    "one block of variants": (lambda: compare_variants(X, Y, n_blocks=1), r"'n_blocks' parameter.*\[2"),
+    "one held-out block": (lambda: held_out_residuals(model, X, Y, n_blocks=1), r"'n_blocks' parameter.*\[2"),
+    "half a block": (lambda: held_out_residuals(model, X, Y, n_blocks=2.5), "'n_blocks' parameter.*2.5"),
+    "no later block": (lambda: later_errors({"a": model}, X, Y, n_blocks=0), "'n_blocks' parameter.*0"),
+    "no variants": (lambda: later_errors({}, X, Y), "needs fitted variants"),
+    "steps below none": (lambda: refine(model, X, Y, max_steps=-1), "'max_steps' parameter.*-1"),
+    "suspects that are none": (lambda: diagnose(model, X, Y, suspects="drift"), "'suspects' parameter"),
+    "decimal comma in a span": (lambda: fit(max_gap="1,5 h"), "'max_gap' parameter.*'1,5 h'"),
+    "decimal comma in a time constant": (lambda: fit(time_constants=["1,5 h"]), "'time_constants' parameter.*'1,5 h'"),
+    "washout that is none": (lambda: fit(washout="abc"), "'washout' parameter.*'abc'"),
+    "alphas of NaN": (lambda: search(alphas=[np.nan]), "'alphas' parameter.*nan"),
+    "no alphas": (lambda: search(alphas=[]), "'alphas' parameter"),
+    "negative alphas": (lambda: search(alphas=[-1.0]), "'alphas' parameter.*-1"),
+    "alphas in words": (lambda: search(alphas="many"), "'alphas' parameter.*'many'"),
+    "one number as candidates": (lambda: search(candidates=5), "'candidates' parameter.*5"),
+    "sets and times as candidates": (lambda: search(candidates=[300.0, [3.0]]), "'candidates' parameter.*300"),
+    "confidence in percent": (lambda: allan_deviation(np.arange(9.0), confidence=95), "'confidence' parameter.*95"),
+    "negative sampling period": (lambda: allan_deviation(np.arange(9.0), -1.0), "'sampling_period' parameter.*-1"),
+    "times of a streamed deviation": (
+        lambda: AllanDisplay.from_estimator(model, X, Y, averaging_times=[60.0]),
+        "'averaging_times' parameter.*60",
+    ),
+    "continues in words": (lambda: OnlineCorrector(model, continues="False"), "'continues' parameter.*'False'"),
+    "simulated record without a start": (lambda: make_record(9, start=None), "'start' parameter.*None"),
     "simulated record of one row": (lambda: make_record(1), "'n' parameter.*Got 1"),
     "measured record of unknown name": (lambda: load_real_record("nothing", "."), "nothing"),
 }

@@ -126,6 +126,10 @@ def test_places_are_written_as_a_person_writes_them(aspect, low, high, unit, sho
     assert shown in place_text(row)
     if unit == "date":
         assert ends_text(row, 1e9)[0].endswith(shown[:4])
+    if aspect == "hour":
+        assert aspect_text(row) == "hour of day"
+        row.unit = "h (UTC)"
+        assert place_text(row) == "where hour of day (UTC) is 18 to 20 h"
     if aspect == "lag difference":
         assert aspect_text(row) == "lag difference, 10 h [K]"
 

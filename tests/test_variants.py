@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermocorr import RecordWarning, compare_variants
+from thermocorr import DynamicBiasRegressor, RecordWarning, compare_variants
 from thermocorr.datasets import make_record
 from thermocorr.equations import moving_average
 from thermocorr.pages.chapters import variants
@@ -116,3 +116,22 @@ def test_the_page_says_what_is_left_as_the_table_does():
     said = re.sub(" +", " ", said)
     assert "offset included, a static law leaves 1.352 ppm rms, the dynamic one 2.040 ppm ." in said
     assert "Without each block's offset, and smoothed, the static law lowers the error by 5.2 dB , the" in said
+
+
+def test_degree_and_products_are_those_of_the_model():
+    record = make_record(600, sampling_period=60.0, seed=3)
+    model = DynamicBiasRegressor("temperature", ["5 min"], degree=3, products=True)
+    models = compare_variants(record[["temperature"]], record["reading"], model=model, n_blocks=2).models
+    assert models["dynamic nonlinear with products"].products_ is True
+    assert {name: fitted.degree for name, fitted in models.items() if "nonlinear" in name} == {
+        "static nonlinear": 3, "dynamic nonlinear": 3, "dynamic nonlinear with products": 3,
+    }  # fmt: skip
+    linear = DynamicBiasRegressor("temperature", ["5 min"], degree=1)
+    models = compare_variants(record[["temperature"]], record["reading"], model=linear, n_blocks=2).models
+    assert [fitted.degree for fitted in models.values()] == [1, 2, 1, 2]
+
+
+def test_powers_of_ten_are_typeset():
+    record = make_record(600, sampling_period=60.0, seed=3)
+    found = compare_variants(record[["temperature"]], record["reading"] * 1e-12, time_constants=["5 min"], n_blocks=2)
+    assert r"\times 10^{-1" in found.to_latex() and not re.search(r"\de-?\d", found.to_latex())

@@ -8,15 +8,6 @@ from typing import Any
 import numpy as np
 
 
-def check_int(function: str, name: str, value: Any, low: int) -> int:
-    """Return `value` as an int of at least `low`, or raise ValueError."""
-    if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= low:
-        return int(value)
-    raise ValueError(
-        f"The '{name}' parameter of {function} must be an int in the range [{low}, inf). Got {value!r} instead."
-    )
-
-
 def check_float(function: str, name: str, value: Any, interval: str) -> float:
     """Return `value` as a finite float inside `interval`, written as "[0.0, 1.0)", or raise ValueError."""
     low, high = (float(end) for end in interval[1:-1].split(","))

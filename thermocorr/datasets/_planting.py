@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 
 from ..records import seconds_of
+from ..records.checks import check_int
 from ..records.time_spans import span_of
-from ._checks import check_choice, check_float, check_int
+from ._checks import check_choice, check_float
 from ._compose import STREAMS
 from ._own_columns import of_own_columns
 from ._planted import PLANTS, Parameters, Run, Scene

@@ -7,7 +7,8 @@ from typing import Any, Literal, NamedTuple, overload
 import numpy as np
 import pandas as pd
 
-from ._checks import check_choice, check_float, check_int
+from ..records.checks import check_int
+from ._checks import check_choice, check_float
 from ._climate import TEMPERATURES, air_pressure, mains_voltage, outdoor_humidity, room_humidity, supply_voltage
 from ._compose import coloured_noise as make_coloured_noise
 from ._compose import compose_reading, stream, truth_frame
@@ -185,7 +186,7 @@ def make_record(
         nonlinearity=nonlinearity,
         reference_temperature=_REFERENCE_TEMPERATURES[setting],
     )
-    began = first = pd.Timestamp(start)
+    began = first = _checked_start(start)
     plantings = read_plantings(effects, began)
     simulated, indices = [], []
     for run in range(runs):
@@ -267,6 +268,17 @@ def _sample_times(
         steps += irregular * rng.uniform(-0.5, 0.5, steps.size)
     times = np.round(sampling_period * (steps - steps[0]), 6)
     return times, kept
+
+
+def _checked_start(value: Any) -> pd.Timestamp:
+    """When the record begins; ValueError for what is no date."""
+    try:
+        start = pd.NaT if isinstance(value, int | float) else pd.Timestamp(value)
+    except (TypeError, ValueError):
+        start = pd.NaT
+    if not isinstance(start, pd.Timestamp):
+        raise ValueError(f"The 'start' parameter of make_record must be a date. Got {value!r} instead.")
+    return start
 
 
 def _checked_coloured(value: Any) -> tuple[float, float] | None:

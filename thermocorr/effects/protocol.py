@@ -55,7 +55,7 @@ class ParametersOnce(BaseEstimator):
 class Effect(ParametersOnce):
     """A cause that moves the reading: base class of the catalogue and of a user's own effects.
 
-    An own effect needs a constructor that stores its parameters, `names`, and its formula, `signals`::
+    An effect of your own needs a constructor that stores its parameters, `names`, and `signals`, its formula::
 
         class FanNoise(Effect):
             kind = "fan_noise"
@@ -69,8 +69,8 @@ class Effect(ParametersOnce):
                 return [x[self.column] ** 2]
 
     It then takes part in a model through ``DynamicBiasRegressor(effects=[FanNoise()])``, in its live correction, its
-    file and its C code. What `signals` may say is listed in `thermocorr.effects.Signals`; a formula that cannot be said
-    so is written as `columns`, and has all of this but the C code.
+    file and its C code. What `signals` may use is listed in `thermocorr.effects.Signals`; a formula that cannot be
+    written this way goes into `columns` instead, and has all of this but the C code.
 
     The kinds of `thermocorr.datasets.make_record` are planted in a simulated record under the same name and with the
     same parameters, by formulas of its own: ``make_record(effects={"hysteresis": 2.0})``.

@@ -19,11 +19,11 @@ class TransformerEffect(Effect):
     Parameters
     ----------
     transformer : transformer
-        Cloned, fitted on the first `fit_rows` rows of the record, applied block by block.
+        Cloned, fitted on about `fit_rows` rows spread evenly over the record, applied block by block.
     column_names : list of columns
         What it reads; None stands for the temperature.
     fit_rows : int
-        Rows given to its `fit`, evenly spread over the record.
+        Rows given to its `fit`, about.
 
     Examples
     --------
@@ -80,8 +80,8 @@ class TransformerEffect(Effect):
         return type(self.transformer).__name__ + "".join(f": {name}" for name in self.inputs())
 
 
-def as_effects(given: Any) -> list[tuple[str, Effect]]:
-    """The user's `effects` as named effects: a list of effects, transformers, or (name, effect) pairs.
+def as_effects(given: Any, parameter: str = "effects") -> list[tuple[str, Effect]]:
+    """The user's effects as named effects: a list of effects, transformers, or (name, effect) pairs.
 
     Raises ValueError for what is none of them, and for a name that stands twice.
     """
@@ -93,8 +93,8 @@ def as_effects(given: Any) -> list[tuple[str, Effect]]:
         if not isinstance(effect, Effect):
             if not (hasattr(effect, "fit") and hasattr(effect, "transform")) or isinstance(effect, type):
                 raise ValueError(
-                    "The 'effects' parameter must hold effects, scikit-learn transformers, or (name, effect) pairs. "
-                    f"Got {effect!r} instead."
+                    f"The {parameter!r} parameter must hold effects, scikit-learn transformers, or (name, effect) "
+                    f"pairs. Got {effect!r} instead."
                 )
             effect = TransformerEffect(effect)
         if name is None:
@@ -105,7 +105,7 @@ def as_effects(given: Any) -> list[tuple[str, Effect]]:
     names = [name for name, _ in named]
     for name in names:
         if names.count(name) > 1:
-            raise ValueError(f"The 'effects' parameter has two effects called {name!r}. Give them different names.")
+            raise ValueError(f"The {parameter!r} parameter has two effects called {name!r}. Give them different names.")
     return named
 
 

@@ -76,7 +76,8 @@ def allan_deviation(
     Raises
     ------
     ValueError
-        For fewer than three readings, or averaging times that are shorter than the sampling period.
+        For fewer than three readings, averaging times that are shorter than the sampling period, a sampling period
+        that is not positive, or a confidence that is not between 0 and 1.
 
     Examples
     --------
@@ -87,6 +88,7 @@ def allan_deviation(
     >>> bool(abs(found.deviation[2] - 0.5) < 0.05)  # white noise: 1/sqrt(4)
     True
     """
+    check_confidence(confidence)
     several = len(values) > 0 and np.ndim(values[0]) > 0
     pieces = [np.asarray(piece, float) for piece in (values if several else [values])]
     longest = max(len(piece) for piece in pieces)
@@ -96,6 +98,14 @@ def allan_deviation(
     sums = [CellSums(piece) for piece in pieces]
     found = [squared_steps(sums, int(m)) for m in factors]
     return deviation_of(factors, sampling_period, found, noise_exponents(sums, factors), confidence)
+
+
+def check_confidence(confidence: float) -> None:
+    """Raise ValueError unless a probability lies between 0 and 1."""
+    if not 0 < confidence < 1:
+        raise ValueError(
+            f"The 'confidence' parameter must be a float in the range (0.0, 1.0). Got {confidence!r} instead."
+        )
 
 
 def deviation_of(
@@ -136,6 +146,10 @@ def averaging_factors(
     n: int, sampling_period: float, averaging_times: str | Sequence[float] | Floats
 ) -> NDArray[np.int_]:
     """Cells of each average, increasing, for a record of `n` cells."""
+    if not 0 < sampling_period < np.inf:
+        raise ValueError(
+            f"The 'sampling_period' parameter must be a positive time [s]. Got {sampling_period!r} instead."
+        )
     if isinstance(averaging_times, str):
         if averaging_times not in ("octave", "log"):
             raise ValueError(

@@ -10,6 +10,7 @@ from .allan import (
     Floats,
     allan_deviation,
     averaging_factors,
+    check_confidence,
     deviation_of,
     noise_exponents,
     squared_steps,
@@ -54,6 +55,11 @@ class AllanStream:
         confidence: float = 0.95,
         most: int = MOST_CELLS,
     ):
+        check_confidence(confidence)
+        if not isinstance(averaging_times, str):
+            raise ValueError(
+                f"The 'averaging_times' parameter must be 'octave' or 'log'. Got {averaging_times!r} instead."
+            )
         self.sampling_period, self.longest_gap = sampling_period, longest_gap
         self.averaging_times, self.confidence = averaging_times, confidence
         self.factor = 1

@@ -77,7 +77,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     form : {"unit_gain", "paper"}, default "unit_gain"
         "paper" gives eqs. (17) (19) (25) as printed, with psi in K s, for comparison.
     screen : bool, default True
-        Pass over temperatures that are none, see `DynamicBiasRegressor`; their rows get NaN.
+        Pass over temperatures that are not measurements, see `DynamicBiasRegressor`; their rows get NaN.
     temperature : str, int, or list of these, optional
         Column of the ambient temperature; by default the one called "temperature", else the first. Of a list, the first
         is the ambient temperature; the others are thermometers of further surroundings (a case, a room), which act

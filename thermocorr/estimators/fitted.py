@@ -290,6 +290,11 @@ class FittedModel(DoubtedInputs):
         assert parts is not None  # a record has at least one block
         return parts, believed
 
+    def removed_part(self, contributions: np.ndarray) -> np.ndarray:
+        """The bias that `correct` removes, shape (n,), from the contributions of all effects, shape (n, n_effects)."""
+        removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
+        return np.asarray(contributions[:, removed].sum(axis=1))
+
     def weighed(self, steps: Iterator[Walked]) -> Iterator[tuple[Block, np.ndarray]]:
         """Each block of a walk, and the contributions of all effects in its rows, shape (n, n_effects)."""
         effects, coef = self.features_.effect_list(), self.coef_

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..records import RecordError
+from ..records.checks import check_int
 from ..records.errors import said_once
 from ..records.reach import where_read
 from .progress import Progress, told
@@ -52,8 +53,8 @@ def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5, progres
     model : DynamicBiasRegressor
         Cloned for each block.
     X, y : as for `DynamicBiasRegressor.fit`
-    n_blocks : int
-        Number of blocks.
+    n_blocks : int, default 5
+        Number of blocks, 2 or more.
     progress : callable or True, optional
         Called with a line of text before each fit; True draws a bar (extra "progress").
 
@@ -73,6 +74,7 @@ def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5, progres
     >>> print(f"{np.nanstd(residuals):.1f} ppm, noise {record.attrs['noise']:.1f} ppm")
     0.2 ppm, noise 0.2 ppm
     """
+    check_int("held_out_residuals", "n_blocks", n_blocks, 2)
     reading = believed_readings(model, X, y)
     with told(progress, len(time_blocks(reading, n_blocks))) as tell:
         return residuals_of_blocks(model, X, reading, n_blocks, Sweeps(), tell)

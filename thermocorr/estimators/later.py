@@ -13,6 +13,7 @@ import pandas as pd
 
 from ..effects import Events
 from ..records import RecordError, read_record
+from ..records.checks import check_int
 from ..records.errors import said_once
 from ..records.quantities import number_text, scale_of
 from ..records.text import printable
@@ -149,6 +150,9 @@ def later_errors(
     >>> later.best, later.helps("dynamic")
     ('dynamic', True)
     """
+    check_int("later_errors", "n_blocks", n_blocks, 1)
+    if not variants:
+        raise ValueError("later_errors() needs fitted variants to compare. Got none.")
     reading = believed_readings(next(iter(variants.values())), X, y)
     missed: dict[str, list[np.ndarray]] = {name: [] for name in (BEFORE, *variants)}
     later = list(later_blocks(next(iter(variants.values())), X, reading, n_blocks))

@@ -66,9 +66,10 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     longest_decay_share : float, default 0.04
         Start-up decays slower than this share of the record are left out, see `DiffusiveFeatures`.
     screen : bool, default True
-        Leave out readings that are none, and pass over temperatures that are none: codes for "no value" (9.9E37, -999,
-        85.0 of a thermometer at power-on) and isolated spikes, see `thermocorr.equations.spikes`. They are named in a
-        warning and in `notes_`, and flagged "sentinel" or "spike" wherever they are met again.
+        Leave out values that are not measurements: codes for "no value" (9.9E37, -999, 85.0 of a thermometer at
+        power-on) and isolated spikes, see `thermocorr.equations.spikes`. Such readings are not learned from; rows with
+        such temperatures are passed over. They are named in a warning and in `notes_`, and flagged "sentinel" or
+        "spike" wherever they are met again.
     reference_temperature, initial_state, hold, time, run, sampling_period, max_gap, fill : see `DiffusiveFeatures`
     run_offset : {"auto", "each", "same"}, default "auto"
         Whether each run has a U0 of its own (steps that `correct` keeps), or all have the same. "auto": each where
@@ -207,6 +208,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             For a record that cannot be used; the message says what was found, where, and what to do.
         """
         self._validate_params()
+        washout = None if self.washout == "auto" else seconds_of(self.washout, "washout")
         if y is None:
             raise ValueError("This DynamicBiasRegressor requires y to be passed, but the target y is None.")
         y = learned_readings(X, y, self.unfitted_features(()).layout(), mask, weights)
@@ -241,8 +243,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         for text in doubts:
             warn(text)
         self.notes_ = (*record.notes, *doubts)
-        lasting = WASHOUT_TIME_CONSTANTS * features.memory()
-        self.washout_ = lasting if self.washout == "auto" else seconds_of(self.washout, "washout")
+        self.washout_ = WASHOUT_TIME_CONSTANTS * features.memory() if washout is None else washout
         self.n_features_in_ = features.n_features_in_
         if hasattr(features, "feature_names_in_"):
             self.feature_names_in_ = features.feature_names_in_
@@ -265,7 +266,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         if return_std:
             value, u = self._uncertain(X, "bias")
             return like(X, value, "bias"), like(X, u, "u")
-        return like(X, self._removed_from(self._contributions(X)), "bias")
+        return like(X, self.removed_part(self._contributions(X)), "bias")
 
     def correct(self, X: Any, y: Any, return_std: bool = False) -> Any:
         """Corrected reading: reading minus bias, eq. (24). A Series where X is a DataFrame.
@@ -279,7 +280,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             corrected, u = self._uncertain(X, "corrected", np.asarray(reading, float))
         else:
             parts, believed = self._parts(X, reading)
-            corrected = believed - self._removed_from(parts)
+            corrected = believed - self.removed_part(parts)
         check_corrected(self.reading_, corrected, reading, self._level_asked_for())
         value = like(X, corrected, "corrected")
         return (value, like(X, u, "u")) if return_std else value
@@ -366,15 +367,9 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         features.set_output(transform="default")  # arrays inside, whatever scikit-learn is set to
         return features
 
-    def _removed_from(self, parts: np.ndarray) -> np.ndarray:
-        """The bias that is removed, from the contributions, shape (n_rows,)."""
-        removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
-        return np.asarray(parts[:, removed].sum(axis=1))
-
     def evaluated_blocks(self, X: Any, y: Any) -> Iterator[tuple[Block, dict[str, np.ndarray], Flags]]:
         """The columns of `evaluate` as arrays, with the block (times, segment, temperature) that they belong to."""
         reading = self.reading_numbers(X, y)
-        removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
         for block, parts in self.judged_blocks(X):
             given = np.asarray(reading[block.rows], float)
             measured = self.believed(block, given)
@@ -382,7 +377,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             yield (
                 block,
                 {
-                    "corrected": measured - parts[:, removed].sum(axis=1),
+                    "corrected": measured - self.removed_part(parts),
                     "model": model,
                     "residual": measured - model,
                 },

@@ -141,7 +141,7 @@ class Thermometers(NamedTuple):
         for name in time_constants:
             if name not in known:
                 raise ValueError(
-                    f"The 'time_constants' parameter has some for {name!r}, which is none of the thermometers in "
+                    f"The 'time_constants' parameter names {name!r}, which is not among the thermometers "
                     f"temperature={list(known)!r}."
                 )
         return time_constants.get(self.ambient, ()), {name: time_constants.get(name, ()) for name in self.further}

@@ -19,6 +19,7 @@ from .regressor import DynamicBiasRegressor
 from .thermometers import Thermometers
 from .threads import one_blas_thread
 from .time_constants.crossvalidation import SCORINGS
+from .time_constants.given import check_alphas, check_candidates
 from .time_constants.methods import METHODS
 from .time_constants.projection import refined, sensitivity
 from .time_constants.resolution import interval_table, spectrum_table
@@ -65,6 +66,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         Move the time constants between the grid's by variable projection, and leave out those that become superfluous.
         "auto" does so after cross-validation over a pool.
     scoring : {"neg_root_mean_squared_error", "neg_mean_squared_error"}, default "neg_root_mean_squared_error"
+        What `best_score_` and `cv_results_` are; `score` is R2 as that of any regressor.
     refit : bool, default True
         Fit `best_estimator_`.
     n_jobs : int, optional
@@ -165,13 +167,8 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         self._validate_params()
         if y is None:
             raise ValueError("This TimeConstantSearch requires y to be passed, but the target y is None.")
-        if isinstance(self.candidates, str) and self.candidates != "auto":
-            raise ValueError(
-                "The 'candidates' parameter must be 'auto', a list of times, or a list of lists of times. "
-                f"Got {self.candidates!r} instead."
-            )
-        if not isinstance(self.candidates, str) and len(self.candidates) == 0:
-            raise ValueError("The 'candidates' parameter is empty: name time constants to choose from, or 'auto'.")
+        check_candidates(self.candidates)
+        check_alphas(self.alphas)
         model = DynamicBiasRegressor() if self.estimator is None else clone(self.estimator)
         if Thermometers.of(model.temperature).further:
             raise ValueError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -14,6 +15,7 @@ from sklearn.base import clone
 
 from ..equations import moving_average, reduction_db
 from ..records import Record, read_record
+from ..records.checks import check_int
 from ..records.errors import said_once
 from ..records.quantities import Scale, number_text, scale_of
 from ..records.text import printable
@@ -115,7 +117,7 @@ class VariantComparison:
         text = self.formatted()
         head = " & ".join(["", *text.columns]) + r" \\"
         rows = [
-            " & ".join([str(name), *(f"${v}$" if v else "" for v in row)]) + r" \\"
+            " & ".join([str(name), *map(_in_latex, row)]) + r" \\"
             for name, row in zip(text.index, text.to_numpy(), strict=True)
         ]
         body = "\n".join([r"\toprule", head, r"\midrule", *rows, r"\bottomrule"])
@@ -131,8 +133,8 @@ def compare_variants(
     model: DynamicBiasRegressor | None = None,
     temperature: Any = None,
     time_constants: Any = "auto",
-    degree: int = 2,
-    products: bool | int | str = "auto",
+    degree: int | None = None,
+    products: bool | int | str | None = None,
     window: int = 25,
     n_blocks: int = 5,
     progress: Progress = None,
@@ -144,19 +146,20 @@ def compare_variants(
     ----------
     X, y : as for `DynamicBiasRegressor.fit`
     model : DynamicBiasRegressor, optional
-        Where all further options come from; or give them here by name:
+        Fitted or not: where the options of all variants come from; or give them here by name:
     temperature, time_constants, **options : see `DynamicBiasRegressor`
         By default the number of time constants is chosen too; the paper has six.
-    degree : int, default 2
-        Degree of the nonlinear static law.
-    products : {"auto", False, True, 2, 3}, default "auto"
+    degree : int, optional
+        Degree of the nonlinear static law, 2 or more. None is that of the model, 2 where it is linear.
+    products : {"auto", False, True, 2, 3}, optional
         Add a fifth variant with the products of eq. (21), see `DynamicBiasRegressor`; "auto" where they are worth it.
+        None is what the model says.
     window : int, default 25
         Samples of the moving average, eqs. (9) (26).
     n_blocks : int, default 5
-        Blocks of time for the held-out figures. Each is predicted by a model whose coefficients and time constants
-        were found without it. Where they are no longer than half the window, smoothed figures of them say nothing and
-        are NaN.
+        Blocks of time, 2 or more, for the held-out figures. Each is predicted by a model whose coefficients and time
+        constants were found without it. Where they are no longer than half the window, smoothed figures of them say
+        nothing and are NaN.
     progress : callable or True, optional
         Called with a line of text before each fit; True draws a bar (extra "progress").
 
@@ -164,6 +167,13 @@ def compare_variants(
     -------
     VariantComparison
         ``print`` it, or take ``frame()``, ``to_html()``, ``to_latex()``, ``models``, ``residuals``.
+
+    Raises
+    ------
+    TypeError
+        For options of a model beside `model`.
+    ValueError
+        For a nonlinear degree below 2, a window below 1, or fewer than 2 blocks.
 
     Examples
     --------
@@ -175,9 +185,16 @@ def compare_variants(
     >>> bool(figures["dynamic linear"] < figures["static linear"] - 10)
     True
     """
-    if model is None:
-        model = DynamicBiasRegressor(temperature, time_constants, **options)
-    dynamic = clone(model)
+    own = {"temperature": temperature} if temperature is not None else {}
+    own |= {} if isinstance(time_constants, str) and time_constants == "auto" else {"time_constants": time_constants}
+    own |= options
+    if model is not None and own:
+        raise TypeError(f"compare_variants() takes options of a model or a model=, not both. Got {', '.join(own)} too.")
+    dynamic = DynamicBiasRegressor(**own) if model is None else clone(model)
+    degree = check_int("compare_variants", "degree", max(dynamic.degree, 2) if degree is None else degree, 2)
+    products = dynamic.products if products is None else products
+    window = check_int("compare_variants", "window", window, 1)
+    n_blocks = check_int("compare_variants", "n_blocks", n_blocks, 2)
     variants = {
         "static linear": clone(dynamic).set_params(time_constants=(), degree=1, products=False),
         "static nonlinear": clone(dynamic).set_params(time_constants=(), degree=degree, products=False),
@@ -220,6 +237,15 @@ def compare_variants(
         n_blocks=len(blocks),
         record=record,
     )
+
+
+def _in_latex(number: str) -> str:
+    """A number as LaTeX sets it: powers of ten, an empty cell for none."""
+    return f"${re.sub(r'e([+-]?)0*([0-9]+)$', _power, number)}$" if number else ""
+
+
+def _power(found: re.Match[str]) -> str:
+    return rf"\times 10^{{{found[1].removeprefix('+')}{found[2]}}}"
 
 
 def _tell(say: Callable[[str], None], name: str, text: str) -> None:

@@ -128,8 +128,8 @@ def _checked(weight: Any, n: int) -> np.ndarray:
     wrong = ~(np.isfinite(values) & (values >= 0))
     if wrong.any():
         raise RecordError(
-            f"{times_word(int(wrong.sum()), 'weight')} of the readings are no weights, the first in row "
-            f"{int(wrong.argmax())}: {values[wrong][0]}. They must be zero or above."
+            f"sample_weight must be finite and not negative. Row {int(wrong.argmax())} has {values[wrong][0]} "
+            f"({times_word(int(wrong.sum()), 'such row')} of {n})."
         )
     if not values.any():
         raise RecordError("All weights of the readings are zero: there is nothing to learn from.")

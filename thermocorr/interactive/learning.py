@@ -168,7 +168,7 @@ def curves_of(model: DynamicBiasRegressor, data: Data, store: Store) -> tuple[di
     """Every row in the order of time, as curves in the store: names there by names of curves, and their time line."""
     walked = Walk(model, data.X, data.y)
     line = walked.timeline
-    removed, labels = walked.removed(), walked.labels()
+    labels = walked.labels()
     found: dict[str, list[np.ndarray]] = {}
     begins, count, last = [], 0, -1
     for part in walked.parts():
@@ -180,7 +180,7 @@ def curves_of(model: DynamicBiasRegressor, data: Data, store: Store) -> tuple[di
             "temperature": part.temperature,
             "reading": part.measured,
             "model": modelled,
-            "corrected": part.measured - part.contributions[:, removed].sum(axis=1),
+            "corrected": walked.corrected(part),
             "residual": part.measured - modelled,
         }
         values |= {f"{EFFECT}{label}": part.contributions[:, k] for k, label in enumerate(labels)}

@@ -15,8 +15,8 @@ from ..effects.wrap import as_effects
 from ..estimators.holdout import held_out_residuals, rms, time_blocks
 from ..estimators.later import later_rms
 from ..estimators.regressor import DynamicBiasRegressor
+from ..estimators.screening import believed_readings
 from ..estimators.thermometers import Thermometers
-from ..records.numbers import numeric_reading
 from ..records.quantities import quantity_texts
 from ..records.thinned import ThinnedLog
 from .levels import HELD_OUT_BLOCKS
@@ -104,7 +104,7 @@ def _ratio(now: float, before: float) -> float:
 def held_out_blocks(model: DynamicBiasRegressor, X: Any, y: Any) -> np.ndarray:
     """Rms residual of each held-out block, then of all blocks together; NaN for a block without readings."""
     residual = held_out_residuals(model, X, y, n_blocks=HELD_OUT_BLOCKS)
-    parts = [residual[block] for block in time_blocks(numeric_reading(y, X), HELD_OUT_BLOCKS)]
+    parts = [residual[block] for block in time_blocks(believed_readings(model, X, y), HELD_OUT_BLOCKS)]
     return np.array([np.hypot(rms(part), _unseen(X)) for part in (*parts, residual)])
 
 

@@ -157,10 +157,10 @@ def candidates_of(record: Record, exclude: Collection[str], further: Any) -> lis
         if isinstance(item, type) and issubclass(item, Effect):
             found += item.candidates(record, columns)
         else:
-            found.append(clone(as_effects([item])[0][1]))
+            found.append(clone(as_effects([item], "suspects")[0][1]))
     return found
 
 
 def given_effects(further: Any) -> list[Effect]:
     """A user's own suspects, as far as they are effects already."""
-    return [as_effects([item])[0][1] for item in further if not isinstance(item, type)]
+    return [as_effects([item], "suspects")[0][1] for item in further if not isinstance(item, type)]

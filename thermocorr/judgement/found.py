@@ -143,7 +143,7 @@ class Diagnosis(DiagnosisPage):
         if len(self.where) and not VERDICTS[self.verdict].calm:
             lines.append(worst_sentence(next(each_row(self.where))))
         if VERDICTS[self.verdict].unknown:
-            lines.append("There is structure in the residual that no known effect explains by itself.")
+            lines.append(VERDICTS[self.verdict].sentence)
         said = self.causes or self.suspects[:3]
         word = "Cause" if self.causes else "Suspect"
         lines += [f"{word} {k}, {suspect_sentence(suspect)}" for k, suspect in enumerate(said, 1)]

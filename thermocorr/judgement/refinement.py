@@ -7,16 +7,17 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
 from ..effects import Covariate, Hinge, LaggedCovariate
 from ..effects.protocol import Effect
+from ..equations import reduction_db
 from ..estimators.progress import Progress, told
 from ..estimators.regressor import DynamicBiasRegressor
 from ..pages import RefinementPage
 from ..pictures.words import effect_text
+from ..records.checks import check_int
 from ..records.errors import said_once
 from ..records.quantities import number_text, scale_of
 from ..records.text import printable
@@ -127,6 +128,7 @@ def refine(
     >>> bool(refinement.steps["held_out_rms"].iloc[-1] < refinement.steps["held_out_rms"].iloc[0])
     True
     """
+    check_int("refine", "max_steps", max_steps, 0)
     wanted: dict[str, Any] = {"columns": columns, "exclude": exclude, "suspects": suspects}
     with told(progress) as say:
         return _whole(model, X, y, wanted, max_steps, say)
@@ -288,7 +290,7 @@ def _step(number: int, effect: str, change: str, errors: Errors, start: Errors, 
         "rms": found.residual_rms,
         "held_out_rms": errors.held_out,
         "later_rms": errors.later,
-        "db": float(20 * np.log10(errors.held_out / start.held_out)) if errors.held_out > 0 else -np.inf,
+        "db": reduction_db(errors.held_out, start.held_out),
         "verdict": found.verdict,
     }
 

@@ -97,9 +97,9 @@ def _places(
     where the error is not clearly beyond the noise. Columns: aspect ("time", "temperature", "rate", "lag difference",
     "hour", "column" or "frequency"), column (its name, where the temperature or a recorded column is the aspect),
     time_constant [s] (of the lag difference), low, high (the same for a state of a switch) and unit ("date": seconds
-    since 1970; for frequencies the periods [s]), n (samples), rms (of single readings; of a band of frequencies that of
-    short averages), share (of the error beyond the noise, 0 where there is none beyond it: those of an aspect may be
-    more than 1 together), lift (share over the share of samples).
+    since 1970; for frequencies the periods [s]; "h" or "h (UTC)" of the hour), n (samples), rms (of single
+    readings; of a band of frequencies that of short averages), share (of the error beyond the noise, 0 where there is
+    none beyond it: those of an aspect may be more than 1 together), lift (share over the share of samples).
     """
     excess = data.reading**2 - floor**2 / data.counts
     total = float(np.sum(excess * data.counts))
@@ -180,9 +180,10 @@ def _bins(
             yield {**aspect, "low": low, "high": high}, inside
     if since is not None and np.ptp(data.seconds) >= DAYS * 86_400:
         hour = ((zero + data.seconds) % 86_400) / 3600
+        clock = "h" if record.times.kind == "datetime" else "h (UTC)"
         for i in range(HOUR_BINS):
             low, high = 24.0 * i / HOUR_BINS, 24.0 * (i + 1) / HOUR_BINS
-            yield {"aspect": "hour", "low": low, "high": high, "unit": "h"}, (hour >= low) & (hour < high)
+            yield {"aspect": "hour", "low": low, "high": high, "unit": clock}, (hour >= low) & (hour < high)
 
 
 def _states(record: Record, column: Any) -> np.ndarray | None:

@@ -69,11 +69,11 @@ class Stream:
         self._steppers = [
             stepper_of(effect, history.record.times, history.zero, temperature) for effect in self.effects
         ]
-        self._removed = [effect.removed_by_correct for effect in features.effect_list()]
         edges = np.cumsum([0, *(effect.n_columns() for effect in self.effects)]).tolist()
         coef = np.zeros(edges[-1])
         coef[: len(model.coef_)] = model.coef_
-        counted = [*self._removed, *(False for _ in self.effects[len(self._removed) :])]
+        removed = [effect.removed_by_correct for effect in features.effect_list()]
+        counted = [*removed, *(False for _ in self.effects[len(removed) :])]
         self._coefficients = [
             (coef[low:high] * removed).tolist() for (low, high), removed in zip(pairwise(edges), counted, strict=True)
         ]
@@ -276,7 +276,7 @@ class Stream:
         with np.errstate(over="ignore", invalid="ignore"):  # powers of a temperature far outside: a flag says it
             for block, parts in self.model.weighed(noted()):
                 into = rows[block.rows]
-                bias = parts[:, self._removed].sum(axis=1)
+                bias = self.model.removed_part(parts)
                 flags = self.model.block_flags(block, measured[block.rows])
                 if self.filling is not None:
                     self.model.mark_filled(flags, felt[into, 0], felt[into, 1] > 0)

@@ -20,7 +20,6 @@ _NS = 1_000_000_000
 _EPOCH, _EPOCH_UTC = datetime(1970, 1, 1), datetime(1970, 1, 1, tzinfo=UTC)
 _ISO_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,9})?)?(Z|[+-]\d\d:\d\d)?", re.ASCII)
 """The usual form, which `pandas.Timestamp` reads as `pandas.to_datetime(..., format="ISO8601")` does, but faster."""
-_BARE = re.compile(r"[+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?")
 _LAST = (1 << 63) - 1
 _MICROSECOND = timedelta(microseconds=1)
 
@@ -89,8 +88,6 @@ class Clock:
 
     def _span(self, time: Any) -> int:
         try:
-            if isinstance(time, str) and _BARE.fullmatch(time.strip()):
-                time = float(time)  # pandas would count nanoseconds
             value: Any = pd.Timedelta(time, unit="s") if isinstance(time, int | float) else span_of(time)
         except (TypeError, ValueError, OverflowError):
             value = pd.NaT

@@ -15,6 +15,7 @@ from ..estimators import DynamicBiasRegressor
 from ..estimators.reading import check_reading_unit
 from ..estimators.stated_units import check_block
 from ..records import RecordError, read_record
+from ..records.checks import check_bool, check_int
 from ..records.errors import quoted
 from ..records.numbers import is_frame
 from ..records.read import times_of
@@ -104,7 +105,7 @@ class OnlineCorrector(Resumable):
         self.model = model
         self.average = None if average is None else MovingAverage(average)
         self.track = None if track is None else Tracker(track, model.intercept_)
-        self.continues, self.first_row = bool(continues), first_row
+        self.continues, self.first_row = check_bool("OnlineCorrector", "continues", continues), first_row
         self.errors = LiveErrors(model) if uncertainty else None
         self._stream = Stream(model, self.continues, self.errors)
         self._screen = self._stream.history.later_screen
@@ -137,7 +138,7 @@ class OnlineCorrector(Resumable):
         """Say which row of the record the next sample is, for a record without times; see `first_row`."""
         if self._stream.history.kind != "rows":
             raise ValueError("The 'first_row' parameter is for records without times: these rows have their own.")
-        self._stream.clock.next_row, self._placed = int(row), True
+        self._stream.clock.next_row, self._placed = check_int("OnlineCorrector", "first_row", row, 0), True
 
     def place_block(self, X: Any) -> bool:
         """Take these rows for the next ones of a record without times, and find them in it as `correct` does.

@@ -145,7 +145,7 @@ def refused_rows(limits: Limits, temperature: Any, stamps: np.ndarray, values: A
 
 def checked_label(label: Any, column: Any) -> Any:
     """The label of a sample's run; RecordError for one that is missing, and for a date out of reach."""
-    if label is not None and type(label) is not str:
+    if type(label) is not str:
         if pd.isna(label):
             raise RecordError(f"The sample has no label of its run in {quoted(column)}. Label every sample.")
         if out_of_reach(label):

@@ -65,14 +65,13 @@ class AllanDisplay:
             Probability of the bands.
         """
         walk = Walk(model, X, y)
-        step, removed = cell_length(walk.record), walk.removed()
+        step = cell_length(walk.record)
         gap = max(walk.n_rows, 1)
         length = min(walk.record.times.between(*_ends(walk)) / step, walk.n_rows * (gap + 1))  # longer gaps are cut out
         n_cells = max(int(length), walk.n_rows)
         streams = [AllanStream(step, n_cells, gap, averaging_times, confidence) for _ in range(2)]
         for part in walk.parts():
-            corrected = part.measured - part.contributions[:, removed].sum(axis=1)
-            for stream, values in zip(streams, (part.measured, corrected), strict=True):
+            for stream, values in zip(streams, (part.measured, walk.corrected(part)), strict=True):
                 stream.add(walk.timeline.runs[part.segment], part.seconds, values)
         before, after = (stream.result() for stream in streams)
         reading = walk.model.reading_

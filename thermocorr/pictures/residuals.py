@@ -89,15 +89,13 @@ class ResidualsDisplay:
         """
         walk = Walk(model, X, y)
         U0 = walk.model.intercept_
-        removed = walk.removed()
         names = (*NAMES, "corrected", *(["u"] if uncertainty else []))
 
         def parts() -> Any:
             stated = walk.uncertainties() if uncertainty else repeat(None)
             for part, u in zip(walk.parts(), stated, strict=False):
                 modelled = part.contributions.sum(axis=1) + U0
-                corrected = part.measured - part.contributions[:, removed].sum(axis=1)
-                values = [part.measured, modelled, part.measured - modelled, corrected]
+                values = [part.measured, modelled, part.measured - modelled, walk.corrected(part)]
                 yield part.segment, part.seconds, np.column_stack(values if u is None else [*values, u])
 
         cells = cells_of(walk.timeline, names, walk.n_rows, parts())

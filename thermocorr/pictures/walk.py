@@ -65,9 +65,9 @@ class Walk:
         """Names of the effects."""
         return distinct([effect.label() for effect in self.model.features_.effect_list()])
 
-    def removed(self) -> np.ndarray:
-        """Which effects `correct` removes."""
-        return np.array([effect.removed_by_correct for effect in self.model.features_.effect_list()])
+    def corrected(self, part: SegmentRows) -> np.ndarray:
+        """Readings of a part less the bias that `correct` removes."""
+        return np.asarray(part.measured - self.model.removed_part(part.contributions))
 
     def parts(self) -> Iterator[SegmentRows]:
         """Walk; once."""

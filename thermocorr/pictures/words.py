@@ -26,7 +26,6 @@ MANY_SPIKES = 10
 """Spikes that are listed at most."""
 MANY_MOMENTS = 6
 """Moments of a cause that are listed at most."""
-_HEADS = {"hour": "hour of day (UTC)", "frequency": "frequency"}
 
 
 def each_row(table: pd.DataFrame) -> Iterator[Any]:
@@ -45,7 +44,9 @@ def aspect_text(row: Any) -> str:
         return f"lag difference, {span_text(row.time_constant)} [{row.unit}]"
     if row.aspect == "rate":
         return f"rate [{row.unit}]"
-    return _HEADS.get(row.aspect, str(row.aspect))
+    if row.aspect == "hour":
+        return f"hour of day{row.unit.removeprefix('h')}"
+    return str(row.aspect)
 
 
 def ends_text(row: Any, span: float = 0.0) -> tuple[str, str]:
@@ -216,8 +217,8 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
         )
     if left.absurd:
         said.append(
-            f"A few readings make most of the residual: its rms is {left.tails:.2g} times what is usual in it. "
-            "Readings that are none spoil the fit: find them in the residual, and leave them out (NaN, or mask=...)."
+            f"A few readings dominate the residual: its rms is {left.tails:.2g} times its usual size. If they are no "
+            "measurements they spoil the fit: find them in the residual, and leave them out (NaN, or mask=...)."
         )
     if left.spikes:
         said.append(

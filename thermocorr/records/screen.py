@@ -1,4 +1,4 @@
-"""The screen: readings and temperatures that are none are left out, and said.
+"""The screen: values that are not measurements are left out, and named.
 
 A reading that is refused is not learned from. A temperature that is refused is passed over as if its row had not been
 recorded: the lags go straight across, and are not poisoned. What later rows are screened by is known at each row alone,

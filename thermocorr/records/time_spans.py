@@ -10,6 +10,10 @@ import pandas as pd
 
 _LETTERS = {"d": "D", "w": "W", "H": "h", "S": "s"}
 """Units of spans, of one letter, as they may be written and as every version of pandas has them."""
+_BARE = re.compile(r"[+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?")
+"""A number without a unit, which pandas would count in nanoseconds."""
+_COMMA = re.compile(r"[0-9],[0-9]")
+"""A decimal comma or one between thousands, which pandas would pass over: 1,5 h as 15 h."""
 _UNIT_LETTER = re.compile(r"(?<![^\W\d_])[dwHSTLUN](?![^\W\d_])")
 """A unit of one letter that some version of pandas has warned of."""
 
@@ -17,8 +21,9 @@ _UNIT_LETTER = re.compile(r"(?<![^\W\d_])[dwHSTLUN](?![^\W\d_])")
 def span_of(value: Any) -> Any:
     """A time span as pandas reads it, in text ("1 d 2 h") or as an object; NaT for what says that there is none.
 
-    Units are days and weeks, hours and seconds in small letters and in capitals: which of them are out of use differs
-    between versions of pandas.
+    Text without a unit ("60") is a number of seconds, as a number is. A comma inside a number is refused, for it may
+    stand before decimals or between thousands. Units are days and weeks, hours and seconds in small letters and in
+    capitals: which of them are out of use differs between versions of pandas.
 
     Raises ValueError or TypeError for what is no span.
 
@@ -26,7 +31,14 @@ def span_of(value: Any) -> Any:
     --------
     >>> span_of("1 d 2 H").total_seconds()
     93600.0
+    >>> span_of("60").total_seconds()
+    60.0
     """
+    if isinstance(value, str):
+        if _COMMA.search(value):
+            raise ValueError("a comma inside a number")
+        if _BARE.fullmatch(value.strip()):
+            return pd.Timedelta(float(value), unit="s")
     if isinstance(value, str) and not value.strip().lstrip("+-").startswith("P"):  # ISO 8601 has capitals of its own
         value = _UNIT_LETTER.sub(_known_unit, value)
     return pd.Timedelta(value)

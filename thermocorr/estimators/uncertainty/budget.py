@@ -100,7 +100,7 @@ class Budget:
     __repr__ = __str__
 
     def result(self) -> str:
-        """The value with its uncertainty in one line: ``103.957 12(13) mV, k = 2.0, 95 %``."""
+        """The value with its uncertainty in one line: ``corrected = 103.957 12(13) mV, k = 1.96, 95 %``."""
         note = "" if self.status == "signed" else f", {self.status}"
         return f"{self.name} = {self.short()}, k = {self.k:.2f}, {100 * self.coverage:g} %{note}"
 

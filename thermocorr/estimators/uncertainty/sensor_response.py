@@ -52,7 +52,6 @@ def _moved(model: Any, record: Record, change: np.ndarray, since_learning: bool 
     kept, starts, states = features.resume(record)
     T = np.asarray(kept.columns[kept.temperature_name][:], float) + change
     moved = replace(kept, columns={**kept.columns, kept.temperature_name: T}, known_moments={})
-    removed = [effect.removed_by_correct for effect in features.effect_list()]
     result = np.full(record.n_rows, np.nan)
     later = states
     if since_learning:
@@ -64,7 +63,7 @@ def _moved(model: Any, record: Record, change: np.ndarray, since_learning: bool 
     before = model.weighed(features.walk_resumed(kept, starts, states))
     after = model.weighed(features.walk_resumed(moved, starts, later))
     for (block, old), (_, new) in zip(before, after, strict=True):
-        result[block.rows] = (new - old)[:, removed].sum(axis=1)
+        result[block.rows] = model.removed_part(new - old)
     return result
 
 
