@@ -29,6 +29,8 @@ from thermocorr.files.drafts import Draft
 from thermocorr.files.marks import TEXT_MARK
 from thermocorr.files.uninterrupted import uninterrupted
 
+pytestmark = pytest.mark.newest
+
 unix = pytest.mark.skipif(not hasattr(os, "fork"), reason="signals and pipes are those of Unix")
 
 

@@ -63,6 +63,7 @@ def ahead(seed, lead, noise=None):
     return record.drop(columns="reading").assign(temperature=late)[kept], record["reading"][kept]
 
 
+@pytest.mark.newest
 @pytest.mark.parametrize("noise", [None, (0.1, 1800.0)], ids=["white", "wandering"])
 @pytest.mark.parametrize(("seed", "lead"), [(401, 300.0), (402, 600.0), (403, 1500.0)])
 def test_a_late_clock_is_named_and_the_error_falls_on_data_not_seen(seed, lead, noise):

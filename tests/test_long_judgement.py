@@ -14,6 +14,8 @@ from thermocorr.judgement import candidates, shorter
 from thermocorr.records import Layout, read_record
 from thermocorr.records.thinned import Thinned, thinned
 
+pytestmark = pytest.mark.newest
+
 N = 12_000
 
 

@@ -9,6 +9,8 @@ from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.judgement.likelihood import Comparison
 
+pytestmark = pytest.mark.newest
+
 N = 4000
 
 

@@ -14,6 +14,8 @@ from thermocorr.judgement.needed import still_helping, worth_beside
 from thermocorr.judgement.pool import Explanation
 from thermocorr.judgement.worth import HeldOut, Worth
 
+pytestmark = pytest.mark.newest
+
 N = 3000
 
 

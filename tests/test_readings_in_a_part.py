@@ -8,6 +8,8 @@ import pytest
 from thermocorr import DynamicBiasRegressor, compare_variants, diagnose, later_errors, refine
 from thermocorr.datasets import make_record
 
+pytestmark = pytest.mark.newest
+
 
 @pytest.mark.parametrize("part", [(0, 2500), (3000, 8000), (15_000, 20_000)])
 def test_a_week_of_readings_beside_months_of_temperature(part):

@@ -206,6 +206,7 @@ def test_a_setpoint_is_a_cause_and_a_copy_of_the_reading_none():
 # ------------------------------------------------------------------------------------- levels that are no measurands
 
 
+@pytest.mark.newest
 @pytest.mark.parametrize("seed", range(904, 910))
 @pytest.mark.parametrize("apart", [1.0, 2.0])
 def test_levels_that_differ_by_some_noise_are_steps_between_the_runs(seed, apart):

@@ -280,6 +280,7 @@ def test_only_fitted_models_are_judged():
         diagnose(DynamicBiasRegressor(), X, y)
 
 
+@pytest.mark.newest
 def test_a_refined_model_is_said_to_be_another_than_the_one_that_the_judgement_speaks_of(capsys, tmp_path):
     assert main(["analyze", "--refine", "--quiet", "--report", str(tmp_path / "page.html")]) == 0
     said = capsys.readouterr().out
