@@ -8,7 +8,7 @@ from effect_records import columns_of, learned, log, whole
 from scipy.signal import lfilter
 from sklearn.base import clone
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector, diagnose
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, diagnose, load_model, save_model
 from thermocorr.datasets import make_record
 from thermocorr.effects import CATALOGUE, Lead
 from thermocorr.equations import lag_differences
@@ -108,3 +108,20 @@ def test_shifting_the_column_does_as_well():
     model = DynamicBiasRegressor("temperature").fit(shifted, y[:-10])
     with_lead = DynamicBiasRegressor("temperature", effects=[Lead("10 min", ["4 min", "24 min", "2 h"])]).fit(X, y)
     assert model.residual_std_ == pytest.approx(with_lead.residual_std_, rel=0.1)
+
+
+@pytest.mark.parametrize("irregular", [0.0, 0.5])
+@pytest.mark.parametrize("lead", [60.0, 75.0, 1000.0])
+def test_rows_behind_the_fit_tell_what_came_after_its_end(irregular, lead, tmp_path):
+    """The temperature after the last fitted row was not known: lags must not go on from what stood for it."""
+    X = log(900, irregular=irregular)
+    seconds = (X.index - X.index[0]).total_seconds().to_numpy()
+    y = X["temperature"] + np.interp(seconds + lead, seconds, X["temperature"])
+    model = DynamicBiasRegressor("temperature", ["10 min"], effects=[Lead(lead, ["15 min", "2 h"])])
+    whole = model.fit(X[:600], y[:600]).predict(X)
+    save_model(model, tmp_path / "model.json")
+    for one in (model, load_model(tmp_path / "model.json")):
+        for stop in (900, 700, 601):
+            predicted = one.predict(X[600:stop])
+            known = seconds[600:stop] + lead <= seconds[stop - 1] if stop < 900 else np.full(300, True)
+            np.testing.assert_allclose(predicted[known], whole[600:stop][known], rtol=1e-10)

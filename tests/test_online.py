@@ -387,25 +387,3 @@ def test_live_uncertainties_are_those_of_correct(times):
     again = OnlineCorrector.from_state(model, json.loads(json.dumps(live.state())))
     np.testing.assert_allclose(again.update_many(X[950:], y[950:])["u"], u[950:], rtol=1e-12)
     assert "u" not in OnlineCorrector(model).update_many(X[:20], y[:20])
-
-
-def test_a_sample_without_the_label_of_its_run_is_refused():
-    X, y = stream(300, 7, holes=False)
-    X = X.assign(run="a")
-    model = DynamicBiasRegressor(time_constants=[300.0], run="run").fit(X, y)
-    live = OnlineCorrector(model)
-    for label in ({}, {"run": None}, {"run": float("nan")}):
-        with pytest.raises(RecordError, match="no label of its run"):
-            live.update(X.index[-1] + (X.index[1] - X.index[0]), 22.0, 250.0, **label)
-
-
-def test_seconds_in_text_are_seconds():
-    """Everywhere that spans are taken; pandas counts nanoseconds."""
-    X, y = stream(300, 7, holes=False)
-    bare, texts = (DynamicBiasRegressor(time_constants=times, washout=w).fit(X, y) for times, w in (
-        ([900.0], 60), (["900"], "60"),
-    ))  # fmt: skip
-    assert bare.time_constants_ == texts.time_constants_ and bare.washout_ == texts.washout_ == 60.0
-    assert OnlineCorrector(bare, track="86400").track is not None
-    with pytest.raises(ValueError, match="'1,5 h'"):
-        OnlineCorrector(bare, track="1,5 h")

@@ -221,3 +221,25 @@ def test_zoned_dates_and_spans_may_come_in_any_form():
     model = DynamicBiasRegressor(time_constants=[300.0]).fit(spans[:150], y[:150].to_numpy())
     forms = [pd.Timedelta("4 h"), "4 h", timedelta(hours=4), 14_400, 14_400.0, np.timedelta64(4, "h")]
     assert len({OnlineCorrector(model).update(form, 23.0, 1.0) for form in forms}) == 1
+
+
+def test_a_sample_without_the_label_of_its_run_is_refused():
+    X, y = stream(300, 7, holes=False)
+    X = X.assign(run="a")
+    model = DynamicBiasRegressor(time_constants=[300.0], run="run").fit(X, y)
+    live = OnlineCorrector(model)
+    for label in ({}, {"run": None}, {"run": float("nan")}):
+        with pytest.raises(RecordError, match="no label of its run"):
+            live.update(X.index[-1] + (X.index[1] - X.index[0]), 22.0, 250.0, **label)
+
+
+def test_seconds_in_text_are_seconds():
+    """Everywhere that spans are taken; pandas counts nanoseconds."""
+    X, y = stream(300, 7, holes=False)
+    bare, texts = (DynamicBiasRegressor(time_constants=times, washout=w).fit(X, y) for times, w in (
+        ([900.0], 60), (["900"], "60"),
+    ))  # fmt: skip
+    assert bare.time_constants_ == texts.time_constants_ and bare.washout_ == texts.washout_ == 60.0
+    assert OnlineCorrector(bare, track="86400").track is not None
+    with pytest.raises(ValueError, match="'1,5 h'"):
+        OnlineCorrector(bare, track="1,5 h")

@@ -18,6 +18,17 @@ def rows_until(block: Block, ahead: float) -> Any:
     return record.kept(block.start, stop)
 
 
+def last_of(rows: Any) -> Any:
+    """The last of some rows, as rows."""
+    return slice(rows.stop - 1, rows.stop) if isinstance(rows, slice) else rows[-1:]
+
+
+def segment_end(block: Block) -> float:
+    """Seconds from the beginning of a block's segment to its last row."""
+    stop = block.record.segments[block.segment].stop
+    return float(elapsed(block, block.record.rows(stop - 1, stop))[0])
+
+
 def parts_of(rows: Any, size: int) -> list[Any]:
     """Rows in parts of at most `size`: what lies far ahead need not be in memory at once."""
     if isinstance(rows, slice):

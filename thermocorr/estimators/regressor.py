@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from numbers import Real
 from typing import Any
 
@@ -217,37 +217,45 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             say("reading the record")
             self.learn_levels(X, y)
             self.search_ = choose(self, X, y, say)
-            for attempt in (1, 2):
-                features = self.unfitted_features(self.time_constants if not self.search_ else self.search_.parameter)
-                prior = known_before(self, features)
-                record = features.learn(X, y, quiet=self.search_ is not None)
-                reading = Reading.of(X, y, record)
-                n_columns = sum(effect.n_columns() for effect in features.effect_list())
-                if prior is None:
-                    require_rows(reading.n_readings, n_columns)
-                check_plausible(record, reading, prior is not None)
-                self.reading_ = reading if prior is None else reading.widened(prior.temperature_range)
-                self.alpha_ = penalty(self)
-                say(f"fitting {n_columns} columns to {reading.n_readings} readings")
-                self._solve(record, features, prior)
-                believed = self.without_spoilt(record)  # what filled cells and gaps spoil is known now
-                if believed is not record:
-                    self._solve(believed, features, prior)
-                again = self.search_ if attempt == 2 else choose_again(self, X, record, believed, say)
-                if again is self.search_:
-                    break
+            record, believed, prior = self._learn(X, y, say)
+            again = choose_again(self, X, record, believed, say)
+            if again is not self.search_:
                 self.search_ = again
-        for learned in ("standard_errors_", "joint_errors_", "provenance_", "law_"):
-            self.__dict__.pop(learned, None)
+                record, believed, prior = self._learn(X, y, say)
+        self._conclude(record, believed, prior)
+        self.washout_ = WASHOUT_TIME_CONSTANTS * self.features_.memory() if washout is None else washout
+        return self
+
+    def _learn(self, X: Any, y: Any, say: Callable[[str], None]) -> tuple[Record, Record, LawPrior | None]:
+        """Learn the coefficients; returns the record, the same without spoilt readings, and what was known before."""
+        features = self.unfitted_features(self.time_constants if not self.search_ else self.search_.parameter)
+        prior = known_before(self, features)
+        record = features.learn(X, y, quiet=self.search_ is not None)
+        reading = Reading.of(X, y, record)
+        n_columns = sum(effect.n_columns() for effect in features.effect_list())
+        if prior is None:
+            require_rows(reading.n_readings, n_columns)
+        check_plausible(record, reading, prior is not None)
+        self.reading_ = reading if prior is None else reading.widened(prior.temperature_range)
+        self.alpha_ = penalty(self)
+        say(f"fitting {n_columns} columns to {reading.n_readings} readings")
+        self._solve(record, features, prior)
+        believed = self.without_spoilt(record)  # what filled cells and gaps spoil is known now
+        if believed is not record:
+            self._solve(believed, features, prior)
+        return record, believed, prior
+
+    def _conclude(self, record: Record, believed: Record, prior: LawPrior | None) -> None:
+        """Doubts about what was learned, and the names of the columns it was learned from."""
+        for of_old_fit in ("standard_errors_", "joint_errors_", "provenance_", "law_"):
+            self.__dict__.pop(of_old_fit, None)
         doubts = [*doubts_of(self, record, self._solution, prior), *readings_left_out(record, believed)]
         for text in doubts:
             warn(text)
         self.notes_ = (*record.notes, *doubts)
-        self.washout_ = WASHOUT_TIME_CONSTANTS * features.memory() if washout is None else washout
-        self.n_features_in_ = features.n_features_in_
-        if hasattr(features, "feature_names_in_"):
-            self.feature_names_in_ = features.feature_names_in_
-        return self
+        self.n_features_in_ = self.features_.n_features_in_
+        if hasattr(self.features_, "feature_names_in_"):
+            self.feature_names_in_ = self.features_.feature_names_in_
 
     def predict(self, X: Any, return_std: bool = False) -> Any:
         """Modelled reading, eq. (22), shape (n_rows,); NaN in rows without a temperature, or a refused one.

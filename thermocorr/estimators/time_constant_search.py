@@ -19,9 +19,9 @@ from .regressor import DynamicBiasRegressor
 from .thermometers import Thermometers
 from .threads import one_blas_thread
 from .time_constants.crossvalidation import SCORINGS
-from .time_constants.given import check_alphas, check_candidates
 from .time_constants.methods import METHODS
 from .time_constants.projection import refined, sensitivity
+from .time_constants.requested import check_alphas, check_candidates
 from .time_constants.resolution import interval_table, spectrum_table
 from .time_constants.search import CandidateRow, SearchSettings, TimeConstantChoice
 from .weighing import learned_readings
