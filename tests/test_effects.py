@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
+from thermocorr.datasets import make_record
 from thermocorr.effects import (
     Covariate,
     Delay,
@@ -242,13 +243,35 @@ def test_hinge_and_its_lag():
     seconds = 60.0 * np.arange(100)
     X = timed(np.where(seconds > 0, 26.0, 20.0), seconds)
     above, lag = columns_of(Hinge(23.0, time_constants=[600.0], hold="zero_order"), X).T
-    np.testing.assert_array_equal(above, np.where(seconds > 0, 3.0, 0.0))
+    np.testing.assert_allclose(above, np.where(seconds > 0, 3.0, 0.0) - 2.94, atol=1e-12)  # mean: 25.94 degC
     expected = np.where(seconds > 0, -3.0 * np.exp(-(seconds - 60.0) / 600.0), 0.0)
     np.testing.assert_allclose(lag, expected, atol=1e-14)
     T = log()["temperature"].to_numpy()
     sides = [columns_of(Hinge(22.5, side), log())[:, 0] for side in ("above", "below")]
-    np.testing.assert_allclose(sum(sides), T - 22.5, atol=1e-14)
-    assert (sides[0] >= 0).all() and (sides[1] <= 0).all()
+    np.testing.assert_allclose(sum(sides), T - T.mean(), atol=1e-12)
+    for column, clip in zip(sides, (np.maximum, np.minimum), strict=True):
+        np.testing.assert_allclose(column, clip(T - 22.5, 0.0) - clip(T.mean() - 22.5, 0.0), atol=1e-12)
+
+
+@pytest.mark.parametrize("T0", ["mean", 23.0, 21.0])
+@pytest.mark.parametrize(("side", "knee"), [("above", 22.0), ("below", 24.0)])
+def test_U0_beside_a_hinge_is_the_reading_at_T0(side, knee, T0):
+    """A device that reads 100 at 23 degC without the knee, and more or less by it."""
+    record = make_record(6000, seed=2)
+    T = 23.0 + (record["temperature"] - record["temperature"].mean()) * 1.5 / record["temperature"].std()
+    clip = np.maximum if side == "above" else np.minimum
+
+    def law(at):
+        return 100.0 + 0.5 * (at - 23.0) + 2.0 * clip(at - knee, 0.0)
+
+    y = law(T) + 0.01 * np.random.default_rng(1).normal(size=len(T))
+    model = DynamicBiasRegressor(time_constants=["20 min"], effects=[Hinge(knee, side)], reference_temperature=T0)
+    model.fit(T.to_frame(), y)
+    at = model.reference_temperature_
+    assert model.intercept_ == pytest.approx(law(at), abs=0.01)
+    assert model.correct(T.to_frame(), y).mean() == pytest.approx(law(at), abs=0.01)
+    column = "(max(T-22) - " if side == "above" else "(min(T-24) + "
+    assert (column in model.equation()) == (T0 != 21.0 or side == "below")
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,6 @@ import thermocorr
 from thermocorr import DynamicBiasRegressor, ModelFileError, load_model, save_model
 from thermocorr.effects import CATALOGUE, Covariate, Effect, LaggedCovariate
 from thermocorr.equations import LagState, lag_differences
-from thermocorr.files import model_file
 from thermocorr.files.codec import pack, parse, render, unpack
 from thermocorr.files.model_file import data_digest
 from thermocorr.files.model_file import signed as sign
@@ -347,51 +346,3 @@ def test_provenance_knows_the_record(tmp_path):
     numbers = [X.index.as_unit("ns").asi8.astype("<i8"), X["temperature"].astype("<f8"), X["humidity"].astype("<f8")]
     content = b"".join(np.asarray(values).tobytes() for values in numbers)
     assert kept["data"]["sha256"] == hashlib.sha256(content).hexdigest()
-
-
-def test_a_draft_of_version_0_is_brought_up_to_date(tmp_path):
-    X = log(300, seed=8)
-    y = readings(X)
-    model = DynamicBiasRegressor(time_constants=[300.0]).fit(X[:200], y[:200])
-    save_model(model, tmp_path / "m.json")
-    node = json.loads((tmp_path / "m.json").read_text())
-    del node["digest"], node["provenance"], node["model"]["standard_errors"]
-    (tmp_path / "old.json").write_text(json.dumps(node | {"version": 0}))
-    old = load_model(tmp_path / "old.json")
-    same(model, old, X, y)
-    assert (old.coef_table()["standard_error"] == 0).all()
-    node["model"].pop("coefficients")
-    (tmp_path / "old.json").write_text(json.dumps(node | {"version": 0}))
-    with pytest.raises(ModelFileError, match="no list of coefficients"):
-        load_model(tmp_path / "old.json")
-
-
-@pytest.mark.parametrize("products", [True, 2, 3])
-def test_products_of_lags_are_read_and_older_files_had_pairs_alone(tmp_path, products):
-    X = log(600, seed=8)
-    y = readings(X)
-    model = DynamicBiasRegressor(time_constants=[60.0, 300.0], products=products).fit(X[:400], y[:400])
-    save_model(model, tmp_path / "m.json")
-    same(model, load_model(tmp_path / "m.json"), X, y)
-    node = json.loads((tmp_path / "m.json").read_text())
-    content = {"provenance": node["provenance"], "model": without_order(node["model"])}
-    body = (model_file.render(content) + "\n").removeprefix("{\n").encode("ascii")
-    digest = hashlib.sha256(body).hexdigest()
-    head = f'{{"format": "thermocorr model", "version": 5, "digest": "sha256:{digest}",\n'.encode()
-    (tmp_path / "old.json").write_bytes(head + body)
-    if products == 3:  # no such file was ever written: its coefficients do not fit
-        with pytest.raises(ModelFileError):
-            load_model(tmp_path / "old.json")
-    else:
-        same(model, load_model(tmp_path / "old.json"), X, y)
-
-
-def without_order(node):
-    """A part of a file as version 5 had it."""
-    if isinstance(node, list):
-        return [without_order(part) for part in node]
-    return {k: without_order(v) for k, v in node.items() if k != "order"} if isinstance(node, dict) else node
-
-
-def test_every_version_has_its_migration():
-    assert set(model_file.MIGRATIONS) == set(range(model_file.VERSION))

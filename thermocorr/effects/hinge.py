@@ -21,6 +21,8 @@ from .thermal import seconds_array
 class Hinge(Effect):
     """What the temperature does on one side of a knee: max(T - knee, 0) or min(T - knee, 0) [K], and its lags.
 
+    The column is that less its value at the reference temperature T0, so that U0 stays the reading at T0.
+
     Beside a model that holds T, one side says as much as the other, since they add up to T - knee; beside one that
     holds the lags of T the same is true of the lagged sides.
 
@@ -44,7 +46,7 @@ class Hinge(Effect):
 
     kind = "hinge"
     lags_apart = True
-    learned = {"time_constants_": "times"}
+    learned = {"time_constants_": "times", "reference_temperature_": "temperature"}
     info = EffectInfo(
         physics="Freezing, condensation, a clamp that opens or a sensor that saturates changes the law at one "
         "temperature.",
@@ -91,24 +93,40 @@ class Hinge(Effect):
         return knees + super().nearby(record, share)
 
     def learn(self, record: Record) -> None:
-        """Check parameters; convert time constants to seconds."""
+        """Check parameters; convert time constants to seconds; take the record's mean for T0."""
         self._validate_params()
         self.time_constants_ = seconds_array(self.time_constants)
+        self.reference_temperature_ = record.moments(record.temperature_name).mean
+
+    def refer_to(self, temperature: float) -> None:
+        """Take the T0 of the model."""
+        self.reference_temperature_ = temperature
+
+    def _at_rest(self) -> float:
+        """The hinge at T0 [K]."""
+        return float((max if self.side == "above" else min)(self.reference_temperature_ - self.knee, 0.0))
 
     def names(self) -> list[str]:
         """``max(T-0)``, ``max(T-0) lag[3600 s]``, ..."""
         name = f"{'max' if self.side == 'above' else 'min'}(T{-float(self.knee):+.6g})"
         return [name, *(f"{name} lag[{time_text(tau)}]" for tau in self.time_constants_)]
 
+    def terms(self) -> list[str]:
+        """``max(T-22)`` less its value at T0: ``(max(T-22) - 1)``, ..."""
+        first, *lags = self.names()
+        at_rest = self._at_rest()
+        return [f"({first} {'-' if at_rest > 0 else '+'} {abs(at_rest):.10g})" if at_rest else first, *lags]
+
     def units(self) -> list[str]:
         """K."""
         return ["K"] * (1 + len(self.time_constants_))
 
     def signals(self, x: Signals) -> Sequence[Any]:
-        """The hinge and its lag differences [K]."""
+        """The hinge less its value at T0, and its lag differences [K]."""
         clip = x.maximum if self.side == "above" else x.minimum
         hinge = clip(x.T - self.knee, 0.0)
-        return [hinge, *x.lag(hinge, self.time_constants_, self.hold)] if len(self.time_constants_) else [hinge]
+        lags = x.lag(hinge, self.time_constants_, self.hold) if len(self.time_constants_) else ()
+        return [hinge - self._at_rest(), *lags]
 
     def label(self) -> str:
         """``hinge: above 0``, ``hinge: above 0, lag 3600 s``."""

@@ -152,6 +152,12 @@ class Effect(ParametersOnce):
     def learn(self, record: Record) -> None:
         """Derive what the columns need from the record that is fitted (attributes that end in an underscore)."""
 
+    def refer_to(self, temperature: float) -> None:
+        """Told the model's reference temperature T0 after `learn`, for columns that are not 0 there by themselves.
+
+        A column that is 0 with the device at rest at T0 leaves U0 what it is called: the reading there.
+        """
+
     def names(self) -> list[str]:
         """Names of the columns, known after `learn`."""
         raise NotImplementedError

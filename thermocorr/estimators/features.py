@@ -224,6 +224,8 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
             effect.learn(record)
         first = next((e for _, e in self.effects_ if isinstance(e, StaticPolynomial)))
         self.reference_temperature_ = first.reference_temperature_
+        for _, effect in self.effects_:
+            effect.refer_to(self.reference_temperature_)
         lags = next((e for _, e in self.effects_ if isinstance(e, ThermalLag)), None)
         self.time_constants_ = np.zeros(0) if lags is None else lags.time_constants_
         return record
