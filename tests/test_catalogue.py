@@ -88,7 +88,7 @@ def test_every_kind_knows_what_to_try(kind):
 
 @pytest.mark.parametrize("effect", EXAMPLES, ids=NAMES)
 def test_a_local_search_finds_neighbours(effect):
-    record = read(log(500, seed=1))
+    record = read(log(700, seed=1))
     around = effect.nearby(record)
     tunable = {}
     if isinstance(effect, Hinge | Step | SensitivityStep | Disturbance):
@@ -110,6 +110,11 @@ def test_neighbours_lie_on_either_side():
     assert [e.width for e in Hysteresis(1.0).nearby(record, 0.25)] == [0.8, 1.25]
     lags = [e.time_constants for e in ThermalLag(["1 min", 100]).nearby(record, 1.0)]
     assert lags == [[30.0, 100.0], [120.0, 100.0], [60.0, 50.0], [60.0, 200.0]]
+    longest = record.longest_read()
+    grown = [e.time_constants[0] for e in LaggedCovariate("humidity", [0.23 * longest]).nearby(record, 0.25)]
+    assert grown == [pytest.approx(0.184 * longest), pytest.approx(0.25 * longest)]  # no lag outgrows the record
+    longer = [e.time_constants[0] for e in LaggedCovariate("humidity", [0.5 * longest]).nearby(record, 0.25)]
+    assert longer == [pytest.approx(0.4 * longest)]
     low, high = [e.time for e in Step("2024-03-04 03:03:45").nearby(record)]  # 6000 s since the start
     assert (low + high) / 2 == pytest.approx(6000.0) and high - low == pytest.approx(0.5 * 499 * 60 / 49)
     middle = temperature_quantiles(record, (0.5,))[0]

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from effect_records import log, read
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
+from thermocorr.effects import ThermalLag
 from thermocorr.judgement.likelihood import Comparison
+from thermocorr.judgement.nearby import moved_for_another
 
 pytestmark = pytest.mark.newest
 
@@ -78,6 +83,21 @@ def test_a_cause_of_fewer_columns_leaves_what_had_been_left_had_it_been_there_at
     assert moved.level_with([1]) == pytest.approx(fresh.level_with([1]), abs=0.1)
     theta = fresh.base.theta
     np.testing.assert_allclose(moved.screen(theta), fresh.screen(theta), rtol=1e-8, atol=1e-8)
+
+
+def test_a_cause_whose_neighbours_the_base_has_already_hides_nothing(parts):
+    """A lag beside slow lags of the model: all that its neighbours say is said, and nobody stands behind it."""
+    reading, base, near, there, _ = parts
+    judged = Comparison(reading, base, np.repeat([0, 1], N // 2))
+    judged.add([near, there])
+    judged.adopt(0)
+    effect = ThermalLag([900.0])
+    within = SimpleNamespace(effect=effect, columns=base @ np.array([[0.3], [2.0]]), in_model=False, n_tuned=1)
+    pool = SimpleNamespace(record=read(log(300)), of=lambda effects: [within for _ in effects])
+    cause = SimpleNamespace(tried=SimpleNamespace(key="thermal_lag", explanation=within))
+    family = SimpleNamespace(judged=judged, alive=lambda: [1])
+    assert moved_for_another(pool, family, [cause], (), set()) is None
+    assert len(judged.explanations) == 2
 
 
 @pytest.mark.parametrize(("seed", "strength"), [(2, 3.0), (5, 2.0), (9, 2.0)])

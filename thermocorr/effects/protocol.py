@@ -20,6 +20,8 @@ TEMPERATURE = "unit of the temperature"
 """Unit of a parameter that is a temperature, and no difference of temperatures."""
 TEMPERATURE_DIFFERENCE = "K, or degF where the temperature is in degF"
 """Unit of a parameter that is a difference of temperatures."""
+LONGEST_LAG = 0.25
+"""Share of the longest stretch of a record beyond which no time constant is moved: `candidates` go to a fifth."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,9 @@ class Effect(ParametersOnce):
     def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
         """Unlearned copies with one parameter moved to either side, for a local search around this effect.
 
+        No time constant grows beyond a quarter of the longest stretch that was read: of such a lag the record shows
+        little more than a drift.
+
         Parameters
         ----------
         record : Record
@@ -136,12 +141,14 @@ class Effect(ParametersOnce):
             value = getattr(self, name)
             if value is None:
                 continue
+            most = LONGEST_LAG * record.longest_read() if name.startswith("time_constant") else np.inf
             single = isinstance(value, str) or np.ndim(value) == 0
             numbers = [seconds_of(item, name) for item in ([value] if single else value)]
             for i, number in enumerate(numbers):
                 for factor in (1 / (1 + share), 1 + share):
-                    moved = [*numbers[:i], number * factor, *numbers[i + 1 :]]
-                    if len(set(moved)) == len(moved):  # not one on top of the other
+                    there = min(number * factor, max(number, most))
+                    moved = [*numbers[:i], there, *numbers[i + 1 :]]
+                    if there != number and len(set(moved)) == len(moved):  # not one on top of the other
                         copies.append(clone(self).set_params(**{name: moved[0] if single else moved}))
         return copies
 

@@ -94,7 +94,7 @@ def as_effects(given: Any, parameter: str = "effects") -> list[tuple[str, Effect
             if not (hasattr(effect, "fit") and hasattr(effect, "transform")) or isinstance(effect, type):
                 raise ValueError(
                     f"The {parameter!r} parameter must hold effects, scikit-learn transformers, or (name, effect) "
-                    f"pairs. Got {effect!r} instead."
+                    f"pairs; a recorded column is one as Covariate(column). Got {effect!r} instead."
                 )
             effect = TransformerEffect(effect)
         if name is None:

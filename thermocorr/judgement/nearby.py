@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..effects.protocol import Effect
 from .choice import WAVE, Cause
 from .dated import MANY, lasting
 from .family import Family
@@ -98,12 +99,17 @@ def _proven_beside(pool: Pool, family: Family, cause: Cause, refused: Collection
     Slow ones are hidden in noise that wanders, so they are sought under white noise, too, as in a first look.
     """
     judged, alive = family.judged, family.alive()
-    near = pool.of(cause.tried.explanation.effect.nearby(pool.record))[::2]  # one side of each parameter
-    if not near:  # an effect of the user's own
+    effect = cause.tried.explanation.effect
+    sides: dict[tuple[object, ...], Explanation] = {}  # one of either side of each parameter
+    for each in pool.of(effect.nearby(pool.record)):
+        sides.setdefault(_changed(effect, each.effect), each)
+    if not sides:  # an effect of the user's own
         return []
-    judged.add([np.column_stack([each.columns for each in near])])
+    judged.add([np.column_stack([each.columns for each in sides.values()])])
     free = judged.of([len(judged.explanations) - 1, *alive])
     judged.explanations.pop()
+    if not free.width(0):  # the base has them all: no other parameters would leave anything else
+        return []
     free.adopt(0)
     best: dict[int, None] = {}
     for gains in (free.screen(free.base.theta)[1:], free.screen(free.only_white(), profiled=True)[1:]):
@@ -115,6 +121,15 @@ def _proven_beside(pool: Pool, family: Family, cause: Cause, refused: Collection
     fits = free.refit([place[i] for i in best])
     gained = {i: fit.level - level for i, fit in zip(best, fits, strict=True)}
     return sorted((i for i in best if _proven(family, gained[i], i)), key=lambda i: -gained[i])
+
+
+def _changed(effect: Effect, other: Effect) -> tuple[object, ...]:
+    """Which parameters, and which elements of them, two effects of one kind do not share."""
+    changed = []
+    for name, value in effect.get_params(deep=False).items():
+        there = np.ravel(getattr(other, name)).tolist()
+        changed += [(name, i) for i, one in enumerate(np.ravel(value).tolist()) if one != there[i]]
+    return tuple(changed)
 
 
 def _proven(family: Family, gain: float, i: int) -> bool:

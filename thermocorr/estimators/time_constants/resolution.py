@@ -104,12 +104,12 @@ def unresolved(
         if error > both or not (triangle[j].any() and triangle[j + 1].any()):
             said.append(
                 f"{pair} cannot be told apart in this record: the difference of their coefficients is known to "
-                f"+-{error:.3g} only, more than both together. Predictions are sound, the two coefficients are not: "
-                "leave one out, or record faster temperature changes."
+                f"+-{error:.3g} only, more than both together. What both say together is known, the two coefficients "
+                "are not: leave one out, or record faster temperature changes."
             )
         elif abs(mu[j] + mu[j + 1]) < OPPOSED * both:
             said.append(
                 f"{pair} work against each other: their coefficients, {mu[j]:.4g} and {mu[j + 1]:.4g}, nearly cancel. "
-                "Predictions are sound, but these are no bodies of the device: leave one out."
+                "What both say together is known, but these are no bodies of the device: leave one out."
             )
     return said
