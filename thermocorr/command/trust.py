@@ -16,7 +16,7 @@ from ..records.quantities import span_text
 from ..records.units import unit_of
 
 MANY = 0.1
-"""Share of flagged rows from which on it is said how many there are."""
+"""Share of flagged rows from which it is said how many there are."""
 
 
 class RowTrust:

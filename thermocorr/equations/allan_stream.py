@@ -21,7 +21,7 @@ MOST_CELLS = 1 << 20
 FINE = 16
 """Averages over fewer held cells than this are compared while the record passes, at every offset."""
 FAR = 2.0**62
-"""Number of a cell from which on it does not matter which one it is: a gap too long for any record lies before it."""
+"""Number of a cell from which it does not matter which one it is: a gap too long for any record lies before it."""
 AT_ONCE = 1 << 16
 """Cells that are worked on together."""
 

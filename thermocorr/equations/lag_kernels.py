@@ -24,7 +24,7 @@ _LANES = 32
 """`_recursion` makes factors for a multiple of so many rows: those of a row are the same whatever is around it."""
 _LN2, _PER_LN2 = math.log(2.0), 1.0 / math.log(2.0)
 _LARGEST_RATIO = 700.0
-"""Step over time constant up to which the decay is known, and from which on it stays what it is there, 1e-304."""
+"""Step over time constant up to which the decay is known, and from which it stays what it is there, 1e-304."""
 
 
 @inline

@@ -18,9 +18,9 @@ from scipy.linalg import lapack
 Floats = NDArray[np.float64]
 
 _PANEL = 8  # columns that LAPACK reflects at once
-WIDE = 64  # columns from which on those that rows have nothing in are looked for
+WIDE = 64  # columns from which those that rows have nothing in are looked for
 WELL_CONDITIONED = 1e-8
-"""Reciprocal condition of the unit-column triangle from which on its columns are surely independent."""
+"""Reciprocal condition of the unit-column triangle from which its columns are surely independent."""
 RANK_TOLERANCE = 1e-11
 """Singular values of the unit-column triangle below this share of the largest carry no information."""
 

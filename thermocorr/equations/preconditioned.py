@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 LARGEST = 1e8
 """Largest mean square, relative to all rows before, of a direction in rows that are not swept in by reflections."""
 GROWN = 1e3
-"""Growth of the cross products from which on R is brought up to date."""
+"""Growth of the cross products from which R is brought up to date."""
 _UNSEEN = 1e150
 """One over the diagonal of R where a column was next to nothing so far: if it is no longer, its cross products are too
 large."""

@@ -12,7 +12,7 @@ from ..records import Record
 from .input_law import InputLaw
 
 SPOILT = 0.3
-"""Share of the residuals' standard deviation from which on a reading is neither learned from nor judged: it would raise
+"""Share of the residuals' standard deviation from which a reading is neither learned from nor judged: it would raise
 the variance there by a tenth."""
 
 

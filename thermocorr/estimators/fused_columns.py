@@ -16,7 +16,7 @@ from ..records import Record
 WIDEST = 32
 """Columns of all segments up to which one pass is the faster way: beyond them the blocks of LAPACK are."""
 FEWEST = 1 << 13
-"""Rows from which on one pass is the faster way: before, what it does once for every stretch takes longer."""
+"""Rows from which one pass is the faster way: before, what it does once for every stretch takes longer."""
 _NUMBERS = 3 << 17
 """Numbers that a block of rows may hold, inputs and columns made for the pass (3 MiB)."""
 _NOTHING = np.zeros(0)

@@ -27,7 +27,7 @@ DISTINCT = 100.0
 more than ten times as far apart as what is left within a run. What moves the reading by less from run to run is an
 effect, to be found by a diagnosis: a drift, a step, another column. Half and twice of it is 7 and 14 times as far."""
 WITHIN = 0.3
-"""Share of the temperature's standard deviation that lies within the runs, from which on they tell the static law by
+"""Share of the temperature's standard deviation that lies within the runs, from which they tell the static law by
 themselves. Runs at set points, one temperature each, do not: their levels are the static law."""
 NAME = "run_levels"
 """Name of the steps among the effects of a model."""

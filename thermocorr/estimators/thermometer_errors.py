@@ -16,7 +16,7 @@ from ..records import Record
 from ..records.units import difference_unit
 
 STANDING = 0.5
-"""Share of rows that read what the row before read, from which on the steps of a thermometer are seen as such: where it
+"""Share of rows that read what the row before read, from which the steps of a thermometer are seen as such: where it
 moves by several steps a row, they are noise like any other."""
 MANY_DIGITS = 1e-6
 """Relative distance within which values lie on a grid of steps: those of decimal fractions in single precision."""

@@ -35,7 +35,7 @@ from .target import Dtype, Target
 _ROUNDINGS = 4.0
 """Roundings of each contribution that may add up: of its coefficient, its column, their product and the sum."""
 _FINE_STEP = 0.5
-"""Step of the readings in single precision, over their noise, from which on it is told: it adds 1 % to the noise."""
+"""Step of the readings in single precision, over their noise, from which it is told: it adds 1 % to the noise."""
 
 
 def export_c(

@@ -13,7 +13,7 @@ from ..records.grammar import MINUS, says_no_value
 from ..records.types import kind_of
 
 NEARLY = 0.5
-"""Share of the cells of a column that are numbers, from which on the others are looked at."""
+"""Share of the cells of a column that are numbers, from which the others are looked at."""
 SOME = 10_000
 """Cells of a column, at random, that tell whether it is worth looking at all of them."""
 

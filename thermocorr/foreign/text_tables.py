@@ -39,7 +39,7 @@ def first_lines(content: bytes) -> bytes:
 
 
 MOST_COLUMNS = 10_000
-"""Columns from which on a file is no log: to look at a million of them takes a minute."""
+"""Columns from which a file is no log: to look at a million of them takes a minute."""
 
 
 def text_table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...] = ()) -> ForeignTable:

@@ -53,7 +53,7 @@ class Arrangement:
     own_runs: tuple[Stretch, ...] = ()
     """Stretches that are runs of their own."""
     changes: tuple[Moment, ...] = ()
-    """Moments from which on the measurand is another one."""
+    """Moments from which the measurand is another one."""
     spikes: tuple[int, ...] = ()
     """Rows whose readings are none."""
 

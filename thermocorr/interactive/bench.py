@@ -30,7 +30,7 @@ from .wording import axis_of, chosen_lags, moment_words, sentence
 HELD = 12
 """Fitted arrangements that are kept; others are fitted again when they are asked for, to the same bits."""
 HELD_ROWS = 3_000_000
-"""Rows of all of them together, from which on fewer are kept."""
+"""Rows of all of them together, from which fewer are kept."""
 JUMPS = 6.0
 """A reading that is so many times the usual residual of a marked stretch away from its median is a spike."""
 IN_A_ROW = 3

@@ -31,7 +31,7 @@ WANDERS = 0.1
 TIME_BINS, VALUE_BINS, HOUR_BINS = 20, 10, 12
 """Stretches of time, ranges of a condition (deciles), and parts of a day that the residual is looked at in."""
 DAYS = 4.0
-"""Length of a record from which on hours of the day are conditions: each has come often enough not to be a date."""
+"""Length of a record from which hours of the day are conditions: each has come often enough not to be a date."""
 STATES = 4
 """Different values of a column up to which each is a condition of its own: a switch, a mode."""
 END_ROWS = 1 << 15

@@ -263,7 +263,7 @@ PLAY = 10.0, 3.0
 standard deviations smooths noise on a plateau and follows a ramp. In a climate chamber, noise of 0.1 K made widths of
 0.6 to 1.0 K, steps of 0.1 and 0.25 K widths of 0.3 and 0.5 to 0.7 K."""
 FOLLOWS = 0.5
-"""Correlation of the changes of a recorded column with those of the temperature, over one of `CHANGES`, from which on
+"""Correlation of the changes of a recorded column with those of the temperature, over one of `CHANGES`, from which
 it may know the temperature better than a noisy thermometer does."""
 CHANGES = (4, 16, 64, 256)
 """Averaged rows over which they change: more than the noise of a thermometer, no longer than a day or two."""

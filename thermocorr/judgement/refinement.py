@@ -83,22 +83,25 @@ def refine(
     max_steps: int = 5,
     progress: Progress = None,
 ) -> Refinement:
-    """Add the best missing effect, fit, diagnose again, until nothing supportable is missing.
+    """Add the best missing effect, fit, diagnose again, until no further effect helps on data it was not fitted to.
 
     Two errors decide: on held-out blocks of time, and on blocks of the later half, each foretold from everything before
-    it. A cause that diagnosis names is kept only if one of them falls by more than the other rises, and the error falls
-    in twice as many blocks as it rises in; where later blocks cannot tell, held-out ones decide. A proven one that
-    raises neither may be of use in few blocks. What depends on time alone must lower them, and raise neither; a proven
-    drift or ageing may raise the held-out one by less than it lowers the later one. What cannot be told from a cause is
-    tried as well: it takes its place where the errors are a tenth less, or where the cause is not kept. Where no cause
-    is kept alone, the proven ones are tried together: one may spoil what another is worth. Where there are causes and
-    none is kept, or one of time alone or a product, and temperatures cross freezing point, a knee there takes its place
-    if the errors are a tenth less: it is expected before anything was measured. A proven effect that acts late is
-    worked out: its parameters are moved to where it explains most beside the model's own lags, a knee is put at
-    freezing point where the two errors rise by no more than 2 %, another time constant is taken where they are a tenth
-    less, and it gets further lags as long as each lowers them by 1 %. An effect that a later one makes superfluous
-    leaves again; at the end the effects' parameters are tuned together, and kept so where the two errors, the lags of
-    the temperature chosen anew, are less.
+    it; where later blocks cannot tell, held-out ones decide alone.
+
+    1. A cause that diagnosis names is kept if one error falls by more than the other rises, and the error falls in at
+       least twice as many blocks as it rises in. A proven one that raises neither may be of use in few blocks.
+    2. What depends on time alone must lower the two together and raise neither; a proven drift or ageing may raise the
+       held-out error by less than it lowers the later one.
+    3. What the record cannot tell from a cause is tried as well: it takes its place if the errors are a tenth less, or
+       if the cause is not kept.
+    4. If no cause is kept alone, the proven ones are tried together: one may spoil what another is worth.
+    5. If temperatures cross freezing point, and no cause is kept, or one of time alone or a product, a knee there takes
+       its place if the errors are a tenth less: it is expected before anything was measured.
+    6. A proven effect that acts late is worked out: its parameters are moved to where it explains most beside the
+       model's own lags, a knee is put at freezing point if the two errors rise by no more than 2 %, another time
+       constant is taken if they are a tenth less, and it gets further lags as long as each lowers them by 1 %.
+    7. An effect that a later one makes superfluous leaves again. At the end the effects' parameters are tuned together,
+       and kept so if the two errors, the lags of the temperature chosen anew, are less.
 
     Parameters
     ----------

@@ -7,12 +7,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..estimators.time_constants.resolution import CONFIDENCE_95
+from ..estimators.time_constants.resolution import CONFIDENCE_95, UNDETERMINED
 from .axes import BLUE, GREY, ORANGE, axes_grid, label_values, legend_above, log_time_axis, plain
 from .walk import regressor_of, without_times
-
-UNKNOWN = 10.0
-"""Upper over lower end of an interval, above which the record does not determine the time constant."""
 
 
 class SpectrumDisplay:
@@ -113,7 +110,7 @@ class SpectrumDisplay:
 
     def _vague(self) -> np.ndarray:
         """Which time constants the record does not determine; none where nobody has asked."""
-        return np.asarray(self.lags["high"] > UNKNOWN * self.lags["low"])
+        return np.asarray(self.lags["high"] > UNDETERMINED * self.lags["low"])
 
     def _spans(self) -> np.ndarray:
         """Distances to both ends of the intervals of the time constants, shape (2, J); NaN where none is drawn."""

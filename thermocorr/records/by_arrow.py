@@ -17,7 +17,7 @@ _TEXT: Any = pd.Series(["text"]).dtype
 ROWS_WRITTEN = 250_000
 """Rows that are made to text at a time."""
 MANY = 10_000
-"""Dates, or rows to be written, from which on it is worth loading pyarrow."""
+"""Dates, or rows to be written, from which it is worth loading pyarrow."""
 
 
 def table_by_arrow(content: bytes, start: int, end: int, head: pd.DataFrame, missing: list[str]) -> pd.DataFrame | None:

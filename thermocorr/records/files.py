@@ -27,7 +27,7 @@ TIME_NAMES = (
 HEAD = 1 << 16
 """Bytes that tell of what type columns are."""
 LONG = 1 << 21
-"""Bytes from which on it is worth loading a faster reader."""
+"""Bytes from which it is worth loading a faster reader."""
 _NONE = sorted(MISSING)
 EVERY_DIGIT: dict[str, Any] = (
     {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}

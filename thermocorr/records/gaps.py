@@ -14,7 +14,7 @@ from .record import Block, Record
 from .times import Floats
 
 GAP = 2.5
-"""Steps, in usual ones, from which on what was between is taken for unknown."""
+"""Steps, in usual ones, from which what was between is taken for unknown."""
 OFTEN = 0.95
 """Share of the steps, in the first some thousand, that are none: a log that is written on changes has long steps all
 the time, in which the temperature is known to have stood still."""

@@ -29,9 +29,9 @@ from .weighted import reading_of
 GAP_STEPS = 10.0
 """A step of more than so many usual ones is a gap, where there is no `max_gap`."""
 SHUFFLED = 0.2
-"""Share of the steps that go back in time, from which on the rows have no order: shuffled ones have half."""
+"""Share of the steps that go back in time, from which the rows have no order: shuffled ones have half."""
 ALONE = 0.9
-"""Share of the steps that are longer than `max_gap`, from which on rows stand alone and nothing can be learned."""
+"""Share of the steps that are longer than `max_gap`, from which rows stand alone and nothing can be learned."""
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
 

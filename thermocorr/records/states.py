@@ -18,7 +18,7 @@ from .grammar import is_missing
 from .types import kind_of
 
 MOST_WORDS = 8
-"""Words of a column from which on it is no state but a text: a comment, a serial number."""
+"""Words of a column from which it is no state but a text: a comment, a serial number."""
 FEWEST_ROWS = 20
 """Rows in a state, and out of it, below which nothing can be learned of it."""
 

@@ -11,6 +11,8 @@ from ...records.quantities import span_texts
 from .search import Factored
 from .spectrum import GridRidge
 
+UNDETERMINED = 10.0
+"""Upper over lower end of an interval, above which the record does not determine the time constant."""
 CONFIDENCE_95 = 1.96
 OPPOSED = 0.1
 """Share of two coefficients that is left in their sum, below which they cancel."""

@@ -21,9 +21,9 @@ OTHER = 2.0
 MEMORIES = 5.0
 """Correlation times of its noise that a record must last for the size of that noise to be known."""
 WANDERS = 0.05
-"""Wandering share of the residual variance from which on, without a diagnosis, a model counts as incomplete."""
+"""Wandering share of the residual variance from which, without a diagnosis, a model counts as incomplete."""
 EXTRAPOLATED = 0.1
-"""Share of the variance of a corrected reading from which on it is outside the fitted range, though the measured
+"""Share of the variance of a corrected reading from which it is outside the fitted range, though the measured
 temperature is inside: a part of the device is not."""
 
 HIDDEN_DRIFT = (

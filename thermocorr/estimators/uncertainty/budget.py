@@ -17,7 +17,7 @@ COLUMNS = (
     "share", "type",
 )  # fmt: skip
 LARGE = 1000.0
-"""Degrees of freedom from which on they are printed as infinite: k differs by 0.1 % then."""
+"""Degrees of freedom from which they are printed as infinite: k differs by 0.1 % then."""
 
 KNOTS = 257
 """Degrees of freedom at which Student's t is computed for many rows, even in their inverse roots."""

@@ -19,7 +19,7 @@ from .restricted import BandSums, Restricted
 from .scaled import ScaledBasis, within_bins
 
 FORGETS = 1.2
-"""Variance of a bin's mean over that of white noise, from which on the noise within bins is taken to remember."""
+"""Variance of a bin's mean over that of white noise, from which the noise within bins is taken to remember."""
 PER_MEMORY = 2.0
 """Degrees of freedom that a correlation time adds to a wandering variance: a sum of squares alone would give 1, a known
 shape of the spectrum more. Corrected readings in a random walk are covered in 100, 99, 96 % with 1, 2, 4 (time
