@@ -156,7 +156,7 @@ CASES = {
         lambda: compare_variants(X, Y, model=model, time_constants=[60.0], foo=3),
         "not both.*time_constants, foo",
     ),
-    "nonlinear of degree 1": (lambda: compare_variants(X, Y, degree=1), r"'degree' parameter.*\[2"),
+    "nonlinear of degree 0": (lambda: compare_variants(X, Y, degree=0), r"'degree' parameter.*\[1"),
     "window of none": (lambda: compare_variants(X, Y, window=0), r"'window' parameter.*\[1"),
     "one block of variants": (lambda: compare_variants(X, Y, n_blocks=1), r"'n_blocks' parameter.*\[2"),
     "one held-out block": (lambda: held_out_residuals(model, X, Y, n_blocks=1), r"'n_blocks' parameter.*\[2"),

@@ -97,7 +97,7 @@ def test_nothing_missing_is_not_said_beside_absurd_tails():
     y.iloc[rng.choice(3000, 100, replace=False)] += 60.0
     found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
     assert found.verdict == "unexplained" and found.left.absurd
-    assert "A few readings make most of the residual" in str(found) and "white noise" not in str(found)
+    assert "A few readings dominate the residual" in str(found) and "white noise" not in str(found)
 
 
 def test_heavy_tails_are_nothing_that_could_be_explained():

@@ -319,3 +319,27 @@ def test_lagged_square_is_the_lag_of_the_square():
         columns_of(LaggedCovariate("humidity", [600.0], power=2), X),
         columns_of(LaggedCovariate("humidity", [600.0]), square),
     )
+
+
+class Bent(Hinge):
+    """A user's own kind of hinge that learns nothing but its lags, as all did in earlier files."""
+
+    def learn(self, record):
+        self.time_constants_ = np.zeros(0)
+
+
+def test_a_hinge_that_knows_no_T0_is_zero_at_its_knee():
+    T = log()["temperature"].to_numpy()
+    np.testing.assert_array_equal(columns_of(Bent(22.5), log())[:, 0], np.maximum(T - 22.5, 0.0))
+
+
+@pytest.mark.parametrize("moment", ["1,5 h", "00:10:00,5", "12:30", "1,000 s"])
+def test_a_moment_without_a_day_is_no_date_of_today(moment):
+    with pytest.raises(ValueError, match="'time' parameter of Step"):
+        learned(Step(moment), log())
+
+
+def test_dates_with_dots_are_no_spans():
+    X = log(300)
+    for text in ("04.03.2024 03:23:45", "4.3.2024 03:23:45", "2024-03-04 03:23:45", "2 h", "7200", "02:00:00"):
+        assert learned(Step(text), X)[0].seconds_ == 7200.0

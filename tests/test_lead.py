@@ -10,7 +10,8 @@ from sklearn.base import clone
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, diagnose, load_model, save_model
 from thermocorr.datasets import make_record
-from thermocorr.effects import CATALOGUE, Lead
+from thermocorr.effects import CATALOGUE, Lead, ThermometerNoise
+from thermocorr.effects.stream import own_starts, walk
 from thermocorr.equations import lag_differences
 from thermocorr.estimators import held_out_residuals
 from thermocorr.firmware import export_c
@@ -125,3 +126,20 @@ def test_rows_behind_the_fit_tell_what_came_after_its_end(irregular, lead, tmp_p
             predicted = one.predict(X[600:stop])
             known = seconds[600:stop] + lead <= seconds[stop - 1] if stop < 900 else np.full(300, True)
             np.testing.assert_allclose(predicted[known], whole[600:stop][known], rtol=1e-10)
+
+
+@pytest.mark.parametrize("effect", [Lead(300.0), Lead(300.0, [900.0]), ThermometerNoise(120.0)], ids=repr)
+@pytest.mark.parametrize("irregular", [0.0, 0.5])
+def test_rows_passed_over_where_a_block_looks_ahead_do_not_end_the_record(effect, irregular):
+    """Columns, and what a lead carries on, are the same however the record is cut."""
+    X = log(120, irregular=irregular)
+    X.iloc[40:60, 0] = X.iloc[90:91, 0] = X.iloc[117:, 0] = np.nan
+    effect, record = learned(effect, X)
+    at_once = list(walk([effect], record, starts=own_starts(record), size=10**9))
+    for size in (1, 2, 3, 7, 10, 20, 50):
+        parts = list(walk([effect], record, starts=own_starts(record), size=size))
+        np.testing.assert_allclose(np.vstack([part.columns for part in parts]), at_once[0].columns, rtol=1e-12)
+        if isinstance(effect, Lead) and len(effect.time_constants_):
+            carried, expected = parts[-1].states[0], at_once[0].states[0]
+            np.testing.assert_array_equal(carried[3], expected[3])  # their times
+            np.testing.assert_allclose(carried[1].lag_difference, expected[1].lag_difference, rtol=1e-12)

@@ -135,7 +135,7 @@ def test_columns_of_an_array_and_of_the_transformer(device):
     [
         ({"temperature": []}, "must be a column, or a list of different ones"),
         ({"temperature": ["case", "case"]}, "must be a column, or a list of different ones"),
-        ({"time_constants": {"rom": [60]}}, "has some for 'rom', which is none of the thermometers"),
+        ({"time_constants": {"rom": [60]}}, "names 'rom', which is not among the thermometers"),
         ({"fill": {"room": "spline"}}, "must say 'pass', 'hold', 'interpolate', 'estimate', 'end'"),
         ({"fill": {"humidity": "hold"}}, "names 'humidity', which the model does not read"),
         ({"temperature": "case", "fill": {"case": "estimate"}}, "no thermometer with others beside it"),

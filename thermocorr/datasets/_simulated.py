@@ -273,7 +273,7 @@ def _sample_times(
 def _checked_start(value: Any) -> pd.Timestamp:
     """When the record begins; ValueError for what is no date."""
     try:
-        start = pd.NaT if isinstance(value, int | float) else pd.Timestamp(value)
+        start = pd.NaT if isinstance(value, int | float | np.number) else pd.Timestamp(value)
     except (TypeError, ValueError):
         start = pd.NaT
     if not isinstance(start, pd.Timestamp):

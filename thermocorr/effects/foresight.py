@@ -13,9 +13,15 @@ def rows_until(block: Block, ahead: float) -> Any:
     """Rows of a block and of what follows it in its segment, until at least `ahead` seconds beyond its last row."""
     record, until, stop = block.record, block.elapsed[-1] + ahead, block.stop
     last = record.segments[block.segment].stop
-    while stop < last and elapsed(block, record.rows(stop - 1, stop))[0] < until:
+    while stop < last and not _reaches(block, record.kept(block.stop, stop), until):
         stop = min(stop + max(64, (stop - block.start) // 4), last)
     return record.kept(block.start, stop)
+
+
+def _reaches(block: Block, rows: Any, until: float) -> bool:
+    """Whether the last of some rows is late enough; none are not."""
+    some = rows.stop > rows.start if isinstance(rows, slice) else len(rows) > 0
+    return some and elapsed(block, last_of(rows))[0] >= until
 
 
 def last_of(rows: Any) -> Any:

@@ -31,7 +31,7 @@ class Hinge(Effect):
     knee : float
         In the unit of the temperature.
     side : {"above", "below"}, default "above"
-        Where the column moves; on the other side it is 0.
+        Where the column moves; on the other side it stays the same.
     time_constants : sequence, default ()
         [s], or spans such as "15 min": lag differences of that column, eq. (19) with it in place of T, for a part of
         the device (or of the ground) that follows late and only there.
@@ -104,7 +104,8 @@ class Hinge(Effect):
 
     def _at_rest(self) -> float:
         """The hinge at T0 [K]."""
-        return float((max if self.side == "above" else min)(self.reference_temperature_ - self.knee, 0.0))
+        T0 = getattr(self, "reference_temperature_", self.knee)  # models of before it was learned: 0 at the knee
+        return float((max if self.side == "above" else min)(T0 - self.knee, 0.0))
 
     def names(self) -> list[str]:
         """``max(T-0)``, ``max(T-0) lag[3600 s]``, ..."""

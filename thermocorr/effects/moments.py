@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from numbers import Real
 from typing import Any
 
@@ -10,11 +11,13 @@ import pandas as pd
 from sklearn.utils._param_validation import Interval
 
 from ..foreign.clocks import one_date
-from ..records import Record, RecordError
+from ..records import Record
 from ..records.time_spans import span_of
 
 MOMENT: list[Any] = [Interval(Real, None, None, closed="neither"), str, pd.Timestamp, pd.Timedelta, np.datetime64]
 """What a moment may be, in scikit-learn's words."""
+_DAY = re.compile(r"(?<![0-9.,:])[0-9]{4}(?![0-9])|[0-9][./-][0-9]")
+"""What tells a date from a time of day: a year, or numbers with what parts days from months."""
 
 
 def since_start(time: Any, record: Record, name: str = "time", effect: str = "Step") -> float:
@@ -24,17 +27,13 @@ def since_start(time: Any, record: Record, name: str = "time", effect: str = "St
     """
     if isinstance(time, Real):
         return float(time)
-    try:
-        return float(span_of(time).total_seconds())
-    except (ValueError, TypeError):
-        pass
+    date = one_date(time) if isinstance(time, str) else None  # before spans: pandas takes 05.03.2024 10:00 for one
+    if date is None:
+        try:
+            return float(span_of(time).total_seconds())
+        except (ValueError, TypeError):
+            date = _date(time)
     kind = record.times.kind
-    try:
-        date: Any = (one_date(time) if isinstance(time, str) else None) or pd.Timestamp(time)
-    except RecordError:
-        raise
-    except (ValueError, TypeError):
-        date = pd.NaT
     since = record.since_1970()
     if since is None or date is pd.NaT:
         raise ValueError(
@@ -51,6 +50,16 @@ def since_start(time: Any, record: Record, name: str = "time", effect: str = "St
     if kind == "seconds":  # Unix times
         return float(date.timestamp() - since)
     return record.times.between(date.as_unit("ns").value, record.first_stamp())
+
+
+def _date(time: Any) -> Any:
+    """A date as pandas reads it; NaT for none, and for text without a day: that would be today's."""
+    if isinstance(time, str) and not _DAY.search(time):
+        return pd.NaT
+    try:
+        return pd.Timestamp(time).as_unit("ns")
+    except (ValueError, TypeError):
+        return pd.NaT
 
 
 def moment_text(seconds: float, record: Record) -> str:

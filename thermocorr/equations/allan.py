@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,7 +103,7 @@ def allan_deviation(
 
 def check_confidence(confidence: float) -> None:
     """Raise ValueError unless a probability lies between 0 and 1."""
-    if not 0 < confidence < 1:
+    if not (isinstance(confidence, Real) and 0 < confidence < 1):
         raise ValueError(
             f"The 'confidence' parameter must be a float in the range (0.0, 1.0). Got {confidence!r} instead."
         )
@@ -146,7 +147,7 @@ def averaging_factors(
     n: int, sampling_period: float, averaging_times: str | Sequence[float] | Floats
 ) -> NDArray[np.int_]:
     """Cells of each average, increasing, for a record of `n` cells."""
-    if not 0 < sampling_period < np.inf:
+    if not (isinstance(sampling_period, Real) and 0 < sampling_period < np.inf):
         raise ValueError(
             f"The 'sampling_period' parameter must be a positive time [s]. Got {sampling_period!r} instead."
         )

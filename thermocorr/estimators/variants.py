@@ -150,7 +150,7 @@ def compare_variants(
     temperature, time_constants, **options : see `DynamicBiasRegressor`
         By default the number of time constants is chosen too; the paper has six.
     degree : int, optional
-        Degree of the nonlinear static law, 2 or more. None is that of the model, 2 where it is linear.
+        Degree of the nonlinear static law; 1 leaves it linear. None is that of the model, 2 where it is linear.
     products : {"auto", False, True, 2, 3}, optional
         Add a fifth variant with the products of eq. (21), see `DynamicBiasRegressor`; "auto" where they are worth it.
         None is what the model says.
@@ -173,7 +173,7 @@ def compare_variants(
     TypeError
         For options of a model beside `model`.
     ValueError
-        For a nonlinear degree below 2, a window below 1, or fewer than 2 blocks.
+        For a degree or a window below 1, or fewer than 2 blocks.
 
     Examples
     --------
@@ -191,7 +191,7 @@ def compare_variants(
     if model is not None and own:
         raise TypeError(f"compare_variants() takes options of a model or a model=, not both. Got {', '.join(own)} too.")
     dynamic = DynamicBiasRegressor(**own) if model is None else clone(model)
-    degree = check_int("compare_variants", "degree", max(dynamic.degree, 2) if degree is None else degree, 2)
+    degree = check_int("compare_variants", "degree", max(dynamic.degree, 2) if degree is None else degree, 1)
     products = dynamic.products if products is None else products
     window = check_int("compare_variants", "window", window, 1)
     n_blocks = check_int("compare_variants", "n_blocks", n_blocks, 2)

@@ -157,7 +157,7 @@ def _fitted(found: Fitted) -> dict[str, Any]:
     conditions = {
         "rate": ("rate of the temperature", f"{difference_unit(degrees)}/h"),
         "lag difference": (f"lag difference, {span_text(largest_lag(model) or 0.0)}", difference_unit(degrees)),
-        "hour": ("hour of day" if found.timeline.zone is None else "hour of day (UTC)", "h"),
+        "hour": ("hour of day" if model.features_.history_.kind == "datetime" else "hour of day (UTC)", "h"),
     }
     curves += [
         {"name": name, "label": label, "unit": unit_, "group": "condition"}

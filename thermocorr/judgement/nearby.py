@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from itertools import zip_longest
 
 import numpy as np
 
 from ..effects.protocol import Effect
+from ..effects.thermal import seconds_array
 from .choice import WAVE, Cause
 from .dated import MANY, lasting
 from .family import Family
@@ -124,11 +126,15 @@ def _proven_beside(pool: Pool, family: Family, cause: Cause, refused: Collection
 
 
 def _changed(effect: Effect, other: Effect) -> tuple[object, ...]:
-    """Which parameters, and which elements of them, two effects of one kind do not share."""
-    changed = []
+    """Which parameters, and which of the time constants, two effects of one kind do not share."""
+    changed: list[object] = []
     for name, value in effect.get_params(deep=False).items():
-        there = np.ravel(getattr(other, name)).tolist()
-        changed += [(name, i) for i, one in enumerate(np.ravel(value).tolist()) if one != there[i]]
+        there = getattr(other, name)
+        if name == "time_constants":  # neighbours have seconds, where there may be text
+            pairs = zip_longest(seconds_array(value).tolist(), seconds_array(there).tolist())
+            changed += [(name, i) for i, (one, two) in enumerate(pairs) if one != two]
+        elif repr(value) != repr(there):
+            changed.append(name)
     return tuple(changed)
 
 

@@ -61,7 +61,7 @@ def seconds_of(value: Any, name: str) -> float:
     >>> seconds_of("15 min", "time_constant")
     900.0
     """
-    if isinstance(value, int | float | np.number) and not isinstance(value, bool):
+    if isinstance(value, int | float | np.number) and not isinstance(value, bool | np.timedelta64):
         seconds = float(value)
     else:
         try:

@@ -14,7 +14,7 @@ def check_candidates(candidates: Any) -> None:
     listed = not isinstance(candidates, str) and hasattr(candidates, "__len__")
     if listed and len(candidates) == 0:
         raise ValueError("The 'candidates' parameter is empty: name time constants to choose from, or 'auto'.")
-    if not listed or len({np.ndim(item) for item in candidates}) > 1:
+    if not listed or len({isinstance(item, str) or not hasattr(item, "__len__") for item in candidates}) > 1:
         raise ValueError(
             "The 'candidates' parameter must be 'auto', a list of times, or a list of lists of times. "
             f"Got {candidates!r} instead."
