@@ -1,5 +1,7 @@
 """Which effects refinement keeps: errors on later data and on held-out blocks together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -160,3 +162,13 @@ def test_held_out_blocks_are_cut_where_readings_are_believed():
     coded.iloc[2900] = 9.9e37
     assert np.isfinite(blocks).all()
     np.testing.assert_allclose(held_out_blocks(model, X, coded), blocks, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("most", "untried"), [(1, True), (5, False)])
+def test_what_is_named_last_is_said_to_be_untried_or_spoken_against(most, untried):
+    record = make_record(2500, effects={"step": 2.0, "covariate": 2.0}, seed=1)
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = refine(DynamicBiasRegressor("temperature"), X, y, max_steps=most)
+    assert found.untried == untried and ("No step was left." in str(found)) == untried
+    named = " ".join(str(replace(found, diagnoses=(found.diagnoses[0],))).split())
+    assert ("No step was left." in named) == untried and ("speak against it" in named) == (not untried)

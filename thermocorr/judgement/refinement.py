@@ -44,6 +44,8 @@ class Refinement(RefinementPage):
     """The final model, fitted."""
     diagnoses: tuple[Diagnosis, ...] = field(repr=False)
     """Diagnosis of the model after each step."""
+    untried: bool = False
+    """Whether what the last diagnosis names has not been tried: no step was left for it."""
 
     def __str__(self) -> str:
         errors = ["rms", "held_out_rms", "later_rms"]
@@ -57,7 +59,7 @@ class Refinement(RefinementPage):
         ]
         named = [f"{effect_text(cause.effect)} ({cause.standing})" for cause in self.diagnoses[-1].causes]
         if named:
-            why = "Data that were not learned from speak against it, or no step was left."
+            why = "No step was left." if self.untried else "Data that were not learned from speak against it."
             said = f"Named there, and not added: {', '.join(named)}. {why}"
             lines += textwrap.wrap(said, WIDTH, subsequent_indent="    ")
         return printable("\n".join(lines), "\n")
@@ -153,7 +155,7 @@ def _whole(
         return _refined(current, X, y, first, wanted, max_steps, say)
     found = _refined(short.model.fit(short.X, short.y), short.X, short.y, first, wanted, max_steps, say)
     if len(found.diagnoses) == 1 and not any(found.steps["effect"]):
-        return Refinement(found.steps, current, (first,))
+        return Refinement(found.steps, current, (first,), untried=found.untried)
     say("fitting the refined model to all rows")
     final = short.whole(found.model_, current).fit(X, y)
     say("looking for what is still missing")
@@ -163,7 +165,7 @@ def _whole(
         rms=found.steps["rms"].where(found.steps.index != row, last.residual_rms),
         verdict=found.steps["verdict"].where(found.steps.index != row, last.verdict),
     )
-    return Refinement(steps, final, (*found.diagnoses[:-1], last))
+    return Refinement(steps, final, (*found.diagnoses[:-1], last), untried=True)
 
 
 def _refined(
@@ -178,12 +180,13 @@ def _refined(
     """Step by step from a fitted model, whose diagnosis is known."""
     say("measuring the error on held-out and on later blocks")
     start = best = Errors.of(current, X, y)
-    diagnoses = [first]
+    diagnoses, untried = [first], True
     rows = [_step(0, "", "given", best, start, diagnoses[0])]
     try:
         for number in range(1, max_steps + 1):
             longer = _extended(current, X, y, best, diagnoses[-1], wanted["exclude"], _at_step(number, say))
             if longer is None:
+                untried = False
                 break
             extended, errors, named = longer
             current, best, gone = _without_superfluous(extended, X, y, errors)
@@ -201,10 +204,11 @@ def _refined(
             if errors.better_than(best):
                 current = moved
                 diagnoses.append(diagnose(current, X, y, **wanted))
+                untried = True
                 rows.append(_step(len(rows), "parameters tuned together", "tuned", errors, start, diagnoses[-1]))
     except KeyboardInterrupt:
         say("stopped")
-    return Refinement(pd.DataFrame(rows), current, tuple(diagnoses))
+    return Refinement(pd.DataFrame(rows), current, tuple(diagnoses), untried=untried)
 
 
 def _at_step(number: int, say: Callable[[str], None]) -> Callable[[str], None]:
