@@ -157,6 +157,17 @@ def test_dask_frames_are_parts(client, record):
     np.testing.assert_allclose(model.fit(log, log["reading"]).coef_, expected, rtol=1e-8)
 
 
+def test_stretches_are_asked_for_at_once(client, record):
+    log = DistributedLog(client, parts_of(record, [700, 1500]))
+    wanted = [slice(0, 5), slice(690, 710), np.array([1490, 1499, 1500, 1510])]
+    asked = []
+    log.each, each = lambda *a, **k: asked.append(a) or each(*a, **k), log.each
+    found = log["reading"].stretches(wanted)
+    assert len(asked) == 1 and len(found) == 3
+    for values, rows in zip(found, wanted, strict=True):
+        np.testing.assert_array_equal(values, record["reading"].to_numpy()[rows])
+
+
 def test_a_lost_worker_changes_nothing(client, record, path):
     model = MODELS["six lags and decays"]
     expected = model.fit(record, record["reading"]).predict(record)

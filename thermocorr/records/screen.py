@@ -194,7 +194,10 @@ def _sampled(record: Record, column: NDArray[Any]) -> list[Floats]:
             stop = record.segments[number].stop
             start = stop - ends[number] + place
             parts.append((start, min(start + SAMPLE_ROWS, stop)))
-    return [np.asarray(column[record.rows(start, stop)], float) for start, stop in parts]
+    rows = [record.rows(start, stop) for start, stop in parts]
+    together = getattr(column, "stretches", None)  # of columns that are far away, to be asked once
+    found = [column[some] for some in rows] if together is None else together(rows)
+    return [np.asarray(values, float) for values in found]
 
 
 def _limits(record: Record, column: NDArray[Any], usual: Usual, found: Scanned, spikes: Rows) -> Limits:
