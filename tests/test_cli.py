@@ -316,3 +316,8 @@ def test_the_collector_of_garbage_is_left_as_it_was_and_passes_over_what_was_loa
     )
     done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True)
     assert done.stdout.split() == [str(collecting), "True", "0"]
+
+
+def test_the_built_in_record_heeds_the_longest_gap(capsys):
+    assert main(["analyze", "--max-gap", "1,5h", "--quiet"]) == 2
+    assert "'max_gap' parameter" in capsys.readouterr().err

@@ -308,3 +308,14 @@ def test_list_of_measured_records():
         "groundwater_river", "groundwater_well",
     ]  # fmt: skip
     assert records[["physics", "reading", "temperature", "hidden", "license", "source"]].notna().all(axis=None)
+
+
+@pytest.mark.parametrize("moment", ["12:30", "1,5 h", "soon"])
+def test_a_planted_moment_without_a_day_is_refused(moment):
+    with pytest.raises(ValueError, match=r"A moment in make_record .*'2 days'"):
+        make_record(300, effects=[("step", 2.0, {"time": moment})])
+
+
+def test_a_record_may_begin_at_a_date_in_any_iso_form():
+    for start in ("20240304", "2024-03-04", pd.Timestamp("2024-03-04")):
+        assert make_record(10, start=start).index[0] == pd.Timestamp("2024-03-04")

@@ -149,7 +149,7 @@ class RemoteColumn:
         """Rows of the column: a number, a slice, or increasing row numbers."""
         if isinstance(rows, int | np.integer):
             return self[np.array([rows])][0]
-        wanted = np.arange(*rows.indices(len(self))) if isinstance(rows, slice) else np.asarray(rows)
+        wanted = self._numbers(rows)
         edges = np.cumsum([0, *self.log.lengths])
         numbers = np.unique(np.searchsorted(edges, wanted, side="right") - 1).tolist()
         local = [wanted[(wanted >= edges[i]) & (wanted < edges[i + 1])] - edges[i] for i in numbers]
@@ -158,9 +158,12 @@ class RemoteColumn:
         found = self.log.each(_rows, self.name, [_Rows(rows) for rows in local], as_ticks, tasks, parts=numbers)
         return np.concatenate(found) if found else np.zeros(0)
 
+    def _numbers(self, rows: Any) -> np.ndarray:
+        return np.arange(*rows.indices(len(self))) if isinstance(rows, slice) else np.asarray(rows)
+
     def stretches(self, rows: Sequence[Any]) -> list[np.ndarray]:
         """Several stretches, each behind the one before, in one request to the workers."""
-        numbers = [np.arange(*some.indices(len(self))) if isinstance(some, slice) else some for some in rows]
+        numbers = [self._numbers(some) for some in rows]
         return np.split(self[np.concatenate(numbers)], np.cumsum([len(some) for some in numbers])[:-1])
 
 

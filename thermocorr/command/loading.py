@@ -67,7 +67,7 @@ def load_log(options: argparse.Namespace) -> Loaded:
         from ..datasets import load_voltage_reference  # simulators: half a second of imports for a record
 
         log = load_voltage_reference(hidden="moisture")
-        learned["fill"] = fill_rules(options.fill, log.columns)
+        learned |= {"fill": fill_rules(options.fill, log.columns), "max_gap": options.max_gap}
         model = DynamicBiasRegressor("temperature", time_constants, options.degree, **learned)
         return Loaded(log, log, True, model, "voltage")
     how = how_to_read(options)

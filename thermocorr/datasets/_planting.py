@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..records import seconds_of
 from ..records.checks import check_int
-from ..records.time_spans import span_of
+from ..records.time_spans import date_of, span_of
 from ._checks import check_choice, check_float
 from ._compose import STREAMS
 from ._own_columns import of_own_columns
@@ -129,7 +129,12 @@ def _since(start: pd.Timestamp, moment: str | pd.Timestamp) -> float:
     try:
         return float(span_of(moment).total_seconds())
     except (TypeError, ValueError):
-        return float((pd.Timestamp(moment) - start).total_seconds())
+        date = date_of(moment)
+    if not isinstance(date, pd.Timestamp):
+        raise ValueError(
+            f"A moment in {_WHO} must be a date, seconds, or a span such as '2 days'. Got {moment!r} instead."
+        )
+    return float((date - start).total_seconds())
 
 
 def plant(

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..records.checks import check_int
+from ..records.time_spans import date_of
 from ._checks import check_choice, check_float
 from ._climate import TEMPERATURES, air_pressure, mains_voltage, outdoor_humidity, room_humidity, supply_voltage
 from ._compose import coloured_noise as make_coloured_noise
@@ -272,10 +273,7 @@ def _sample_times(
 
 def _checked_start(value: Any) -> pd.Timestamp:
     """When the record begins; ValueError for what is no date."""
-    try:
-        start = pd.NaT if isinstance(value, int | float | np.number) else pd.Timestamp(value)
-    except (TypeError, ValueError):
-        start = pd.NaT
+    start = pd.NaT if isinstance(value, int | float | np.number) else date_of(value)
     if not isinstance(start, pd.Timestamp):
         raise ValueError(f"The 'start' parameter of make_record must be a date. Got {value!r} instead.")
     return start

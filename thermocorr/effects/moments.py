@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from numbers import Real
 from typing import Any
 
@@ -12,12 +11,10 @@ from sklearn.utils._param_validation import Interval
 
 from ..foreign.clocks import one_date
 from ..records import Record
-from ..records.time_spans import span_of
+from ..records.time_spans import date_of, span_of
 
 MOMENT: list[Any] = [Interval(Real, None, None, closed="neither"), str, pd.Timestamp, pd.Timedelta, np.datetime64]
 """What a moment may be, in scikit-learn's words."""
-_DAY = re.compile(r"(?<![0-9.,:])[0-9]{4}(?![0-9])|[0-9][./-][0-9]")
-"""What tells a date from a time of day: a year, or numbers with what parts days from months."""
 
 
 def since_start(time: Any, record: Record, name: str = "time", effect: str = "Step") -> float:
@@ -32,7 +29,7 @@ def since_start(time: Any, record: Record, name: str = "time", effect: str = "St
         try:
             return float(span_of(time).total_seconds())
         except (ValueError, TypeError):
-            date = _date(time)
+            date = date_of(time)
     kind = record.times.kind
     since = record.since_1970()
     if since is None or date is pd.NaT:
@@ -50,16 +47,6 @@ def since_start(time: Any, record: Record, name: str = "time", effect: str = "St
     if kind == "seconds":  # Unix times
         return float(date.timestamp() - since)
     return record.times.between(date.as_unit("ns").value, record.first_stamp())
-
-
-def _date(time: Any) -> Any:
-    """A date as pandas reads it; NaT for none, and for text without a day: that would be today's."""
-    if isinstance(time, str) and not _DAY.search(time):
-        return pd.NaT
-    try:
-        return pd.Timestamp(time).as_unit("ns")
-    except (ValueError, TypeError):
-        return pd.NaT
 
 
 def moment_text(seconds: float, record: Record) -> str:

@@ -1,4 +1,4 @@
-"""Time spans: from numbers, texts and objects to seconds."""
+"""Time spans, from numbers, texts and objects to seconds; and dates that are told from them."""
 
 from __future__ import annotations
 
@@ -16,6 +16,22 @@ _COMMA = re.compile(r"[0-9],[0-9]")
 """A decimal comma or one between thousands, which pandas would pass over: 1,5 h as 15 h."""
 _UNIT_LETTER = re.compile(r"(?<![^\W\d_])[dwHSTLUN](?![^\W\d_])")
 """A unit of one letter that some version of pandas has warned of."""
+
+
+_DAY = re.compile(r"(?<![0-9.,:])[0-9]{4}(?:[0-9]{4})?(?![0-9])|[0-9][./-][0-9]")
+"""What tells a date from a time of day: a year, or numbers with what parts days from months."""
+
+
+def date_of(value: Any) -> Any:
+    """A date as pandas reads it; NaT for none, and for text without a day, which pandas takes for a time of today."""
+    if isinstance(value, str) and not _DAY.search(value):
+        return pd.NaT
+    try:
+        date = pd.Timestamp(value)
+        date.as_unit("ns")  # or it is out of reach
+        return date
+    except (ValueError, TypeError):
+        return pd.NaT
 
 
 def span_of(value: Any) -> Any:
