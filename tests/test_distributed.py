@@ -159,11 +159,11 @@ def test_dask_frames_are_parts(client, record):
 
 def test_stretches_are_asked_for_at_once(client, record):
     log = DistributedLog(client, parts_of(record, [700, 1500]))
-    wanted = [slice(0, 5), slice(690, 710), np.array([1490, 1499, 1500, 1510])]
+    wanted = [slice(0, 5), slice(690, 710), np.array([1510, 1499, 1500, 1490]), slice(695, 705)]
     asked = []
     log.each, each = lambda *a, **k: asked.append(a) or each(*a, **k), log.each
     found = log["reading"].stretches(wanted)
-    assert len(asked) == 1 and len(found) == 3
+    assert len(asked) == 1 and len(found) == 4
     for values, rows in zip(found, wanted, strict=True):
         np.testing.assert_array_equal(values, record["reading"].to_numpy()[rows])
 
@@ -202,6 +202,7 @@ def _die():
         (lambda r: [r[:4000], r[4000:].assign(temperature=r["temperature"].where(r.index != r.index[5000]))],
          "Part 1 of the log is not one segment: 1 row of 5000 has a missing value"),
         (lambda r: [r[:4000], r[4000:][::-1]], "Part 1 of the log: Time goes backward at row 1"),
+        (lambda r: [r[:4000], r[4000:].assign(reading=np.inf)], "Part 1 of the log: The reading y contains infinity"),
         (lambda r: [], "no parts"),
     ],
 )  # fmt: skip

@@ -11,6 +11,7 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, ParquetLog, RecordError, TimeConstantSearch
 from thermocorr.datasets import make_record
+from thermocorr.effects import Covariate
 
 pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
 
@@ -105,6 +106,8 @@ def test_memory_does_not_grow_with_the_record(tmp_path):
     [
         (lambda f: f.assign(temperature="warm"), "'temperature' holds .*string.*, not numbers"),
         (lambda f: f.assign(temperature=f["temperature"] / (np.arange(len(f)) != 900)), "infinity in row 900"),
+        (lambda f: f.assign(reading=f["reading"] / (np.arange(len(f)) != 900)), "y contains infinity in row 900"),
+        (lambda f: f.assign(reading=f["reading"].where(np.arange(len(f)) != 100, 1e300)), "y is 1e.300 in row 100"),
         (lambda f: f.set_index(f.index.where(np.arange(len(f)) != 800)), "no time in row 800"),
         (lambda f: f.iloc[::-1], "Time goes backward at row 1"),
         (lambda f: f.iloc[:0], "has 0 rows"),
@@ -115,7 +118,39 @@ def test_bad_files_are_refused_by_row_and_column(record, tmp_path, change, words
     change(record[:1500]).to_parquet(tmp_path / "bad.parquet", row_group_size=400)
     log = ParquetLog(tmp_path / "bad.parquet")
     with pytest.raises(RecordError, match=words):
-        DynamicBiasRegressor("temperature", [300.0]).fit(log, record["reading"][: len(log)])
+        DynamicBiasRegressor("temperature", [300.0]).fit(log, log["reading"])
+    with pytest.raises(RecordError, match=words):  # whoever walks through the file finds it
+        DynamicBiasRegressor("temperature", [300.0], screen=False).fit(log, log["reading"])
+
+
+def test_a_fit_walks_through_a_file_as_seldom_as_it_can(tmp_path, monkeypatch):
+    """Missing temperatures, samples, the screen, kept rows, the sweep: nothing is looked for in a walk of its own."""
+    make_record(60_000, seed=6, irregular=0.3).to_parquet(tmp_path / "log.parquet", row_group_size=6000)
+    log, read = ParquetLog(tmp_path / "log.parquet"), []
+    values_of = log.read_group
+    monkeypatch.setattr(log, "read_group", lambda group, name: read.append(name) or values_of(group, name))
+    DynamicBiasRegressor("temperature", [300.0], effects=[Covariate("humidity")]).fit(log, log["reading"])
+    beginnings = 8  # the kind of a column, what is at its start, rows at the edges of groups
+    assert read.count("temperature") <= 5 * 10 + beginnings
+    assert read.count("reading") <= 3 * 10 + beginnings  # samples, the screen, the sweep
+    assert read.count("humidity") <= 4 * 10 + beginnings  # missing values, its mean, the kept rows, the sweep
+
+
+def test_values_are_looked_at_once_and_again_after_a_refusal(log):
+    shown = []
+    column = log["temperature"].looked_at_by(lambda values, row: shown.append((row, len(values))))
+    for rows in (slice(650, 1500), slice(0, 5000), slice(5, 9)):
+        assert np.array_equal(column[rows], log["temperature"][rows])
+    assert sorted(shown) == list(zip(log.edges[:-1].tolist(), np.diff(log.edges).tolist(), strict=True))
+
+    def refuse(values, row):
+        if row:
+            raise RecordError(f"from row {row}")
+
+    column = log["temperature"].looked_at_by(refuse)
+    for _ in range(2):
+        with pytest.raises(RecordError, match="from row 700"):
+            column[800]
 
 
 def test_files_of_one_log_have_the_same_columns(record, tmp_path):

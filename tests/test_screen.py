@@ -24,7 +24,8 @@ from thermocorr import (
 )
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.equations.spikes import scan, spikes, usual_of
+from thermocorr.equations.spikes import scan, spikes
+from thermocorr.equations.usual import usual_of
 from thermocorr.records.screen import Limits
 
 N = 20_000

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
+from itertools import pairwise
 from typing import Any
 from uuid import uuid4
 
@@ -19,8 +20,9 @@ import numpy as np
 from ..effects.protocol import Effect
 from ..effects.signals import joined
 from ..equations import LagState, TriangularFactor, lag_differences
-from ..equations.spikes import HALO, Scanned, Usual
+from ..equations.spikes import HALO, Scanned
 from ..equations.statistics import Moments
+from ..equations.usual import Usual
 from ..estimators.fitting import Swept
 from ..records import Layout, Log, ParquetLog, Record, RecordError, Segment, SegmentStart
 from ..records.errors import listing, quoted
@@ -146,10 +148,13 @@ class RemoteColumn:
         return len(self.log)
 
     def __getitem__(self, rows: Any) -> Any:
-        """Rows of the column: a number, a slice, or increasing row numbers."""
+        """Rows of the column: a number, a slice, or row numbers in any order."""
         if isinstance(rows, int | np.integer):
             return self[np.array([rows])][0]
         wanted = self._numbers(rows)
+        if (wanted[1:] <= wanted[:-1]).any():
+            wanted, places = np.unique(wanted, return_inverse=True)
+            return self[wanted][places]
         edges = np.cumsum([0, *self.log.lengths])
         numbers = np.unique(np.searchsorted(edges, wanted, side="right") - 1).tolist()
         local = [wanted[(wanted >= edges[i]) & (wanted < edges[i + 1])] - edges[i] for i in numbers]
@@ -162,7 +167,7 @@ class RemoteColumn:
         return np.arange(*rows.indices(len(self))) if isinstance(rows, slice) else np.asarray(rows)
 
     def stretches(self, rows: Sequence[Any]) -> list[np.ndarray]:
-        """Several stretches, each behind the one before, in one request to the workers."""
+        """Several stretches in one request to the workers."""
         numbers = [self._numbers(some) for some in rows]
         return np.split(self[np.concatenate(numbers)], np.cumsum([len(some) for some in numbers])[:-1])
 
@@ -194,7 +199,6 @@ class DistributedRecord(Record):
         times = Times(n, first.times.kind, ticks, first.times.per_second, first.times.period)
         columns: dict[object, Any] = {name: RemoteColumn(log, name) for name in looks[0].first}
         reading: Any = None if tasks[0].reading is None else RemoteColumn(log, tasks[0].reading)
-        known = {key: reduce(Moments.merged, (part.moments[key] for part in looks)) for key in looks[0].moments}
         notes = tuple(dict.fromkeys(note for part in looks for note in part.record.notes))
         segments = (Segment(0, n),)
         return cls(
@@ -204,7 +208,6 @@ class DistributedRecord(Record):
             segments=segments,
             reading=reading,
             notes=notes,
-            known_moments=known,
             log=log,
             tasks=tuple(tasks),
             looks=tuple(looks),
@@ -219,23 +222,18 @@ class DistributedRecord(Record):
                 return part.first_stamp if k == low else part.last_stamp
         return super().stamp(k)
 
-    def moments(self, column: object, power: int = 1) -> Moments:
-        """Moments of a column or of a power of it, merged from those of the parts."""
-        if (column, power) not in self.known_moments:
-            parts = self.log.each(moments_of, list(self.tasks), column, power)
-            self.known_moments[column, power] = reduce(Moments.merged, parts)
-        return self.known_moments[column, power]
-
-    def reading_moments(self) -> Moments:
-        """Moments of the readings, without the missing ones."""
-        return reduce(Moments.merged, (part.reading_moments or Moments() for part in self.looks))
+    def _looked_at(self, column: Any, power: int) -> Moments:
+        name = None if column is self.reading else column.name
+        parts: list[Moments] = self.log.each(moments_of, list(self.tasks), name, power)
+        return reduce(Moments.merged, parts)
 
     def scanned(self, what: str, usual: Usual) -> Scanned:
         """Codes and peaks of the temperature or the reading, found by the workers; a part knows its neighbours."""
         column: Any = self.reading if what == "reading" else self.columns[self.temperature_name]
         edges, n = self._starts, len(self.log)
-        before = [column[np.arange(max(edge - HALO, 0), edge)] for edge in edges[:-1]]
-        behind = [column[np.arange(edge, min(edge + HALO, n))] for edge in edges[1:]]
+        sides = [(max(edge - HALO, 0), edge, min(edge + HALO, n)) for edge in edges]
+        near = column.stretches([slice(*ends) for side in sides for ends in pairwise(side)])
+        before, behind = near[0:-2:2], near[3::2]
         parts = self.log.each(scan_part, list(self.tasks), what, usual, before, behind)
         return Scanned.together(part.moved(edge) for part, edge in zip(parts, edges, strict=False))
 
@@ -265,7 +263,7 @@ class DistributedRecord(Record):
         states = self._start_states(effects)
         zero, lengths = self.first_stamp(), self.log.lengths
         starts = [SegmentStart(0, zero, None if i == 0 else step) for i, step in enumerate(self._steps())]
-        offset = next((part.offset for part in self.looks if part.reading_moments and part.reading_moments.n), 0.0)
+        offset = next((part.a_reading for part in self.looks if part.a_reading is not None), 0.0)
         results = self.log.each(
             sweep_part,
             list(self.tasks),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
@@ -16,9 +17,10 @@ from ..effects.expressions import Lag, Previous, TraceError, Word, traced
 from ..effects.protocol import Effect, refuse_foresight
 from ..effects.signals import BlockSignals
 from ..equations import LagState, TriangularFactor, lags_at_end
-from ..equations.spikes import Scanned, Usual, scan_stretch
+from ..equations.spikes import Scanned, scan_stretch
 from ..equations.statistics import Moments
-from ..estimators.fitting import reading_offset, swept_on
+from ..equations.usual import Usual
+from ..estimators.fitting import a_reading, swept_on
 from ..estimators.fused import Begun
 from ..estimators.threads import one_blas_thread
 from ..records import BLOCK_ROWS, Block, Layout, ParquetLog, Record, RecordError, Segment, SegmentStart, read_record
@@ -98,13 +100,11 @@ class Look:
     """The record without columns, and with the times of its first and last row only."""
     first_stamp: float
     last_stamp: float
-    moments: dict[tuple[object, int], Moments]
     first: dict[object, float]
     """First value of each column."""
     last: dict[object, float]
-    reading_moments: Moments | None
-    offset: float
-    """A reading, near all the others."""
+    a_reading: float | None
+    """A reading, near all the others; None where there is none."""
 
 
 @dataclass(frozen=True)
@@ -135,12 +135,18 @@ class Task:
             record = replace(record, times=replace(record.times, first_row=first_row))
         return record
 
-    def _read(self, part: Part) -> Record:
-        y = None if self.reading is None else part[self.reading]
+    @contextmanager
+    def named(self) -> Iterator[None]:
+        """Say in which part something is wrong that is found within; columns are looked at when they are read."""
         try:
-            record = read_record(part, self.layout, y=y, needed=self.needed, quiet=True)
+            yield
         except RecordError as error:
             raise RecordError(f"Part {self.number} of the log: {error}") from None
+
+    def _read(self, part: Part) -> Record:
+        y = None if self.reading is None else part[self.reading]
+        with self.named():
+            record = read_record(part, self.layout, y=y, needed=self.needed, quiet=True)
         if len(record.segments) != 1 or record.n_used != record.n_rows or record.order is not None:
             raise RecordError(
                 f"Part {self.number} of the log is not one segment: {' '.join(record.notes) or 'it has a gap.'} A "
@@ -161,26 +167,33 @@ def look(part: Part, task: Task) -> Look:
     if times.ticks is not None:
         times = replace(times, n=2, ticks=np.array([times.ticks[0], times.ticks[n - 1]]))
     first, last = ({name: float(column[end]) for name, column in record.columns.items()} for end in (0, n - 1))
+    with task.named():
+        reading = None if record.reading is None else a_reading(record)
     return Look(
         record=Record(times, record.temperature_name, {}, record.segments, notes=record.notes),
         first_stamp=record.stamp(0),
         last_stamp=record.stamp(n - 1),
-        moments={(name, 1): record.moments(name) for name in record.columns},
         first=first,
         last=last,
-        reading_moments=None if record.reading is None else record.reading_moments(),
-        offset=0.0 if record.reading is None else reading_offset(record),
+        a_reading=reading,
     )
 
 
 def moments_of(part: Part, task: Task, column: Any, power: int) -> Moments:
-    """Moments of a column of a part, or of a power of it."""
-    return task.record(part).moments(column, power)
+    """Moments of a column of a part, or of a power of it; of its readings where `column` is None."""
+    record = task.record(part)
+    with task.named():
+        return record.reading_moments() if column is None else record.moments(column, power)
 
 
 def scan_part(part: Part, task: Task, what: str, usual: Usual, before: np.ndarray, behind: np.ndarray) -> Scanned:
     """Codes and peaks of a part's temperature or reading; values `before` and `behind` it are its neighbours."""
     record = task.record(part)
+    with task.named():
+        return _scan(record, what, usual, before, behind)
+
+
+def _scan(record: Record, what: str, usual: Usual, before: np.ndarray, behind: np.ndarray) -> Scanned:
     column: Any = record.reading if what == "reading" else record.columns[record.temperature_name]
     n = record.n_rows
 

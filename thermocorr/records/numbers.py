@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from os import PathLike
 from typing import Any
 
@@ -164,13 +165,16 @@ def as_numbers(values: Any, what: str, role: Role = "column") -> NDArray[Any]:
         values = (
             values.to_numpy() if isinstance(values.dtype, np.dtype) else values.to_numpy(dtype=float, na_value=np.nan)
         )
+    if hasattr(values, "looked_at_by"):  # a column of a log stays what it is, and is read when it is sliced
+        later: np.ndarray = values.looked_at_by(partial(_refuse_absurd, what))
+        return later
     for start in range(0, len(values), _CHUNK):
-        _refuse_absurd(values[start : start + _CHUNK], start, what)
-    checked: np.ndarray = values  # a column of a log stays what it is, and is read when it is sliced
+        _refuse_absurd(what, values[start : start + _CHUNK], start)
+    checked: np.ndarray = values
     return checked
 
 
-def _refuse_absurd(chunk: Any, first_row: int, what: str) -> None:
+def _refuse_absurd(what: str, chunk: Any, first_row: int) -> None:
     """Refuse infinities, and numbers that no instrument shows: their squares would not be numbers."""
     if chunk.dtype.kind != "f" or not len(chunk):
         return

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from os import PathLike
 from typing import Any
@@ -124,18 +124,20 @@ class ParquetLog(Log):
 
 
 class ParquetColumn:
-    """A column of a `ParquetLog` that is read when it is sliced; the last row group is kept.
+    """A column of a `ParquetLog` that is read when it is sliced; the last two row groups are kept.
 
     Numbers and switches come as float64, dates and spans as numpy has them, text as objects.
     """
 
     ndim = 1
 
-    def __init__(self, log: ParquetLog, name: str):
+    def __init__(self, log: ParquetLog, name: str, look: Callable[[NDArray[Any], int], None] | None = None):
         self.log, self.name = log, name
         self.type_name = str(log.field_type(name))
         self.kind: ColumnKind = kind_of_arrow(self.type_name)
-        self._held: tuple[int, NDArray[Any]] | None = None
+        self._held: dict[int, NDArray[Any]] = {}
+        self._look = look
+        self._seen: set[int] = set()
         self.dtype = self._group(0).dtype if len(log) else np.dtype(float)
 
     @property
@@ -147,6 +149,13 @@ class ParquetColumn:
     def shape(self) -> tuple[int]:
         """One column of so many rows."""
         return (len(self.log),)
+
+    def looked_at_by(self, look: Callable[[NDArray[Any], int], None]) -> ParquetColumn:
+        """The column, each row group of which is shown to `look` with its first row when it is read for the first time.
+
+        What is wrong with a column is so found without a walk through the file of its own.
+        """
+        return ParquetColumn(self.log, self.name, look)
 
     def __len__(self) -> int:
         return len(self.log)
@@ -182,9 +191,17 @@ class ParquetColumn:
         return parts[0] if len(parts) == 1 else np.concatenate(parts) if parts else np.zeros(0, self.dtype)
 
     def _group(self, group: int) -> NDArray[Any]:
-        if self._held is None or self._held[0] != group:
-            self._held = (group, self._values(self.log.read_group(group, self.name), int(self.log.edges[group])))
-        return self._held[1]
+        """The values of a row group; neighbours of the rows at an edge are asked for in turn, so two are kept."""
+        if group not in self._held:
+            while len(self._held) > 1:
+                del self._held[next(iter(self._held))]
+            first_row = int(self.log.edges[group])
+            values = self._values(self.log.read_group(group, self.name), first_row)
+            if self._look is not None and group not in self._seen:
+                self._look(values, first_row)
+                self._seen.add(group)
+            self._held[group] = values
+        return self._held[group]
 
     def _values(self, column: Any, first_row: int) -> NDArray[Any]:
         """A stretch of the column, from row `first_row` on."""

@@ -18,9 +18,9 @@ from .log import Log
 from .missing import missing_text, nothing_known_text
 from .numbers import is_frame, numeric_column
 from .quantities import span_text, span_texts
-from .record import Record, holes
+from .record import Record
 from .record_log import as_data
-from .segments import Segment
+from .segments import Segment, holes
 from .time_spans import seconds_of
 from .times import Times, steps_back_an_hour, summer_time_text, times_from
 from .types import kind_of

@@ -10,14 +10,28 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equations.spikes import CHUNK, Scanned, Usual, scan_stretch
+from ..equations.spikes import CHUNK, Scanned, scan_stretch
 from ..equations.statistics import Moments
+from ..equations.usual import Usual
 from .reach import where_read
-from .segments import Segment, SegmentStart
+from .segments import Segment, SegmentStart, holes
 from .times import Floats, Rows, Times
 
 BLOCK_ROWS = 8192
 """Rows of one block: large enough to keep Python out of the way, small enough to stay in the cache."""
+
+
+class Itself:
+    """A key for what has no name: equal to that of the same object alone."""
+
+    def __init__(self, of: object):
+        self.of = of
+
+    def __hash__(self) -> int:
+        return id(self.of)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Itself) and other.of is self.of
 
 
 class Refused(NamedTuple):
@@ -146,7 +160,7 @@ class Record:
     notes: tuple[str, ...] = field(default=())
     """What the user should know about the record's quality, one sentence each."""
     known_moments: dict[tuple[object, int], Moments] = field(default_factory=dict, repr=False)
-    """Moments computed so far."""
+    """Moments computed so far, by column (`Itself` of the readings) and power."""
     skipped: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp), repr=False)
     """Rows in time order, sorted, inside segments, that are passed over as if they had not been recorded; a segment
     neither begins nor ends with one."""
@@ -261,16 +275,24 @@ class Record:
 
     def moments(self, column: object, power: int = 1) -> Moments:
         """Number, mean, variance and range of a column (or of a power of it) inside segments, in one pass."""
-        if (column, power) not in self.known_moments:
-            self.known_moments[column, power] = self._moments(self.columns[column], power)
-        return self.known_moments[column, power]
+        return self._moments(column, self.columns[column], power)
 
     def reading_moments(self) -> Moments:
         """Moments of the readings, without the missing ones."""
-        assert self.reading is not None
-        return self._moments(self.reading)
+        return self._moments(Itself(self.reading), self.reading)
 
-    def _moments(self, column: NDArray[Any], power: int = 1) -> Moments:
+    def _moments(self, key: object, column: Any, power: int = 1) -> Moments:
+        if (key, power) not in self.known_moments:
+            self.known_moments[key, power] = self._looked_at(column, power)
+        return self.known_moments[key, power]
+
+    def know_moments(self, what: str, moments: Moments) -> None:
+        """Keep the moments of the "reading" or the "temperature", of whoever has found them on the way."""
+        key = Itself(self.reading) if what == "reading" else self.temperature_name
+        self.known_moments[key, 1] = moments
+
+    def _looked_at(self, column: Any, power: int) -> Moments:
+        """Moments of a power of a column inside segments, in one pass."""
         result, ends = Moments(), {segment.stop for segment in self.segments}
         starts = [segment.start for segment in self.segments if segment.start not in ends]
         stops = sorted(ends - {segment.start for segment in self.segments})
@@ -375,8 +397,3 @@ class Record:
                     segment_zero=segment_zero,
                     segment_key=None if known is None else known.key,
                 )
-
-
-def holes(places: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Stretches of consecutive numbers among sorted ones: the first of each, and the one behind its last."""
-    return places[np.diff(places, prepend=-2) != 1], places[np.diff(places, append=-2) != 1] + 1

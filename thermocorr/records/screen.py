@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equations.spikes import ABSURD, ALL_CODES, CHUNK, OVERLOAD, Scanned, Usual, usual_of
+from ..equations.spikes import ABSURD, ALL_CODES, CHUNK, Scanned
+from ..equations.usual import OVERLOAD, Usual, usual_of
 from .errors import RecordError, quoted, times_word
 from .other_units import OtherUnit, first_median, unit_told_by
 from .record import Record, Refused
@@ -159,7 +160,7 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
     RecordError
         Where no temperature is left.
     """
-    limits = {}
+    limits, left = {}, {}
     for what, column in (("temperature", record.columns[record.temperature_name]), ("reading", record.reading)):
         if column is None:
             limits[what] = Limits()
@@ -167,6 +168,8 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
         usual = usual_of(_sampled(record, column), record.n_used, temperature=what == "temperature")
         found = record.scanned(what, usual)
         spikes = found.true_spikes(usual, record.n_used)
+        if found.is_nothing:
+            left[what] = found.left
         limits[what] = _limits(record, column, usual, found, spikes)
         if len(found.repeats) and what == "temperature":  # a device may well stand still as long
             record = replace(record, notes=(*record.notes, _seldom(record, found.repeats)))
@@ -179,6 +182,9 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
     if record.refused:
         notes = tuple(_note(refused) for refused in record.refused)
         record = replace(record, notes=(*record.notes, *notes)).told()
+    elif not len(record.skipped):  # the rows that were looked at are those that are used
+        for what, moments in left.items():
+            record.know_moments(what, moments)
     return record, Screen(**limits)
 
 
@@ -203,7 +209,7 @@ def _sampled(record: Record, column: NDArray[Any]) -> list[Floats]:
 def _limits(record: Record, column: NDArray[Any], usual: Usual, found: Scanned, spikes: Rows) -> Limits:
     """What later rows are screened by: codes that were met, or that are far from everything; the spikes."""
     met = np.unique(np.asarray(column[record.rows_at(_few(found.codes))], float)).tolist() if len(found.codes) else []
-    far = ALL_CODES[(found.low > ALL_CODES) | (found.high < ALL_CODES)]
+    far = ALL_CODES[(found.left.low > ALL_CODES) | (found.left.high < ALL_CODES)]
     far = far[usual.outside(far, ABSURD)] if usual.range > 0 else far[:0]
     codes = sorted({code for code in (*met, *far.tolist(), *usual.ends) if abs(code) < OVERLOAD})
     kept = spikes[:MOST_KEPT]
