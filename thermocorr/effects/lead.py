@@ -68,9 +68,11 @@ class Lead(Effect):
     learned = {"lead_": "positive", "time_constants_": "times"}
     info = EffectInfo(
         physics="The reading runs ahead of the thermometer: the thermometer is slow, sits deeper or farther from the "
-        "air than the instrument, or the two clocks disagree.",
+        "air than the instrument, or the two clocks disagree; a lead of a few rows also where the room swings between "
+        "rows (a thermostat), which a straight line from row to row does not show.",
         bench_check="Set both clocks by one; put a quick thermometer beside the recorded one and step the temperature: "
-        "the reading moves with the quick one, before the recorded one does.",
+        "the reading moves with the quick one, before the recorded one does. Log the temperature five times as often: "
+        "what too few rows made is gone.",
         formula="lead[d] = T(t + d) - T(t); lead[d] lag[tau] = a lag difference of it",
         parameters={"lead": "s", "time_constants": "s"},
         tuned=("lead",),
