@@ -133,6 +133,7 @@ def test_live_is_whole_where_all_are_lost_at_once(device):
     assert_live_is_whole(model, lost, y[LEARNED:][:400])
 
 
+@pytest.mark.newest
 def test_live_is_whole_over_gaps_and_runs():
     X, y, _, _ = two_surfaces(16, n=4000)
     run = np.repeat(["a", "b", "c", "d"], 1000)

@@ -15,6 +15,8 @@ from thermocorr import DynamicBiasRegressor, RecordError, save_model
 from thermocorr.command.cli import main
 from thermocorr.foreign.counted_times import CountedTimes
 
+pytestmark = pytest.mark.newest
+
 FOLLOWED = [
     "semicolons with decimal commas", "a German header in Latin-1", "tabs", "blanks", "a preamble as wide as the table",
     "units below the header", "a semicolon at every end", "thousands with points", "month/day/year, AM and PM",

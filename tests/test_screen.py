@@ -322,6 +322,7 @@ def test_a_stream_refuses_what_the_record_refuses(clean, tmp_path, kind, max_gap
 # --------------------------------------------------------------------------------------------------- the command line
 
 
+@pytest.mark.newest
 def test_the_command_says_what_it_left_out(clean, tmp_path, capsys):
     X, y, _ = spoiled(*clean)
     log = X.iloc[:5000].assign(reading=y.iloc[:5000])

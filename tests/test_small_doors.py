@@ -48,6 +48,7 @@ def of_everything():
     return fitted([LaggedCovariate("humidity", ["20 min"]), Rate(), Drift(True), Periodic("3 h")])[0]
 
 
+@pytest.mark.newest
 @needs_gcc
 @pytest.mark.parametrize(
     ("dtype", "period", "names"), [("float", "variable", OF_THE_CODE + OF_C + ODD), ("double", "fitted", OF_THE_CODE)]

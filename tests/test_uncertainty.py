@@ -20,6 +20,8 @@ from thermocorr.estimators.uncertainty.budget import coverage_factor
 from thermocorr.estimators.uncertainty.noise_model import NoiseModel
 from thermocorr.estimators.uncertainty.restricted import BandSums
 
+pytestmark = pytest.mark.newest
+
 
 @pytest.fixture(scope="module")
 def fitted():

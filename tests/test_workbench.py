@@ -18,6 +18,8 @@ from thermocorr.interactive.source import opened
 from thermocorr.interactive.tiles import Store
 from thermocorr.records import RecordError
 
+pytestmark = pytest.mark.newest
+
 
 def test_numbers_on_the_screen_are_those_of_the_library(bench, bench_log):
     X, y = in_python(bench_log)

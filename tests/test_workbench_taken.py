@@ -25,6 +25,8 @@ from thermocorr.interactive.takeaway import KINDS, taken
 from thermocorr.interactive.tiles import Store
 from thermocorr.records import RecordError
 
+pytestmark = pytest.mark.newest
+
 OWN = '''
 import numpy as np
 from thermocorr.effects import Effect, EffectInfo
