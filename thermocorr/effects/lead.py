@@ -59,6 +59,7 @@ class Lead(Effect):
     """
 
     kind = "lead"
+    of_temperature_alone = True
     thermal_rank = 5
     foresees = True
     instead = (

@@ -32,6 +32,7 @@ class Rate(Effect):
     """
 
     kind = "rate"
+    of_temperature_alone = True
     thermal_rank = 3
     learned = {"time_constant_": "positive or None"}
     info = EffectInfo(
@@ -91,6 +92,7 @@ class Delay(Effect):
     """
 
     kind = "delay"
+    of_temperature_alone = True
     thermal_rank = 2
     learned = {"delay_": "positive"}
     info = EffectInfo(

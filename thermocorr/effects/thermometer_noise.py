@@ -45,6 +45,7 @@ class ThermometerNoise(Effect):
     """
 
     kind = "thermometer_noise"
+    of_temperature_alone = True
     thermal_rank = 4
     of_thermometer = True
     foresees = True

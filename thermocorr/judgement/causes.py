@@ -279,9 +279,9 @@ class Search:
 
     def _taken_in(self, best: Tried, alike: Sequence[Tried] = (), others: Sequence[Tried] = ()) -> Cause:
         """What was chosen, as a cause; it is part of the base from now on."""
-        number, share = len(self.judged.causes), self.share(best)
+        number, share, size = len(self.judged.causes), self.share(best), self.size(best)
         best = replace(best, explanation=self.pool.with_columns([best.explanation])[0])
-        cause = Cause(tried=best, alike=tuple(alike), others=tuple(others), share=share, adopted=number)
+        cause = Cause(tried=best, alike=tuple(alike), others=tuple(others), share=share, size=size, adopted=number)
         self.judged.adopt(best.number)
         self.held = self.held.with_columns(self.family.coarse[best.number])
         return cause
@@ -338,9 +338,14 @@ class Search:
 
     def share(self, tried: Tried) -> float:
         """Share of the structured variance, at the start, that an explanation takes away from the present base."""
-        judged = self.judged
-        taken = judged.unexplained() - judged.unexplained(tried.number)
-        return float(np.clip(taken / max(self.structured, 1e-300), 0.0, 1.0))
+        return float(np.clip(self._taken(tried) / max(self.structured, 1e-300), 0.0, 1.0))
+
+    def size(self, tried: Tried) -> float:
+        """Standard deviation of what an explanation takes away from the present base, in the unit of the reading."""
+        return self.judged.unit * float(np.sqrt(max(self._taken(tried), 0.0)))
+
+    def _taken(self, tried: Tried) -> float:
+        return self.judged.unexplained() - self.judged.unexplained(tried.number)
 
     def by_chance(self, tried: Tried) -> bool:
         """Whether noise like the base's gives some explanation or other so much help in more than a few records."""

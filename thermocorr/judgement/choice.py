@@ -97,6 +97,8 @@ class Cause:
     """Rejected alternatives, best first."""
     share: float
     """Share of the structured variance that it explains."""
+    size: float
+    """Standard deviation of what it explains, in the unit of the reading."""
     adopted: int = -1
     """Number among the explanations that the comparison has adopted; -1 for none."""
 

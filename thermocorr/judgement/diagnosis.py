@@ -29,6 +29,7 @@ from .choice import Cause, Tried, first_of_each
 from .dated import DATED
 from .family import ANYWHERE
 from .found import Diagnosis, FoundSuspect
+from .imitations import between_rows
 from .lacking import lacking, start_lacking
 from .left import what_is_left
 from .left_levels import RANKED
@@ -100,10 +101,20 @@ def diagnose(
         pool = Pool(model, record, base, candidates, felt_in_gaps(model, read, base.slowest))
         search, causes, last = searched(pool, [kind for kind in ANYWHERE if kind not in exclude])
         missing = [cause for cause in map(_not_silently, causes) if not cause.tried.explanation.in_model]
-        missing = missing or start_lacking(model, read, search, causes, exclude) or lacking(model, search, exclude)
+        missing, traces = _apart(missing, pool)
+        if not missing:
+            more = start_lacking(model, read, search, causes, exclude) or lacking(model, search, exclude)
+            missing, further = _apart(more, pool)
+            traces += further
         missing.sort(key=_worth_to_the_user)
         search.judged.let_go()
-        return _conclude(model, y, seen, read, search, missing, last, _as_likely_as_the_start(causes))
+        return _conclude(model, y, seen, read, search, missing, last, _as_likely_as_the_start(causes), traces)
+
+
+def _apart(causes: Sequence[Cause], pool: Pool) -> tuple[list[Cause], list[Cause]]:
+    """Causes, and what is a trace of the temperature between its rows."""
+    traces = between_rows(causes, pool)
+    return [cause for cause in causes if not any(cause is trace for trace in traces)], traces
 
 
 def _conclude(
@@ -115,6 +126,7 @@ def _conclude(
     causes: Sequence[Cause],
     last: Sequence[Tried],
     start_or: tuple[str, ...],
+    traces: Sequence[Cause],
 ) -> Diagnosis:
     """Verdict, causes and other suspects, and what is left."""
     residual, rms = residuals_of(model, read, search.pool.record)
@@ -122,6 +134,9 @@ def _conclude(
     labels = [[effect_text(tried.explanation.effect) for tried in first_of_each(doubt)] for doubt in doubts]
     share, apart = beyond_judgement(model, read)
     rest = replace(what_is_left(search, residual, *labels), unjudged=share, unjudged_rms=apart, start_or=start_or)
+    if traces:
+        put_down = tuple(dict.fromkeys(effect_text(cause.tried.explanation.effect) for cause in traces))
+        rest = replace(rest, between_rows=put_down, swings=search.pool.between_rows)
     rounded = rest.rounding and not causes
     floor = rms if search.pool.rows.exact or rounded else min(max(rest.floor, rest.rounding / np.sqrt(12)), rms)
     moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, causes)]

@@ -1,4 +1,4 @@
-"""Traces of the thermometers' errors: what looks like another cause where a thermometer is noisy or coarse."""
+"""What looks like another cause where a thermometer is noisy or coarse, or is not asked often enough."""
 
 from __future__ import annotations
 
@@ -11,13 +11,23 @@ import pandas as pd
 
 from ..effects import Covariate, Hysteresis
 from .choice import Cause, Tried
-from .levels import CHANGES, FOLLOWS, GAIN, OF_THERMOMETER, PLAY
+from .levels import BETWEEN_ROWS, CHANGES, FOLLOWS, GAIN, OF_THERMOMETER, PLAY
 from .pool import Pool
 
 
 def together(thermometers: pd.DataFrame) -> float:
     """Standard deviation of what the errors of all thermometers make wander in the reading, in its unit."""
     return float(np.sqrt((thermometers["wandering"] ** 2).sum())) if len(thermometers) else 0.0
+
+
+def between_rows(causes: Sequence[Cause], pool: Pool) -> list[Cause]:
+    """Those of some causes that are traces of what the temperature did between its rows.
+
+    Each needs nothing but the temperature, explains no more than that may make, and does not help.
+    """
+    alone = [cause for cause in causes if cause.tried.explanation.effect.of_temperature_alone]
+    idle = [cause for cause in alone if cause.tried.worth.both < GAIN]
+    return [cause for cause in idle if cause.size <= BETWEEN_ROWS * pool.between_rows]
 
 
 class Imitations:

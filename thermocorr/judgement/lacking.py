@@ -48,7 +48,7 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
     alike, share = tuple(t for t in near if t.key != best.key), beside.share(best)
     if share < OF_MUCH and max(t.worth.both for t in near) < GAIN:
         return []
-    return [Cause(tried=best, alike=alike, others=others, share=share)]
+    return [Cause(tried=best, alike=alike, others=others, share=share, size=beside.size(best))]
 
 
 def start_lacking(
@@ -77,7 +77,8 @@ def start_lacking(
     tried = [t for t in tried if t.score > small or t.worth.both >= GAIN]
     if not tried or _beyond_noise(model, read, search) < SIZEABLE:
         return []
-    return [Cause(tried=tried[0], alike=(), others=(), share=beside.share(tried[0]))]
+    share, size = beside.share(tried[0]), beside.size(tried[0])
+    return [Cause(tried=tried[0], alike=(), others=(), share=share, size=size)]
 
 
 def _beyond_noise(model: DynamicBiasRegressor, read: Record, search: Search) -> float:

@@ -271,6 +271,12 @@ OF_THERMOMETER = 2.0
 """Structure that is left over what the errors of the thermometers make in the reading, up to which these are its cause.
 On simulated devices whose thermometers have noise of 0.05 or 0.1 K it is 1.0 to 1.2 on the average, with 0.02 K up to
 1.6, with steps of 0.0625 to 0.25 K 0.6 to 1.3 (`benchmarks/thermometer_noise.py --diagnose`)."""
+BETWEEN_ROWS = 2.0
+"""What a cause of temperature alone explains, over what the temperature may have made between its rows, up to which it
+is put down to that. In a simulated room whose thermostat switches every five minutes, what is wrongly proven of
+devices that lack nothing is 0.3 to 1.9 of it, in one that swings more slowly 1.6 to 5 and more: there it is not told
+from a cause. Of true knees, hystereses, leads and delays of the size of the noise it was 1.8 to 1e5, and 1.6 of a rate,
+which is no more than that (`benchmarks/slow_logs.py`)."""
 SIZEABLE = 0.1
 """Rms of what a missing lag, delay, rate or lead explains, over the usual noise of one sample, that must clearly be
 exceeded beside the model's own lags: they need not be better. Rows count by their weights, where the noise depends on

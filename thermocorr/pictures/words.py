@@ -233,6 +233,12 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
             f"{span_text(loud.end)} after the record began{f', and in {more} more stretches' if more else ''}: these "
             "readings count less. If something happened then, leave them out of the fit (mask=...)."
         )
+    if left.between_rows:
+        said.append(
+            f"The record speaks for {' and '.join(left.between_rows)}, by no more than the temperature may have made "
+            f"between its rows ({quantity_text(left.swings, unit)} rms), which nobody has seen: that is no cause. Log "
+            "the temperature more often."
+        )
     sizes = {"a drift": left.smallest_drift, "a step": left.smallest_step}
     known = {what: size for what, size in sizes.items() if np.isfinite(size)}
     seen = [f"{what} of {text}" for what, text in zip(known, quantity_texts([*known.values()], unit, 2), strict=True)]

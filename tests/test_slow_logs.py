@@ -1,0 +1,103 @@
+"""What the temperature does between its rows: how much of it a model feels, and what a diagnosis puts down to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+
+from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr.datasets import make_record
+from thermocorr.estimators.between_rows import felt_between_rows
+from thermocorr.records import read_record
+
+pytestmark = pytest.mark.newest
+
+
+def in_a_brisk_room(seed, minutes, n=2500):
+    """Temperature and reading of one body: a thermostat heats for two minutes and rests for five."""
+    rng = np.random.default_rng(seed)
+    air, body, heating, seen = 21.0, 21.0, False, []
+    for wind in rng.standard_normal(n * 6 * minutes).tolist():
+        heating = air < (21.8 if heating else 21.2)
+        air += 10 / 900 * (0.12 * (5 + 0.3 * wind - air) + 5 * heating)
+        body += 10 / 1500 * (air - body)
+        seen.append((air, 2 * body))
+    log = pd.DataFrame(seen, columns=["temperature", "reading"])[:: 6 * minutes]
+    log.index = pd.date_range("2024-03-04", periods=n, freq=f"{minutes}min")
+    return log[["temperature"]], log["reading"] + 0.02 * rng.standard_normal(n)
+
+
+def fitted(X, y, **options):
+    model = DynamicBiasRegressor("temperature", **options).fit(X, y)
+    return model, read_record(X, model.features_.layout(), y=y, quiet=True)
+
+
+@pytest.mark.parametrize("irregular", [0.0, 0.4])
+def test_it_is_what_a_finer_record_of_the_curve_would_move(irregular):
+    """A room that swings within four rows; the curve in a record of sixteen rows for each."""
+    rng = np.random.default_rng(3)
+    seconds = np.cumsum(300 * (1 + irregular * rng.uniform(-1, 1, 3000)))
+    T = 21 + 0.3 * np.sin(seconds / 250) + 0.2 * np.sin(seconds / 40_000)
+    X = pd.DataFrame({"temperature": T, "t": seconds})
+    y = 2 * T + 0.01 * rng.standard_normal(3000)
+    model, record = fitted(X, y, time_constants=["20 min", "1 h"], degree=1, time="t", initial_state="equilibrium")
+    model.coef_[1:3] = 0.5, 0.7  # bodies that the readings do not have
+    rows, fine = np.arange(3000.0), np.arange(0, 2999.001, 1 / 16)
+    slopes = np.gradient(T, seconds)
+    times = np.interp(fine, rows, seconds)
+    walk = {
+        "curve": CubicHermiteSpline(seconds, T, slopes)(times),
+        "line": np.interp(times, seconds, T),
+    }
+    lags = {
+        name: model.features_.transform(pd.DataFrame({"temperature": values, "t": times}))[::16, 1:3]
+        for name, values in walk.items()
+    }
+    moved = (lags["curve"] - lags["line"]) @ [0.5, 0.7]
+    assert felt_between_rows(model, record) == pytest.approx(moved.std(), rel=0.1)
+
+
+def test_it_is_no_more_than_the_gain_allows():
+    """Lags that stand for a delay have weights that no body has."""
+    record = make_record(3000, effects={"delay": 2.0}, seed=2)
+    model, read = fitted(record[["temperature"]], record["reading"])
+    T = record["temperature"].to_numpy()
+    rise = np.diff(T, 2).std() / 8
+    assert 0 < felt_between_rows(model, read) <= 1.01 * record["reading"].std() / T.std() * rise
+
+
+def test_a_staircase_and_a_model_without_lags_have_nothing_between_rows():
+    record = make_record(2000, seed=1)
+    X, y = record[["temperature"]], record["reading"]
+    assert felt_between_rows(*fitted(X, y, time_constants=[])) == 0.0
+    assert felt_between_rows(*fitted(X, y, time_constants=["10 min"], hold="zero_order")) == 0.0
+    assert felt_between_rows(*fitted(X, y, time_constants=["10 min"])) > 0.0
+
+
+@pytest.mark.parametrize("seed", [31, 32])
+def test_what_the_log_does_not_show_is_no_cause(seed):
+    """Leads and knees are proven of a device that lacks nothing, at a row every five minutes."""
+    X, y = in_a_brisk_room(seed, minutes=5)
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert found.verdict == "nothing missing" and not found.causes
+    assert "lead" in found.left.between_rows
+    assert 0.003 < found.left.swings < 0.02
+    assert "no more than the temperature may have made between its rows" in " ".join(str(found).split())
+
+
+def test_nothing_is_put_down_to_a_log_that_shows_the_room():
+    X, y = in_a_brisk_room(31, minutes=1)
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert not found.causes
+    assert found.left.between_rows == () and found.left.swings == 0.0
+    assert "between its rows" not in str(found)
+
+
+@pytest.mark.parametrize("kind", ["hinge", "hysteresis", "lead"])
+def test_a_true_cause_in_a_slow_log_is_named(kind):
+    record = make_record(3000, sampling_period=600.0, setting="outdoor", effects={kind: 1.0}, seed=12)
+    X, y = record[["temperature"]], record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    assert found.causes[0].effect.kind == kind

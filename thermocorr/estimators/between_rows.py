@@ -1,0 +1,58 @@
+"""What the temperature may do between two rows, where a model takes it for a straight line."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..effects import ThermalLag
+from ..equations import lag_differences
+from ..records import Record
+
+
+def felt_between_rows(model: Any, record: Record) -> float:
+    """Standard deviation of what a model's lags would add if the temperature were a curve from row to row.
+
+    The curve is the cubic through two rows that has in each the slope of the parabola through it and its neighbours
+    (Catmull & Rom 1974). Over a step h, along which the slope falls from s to s', it rises above the straight line by
+    about ``h (s - s') / 8``, and encloses the area ``h^2 (s - s') / 12`` with it; a lag takes that up over the step,
+    and forgets it as exp(-t/tau). Where rows are close enough to resolve the temperature that is next to nothing. What
+    leaves no trace in any row, such as a heating that begins and ends between two, adds to it, and is not seen here.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+        Fitted. Products of its lags are left out.
+    record : Record
+        As the model reads it.
+
+    Returns
+    -------
+    float
+        In the unit of y. No more than the rms rise of the curve at the gain that the reading has on the whole (its
+        standard deviation over that of the temperature): a body feels what is quick less than what is slow, whatever
+        lags that stand for something else make of it. 0.0 for a model without lags, or one that takes the temperature
+        for a staircase (hold).
+    """
+    effects = model.features_.effect_list()
+    starts = np.cumsum([0, *(effect.n_columns() for effect in effects)])
+    own = next((k for k, effect in enumerate(effects) if isinstance(effect, ThermalLag)), None)
+    if own is None or model.hold != "first_order":
+        return 0.0
+    taus, areas_felt, rises = effects[own].time_constants_, [], []
+    weights = model.coef_[starts[own] : starts[own] + len(taus)] / taus
+    for segment in record.segments:
+        rows = record.kept(segment.start, segment.stop)
+        T, steps = np.asarray(record.columns[record.temperature_name][rows], float), record.times.steps(rows)
+        if len(T) < 3:
+            continue
+        slopes = np.gradient(T, np.cumsum(steps))
+        turns = np.append(0.0, steps[1:] * (slopes[:-1] - slopes[1:]))
+        rises.append(turns / 8)
+        areas_felt.append(lag_differences(np.cumsum(steps * turns / 12), steps, taus)[0] @ weights)
+    if not rises:
+        return 0.0
+    usual_gain = record.reading_moments().std / (record.moments(record.temperature_name).std or 1.0)
+    most = usual_gain * np.sqrt(np.mean(np.concatenate(rises) ** 2))
+    return float(min(np.concatenate(areas_felt).std(), most))
