@@ -85,5 +85,5 @@ def test_a_slow_lag_of_the_model_is_said_to_be_what_is_proven_as_well(proven):
         )  # fmt: skip
 
     lag, drift = tried(ThermalLag([9000.0]), True, 1e-6), tried(Drift(), False, 1e-6 if proven else 0.1)
-    told = _not_silently(Cause(tried=lag, alike=(drift,), others=(), share=0.5))
+    told = _not_silently(Cause(tried=lag, alike=(drift,), others=(), share=0.5, size=1.0))
     assert told.tried is (drift if proven else lag) and told.alike == ((lag,) if proven else (drift,))

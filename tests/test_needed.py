@@ -32,7 +32,7 @@ def cause_of(columns, effect=None, p_value=0.0, score=1.0):
         scatter=0.0,
         uneven=False,
     )
-    return Cause(tried=tried, alike=(), others=(), share=0.5)
+    return Cause(tried=tried, alike=(), others=(), share=0.5, size=1.0)
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -1,4 +1,4 @@
-"""What looks like another cause where a thermometer is noisy or coarse, or is not asked often enough."""
+"""Traces of the thermometers' errors, and of a log with too few rows: what looks like another cause."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def together(thermometers: pd.DataFrame) -> float:
 
 
 def between_rows(causes: Sequence[Cause], pool: Pool) -> list[Cause]:
-    """Those of some causes that are traces of what the temperature did between its rows.
+    """Causes among some that are traces of what the temperature did between its rows.
 
     Each needs nothing but the temperature, explains no more than that may make, and does not help.
     """
