@@ -23,9 +23,10 @@ def together(thermometers: pd.DataFrame) -> float:
 def between_rows(causes: Sequence[Cause], pool: Pool) -> list[Cause]:
     """Causes among some that are traces of what the temperature did between its rows.
 
-    Each needs nothing but the temperature, explains no more than that may make, and does not help.
+    Each needs nothing but the temperature, as does all that it cannot be told from, explains no more than that may
+    make, and does not help.
     """
-    alone = [cause for cause in causes if cause.tried.explanation.effect.of_temperature_alone]
+    alone = [c for c in causes if all(t.explanation.effect.of_temperature_alone for t in (c.tried, *c.alike))]
     idle = [cause for cause in alone if cause.tried.worth.both < GAIN]
     return [cause for cause in idle if cause.size <= BETWEEN_ROWS * pool.between_rows]
 
