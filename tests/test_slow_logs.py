@@ -68,6 +68,15 @@ def test_it_is_no_more_than_the_gain_allows():
     assert 0 < felt_between_rows(model, read) <= 1.01 * record["reading"].std() / T.std() * rise
 
 
+def test_what_happens_in_gaps_is_another_matter():
+    record = make_record(4000, seed=5)
+    whole, gappy = record, record[(np.arange(4000) < 1500) | (np.arange(4000) >= 1700)]
+    felt = [
+        felt_between_rows(*fitted(r[["temperature"]], r["reading"], time_constants=["1 h"])) for r in (whole, gappy)
+    ]
+    assert felt[1] == pytest.approx(felt[0], rel=0.3)
+
+
 def test_a_staircase_and_a_model_without_lags_have_nothing_between_rows():
     record = make_record(2000, seed=1)
     X, y = record[["temperature"]], record["reading"]

@@ -9,6 +9,7 @@ import numpy as np
 from ..effects import ThermalLag
 from ..equations import lag_differences
 from ..records import Record
+from ..records.gaps import least_gap
 
 
 def felt_between_rows(model: Any, record: Record) -> float:
@@ -18,7 +19,8 @@ def felt_between_rows(model: Any, record: Record) -> float:
     (Catmull & Rom 1974). Over a step h, along which the slope falls from s to s', it rises above the straight line by
     about ``h (s - s') / 8``, and encloses the area ``h^2 (s - s') / 12`` with it; a lag takes that up over the step,
     and forgets it as exp(-t/tau). Where rows are close enough to resolve the temperature that is next to nothing. What
-    leaves no trace in any row, such as a heating that begins and ends between two, adds to it, and is not seen here.
+    leaves no trace in any row, such as a heating that begins and ends between two, adds to it, and is not seen here;
+    nor is what happens in gaps, see `thermocorr.estimators.gap_error`.
 
     Parameters
     ----------
@@ -40,7 +42,7 @@ def felt_between_rows(model: Any, record: Record) -> float:
     own = next((k for k, effect in enumerate(effects) if isinstance(effect, ThermalLag)), None)
     if own is None or model.hold != "first_order":
         return 0.0
-    taus, areas_felt, rises = effects[own].time_constants_, [], []
+    least, taus, areas_felt, rises = least_gap(record, record.usual_step()), effects[own].time_constants_, [], []
     weights = model.coef_[starts[own] : starts[own] + len(taus)] / taus
     for segment in record.segments:
         rows = record.kept(segment.start, segment.stop)
@@ -49,6 +51,7 @@ def felt_between_rows(model: Any, record: Record) -> float:
             continue
         slopes = np.gradient(T, np.cumsum(steps))
         turns = np.append(0.0, steps[1:] * (slopes[:-1] - slopes[1:]))
+        turns[steps > least] = 0.0
         rises.append(turns / 8)
         areas_felt.append(lag_differences(np.cumsum(steps * turns / 12), steps, taus)[0] @ weights)
     if not rises:
