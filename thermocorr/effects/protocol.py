@@ -89,7 +89,7 @@ class Effect(ParametersOnce):
     of_time_alone: ClassVar[bool] = False
     """True for what needs nothing but the clock: a noise that wanders can look like it."""
     of_temperature_alone: ClassVar[bool] = False
-    """True for what needs nothing but the temperature: what that does between two rows can look like it."""
+    """True for what needs nothing but the temperature, where what that does between two rows can look like it."""
     is_product: ClassVar[bool] = False
     """True for a product of two signals, which is largest where both leave their usual range: what it seems to help
     elsewhere says little of there."""

@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..effects import Covariate, Hysteresis
 from .choice import Cause, Tried
-from .levels import BETWEEN_ROWS, CHANGES, FOLLOWS, GAIN, OF_THERMOMETER, PLAY
+from .levels import BETWEEN_ROWS, CHANGES, FOLLOWS, GAIN, IDLE, OF_THERMOMETER, PLAY
 from .pool import Pool
 
 
@@ -24,10 +24,10 @@ def between_rows(causes: Sequence[Cause], pool: Pool) -> list[Cause]:
     """Causes among some that are traces of what the temperature did between its rows.
 
     Each needs nothing but the temperature, as does all that it cannot be told from, explains no more than that may
-    make, and does not help.
+    make, and does not help. A delay is none: the curve makes a device seem ahead, not behind.
     """
     alone = [c for c in causes if all(t.explanation.effect.of_temperature_alone for t in (c.tried, *c.alike))]
-    idle = [cause for cause in alone if cause.tried.worth.both < GAIN]
+    idle = [cause for cause in alone if cause.tried.worth.both < IDLE]
     return [cause for cause in idle if cause.size <= BETWEEN_ROWS * pool.between_rows]
 
 

@@ -275,8 +275,11 @@ BETWEEN_ROWS = 2.0
 """What a cause of temperature alone explains, over what the temperature may have made between its rows, up to which it
 is put down to that. In a simulated room whose thermostat switches every five minutes, what is wrongly proven of
 devices that lack nothing is 0.3 to 1.9 of it, in one that swings more slowly 1.6 to 5 and more: there it is not told
-from a cause. Of true knees, hystereses, leads and delays of the size of the noise it was 1.8 to 1e5, and 1.6 of a rate,
-which is no more than that (`benchmarks/slow_logs.py`)."""
+from a cause. Of true knees, hystereses and leads of the size of the noise it was 1.8 to 1e5, but in outdoor records
+with a row every ten minutes from 0.6 on; and 1.6 of a rate, which is no more than that (`benchmarks/slow_logs.py`)."""
+IDLE = 0.5
+"""Help [dB] from which a cause is not put down to that. Most traces help by 0.3 and less; true leads and hystereses
+that explain 0.6 to 1.9 of it, in outdoor records with a row every ten minutes, by 0.7 and more."""
 SIZEABLE = 0.1
 """Rms of what a missing lag, delay, rate or lead explains, over the usual noise of one sample, that must clearly be
 exceeded beside the model's own lags: they need not be better. Rows count by their weights, where the noise depends on
