@@ -29,7 +29,7 @@ from .choice import Cause, Tried, first_of_each
 from .dated import DATED
 from .family import ANYWHERE
 from .found import Diagnosis, FoundSuspect
-from .imitations import between_rows
+from .imitations import is_between_rows
 from .lacking import lacking, start_lacking
 from .left import what_is_left
 from .left_levels import RANKED
@@ -113,8 +113,10 @@ def diagnose(
 
 def _apart(causes: Sequence[Cause], pool: Pool) -> tuple[list[Cause], list[Cause]]:
     """Causes, and what is a trace of the temperature between its rows."""
-    traces = between_rows(causes, pool)
-    return [cause for cause in causes if not any(cause is trace for trace in traces)], traces
+    told: dict[bool, list[Cause]] = {False: [], True: []}
+    for cause in causes:
+        told[is_between_rows(cause, pool)].append(cause)
+    return told[False], told[True]
 
 
 def _conclude(

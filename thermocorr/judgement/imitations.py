@@ -20,15 +20,14 @@ def together(thermometers: pd.DataFrame) -> float:
     return float(np.sqrt((thermometers["wandering"] ** 2).sum())) if len(thermometers) else 0.0
 
 
-def between_rows(causes: Sequence[Cause], pool: Pool) -> list[Cause]:
-    """Causes among some that are traces of what the temperature did between its rows.
+def is_between_rows(cause: Cause, pool: Pool) -> bool:
+    """Whether a cause is a trace of what the temperature did between its rows.
 
-    Each needs nothing but the temperature, as does all that it cannot be told from, explains no more than that may
-    make, and does not help. A delay is none: the curve makes a device seem ahead, not behind.
+    It needs nothing but the temperature, as does all that it cannot be told from, explains no more than that may make,
+    and does not help. A delay is none: the curve makes a device seem ahead, not behind.
     """
-    alone = [c for c in causes if all(t.explanation.effect.of_temperature_alone for t in (c.tried, *c.alike))]
-    idle = [cause for cause in alone if cause.tried.worth.both < IDLE]
-    return [cause for cause in idle if cause.size <= BETWEEN_ROWS * pool.between_rows]
+    alone = all(t.explanation.effect.of_temperature_alone for t in (cause.tried, *cause.alike))
+    return alone and cause.tried.worth.both < IDLE and cause.size <= BETWEEN_ROWS * pool.between_rows
 
 
 class Imitations:
