@@ -18,6 +18,7 @@ from scipy.linalg import lapack
 Floats = NDArray[np.float64]
 
 _PANEL = 8  # columns that LAPACK reflects at once
+NARROW, SHORT = 40, 800  # columns and rows up to which triangles are merged at once: half the time of one by one
 WIDE = 64  # columns from which those that rows have nothing in are looked for
 WELL_CONDITIONED = 1e-8
 """Reciprocal condition of the unit-column triangle from which its columns are surely independent."""
@@ -128,7 +129,10 @@ class TriangularFactor:
     def merged(cls, factors: Iterable[TriangularFactor]) -> TriangularFactor:
         """One factor of everything that `factors` have seen."""
         factors = list(factors)
-        return cls(factors[0].r.shape[1]).merge(*factors)
+        width = factors[0].r.shape[1]
+        if len(factors) == 1 or width > NARROW or width * len(factors) > SHORT:
+            return cls(width).merge(*factors)
+        return cls.standing_for(np.concatenate([factor.r for factor in factors]), sum(f.n_rows for f in factors))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -323,9 +323,8 @@ class Search:
         """The best of each kind and column beside the present base, best first."""
         self.copies = {}
         self.family.add_anywhere()
-        white = self.judged.only_white()
         alive = self.family.alive()
-        screened = [self.judged.screen(self.judged.base.theta), self.judged.screen(white, profiled=True)]
+        screened = self.judged.screen_twice()
         worths = self._worths(alive)
         ranks = [{i: gains[i] - self.family.price(i) for i in alive} for gains in screened]
         ranks.append({i: worths[i].both for i in alive if worths[i].both >= GAIN})

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 
 from ..equations.noise import Bands, fitted_parts, whittle
-from .bandwise import forms, side_by_side, solved, squares_of, weighted
+from .bandwise import BaseProducts, ExplanationColumns, side_by_side, squares_of
 from .directions import orthonormal
 from .levels import ALIVE, BATCH, PIECES, QUIET, STRUCTURE, TURNS, WIDE
 
@@ -28,20 +28,6 @@ class Fit:
     """Log likelihood."""
     theta: np.ndarray
     """Variances of the parts of the noise, in units of the reading's variance beside the first base."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExplanationColumns:
-    """Columns of one explanation, transformed, base of the start taken out, with their cross products in each band."""
-
-    rows: np.ndarray
-    """Shape (n, k)."""
-    own: np.ndarray
-    """Cross products with one another, shape (bands, k, k)."""
-    base: np.ndarray
-    """Cross products with the base, shape (bands, p, k)."""
-    reading: np.ndarray
-    """Cross products with the reading, shape (bands, k)."""
 
 
 class Comparison:
@@ -183,16 +169,18 @@ class Comparison:
 
     def left(self, theta: np.ndarray) -> np.ndarray:
         """What the base leaves of the reading under a given noise, rows of the transform."""
-        return np.asarray(self.z - self.Q @ self._solved(None, theta)[0])
+        return np.asarray(self.z - self.Q @ self._solved_one(None, theta)[0])
 
     def taken(self, theta: np.ndarray, moments: np.ndarray) -> np.ndarray:
         """Weighted sum of squares of columns that lies in the base, from their moments with it, shape (columns, p)."""
         return np.asarray(np.sum(solve_triangular(self._half(theta), moments.T, lower=True) ** 2, axis=0))
 
     def _half(self, theta: np.ndarray) -> np.ndarray:
-        """Cholesky factor of the base's weighted products."""
-        A = weighted(1 / self.S(theta), self.QQ)
-        return np.linalg.cholesky(A + 1e-12 * np.trace(A) / len(A) * np.eye(len(A)))
+        return self._base_products.half(1 / self.S(theta))
+
+    @property
+    def _base_products(self) -> BaseProducts:
+        return BaseProducts(zz=self.zz, Qz=self.Qz, QQ=self.QQ)
 
     def first_fit(self, *more: np.ndarray) -> Fit:
         """Fit of the base alone."""
@@ -202,7 +190,7 @@ class Comparison:
 
     def _white(self) -> float:
         """Log likelihood of the base under white noise."""
-        power = self._solved(None, self.only_white())[1]
+        power = self._solved_one(None, self.only_white())[1]
         level = power.sum() / self.share.sum()
         return float(whittle(self.share, power[:, None], np.full((len(power), 1), level))[0])
 
@@ -285,31 +273,20 @@ class Comparison:
 
     def _fits(self, which: Sequence[int | None], starts: Sequence[np.ndarray], turns: int) -> list[Fit]:
         theta = np.column_stack(starts)
-        power = np.empty((len(self.zz), theta.shape[1]))
         for _ in range(turns):
-            for j, i in enumerate(which):
-                power[:, j] = self._solved(i, theta[:, j])[1]
+            power = self._solved(which, theta)[1]
             theta = fitted_parts(self.bands.parts, self.share, power, theta)
         levels = whittle(self.share, power, self.bands.parts @ theta)
         return [Fit(level=float(level), theta=own) for level, own in zip(levels, theta.T, strict=True)]
 
-    def _solved(self, i: int | None, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coefficients under a given noise, and the sum of squares that they leave in each band."""
-        W = 1 / self.S(theta)
-        p = self.Qz.shape[1]
-        A, b = weighted(W, self.QQ), W @ self.Qz
-        found = None if i is None else self.explanations[i]
-        if found is not None:
-            B = weighted(W, found.base)
-            A = np.block([[A, B], [B.T, weighted(W, found.own)]])
-            b = np.concatenate((b, W @ found.reading))
-        coef = solved(A, b)
-        base = coef[:p]
-        power = self.zz - 2 * self.Qz @ base + forms(self.QQ, base, base)
-        if found is not None:
-            more = coef[p:]
-            power += 2 * forms(found.base, base, more) - 2 * found.reading @ more + forms(found.own, more, more)
-        return coef, np.maximum(power, 1e-12 * self.zz)
+    def _solved(self, which: Sequence[int | None], theta: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+        """Coefficients with some explanations, under the noise in each column of `theta`; sums of squares in bands."""
+        beside = [None if i is None else self.explanations[i] for i in which]
+        return self._base_products.solved(1 / self.S(theta).T, beside)
+
+    def _solved_one(self, i: int | None, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        coefs, power = self._solved([i], theta[:, None])
+        return coefs[0], power[:, 0]
 
     def smallest(self, column: np.ndarray, gain: float) -> float:
         """Coefficient of a column, shape (n,), at which it gains a log likelihood on the average, beside this base.
@@ -353,7 +330,7 @@ class Comparison:
         """
         found = self.explanations[i]
         assert found is not None
-        coef = self._solved(i, theta)[0]
+        coef = self._solved_one(i, theta)[0]
         made = found.rows @ coef[self.Q.shape[1] :]
         both = self._white_beside(theta, np.column_stack((made, self.z - made)))
         beside, left = self.bands.back(both).T
@@ -362,7 +339,7 @@ class Comparison:
 
     def unexplained(self, i: int | None = None) -> float:
         """Mean square that the base, with an explanation, leaves in plain least squares, in units of the start's."""
-        return float(self._solved(i, self.only_white())[1].sum()) / self.free
+        return float(self._solved_one(i, self.only_white())[1].sum()) / self.free
 
     def only_white(self) -> np.ndarray:
         """White noise of unit variance, as variances of the parts."""
@@ -370,30 +347,23 @@ class Comparison:
         theta[0] = 1.0
         return theta
 
-    def screen(self, theta: np.ndarray, which: Sequence[int] | None = None, profiled: bool = False) -> np.ndarray:
-        """Log likelihood that explanations gain under a given noise, its size `profiled` or as it is."""
+    def screen(self, theta: np.ndarray, which: Sequence[int] | None = None) -> np.ndarray:
+        """Log likelihood that explanations gain under a given noise."""
+        return np.asarray(0.5 * self._taken_by([theta], which)[0][0])
+
+    def screen_twice(self) -> tuple[np.ndarray, np.ndarray]:
+        """`screen` under the noise that stands, and under white noise whose size follows what is left."""
+        (standing, white), (_, left) = self._taken_by([self.base.theta, self.only_white()])
+        return 0.5 * standing, -0.5 * self.free * np.log1p(-np.minimum(white / left, 1 - 1e-12))
+
+    def _taken_by(
+        self, thetas: Sequence[np.ndarray], which: Sequence[int] | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted squares that explanations take away under each noise, and those that the base leaves."""
         chosen = self.explanations if which is None else [self.explanations[i] for i in which]
-        founds = [found for found in chosen if found is not None]
-        gains = np.zeros(len(chosen))
-        if not founds:
-            return gains
-        W, half = 1 / self.S(theta), self._half(theta)
-        b = solve_triangular(half, W @ self.Qz, lower=True)
-        together = weighted(W, np.concatenate([f.base for f in founds], axis=2))
-        base = solve_triangular(half, together, lower=True)
-        reading = W @ np.concatenate([f.reading for f in founds], axis=1) - base.T @ b
-        at = 0
-        for i, found in enumerate(chosen):
-            if found is None:
-                continue
-            k = found.rows.shape[1]
-            columns, moment = base[:, at : at + k], reading[at : at + k]
-            at += k
-            full = weighted(W, found.own)
-            own = full - columns.T @ columns
-            if np.all(np.diag(own) > ALIVE**2 * np.diag(full)):
-                gains[i] = 0.5 * float(moment @ solved(own, moment))
-        if profiled:
-            total = float(W @ self.zz - b @ b)
-            gains = -0.5 * self.free * np.log1p(-np.minimum(2 * gains / total, 1 - 1e-12))
-        return gains
+        places = [i for i, found in enumerate(chosen) if found is not None]
+        taken, left = np.zeros((len(thetas), len(chosen))), np.ones(len(thetas))
+        if places:
+            founds = [found for found in chosen if found is not None]
+            taken[:, places], left = self._base_products.taken(1 / self.S(np.column_stack(thetas)).T, founds)
+        return taken, left

@@ -114,8 +114,8 @@ def _proven_beside(pool: Pool, family: Family, cause: Cause, refused: Collection
         return []
     free.adopt(0)
     best: dict[int, None] = {}
-    for gains in (free.screen(free.base.theta)[1:], free.screen(free.only_white(), profiled=True)[1:]):
-        scores = {i: gain - family.price(i) for i, gain in zip(alive, gains, strict=True)}
+    for gains in free.screen_twice():
+        scores = {i: gain - family.price(i) for i, gain in zip(alive, gains[1:], strict=True)}
         of_each = {family.tried[i].key: i for i in sorted(scores, key=scores.__getitem__)}
         able = [i for key, i in of_each.items() if key != cause.tried.key and key not in refused]
         best |= dict.fromkeys(sorted(able, key=lambda i: -scores[i])[:BESIDE_OTHERS])

@@ -156,10 +156,10 @@ def reference_models(
     left, singular, right = np.linalg.svd(r[free:, columns] * scale, full_matrices=False)
     target = left.T @ r[free:, -1]
     result = np.zeros((len(penalties), r.shape[1] - 1))
-    for row, penalty in zip(result, penalties, strict=True):
-        shrunk = singular / (singular**2 + factor.n_rows * penalty)
-        row[columns] = scale * (right.T @ (shrunk * target))  # eq. (13)
-        row[:free] = np.linalg.lstsq(r[:free, :free], r[:free, -1] - r[:free, columns] @ row[columns], rcond=1e-13)[0]
+    shrunk = singular / (singular**2 + factor.n_rows * np.array(penalties)[:, None])
+    result[:, columns] = scale * ((shrunk * target) @ right)  # eq. (13)
+    rest = r[:free, -1:] - r[:free, columns] @ result[:, columns].T
+    result[:, :free] = np.linalg.lstsq(r[:free, :free], rest, rcond=1e-13)[0].T
     return result
 
 
