@@ -97,6 +97,10 @@ class Lead(Effect):
         self.lead_ = seconds_of(self.lead, "lead")
         self.time_constants_ = seconds_array(self.time_constants)
 
+    def ahead(self) -> float:
+        """The lead [s]."""
+        return seconds_of(self.lead, "lead")
+
     def names(self) -> list[str]:
         """``lead[40 s]``, ``lead[40 s] lag[900 s]``, ..."""
         name = f"lead[{time_text(self.lead_)}]"

@@ -273,6 +273,10 @@ class Effect(ParametersOnce):
         """Longest time constant of the state [s]: how long an unknown start is felt. 0 without a state."""
         return max((word.memory for word in words_of(self) or ()), default=0.0)
 
+    def ahead(self) -> float:
+        """How far it looks ahead of a sample [s]."""
+        return 0.0
+
     def label(self) -> str:
         """Name of the contribution in tables and plots."""
         return self.kind.replace("_", " ") + "".join(f": {name}" for name in self.inputs())

@@ -92,6 +92,7 @@ class Delay(Effect):
     """
 
     kind = "delay"
+    of_temperature_alone = True
     thermal_rank = 2
     learned = {"delay_": "positive"}
     info = EffectInfo(

@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..effects import Covariate, Hysteresis
 from .choice import Cause, Tried
-from .levels import BETWEEN_ROWS, CHANGES, FOLLOWS, GAIN, IDLE, OF_THERMOMETER, PLAY
+from .levels import BETWEEN_ROWS, CHANGES, FOLLOWS, GAIN, NEAR_ROWS, OF_THERMOMETER, PLAY, TINY
 from .pool import Pool
 
 
@@ -23,11 +23,16 @@ def together(thermometers: pd.DataFrame) -> float:
 def is_between_rows(cause: Cause, pool: Pool) -> bool:
     """Whether a cause is a trace of what the temperature did between its rows.
 
-    It needs nothing but the temperature, as does all that it cannot be told from, explains no more than that may make,
-    and does not help. A delay is none: the curve makes a device seem ahead, not behind.
+    It needs nothing but the temperature, as does all that it cannot be told from, and is no lead of many rows; it
+    explains no more than that may make, and does not help. What helps nowhere at all, and is no lead, may be a jump.
     """
-    alone = all(t.explanation.effect.of_temperature_alone for t in (cause.tried, *cause.alike))
-    return alone and cause.tried.worth.both < IDLE and cause.size <= BETWEEN_ROWS * pool.between_rows
+    effects = [t.explanation.effect for t in (cause.tried, *cause.alike)]
+    near = NEAR_ROWS * pool.record.usual_step()
+    if not all(effect.of_temperature_alone and effect.ahead() <= near for effect in effects):
+        return False
+    help, (curve, jump) = cause.tried.worth.both, BETWEEN_ROWS
+    most = jump if help < TINY and not cause.tried.explanation.effect.foresees else curve
+    return help < GAIN and cause.size <= most * pool.between_rows
 
 
 class Imitations:
