@@ -61,6 +61,7 @@ def test_nothing_is_named_where_nothing_is_missing(seed):
     assert found.explainable < 0.05
 
 
+@pytest.mark.newest
 @pytest.mark.parametrize("seed", [52, 53])
 def test_an_unknown_cause_is_owned_up_to(seed):
     """What switches is several steps, a stretch switched there and back, or nobody's fault; what is left wanders."""
@@ -73,6 +74,7 @@ def test_an_unknown_cause_is_owned_up_to(seed):
     assert "no known effect explains" in str(walk)
 
 
+@pytest.mark.newest
 @pytest.mark.parametrize(("seed", "device"), [(173, "plate"), (174, "layered")])
 def test_lags_that_a_random_walk_has_spoiled_are_not_what_is_missing(seed, device):
     """A lag is lacking there, which is proven: a hundredth of what is left, and no help on later data."""
@@ -94,6 +96,7 @@ def test_a_lag_that_the_model_lacks_is_named():
     assert 2000 < found.best.time_constants[0] < 10_000  # the device's slow body has an hour and a half
 
 
+@pytest.mark.newest
 def test_refinement_removes_the_built_in_moisture():
     record = load_voltage_reference(hidden="moisture")[::4]
     X, y = record.drop(columns="voltage"), record["voltage"]
@@ -135,6 +138,7 @@ def test_the_place_of_a_hinge_is_found():
     assert parts["n"].sum() == N
 
 
+@pytest.mark.newest
 @pytest.mark.parametrize("n", [6000, 27_000])
 def test_the_rms_of_a_place_is_that_of_single_readings(n):
     """Ranges of temperature together have the rms residual, whether rows or averages are judged; each has its own."""
@@ -175,6 +179,7 @@ def test_gaps_runs_holes_and_text_columns_are_no_obstacle():
     assert found.best.kind == "hysteresis"
 
 
+@pytest.mark.newest
 def test_a_model_fitted_on_the_temperature_alone_is_judged_on_all_columns():
     record = make_record(N, effects={"covariate": 2.0}, seed=61)
     X, y = record.drop(columns="reading"), record["reading"]
@@ -223,6 +228,7 @@ def with_cube():
     return DynamicBiasRegressor("temperature").fit(X, y), X, y
 
 
+@pytest.mark.newest
 @pytest.mark.parametrize("suspect", [Cubed("supply"), Cubed])
 def test_a_users_own_suspect_is_named_and_added(suspect):
     model, X, y = with_cube()

@@ -44,6 +44,7 @@ def exported(model, folder, variable=False, follows=False):
     return export, defined
 
 
+@pytest.mark.newest
 @pytest.mark.parametrize("follows", [False, True])
 @pytest.mark.parametrize("variable", [False, True])
 @pytest.mark.parametrize("kind", MODELS)

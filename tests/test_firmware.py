@@ -40,6 +40,7 @@ def with_columns():
 # ------------------------------------------------------------------------- the same numbers as the model gives
 
 
+@pytest.mark.newest
 @needs_gcc
 @pytest.mark.parametrize("kind", KINDS)
 def test_c_gives_the_bias_of_python(kind, tmp_path):

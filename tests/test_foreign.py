@@ -48,6 +48,7 @@ def test_a_file_is_read_with_its_numbers(name, written):
     np.testing.assert_allclose(seconds, step * np.arange(N), atol=2e-3)  # days of a spreadsheet have eight digits
 
 
+@pytest.mark.newest
 @pytest.mark.parametrize("name", [name for name in GOOD if not isinstance(GOOD[name], tuple)])
 def test_both_commands_read_it_alike(name, written, capsys):
     """`correct` gives the rows of `analyze` whatever program wrote the log."""
@@ -359,10 +360,8 @@ def test_a_state_that_is_no_number_is_not_bridged(written):
     """A sensor that was unavailable has no temperature until its next value; values at their own times stay."""
     moments = [f"2024-05-30T22:{k:02d}:00.000Z" for k in range(20)]
     rows = [f"sensor.reading,{k},{moment}" for k, moment in enumerate(moments)]
-    rows += [
-        f"sensor.temperature,{value},{moments[k]}" for k, value in ((0, 20), (6, 26), (9, "unavailable"), (15, 30))
-    ]
-    rows += [f"sensor.temperature,{34},{moments[19]}"]
+    states = {0: 20, 6: 26, 9: "unavailable", 15: 30, 19: 34}
+    rows += [f"sensor.temperature,{value},{moments[k]}" for k, value in states.items()]
     frame = read_log(written("entity_id,state,last_changed\n" + "\n".join(rows) + "\n")).frame
     expected = [*range(20, 27), *[np.nan] * 8, 30, 31, 32, 33, 34]
     np.testing.assert_allclose(frame["temperature"], expected)

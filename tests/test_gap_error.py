@@ -174,6 +174,7 @@ def test_how_the_temperature_wanders_is_read_off_it():
     np.testing.assert_allclose(structure(np.array([0.0, 5.0, 100.0, 1000.0])), [0.0, 0.5, 10.0, 100.0], rtol=0.1)
 
 
+@pytest.mark.newest
 @pytest.mark.parametrize("seed", [711, 712])
 @pytest.mark.parametrize("setting", PERIODS)
 def test_nobody_is_blamed_for_what_happened_in_gaps(setting, seed):
@@ -232,6 +233,7 @@ def test_it_is_said_where_gaps_spoil_much_of_a_record():
     assert f"{found.left.unjudged:.0%} of the readings are behind gaps" in " ".join(str(found).split())
 
 
+@pytest.mark.newest
 @pytest.mark.parametrize("kind", ["hysteresis", "step", "hinge", "lead"])
 def test_what_is_hidden_is_found_all_the_same(kind):
     record = make_record(5000, gaps=10, seed=802, effects={kind: 1.0}, device="layered")

@@ -18,6 +18,7 @@ def test_there_is_a_guide():
     assert len(PAGES) >= 8
 
 
+@pytest.mark.newest
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_page_prints_what_it_says(page, tmp_path, monkeypatch):
     text = page.read_text(encoding="utf-8")

@@ -19,6 +19,7 @@ with mock.patch.object(sys, "path", [str(BENCHMARKS), *sys.path]):
 SEED = 7
 
 
+@pytest.mark.newest
 @pytest.mark.parametrize("number", range(60))
 def test_a_stream_says_what_the_whole_record_says(number):
     """Fails? `python benchmarks/live_cases.py --seed 7 --only NUMBER` runs the case alone."""

@@ -140,6 +140,7 @@ def test_the_fleet_itself_its_prior_and_what_is_written_down_are_one(fleet, prio
         assert np.allclose(model.predict(X), models[0].predict(X), atol=1e-12)
 
 
+@pytest.mark.newest
 def test_a_slim_fleet_knows_as_much(prior):
     model = DynamicBiasRegressor("temperature", list(BODIES), reference_temperature=23.0)
     slim = fit_fleet(2, {k: unit(k)[0] for k in range(20)}, "reading", model, history_rows=10)

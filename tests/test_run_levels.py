@@ -219,6 +219,7 @@ def test_levels_that_differ_by_some_noise_are_steps_between_the_runs(seed, apart
     assert found.best.kind == "several_steps" and len(found.best.times) == 4
 
 
+@pytest.mark.newest
 @pytest.mark.parametrize("kind", ["drift", "log_ageing", "covariate"])
 def test_what_acts_through_all_runs_is_no_level_of_theirs(kind):
     record = make_record(2000, runs=6, seed=902, effects={kind: 1.5})

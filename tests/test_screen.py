@@ -160,6 +160,7 @@ def test_clean_records_are_left_alone(clean):
     np.testing.assert_array_equal(model.coef_, plain.coef_)
 
 
+@pytest.mark.newest
 def test_spikes_and_overloads_change_neither_error_nor_verdict(clean):
     for rows, spoil in ((N, "spikes"), (3000, "overloads")):
         X, y = clean[0].iloc[:rows], clean[1].iloc[:rows]

@@ -162,6 +162,7 @@ def with_hole(X, column, start, rows=60):
     return lost, slice(start, start + rows)
 
 
+@pytest.mark.newest
 @pytest.mark.parametrize("seed", [6, 7])
 @pytest.mark.parametrize("column", ["case", "room"])
 def test_a_thermometer_lost_for_an_hour_is_flagged_and_the_error_stays_below_twice_the_usual(column, seed):
@@ -182,6 +183,7 @@ def test_a_thermometer_lost_for_an_hour_is_flagged_and_the_error_stays_below_twi
     assert np.mean(np.square(errors)) + noise**2 < np.mean(np.square(said)) * 1.2  # what it may be wrong by is said
 
 
+@pytest.mark.newest
 def test_a_lost_thermometer_live_in_blocks_of_any_size_and_after_a_restart(device):
     X, y, _, _, model = device
     lost, _ = with_hole(X, "room", LEARNED + 50)
