@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,18 +18,14 @@ from thermocorr.records import read_record
 pytestmark = pytest.mark.newest
 
 
-def in_a_brisk_room(seed, minutes, n=2500):
-    """Temperature and reading of one body: a thermostat heats for two minutes and rests for five."""
-    rng = np.random.default_rng(seed)
-    air, body, heating, seen = 21.0, 21.0, False, []
-    for wind in rng.standard_normal(n * 6 * minutes).tolist():
-        heating = air < (21.8 if heating else 21.2)
-        air += 10 / 900 * (0.12 * (5 + 0.3 * wind - air) + 5 * heating)
-        body += 10 / 1500 * (air - body)
-        seen.append((air, 2 * body))
-    log = pd.DataFrame(seen, columns=["temperature", "reading"])[:: 6 * minutes]
-    log.index = pd.date_range("2024-03-04", periods=n, freq=f"{minutes}min")
-    return log[["temperature"]], log["reading"] + 0.02 * rng.standard_normal(n)
+spec = importlib.util.spec_from_file_location("bench", Path(__file__).parents[1] / "benchmarks" / "slow_logs.py")
+bench = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(bench)
+
+
+def judged(room, seed, minutes, hidden="nothing"):
+    X, y = bench.simulated(room, seed, 60.0 * minutes, 2500, hidden)
+    return diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
 
 
 def fitted(X, y, **options):
@@ -88,20 +87,31 @@ def test_a_staircase_and_a_model_without_lags_have_nothing_between_rows():
 @pytest.mark.parametrize("seed", [31, 32])
 def test_what_the_log_does_not_show_is_no_cause(seed):
     """Leads and knees are proven of a device that lacks nothing, at a row every five minutes."""
-    X, y = in_a_brisk_room(seed, minutes=5)
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    found = judged("brisk", seed, minutes=5)
     assert found.verdict == "nothing missing" and not found.causes
-    assert "lead" in found.left.between_rows
+    assert "hinge" in found.left.between_rows
     assert 0.003 < found.left.swings < 0.02
     assert "no more than the temperature may have made between its rows" in " ".join(str(found).split())
 
 
 def test_nothing_is_put_down_to_a_log_that_shows_the_room():
-    X, y = in_a_brisk_room(31, minutes=1)
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    found = judged("brisk", 31, minutes=1)
     assert not found.causes
     assert found.left.between_rows == () and found.left.swings == 0.0
     assert "between its rows" not in str(found)
+
+
+@pytest.mark.parametrize("seed", [32, 33])
+def test_a_heating_within_one_row_is_no_cause_either(seed):
+    """The curve through the rows makes a sixth of the knees that are proven."""
+    found = judged("calm", seed, minutes=2.5)
+    assert not found.causes and "hinge" in found.left.between_rows
+
+
+@pytest.mark.parametrize("seed", [33, 34])
+def test_a_late_clock_beside_such_a_heating_is_named(seed):
+    found = judged("calm", seed, minutes=2.5, hidden="clock")
+    assert found.causes[0].effect.kind == "lead"
 
 
 @pytest.mark.parametrize("kind", ["hinge", "hysteresis", "lead"])
