@@ -30,9 +30,9 @@ def is_between_rows(cause: Cause, pool: Pool) -> bool:
     near = NEAR_ROWS * pool.record.usual_step()
     if not all(effect.of_temperature_alone and effect.ahead() <= near for effect in effects):
         return False
-    help, (curve, jump) = cause.tried.worth.both, BETWEEN_ROWS
-    most = jump if help < TINY and not cause.tried.explanation.effect.foresees else curve
-    return help < GAIN and cause.size <= most * pool.between_rows
+    helped, (curve, jump) = cause.tried.worth.both, BETWEEN_ROWS
+    most = jump if helped < TINY and not effects[0].ahead() else curve
+    return helped < GAIN and cause.size <= most * pool.between_rows
 
 
 class Imitations:
