@@ -55,7 +55,7 @@ def test_it_is_what_a_finer_record_of_the_curve_would_move(irregular):
         for name, values in walk.items()
     }
     moved = (lags["curve"] - lags["line"]) @ [0.5, 0.7]
-    assert felt_between_rows(model, record) == pytest.approx(moved.std(), rel=0.1)
+    assert felt_between_rows(model, record).curve == pytest.approx(moved.std(), rel=0.1)
 
 
 def test_it_is_no_more_than_the_gain_allows():
@@ -64,7 +64,7 @@ def test_it_is_no_more_than_the_gain_allows():
     model, read = fitted(record[["temperature"]], record["reading"])
     T = record["temperature"].to_numpy()
     rise = np.diff(T, 2).std() / 8
-    assert 0 < felt_between_rows(model, read) <= 1.01 * record["reading"].std() / T.std() * rise
+    assert 0 < felt_between_rows(model, read).curve <= 1.01 * record["reading"].std() / T.std() * rise
 
 
 def test_what_happens_in_gaps_is_another_matter():
@@ -73,15 +73,26 @@ def test_what_happens_in_gaps_is_another_matter():
     felt = [
         felt_between_rows(*fitted(r[["temperature"]], r["reading"], time_constants=["1 h"])) for r in (whole, gappy)
     ]
-    assert felt[1] == pytest.approx(felt[0], rel=0.3)
+    assert felt[1].curve == pytest.approx(felt[0].curve, rel=0.3)
+    assert felt[1].turning == pytest.approx(felt[0].turning, rel=0.1)
+
+
+@pytest.mark.parametrize(("step", "turning"), [(60.0, 2 * np.sin(0.1)), (600.0, 2 * np.sin(1.0))])
+def test_a_wave_turns_more_sharply_in_a_slow_log(step, turning):
+    """Of a wave the slope from row to row is a wave, too; its changes are 2 sin(half a step's phase) of it."""
+    times = step * np.arange(3000)
+    X = pd.DataFrame({"temperature": 21 + np.sin(times / 300.0), "t": times})
+    y = X["temperature"] + 0.01 * np.random.default_rng(1).standard_normal(3000)
+    found = felt_between_rows(*fitted(X, y, time_constants=["1 h"], time="t"))
+    assert found.turning == pytest.approx(turning, rel=1e-3)
 
 
 def test_a_staircase_and_a_model_without_lags_have_nothing_between_rows():
     record = make_record(2000, seed=1)
     X, y = record[["temperature"]], record["reading"]
-    assert felt_between_rows(*fitted(X, y, time_constants=[])) == 0.0
-    assert felt_between_rows(*fitted(X, y, time_constants=["10 min"], hold="zero_order")) == 0.0
-    assert felt_between_rows(*fitted(X, y, time_constants=["10 min"])) > 0.0
+    assert felt_between_rows(*fitted(X, y, time_constants=[])) == (0.0, 0.0)
+    assert felt_between_rows(*fitted(X, y, time_constants=["10 min"], hold="zero_order")) == (0.0, 0.0)
+    assert felt_between_rows(*fitted(X, y, time_constants=["10 min"])).curve > 0.0
 
 
 @pytest.mark.parametrize("seed", [31, 32])

@@ -138,7 +138,7 @@ def _conclude(
     rest = replace(what_is_left(search, residual, *labels), unjudged=share, unjudged_rms=apart, start_or=start_or)
     if traces:
         put_down = tuple(dict.fromkeys(effect_text(cause.tried.explanation.effect) for cause in traces))
-        rest = replace(rest, between_rows=put_down, swings=search.pool.between_rows)
+        rest = replace(rest, between_rows=put_down, swings=search.pool.between_rows.curve)
     rounded = rest.rounding and not causes
     floor = rms if search.pool.rows.exact or rounded else min(max(rest.floor, rest.rounding / np.sqrt(12)), rms)
     moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, causes)]

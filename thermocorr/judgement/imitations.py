@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..effects import Covariate, Hysteresis
 from .choice import Cause, Tried
-from .levels import BETWEEN_ROWS, CHANGES, FOLLOWS, GAIN, NEAR_ROWS, OF_THERMOMETER, PLAY, TINY
+from .levels import BETWEEN_ROWS, CHANGES, FOLLOWS, GAIN, NEAR_ROWS, OF_THERMOMETER, PLAY, SHARP, TINY
 from .pool import Pool
 
 
@@ -24,15 +24,16 @@ def is_between_rows(cause: Cause, pool: Pool) -> bool:
     """Whether a cause is a trace of what the temperature did between its rows.
 
     It needs nothing but the temperature, as does all that it cannot be told from, and is no lead of many rows; it
-    explains no more than that may make, and does not help. What helps nowhere at all, and is no lead, may be a jump.
+    explains no more than that may make, and does not help. Where the temperature turns as sharply as it moves, what
+    helps nowhere at all, and is no lead, may be what a jump makes.
     """
     effects = [t.explanation.effect for t in (cause.tried, *cause.alike)]
     near = NEAR_ROWS * pool.record.usual_step()
     if not all(effect.of_temperature_alone and effect.ahead() <= near for effect in effects):
         return False
-    helped, (curve, jump) = cause.tried.worth.both, BETWEEN_ROWS
-    most = jump if helped < TINY and not effects[0].ahead() else curve
-    return helped < GAIN and cause.size <= most * pool.between_rows
+    helped, between, (curve, jump) = cause.tried.worth.both, pool.between_rows, BETWEEN_ROWS
+    most = jump if helped < TINY and between.turning > SHARP and not effects[0].ahead() else curve
+    return helped < GAIN and cause.size <= most * between.curve
 
 
 class Imitations:

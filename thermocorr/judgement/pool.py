@@ -14,7 +14,7 @@ import pandas as pd
 from ..effects import InitialTransient, StaticPolynomial, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
-from ..estimators.between_rows import felt_between_rows
+from ..estimators.between_rows import BetweenRows, felt_between_rows
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.thermometer_errors import resolution_of, thermometer_errors
 from ..records import Record, RecordError
@@ -172,9 +172,10 @@ class Pool:
         return pd.DataFrame() if hidden else thermometer_errors(self.model, self.record)
 
     @cached_property
-    def between_rows(self) -> float:
-        """What the temperature may do between rows, as the model's lags feel it; 0 for averages, which hide it."""
-        return 0.0 if isinstance(self.record, Thinned) else felt_between_rows(self.model, self.record)
+    def between_rows(self) -> BetweenRows:
+        """What the temperature may do between rows, as the model's lags feel it; averages hide it."""
+        hidden = isinstance(self.record, Thinned)
+        return BetweenRows(0.0, 0.0) if hidden else felt_between_rows(self.model, self.record)
 
     @cached_property
     def rounding(self) -> float:
