@@ -97,7 +97,7 @@ class Lead(Effect):
         self.lead_ = seconds_of(self.lead, "lead")
         self.time_constants_ = seconds_array(self.time_constants)
 
-    def ahead(self) -> float:
+    def moves_by(self) -> float:
         """The lead [s]."""
         return seconds_of(self.lead, "lead")
 

@@ -273,8 +273,8 @@ class Effect(ParametersOnce):
         """Longest time constant of the state [s]: how long an unknown start is felt. 0 without a state."""
         return max((word.memory for word in words_of(self) or ()), default=0.0)
 
-    def ahead(self) -> float:
-        """How far it looks ahead of a sample [s]."""
+    def moves_by(self) -> float:
+        """By how much it moves the temperature in time, to and fro [s]."""
         return 0.0
 
     def label(self) -> str:

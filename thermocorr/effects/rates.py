@@ -119,6 +119,10 @@ class Delay(Effect):
         """Convert the delay to seconds."""
         self.delay_ = seconds_of(self.delay, "delay")
 
+    def moves_by(self) -> float:
+        """The delay [s]."""
+        return seconds_of(self.delay, "delay")
+
     def names(self) -> list[str]:
         """``delay[600 s]``."""
         return [f"delay[{time_text(self.delay_)}]"]

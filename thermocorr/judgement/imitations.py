@@ -23,16 +23,16 @@ def together(thermometers: pd.DataFrame) -> float:
 def is_between_rows(cause: Cause, pool: Pool) -> bool:
     """Whether a cause is a trace of what the temperature did between its rows.
 
-    It needs nothing but the temperature, as does all that it cannot be told from, and is no lead of many rows; it
-    explains no more than that may make, and does not help. Where the temperature turns as sharply as it moves, what
-    helps nowhere at all, and is no lead, may be what a jump makes.
+    It needs nothing but the temperature, as does all that it cannot be told from, and is no lead or delay of many rows;
+    it explains no more than that may make, and does not help. Where the temperature turns as sharply as it moves, what
+    helps nowhere at all, and does not look ahead, may be what a jump makes.
     """
     effects = [t.explanation.effect for t in (cause.tried, *cause.alike)]
     near = NEAR_ROWS * pool.record.usual_step()
-    if not all(effect.of_temperature_alone and effect.ahead() <= near for effect in effects):
+    if not all(effect.of_temperature_alone and effect.moves_by() <= near for effect in effects):
         return False
     helped, between, (curve, jump) = cause.tried.worth.both, pool.between_rows, BETWEEN_ROWS
-    most = jump if helped < TINY and between.turning > SHARP and not effects[0].ahead() else curve
+    most = jump if helped < TINY and between.turning > SHARP and not effects[0].foresees else curve
     return helped < GAIN and cause.size <= most * between.curve
 
 

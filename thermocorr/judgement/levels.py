@@ -286,9 +286,9 @@ SHARP = 1.0
 In rooms with a thermostat that are logged every 100 s and more it is 1.2 to 1.9, in rooms that are resolved 0.7 to 1,
 in a chamber 0.3, outdoors 0.15; where a hysteresis in a chamber was put down to jumps, it was lost."""
 NEAR_ROWS = 5.0
-"""Rows of a lead from which it is not put down to that: a curve between two rows looks like one of a row or two. Chosen
-on two seeds of `benchmarks/hidden_effects.py` (8400 and 8401 at strength 0.5), where leads of 7 and 38 rows had been
-lost."""
+"""Rows of a lead or delay from which it is not put down to that: a curve between two rows looks like one of a row or
+two. Chosen on two seeds of `benchmarks/hidden_effects.py` (8400 and 8401 at strength 0.5), where leads of 7 and 38 rows
+had been lost, and on delays of 62 rows of a white temperature (`tests/test_shifts.py`)."""
 SIZEABLE = 0.1
 """Rms of what a missing lag, delay, rate or lead explains, over the usual noise of one sample, that must clearly be
 exceeded beside the model's own lags: they need not be better. Rows count by their weights, where the noise depends on
