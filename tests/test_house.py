@@ -6,6 +6,8 @@ import ast
 import importlib
 import subprocess
 import sys
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -25,6 +27,25 @@ FLOORS = {
     "command": 8,
 }  # fmt: skip
 TOP = "thermocorr"
+
+
+def for_each(paths):
+    """Decorator of a test of one file: all are tested at once, and those named for which it fails."""
+
+    def of_one(test):
+        def of_all():
+            wrong = []
+            for path in paths:
+                try:
+                    test(path)
+                except (AssertionError, ImportError) as error:
+                    wrong.append(f"{path}: {error}")
+            assert not wrong, "\n".join(wrong)
+
+        of_all.__name__, of_all.__doc__ = test.__name__, test.__doc__
+        return of_all
+
+    return of_one
 
 
 def room(module):
@@ -55,6 +76,7 @@ def imports(tree, path):
 MODULES = {module_of(path) for path in FILES}
 
 
+@cache
 def parsed(path):
     return ast.parse(path.read_text(encoding="utf-8"))
 
@@ -74,7 +96,7 @@ def test_every_room_has_a_floor():
     assert sorted(path.name for path in PACKAGE.glob("*.py")) == ["__init__.py", "__main__.py", "_version.py"]
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
+@for_each(FILES)
 def test_no_floor_imports_a_higher_one(path):
     own = room(module_of(path))
     if own is None:
@@ -109,15 +131,14 @@ EXTRAS = {"thermocorr.interactive.browser.server": "uvicorn", "thermocorr.intera
 """Modules that cannot be imported without an extra; whoever wants them says so."""
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
+@for_each(FILES)
 def test_every_module_can_be_imported(path):
     name = module_of(path)
-    if name in EXTRAS:
-        pytest.importorskip(EXTRAS[name], reason=f"{name} needs {EXTRAS[name]}: pip install 'thermocorr[all]'")
-    importlib.import_module(name)
+    if name not in EXTRAS or find_spec(EXTRAS[name]) is not None:
+        importlib.import_module(name)
 
 
-@pytest.mark.parametrize("path", sorted((PACKAGE / "equations").rglob("*.py")), ids=module_of)
+@for_each(sorted((PACKAGE / "equations").rglob("*.py")))
 def test_equations_need_numpy_and_scipy_alone(path):
     for line, name in imports(parsed(path), path):
         top = name.split(".")[0]
@@ -127,15 +148,13 @@ def test_equations_need_numpy_and_scipy_alone(path):
         assert top in allowed or name.startswith(f"{TOP}.equations"), f"{path}:{line} imports {name}"
 
 
-@pytest.mark.parametrize(
-    "path", [*FILES, *BESIDE], ids=[*map(module_of, FILES), *(path.relative_to(ROOT).as_posix() for path in BESIDE)]
-)
+@for_each([*FILES, *BESIDE])
 def test_no_file_is_longer_than_400_lines(path):
     length = len(path.read_text(encoding="utf-8").splitlines())
     assert length <= 400, f"{path} has {length} lines"
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
+@for_each(FILES)
 def test_matplotlib_waits_until_something_is_drawn(path):
     loaded = [node for node in at_module_level(parsed(path)) if isinstance(node, ast.Import | ast.ImportFrom)]
     for node in loaded:
@@ -158,7 +177,7 @@ def test_everything_public_exists_and_says_what_it_is(name):
     assert len(own.strip()) > 20
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
+@for_each(FILES)
 def test_every_module_says_what_it_is(path):
     tree = parsed(path)
     assert not tree.body or ast.get_docstring(tree)
@@ -182,7 +201,7 @@ def private_access(tree):
                 yield node.lineno, ast.unparse(node)
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
+@for_each(FILES)
 def test_no_module_uses_what_another_object_keeps_to_itself(path):
     found = [f"{path}:{line}: {code}" for line, code in private_access(parsed(path))]
     assert not found, "make public what others need, with a docstring: " + ", ".join(found)
@@ -209,7 +228,7 @@ def docstrings(tree):
             yield node.lineno, node.value.value.strip()
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
+@for_each(FILES)
 def test_a_docstring_stands_alone(path):
     for line, text in docstrings(parsed(path)):
         assert not text.startswith(LEANING), f"{path}:{line} begins with what stands elsewhere: {text.splitlines()[0]}"
@@ -278,7 +297,7 @@ def test_nothing_strange_stands_at_the_top_of_the_checkout():
     assert {name for name in tops if not name.startswith(".")} == TOP_LEVEL
 
 
-@pytest.mark.parametrize("path", [p for p in FILES if module_of(p).startswith("thermocorr.firmware")], ids=module_of)
+@for_each([p for p in FILES if module_of(p).startswith("thermocorr.firmware")])
 def test_an_export_does_not_read_back_what_it_printed(path):
     """What the code needs is known from what asks for it; expressions are for the user's words, in `names`."""
     if module_of(path) != "thermocorr.firmware.names":
@@ -306,7 +325,7 @@ def positional(tree, most=5):
                 yield node.lineno, name
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
+@for_each(FILES)
 def test_what_is_built_of_many_parts_names_them(path):
     found = [f"{path}:{line}: {name}(...)" for line, name in positional(parsed(path))]
     assert not found, "pass by name: " + ", ".join(found)
@@ -328,7 +347,7 @@ def thresholds(tree):
             yield from ((node.lineno, ast.unparse(name)) for name in node.targets)
 
 
-@pytest.mark.parametrize("path", sorted((PACKAGE / "judgement").glob("*.py")), ids=module_of)
+@for_each(sorted((PACKAGE / "judgement").glob("*.py")))
 def test_thresholds_of_the_judgement_stand_in_files_of_their_own(path):
     if not path.stem.endswith("levels"):
         found = [name for _, name in thresholds(parsed(path)) if not name.startswith("_")]
@@ -339,7 +358,7 @@ def test_the_reader_of_thresholds_sees_them():
     assert [name for _, name in thresholds(ast.parse("A = 1\nB = 2.0, 3\nC = 'x'\nD = f(1)\n"))] == ["A", "B"]
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
+@for_each(FILES)
 def test_nothing_in_a_module_is_named_twice(path):
     """A second constant of a name would change what the first one stood for."""
     tree = parsed(path)
@@ -365,7 +384,7 @@ def kinds_by_name(tree):
             yield node.lineno, node.value
 
 
-@pytest.mark.parametrize("path", [p for p in FILES if room(module_of(p)) not in OWN_WORDS], ids=module_of)
+@for_each([p for p in FILES if room(module_of(p)) not in OWN_WORDS])
 def test_kinds_of_effects_are_classes_outside_their_room(path):
     found = {kind for _, kind in kinds_by_name(parsed(path))}
     if path.name == "migrations.py":  # as files of versions 5 and 12 have them
