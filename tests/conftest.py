@@ -17,7 +17,7 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
 
 def pytest_collection_finish():
-    """Ten thousand tests stay to the end: the collector of garbage need not look at them again and again."""
+    """Thousands of tests stay to the end: the collector of garbage need not look at them again and again."""
     gc.collect()
     gc.freeze()
 

@@ -71,5 +71,5 @@ def felt_between_rows(model: Any, record: Record) -> BetweenRows:
         return BetweenRows(0.0, 0.0)
     usual_gain = record.reading_moments().std / (record.moments(record.temperature_name).std or 1.0)
     most = usual_gain * np.sqrt(np.mean(np.concatenate(rises) ** 2))
-    moved, turned = np.sqrt(np.nanmean(np.concatenate(lines) ** 2, axis=0))
+    moved, turned = np.sqrt(np.nansum(np.concatenate(lines) ** 2, axis=0))
     return BetweenRows(float(min(np.concatenate(areas_felt).std(), most)), float(turned / (moved or 1.0)))
