@@ -1,6 +1,6 @@
 """A room with a thermostat, logged too seldom: is anybody accused, and is what is really missing still named?
 
-    python benchmarks/slow_logs.py --seeds 4                 # some minutes; seeds from 300 on served no tuning
+    python benchmarks/slow_logs.py --seeds 4                 # some minutes; seeds from 301 on served no tuning
     python benchmarks/slow_logs.py --seeds 10 --steps 300
 
 The heating lifts the air by 0.6 K within minutes; in a brisk room it falls again within five, in a calm one within

@@ -284,7 +284,8 @@ TINY = 0.25
 SHARP = 1.0
 """Change of the temperature's slope from row to row over the slope itself, from which a jump is as likely as a curve.
 In rooms with a thermostat that are logged every 100 s and more it is 1.2 to 1.9, in rooms that are resolved 0.7 to 1,
-in a chamber 0.3, outdoors 0.15; where a hysteresis in a chamber was put down to jumps, it was lost."""
+in a chamber 0.3, outdoors 0.15 (one seed of each, 300 of `benchmarks/slow_logs.py`). Where a hysteresis in a chamber
+was put down to jumps, it was lost."""
 NEAR_ROWS = 5.0
 """Rows of a lead or delay from which it is not put down to that: a curve between two rows looks like one of a row or
 two. Chosen on two seeds of `benchmarks/hidden_effects.py` (8400 and 8401 at strength 0.5), where leads of 7 and 38 rows
