@@ -98,7 +98,7 @@ def line(n: int) -> str:
     fit = spent["fit"]
     return (
         f"{n} rows: fit {fit * 1e3:.1f} ms; of materialised + Ridge {fit / spent['materialised']:.2f}, of lfilter + "
-        f"Ridge {fit / spent['by hand']:.2f}, times the floor {fit / spent['floor']:.1f}; irregular over regular "
+        f"Ridge {fit / spent['by hand']:.2f}, times the floor {fit / spent['floor']:.2f}; irregular over regular "
         f"{spent['irregular'] / fit:.2f}; BLAS threads not limited {free / fit:.2f}; extra memory {peak:.1f} MiB"
     )
 

@@ -305,8 +305,8 @@ def test_compiled_factors_are_exact_to_two_units_of_the_last_digit():
     for ratio in np.r_[np.geomspace(1e-15, 50.0, 200), beside]:
         decay, gain = np.empty((1, 1)), np.empty((1, 1))
         steps, rates = np.array([7.0 * ratio]), np.array([1.0 / 7.0])
-        recursion(np.zeros(1), steps, rates, True, False, np.ones(1), decay)
-        recursion(np.ones(1), steps, rates, True, False, np.zeros(1), gain)
+        recursion(np.zeros(1), 0.0, steps, steps[0], rates, True, np.ones(1), decay)
+        recursion(np.ones(1), 0.0, steps, steps[0], rates, True, np.zeros(1), gain)
         with localcontext() as context:
             context.prec = 60
             r = Decimal(float(ratio))

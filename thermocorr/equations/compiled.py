@@ -67,11 +67,11 @@ def _kept(function: Any, plain: Any, keeping: Any) -> Any:
     except RuntimeError:  # numba finds no folder to keep the code in: it is compiled by each process
         return plain(function)
 
-    def called(*arguments: Any) -> None:
+    def called(*arguments: Any) -> Any:
         try:
-            kept(*arguments)
+            return kept(*arguments)
         except OSError:  # it is compiled, and could not be kept: the disk is full
-            kept(*arguments)
+            return kept(*arguments)
 
     return called
 

@@ -206,7 +206,7 @@ def _fill(rows, bodies, at, n, n_over, z, change, decay, gain):  # type: ignore[
         for j in range(J):
             bodies.lags[j] = bodies.factors[0, D + j] * bodies.lags[j] - bodies.factors[1, D + j] * change[0]
             z[D + 1 + j, 0] = bodies.lags[j]
-    follow(change, first, n, decay[D:], gain[D:], each, bodies.lags, z[D + 1 :])
+    follow(change, first, n, decay[D:], gain[D:], bodies.regular, bodies.lags, z[D + 1 :])
     for j in range(len(ready)):
         for k in range(n):
             z[D + 1 + J + j, k] = ready[j, k]

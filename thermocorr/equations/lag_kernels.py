@@ -22,6 +22,8 @@ TILE = 256
 """Rows of a tile: its numbers stay in the processor's nearest caches."""
 _LANES = 32
 """`_recursion` makes factors for a multiple of so many rows: those of a row are the same whatever is around it."""
+_ABREAST = 16
+"""Rows of one body before the next body's turn: the compiler writes them out."""
 _LN2, _PER_LN2 = math.log(2.0), 1.0 / math.log(2.0)
 _LARGEST_RATIO = 700.0
 """Step over time constant up to which the decay is known, and from which it stays what it is there, 1e-304."""
@@ -67,75 +69,75 @@ def factors_of_steps(steps, per_step, longest, n, rate, first_order, power, deca
 
 
 @inline
-def follow(change, first, n, decay, gain, each, lags, out):  # type: ignore[no-untyped-def]
-    """The recursion of eq. (25), six bodies side by side: the processor works on five while it waits for one.
+def _carry_on(change, at, n, decay, gain, even, lags, out):  # type: ignore[no-untyped-def]
+    """The recursion through `n` rows from row `at` on, one body after the other."""
+    for j in range(len(lags)):
+        d, a, g = lags[j], decay[j, 0], gain[j, 0]
+        for k in range(n):
+            if not even:
+                a, g = decay[j, at + k], gain[j, at + k]
+            d = a * d - g * change[at + k]
+            out[j, at + k] = d
+        lags[j] = d
 
-    It fills columns `first` to `n` of `out` and carries `lags` on. `decay` and `gain` have a column for each row where
-    `each` is 1, and one for all where it is 0.
+
+@inline
+def follow(change, first, n, decay, gain, even, lags, out):  # type: ignore[no-untyped-def]
+    """The recursion of eq. (25): it fills columns `first` to `n` of `out` and carries `lags` on.
+
+    `decay` and `gain` have a column for each row, and where steps are `even` one for all. A few rows of each body at a
+    time: the processor, which must wait for a body's last row, has begun with the next bodies by then, and numbers that
+    lie side by side are written together.
     """
-    j = 0
-    while len(lags) - j >= 6:
-        d0, d1, d2, d3, d4, d5 = lags[j], lags[j + 1], lags[j + 2], lags[j + 3], lags[j + 4], lags[j + 5]
-        for k in range(first, n):
-            step, i = change[k], k * each
-            d0 = decay[j, i] * d0 - gain[j, i] * step
-            d1 = decay[j + 1, i] * d1 - gain[j + 1, i] * step
-            d2 = decay[j + 2, i] * d2 - gain[j + 2, i] * step
-            d3 = decay[j + 3, i] * d3 - gain[j + 3, i] * step
-            d4 = decay[j + 4, i] * d4 - gain[j + 4, i] * step
-            d5 = decay[j + 5, i] * d5 - gain[j + 5, i] * step
-            out[j, k], out[j + 1, k], out[j + 2, k] = d0, d1, d2
-            out[j + 3, k], out[j + 4, k], out[j + 5, k] = d3, d4, d5
-        lags[j], lags[j + 1], lags[j + 2], lags[j + 3], lags[j + 4], lags[j + 5] = d0, d1, d2, d3, d4, d5
-        j += 6
-    while len(lags) - j >= 2:
-        d0, d1 = lags[j], lags[j + 1]
-        for k in range(first, n):
-            step, i = change[k], k * each
-            d0 = decay[j, i] * d0 - gain[j, i] * step
-            d1 = decay[j + 1, i] * d1 - gain[j + 1, i] * step
-            out[j, k], out[j + 1, k] = d0, d1
-        lags[j], lags[j + 1] = d0, d1
-        j += 2
-    if j < len(lags):
-        d0 = lags[j]
-        for k in range(first, n):
-            d0 = decay[j, k * each] * d0 - gain[j, k * each] * change[k]
-            out[j, k] = d0
-        lags[j] = d0
+    at = first
+    while n - at >= _ABREAST:
+        _carry_on(change, at, _ABREAST, decay, gain, even, lags, out)
+        at += _ABREAST
+    _carry_on(change, at, n - at, decay, gain, even, lags, out)
 
 
-def _recursion(change, steps, rates, first_order, alike, lags, out):  # type: ignore[no-untyped-def]
+def _recursion(temperature, before, steps, first_step, rates, first_order, lags, out):  # type: ignore[no-untyped-def]
     n_lags, n = out.shape
-    here, per_step, power = np.empty(TILE), np.empty(TILE), np.empty(TILE)
+    here, per_step, power, change = np.empty(TILE), np.empty(TILE), np.empty(TILE), np.empty(TILE)
     decay, gain = np.empty((n_lags, TILE)), np.empty((n_lags, TILE))
-    at = 0
-    while at < n:
+    usual = np.nan  # the step whose factors stand in the first columns
+    for at in range(0, n, TILE):
         rows = min(TILE, n - at)
-        if at == 0 or not alike:
-            full = _LANES if alike else (rows + _LANES - 1) // _LANES * _LANES
+        here[:rows] = steps[at : at + rows]
+        if at == 0:
+            here[0] = first_step
+        others = 0
+        for k in range(rows):
+            others += here[k] != usual
+        even = others == 0
+        if not even:
+            full = (rows + _LANES - 1) // _LANES * _LANES
+            usual = here[rows - 1]
+            here[rows:full] = usual
             longest = 0.0
             for k in range(full):
-                here[k] = steps[min(at + k, n - 1)]
                 longest = max(longest, here[k])
                 per_step[k] = 1.0 / here[k]
             for j in range(n_lags):
                 factors_of_steps(here, per_step, longest, full, rates[j], first_order, power, decay[j], gain[j])
-        if alike:  # the first step may be another one: that row goes alone, and then all others
-            rows = 1 if at == 0 else n - at
-        follow(change[at : at + rows], 0, rows, decay, gain, 0 if alike else 1, lags, out[:, at : at + rows])
-        if alike and at == 0:
+        some = temperature[at : at + rows]
+        change[0] = some[0] - before
+        for k in range(1, rows):
+            change[k] = some[k] - some[k - 1]
+        before = some[rows - 1]
+        follow(change, 0, rows, decay, gain, even, lags, out[:, at : at + rows])
+        if not even:
             for j in range(n_lags):
-                decay[j, 0], gain[j, 0] = decay[j, 1], gain[j, 1]
-        at += rows
+                decay[j, 0], gain[j, 0] = decay[j, rows - 1], gain[j, rows - 1]
 
 
-recursion: Callable[[Floats, Floats, Floats, bool, bool, Floats, Floats], None] = jitted(
+recursion: Callable[[Floats, float, Floats, float, Floats, bool, Floats, Floats], None] = jitted(
     cache=True, fastmath={"contract"}, error_model="numpy"
 )(_recursion)
-"""Function ``(change, steps, rates, first_order, alike, lags, out)`` that fills `out`, shape (J, n).
+"""Function ``(temperature, before, steps, first_step, rates, first_order, lags, out)`` that fills `out`, shape (J, n).
 
-``out[:, k] = decay[k] * out[:, k - 1] - gain[k] * change[k]``, with `lags`, shape (J,), in front, which are carried on.
-`steps` are [s], `rates` 1/tau [1/s]; `alike` says that all steps but the first are the same. Arrays are of float64,
-contiguous in C's order and writable, so that there is one function to compile.
+``out[:, k] = decay[k] * out[:, k - 1] - gain[k] * (temperature[k] - temperature[k - 1])``, with `lags`, shape (J,), and
+the temperature `before` in front; `lags` are carried on. Steps are [s], `first_step` stands for the first of `steps`;
+`rates` are 1/tau [1/s]. Arrays are of float64, contiguous in C's order and writable, so that there is one function to
+compile.
 """

@@ -23,7 +23,7 @@ from .compiled import is_compiled
 
 Floats = NDArray[np.float64]
 Structure = Callable[[Floats], Floats]
-Recursion = Callable[[Floats, Floats, Floats, bool, bool, Floats, Floats], None]
+Recursion = Callable[[Floats, float, Floats, float, Floats, bool, Floats, Floats], None]
 CELLS, FINEST = 32, 2e-3
 """Cells that a gap is cut into, and the last of them as a share of the gap, or less where a lag is fast. With eight
 times as many, ten times finer, the error is the same to 2 %."""
@@ -158,23 +158,26 @@ def lag_differences(
         state = None  # only empty blocks so far
     if n == 0:
         return np.empty((0, n_lags), order="F"), state or equilibrium(np.nan, time_constants)
+    first_step = float(steps[0])
     if state is None:
-        state = equilibrium(temperature[0], time_constants)
-        steps = np.concatenate((np.ones(1), steps[1:]))  # T has not moved before sample 0: any step will do
-    change = np.empty(n)
-    change[0] = temperature[0] - state.temperature
-    np.subtract(temperature[1:], temperature[:-1], out=change[1:])
-
-    regular = n > 1 and bool((steps[1:] == steps[1]).all())
+        state, first_step = equilibrium(temperature[0], time_constants), 1.0  # T has not moved: any step will do
     recursion = compiled_recursion()
     if recursion is not None:
         result, lags = np.empty((n, n_lags), order="F"), np.array(state.lag_difference, dtype=np.float64)
-        if not (steps.flags.carray and steps.dtype == np.float64):  # else numba compiles the function once more
-            steps = np.array(steps, np.float64)
-        recursion(change, steps, 1.0 / time_constants, hold == "first_order", regular, lags, result.T)
+        T, dt, rates = _plain(temperature), _plain(steps), 1.0 / time_constants
+        recursion(T, float(state.temperature), dt, first_step, rates, hold == "first_order", lags, result.T)
     else:
-        result = _solved(change, steps, time_constants, state.lag_difference, hold, regular)
+        change = np.empty(n)
+        change[0] = temperature[0] - state.temperature
+        np.subtract(temperature[1:], temperature[:-1], out=change[1:])
+        steps = np.concatenate(([first_step], steps[1:]))
+        result = _solved(change, steps, time_constants, state.lag_difference, hold)
     return result, LagState(result[-1].copy(), float(temperature[-1]))
+
+
+def _plain(values: Floats) -> Floats:
+    """The values as the one kind of array that the compiled recursion takes: others would have it compiled again."""
+    return values if values.flags.carray and values.dtype == np.float64 else np.array(values, np.float64)
 
 
 @lru_cache(maxsize=64)
@@ -186,9 +189,10 @@ def factors_of_two_steps(
     return np.asfortranarray(factors[0]), np.asfortranarray(factors[1])
 
 
-def _solved(change: Floats, steps: Floats, time_constants: Floats, first: Floats, hold: Hold, regular: bool) -> Floats:
+def _solved(change: Floats, steps: Floats, time_constants: Floats, first: Floats, hold: Hold) -> Floats:
     """The recursion as a unit lower bidiagonal system, solved in place column by column; row 0 is the state."""
     n = len(change)
+    regular = n > 1 and bool((steps[1:] == steps[1]).all())
     columns = np.empty((n + 1, len(time_constants)), order="F")
     band = np.empty((2, n + 1), order="F")  # row 1 is the subdiagonal, - a
     decay, gain = decay_and_gain(steps[: 2 if regular else 1, None], time_constants, hold)

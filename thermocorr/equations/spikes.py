@@ -15,6 +15,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from .looks import stay_within
 from .repeats import at_ends, on_lines, repeated
 from .statistics import Moments
 from .usual import DEVIATION, MOST, OVERLOAD, SPIKE, Usual, usual_of
@@ -146,11 +147,8 @@ def scan(values: Floats, low: int, high: int, usual: Usual) -> Scanned:
         at_end, at_rest = (low + np.flatnonzero(rows[low:high]) for rows in (clipped, again))
         return replace(rest, clipped=at_end, repeats=at_rest)
     nothing, jumps = np.zeros(0, np.intp), Jumps()
-    steps = values[1:] - values[:-1]
     most = min(usual.reach, OVERLOAD / 2)
-    if not len(values) or (
-        steps.max(initial=0.0) <= most and steps.min(initial=0.0) >= -most and abs(values[0]) < OVERLOAD
-    ):  # never where a value is missing
+    if not len(values) or (stay_within(values, most) and abs(values[0]) < OVERLOAD):  # never where one is missing
         return Scanned(
             codes=nothing,
             spikes=nothing,

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .looks import summed
+
 Floats = NDArray[np.float64]
 _LEAST_WHITE = 0.1
 """Share of the differences from row to row that the white part must have: less is an error of the extrapolation. Exact
@@ -102,15 +104,11 @@ class Moments(NamedTuple):
     @classmethod
     def of(cls, values: Floats) -> Moments:
         """Moments of an array, without its NaN."""
-        total = values.sum()
-        if np.isnan(total):
+        found = summed(values) if len(values) else None
+        if found is not None and np.isnan(found.mean):
             values = values[np.isfinite(values)]
-            total = values.sum()
-        if not len(values):
-            return cls()
-        mean = float(total / len(values))
-        centred = values - mean
-        return cls(len(values), mean, float(centred @ centred), float(values.min()), float(values.max()))
+            found = summed(values) if len(values) else None
+        return cls() if found is None else cls(len(values), *found)
 
     def merged(self, other: Moments) -> Moments:
         """Moments of two sets of values together (Chan, Golub & LeVeque 1983, American Statistician 37, 242)."""

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..equations.looks import are_apart, steps_between
 from .by_arrow import dates_by_arrow
 from .epochs import UNIX, refuse_no_seconds
 from .errors import RecordError
@@ -77,7 +78,10 @@ class Times:
         ticks = self.ticks[rows]
         if not isinstance(rows, slice) or self.__dict__.get("_even_ticks") is None:
             steps = np.empty(len(ticks))
-            np.divide(self._apart(ticks[1:], ticks[:-1]), self.per_second, out=steps[1:])
+            if self._close:
+                steps_between(ticks, self.per_second, steps[1:])
+            else:
+                np.divide(difference(ticks[1:], ticks[:-1]), self.per_second, out=steps[1:])
         else:
             steps = np.full(len(ticks), self.even_step)
         steps[0] = 1.0 if before is None else (ticks[0].item() - self.ticks[before].item()) / self.per_second
@@ -98,7 +102,7 @@ class Times:
         if not 0 < step < _FAR or (isinstance(step, int) and last - first != step * (self.n - 1)):
             return None
         chunks = (self.ticks[start : start + _CHUNK + 1] for start in range(0, self.n - 1, _CHUNK))
-        return None if any((np.diff(chunk) != step).any() for chunk in chunks) else step
+        return step if all(are_apart(chunk, step) for chunk in chunks) else None
 
     @cached_property
     def longest_between_rows(self) -> float:
@@ -136,11 +140,9 @@ class Times:
         if self.kind == "seconds":
             return np.asarray(self.ticks[rows] - origin, float)
         whole, rest = divmod(int(origin), _NS // self.per_second)
-        return np.asarray(self._apart(self.ticks[rows], whole) / self.per_second - rest / _NS, float)
-
-    def _apart(self, later: Any, earlier: Any) -> Any:
-        near = self._close and (isinstance(earlier, np.ndarray) or abs(earlier) < _FAR)
-        return later - earlier if near else difference(later, earlier)
+        ticks = self.ticks[rows]
+        apart = ticks - whole if self._close and abs(whole) < _FAR else difference(ticks, whole)
+        return np.asarray(apart / self.per_second - rest / _NS, float)
 
     @cached_property
     def _close(self) -> bool:
