@@ -298,15 +298,16 @@ def test_gain_is_right_on_both_sides_of_the_series_threshold():
 def test_compiled_factors_are_exact_to_two_units_of_the_last_digit():
     """One step from a lag difference of 1 K is the decay, one with a change of 1 K less the gain."""
     pytest.importorskip("numba", reason="compiled code needs numba: pip install 'thermocorr[fast]'")
+    from thermocorr.equations.compiled import read_only
     from thermocorr.equations.lag_kernels import recursion
 
     half = np.log(2.0) / 2  # where the power of two is no longer 2^0
     beside = [half, *half * (1 + np.array([-1e-15, 1e-15, -3e-3, 3e-3])), 3 * half, 60.0, 690.0]
     for ratio in np.r_[np.geomspace(1e-15, 50.0, 200), beside]:
         decay, gain = np.empty((1, 1)), np.empty((1, 1))
-        steps, rates = np.array([7.0 * ratio]), np.array([1.0 / 7.0])
-        recursion(np.zeros(1), 0.0, steps, steps[0], rates, True, np.ones(1), decay)
-        recursion(np.ones(1), 0.0, steps, steps[0], rates, True, np.zeros(1), gain)
+        steps, rates = read_only(np.array([7.0 * ratio])), np.array([1.0 / 7.0])
+        recursion(read_only(np.zeros(1)), 0.0, steps, steps[0], rates, True, np.ones(1), decay)
+        recursion(read_only(np.ones(1)), 0.0, steps, steps[0], rates, True, np.zeros(1), gain)
         with localcontext() as context:
             context.prec = 60
             r = Decimal(float(ratio))

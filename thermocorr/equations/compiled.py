@@ -37,6 +37,13 @@ def _compiled_play() -> Play | None:
     return compiled
 
 
+def read_only(values: NDArray[Any]) -> NDArray[Any]:
+    """A view that is so whatever the values are: there is one function to compile."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
+
+
 def is_compiled() -> bool:
     """Whether there is compiled code: numba is installed, and the environment does not forbid it."""
     return os.environ.get("THERMOCORR_COMPILED", "1") != "0" and find_spec("numba") is not None

@@ -31,7 +31,9 @@ class Rows(NamedTuple):
     steps: Floats
     """Time since the row before [s], shape (n,)."""
     reading: Floats
-    """Less an offset; NaN where there is none, so that the row does not count. Shape (n,)."""
+    """NaN where there is none, so that the row does not count. Shape (n,), read-only."""
+    offset: float
+    """What the readings are taken less."""
     root_weight: Floats
     """Shape (n,), or (0,) where all rows count alike."""
     ready: Floats
@@ -81,8 +83,8 @@ def _sum_up(z, n, at, bins, sums):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _substitute(z, n, n_over, triangle, inverse):  # type: ignore[no-untyped-def]
-    """Rows by the inverse of a triangle: the columns of a tile, each less its share in those before it.
+def _substitute(z, n, n_over, triangle):  # type: ignore[no-untyped-def]
+    """Rows by the inverse of a unit triangle: the columns of a tile, each less its share in those before it.
 
     The first `n_over` are zero.
     """
@@ -93,14 +95,15 @@ def _substitute(z, n, n_over, triangle, inverse):  # type: ignore[no-untyped-def
             for k in range(n):
                 z[j, k] -= (r0 * z[i, k] + r1 * z[i + 1, k]) + (r2 * z[i + 2, k] + r3 * z[i + 3, k])
             i += 4
-        while i < j:
+        if j - i >= 2:
+            r0, r1 = triangle[i, j], triangle[i + 1, j]
+            for k in range(n):
+                z[j, k] -= r0 * z[i, k] + r1 * z[i + 1, k]
+            i += 2
+        if i < j:
             r0 = triangle[i, j]
             for k in range(n):
                 z[j, k] -= r0 * z[i, k]
-            i += 1
-        scale = inverse[j]
-        for k in range(n):
-            z[j, k] *= scale
 
 
 @inline
@@ -162,12 +165,20 @@ def _cross(z, n, n_over, product):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _is_beyond(product, largest):  # type: ignore[no-untyped-def]
-    """Whether an element of the diagonal is larger, or NaN."""
+def _is_beyond(product, inverse, largest):  # type: ignore[no-untyped-def]
+    """Whether an element of the diagonal, scaled, is larger, or NaN."""
     beyond = False
     for j in range(len(product)):
-        beyond |= not product[j, j] <= largest
+        beyond |= not product[j, j] * inverse[j] * inverse[j] <= largest
     return beyond
+
+
+@inline
+def _scale(product, inverse):  # type: ignore[no-untyped-def]
+    """Multiply the upper triangle of cross products by the factors of both its columns."""
+    for i in range(len(product)):
+        for j in range(i, len(product)):
+            product[i, j] *= inverse[i] * inverse[j]
 
 
 @inline
@@ -211,7 +222,7 @@ def _fill(rows, bodies, at, n, n_over, z, change, decay, gain):  # type: ignore[
         for k in range(n):
             z[D + 1 + J + j, k] = ready[j, k]
     for k in range(n):
-        z[len(z) - 1, k] = reading[k]
+        z[len(z) - 1, k] = reading[k] - rows.offset
 
 
 @inline
@@ -234,6 +245,10 @@ def _sweep(rows, bodies, triangle, inverse, largest, product, sums, out):  # typ
     if bodies.regular:
         for j in range(len(bodies.rates)):
             decay[j, 0], gain[j, 0] = bodies.factors[2, j], bodies.factors[3, j]
+    unit = np.empty_like(triangle)  # the triangle of columns that are scaled in the end, as cross products
+    for i in range(len(inverse)):
+        for j in range(i, len(inverse)):
+            unit[i, j] = triangle[i, j] * inverse[i]
     for part in range(len(rows.parts)):
         end = rows.parts[part + 1] if part + 1 < len(rows.parts) else len(rows.temperature)
         for at in range(rows.parts[part], end, TILE):
@@ -254,10 +269,12 @@ def _sweep(rows, bodies, triangle, inverse, largest, product, sums, out):  # typ
                     for k in range(n):
                         here[j, k] = z[j, k]
             else:
-                _substitute(z, n, n_over, triangle, inverse)
+                _substitute(z, n, n_over, unit)
                 _cross(z, n, n_over, product[part])
-                if _is_beyond(product[part], largest):
+                if _is_beyond(product[part], inverse, largest):
                     return
+        if not len(out):
+            _scale(product[part], inverse)
 
 
 sweep_tiles: Callable[[Rows, Bodies, Floats, Floats, float, Floats, Floats, Floats], None] = jitted(

@@ -138,6 +138,6 @@ recursion: Callable[[Floats, float, Floats, float, Floats, bool, Floats, Floats]
 
 ``out[:, k] = decay[k] * out[:, k - 1] - gain[k] * (temperature[k] - temperature[k - 1])``, with `lags`, shape (J,), and
 the temperature `before` in front; `lags` are carried on. Steps are [s], `first_step` stands for the first of `steps`;
-`rates` are 1/tau [1/s]. Arrays are of float64, contiguous in C's order and writable, so that there is one function to
-compile.
+`rates` are 1/tau [1/s]. Arrays are of float64, contiguous in C's order; temperature and steps are read-only, so that
+there is one function to compile.
 """

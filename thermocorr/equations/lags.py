@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.blas import dtbsv
 
-from .compiled import is_compiled
+from .compiled import is_compiled, read_only
 
 Floats = NDArray[np.float64]
 Structure = Callable[[Floats], Floats]
@@ -164,8 +164,10 @@ def lag_differences(
     recursion = compiled_recursion()
     if recursion is not None:
         result, lags = np.empty((n, n_lags), order="F"), np.array(state.lag_difference, dtype=np.float64)
-        T, dt, rates = _plain(temperature), _plain(steps), 1.0 / time_constants
-        recursion(T, float(state.temperature), dt, first_step, rates, hold == "first_order", lags, result.T)
+        T, dt = (read_only(np.ascontiguousarray(values, np.float64)) for values in (temperature, steps))
+        recursion(
+            T, float(state.temperature), dt, first_step, 1.0 / time_constants, hold == "first_order", lags, result.T
+        )
     else:
         change = np.empty(n)
         change[0] = temperature[0] - state.temperature
@@ -173,11 +175,6 @@ def lag_differences(
         steps = np.concatenate(([first_step], steps[1:]))
         result = _solved(change, steps, time_constants, state.lag_difference, hold)
     return result, LagState(result[-1].copy(), float(temperature[-1]))
-
-
-def _plain(values: Floats) -> Floats:
-    """The values as the one kind of array that the compiled recursion takes: others would have it compiled again."""
-    return values if values.flags.carray and values.dtype == np.float64 else np.array(values, np.float64)
 
 
 @lru_cache(maxsize=64)

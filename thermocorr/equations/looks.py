@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import is_compiled, jitted
+from .compiled import is_compiled, jitted, read_only
 
 Floats = NDArray[np.float64]
 _COMPILED = (np.dtype(np.float64), np.dtype(np.int64))
@@ -26,7 +26,7 @@ class Summed(NamedTuple):
 
     mean: float
     squares: float
-    """Of the deviations from the mean."""
+    """Sum of the squared deviations from the mean."""
     low: float
     high: float
 
@@ -35,7 +35,7 @@ def stay_within(values: Floats, most: float) -> bool:
     """Whether no step from a value to the next is larger than `most`; not so where one is missing (NaN)."""
     kernels = _kernels() if _is_plain(values) else None
     if kernels is not None:
-        return not kernels.beyond(_read_only(values), most)
+        return not kernels.beyond(read_only(values), most)
     steps = values[1:] - values[:-1]
     return bool(steps.max(initial=0.0) <= most and steps.min(initial=0.0) >= -most)
 
@@ -45,7 +45,7 @@ def summed(values: Floats) -> Summed:
     kernels = _kernels() if _is_plain(values) else None
     if kernels is not None:
         found = np.empty(4)
-        kernels.sum_up(_read_only(values), found)
+        kernels.sum_up(read_only(values), found)
         return Summed(*found.tolist())
     mean = float(values.sum() / len(values))
     if np.isnan(mean):
@@ -57,7 +57,7 @@ def summed(values: Floats) -> Summed:
 def are_apart(ticks: NDArray[Any], step: float) -> bool:
     """Whether each time is exactly a step later than the one before; integers or floats, shape (n,)."""
     kernels = _kernels() if _is_plain(ticks) else None
-    return bool((np.diff(ticks) == step).all()) if kernels is None else not kernels.not_apart(_read_only(ticks), step)
+    return bool((np.diff(ticks) == step).all()) if kernels is None else not kernels.not_apart(read_only(ticks), step)
 
 
 def steps_between(ticks: NDArray[Any], per_second: int, out: Floats) -> None:
@@ -66,7 +66,7 @@ def steps_between(ticks: NDArray[Any], per_second: int, out: Floats) -> None:
     if kernels is None:
         np.divide(ticks[1:] - ticks[:-1], per_second, out=out)
     else:
-        kernels.step(_read_only(ticks), per_second, out)
+        kernels.step(read_only(ticks), per_second, out)
 
 
 class _Kernels(NamedTuple):
@@ -86,13 +86,6 @@ def _kernels() -> _Kernels | None:
 
 def _is_plain(values: NDArray[Any]) -> bool:
     return values.dtype in _COMPILED and values.flags.c_contiguous and values.flags.aligned
-
-
-def _read_only(values: NDArray[Any]) -> NDArray[Any]:
-    """A view that is so whatever the values are: there is one function to compile."""
-    view = values.view()
-    view.flags.writeable = False
-    return view
 
 
 def _not_apart(ticks: Any, step: Any) -> Any:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..effects.stream import own_starts
 from ..equations import LagState
+from ..equations.compiled import read_only
 from ..equations.lags import FELT, factors_of_two_steps
 from ..equations.preconditioned import Crossed, Preconditioned
 from ..records import Block, Record, SegmentStart
@@ -90,16 +91,15 @@ class FusedSweep:
 
     def _take(self, block: Block) -> None:
         assert self._record.reading is not None
-        reading = np.asarray(self._record.reading[block.rows], float) - self._offset
+        reading = read_only(np.ascontiguousarray(self._record.reading[block.rows], float))
         known = np.isfinite(reading) if np.isnan(reading.sum()) else None
         weight = _NOTHING if self._record.weight is None else np.sqrt(self._record.weight[block.rows])
         bins, begins = self.binning.bins(block)
-        temperature = block.temperature.view()
-        temperature.flags.writeable = False  # the user's may be so or not: there is one function to compile
         rows = self._kernels.Rows(
-            temperature=temperature,
+            temperature=read_only(block.temperature),
             steps=block.steps,
             reading=reading,
+            offset=self._offset,
             root_weight=weight,
             ready=self._ready(block).T,
             parts=begins,
