@@ -272,6 +272,7 @@ def _sweep(rows, bodies, triangle, inverse, largest, product, sums, out):  # typ
                 _substitute(z, n, n_over, unit)
                 _cross(z, n, n_over, product[part])
                 if _is_beyond(product[part], inverse, largest):
+                    _scale(product[part], inverse)
                     return
         if not len(out):
             _scale(product[part], inverse)

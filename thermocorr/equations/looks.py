@@ -22,7 +22,7 @@ _LANES = 32
 
 
 class Summed(NamedTuple):
-    """What some values come to; NaN where one of them is."""
+    """What some values come to; the mean is no number where one of them is none."""
 
     mean: float
     squares: float
@@ -110,12 +110,16 @@ def _beyond(values: Any, most: Any) -> Any:
 
 
 def _sum_up(values: Any, found: Any) -> None:
-    n, total, squares = len(values), 0.0, 0.0
+    n, total, off, squares = len(values), 0.0, 0.0, 0.0
     for k in range(n):
         total += values[k]
     mean = total / n
-    for k in range(n):
-        squares += (values[k] - mean) ** 2
+    for k in range(n):  # and correct the mean (Chan, Golub & LeVeque 1983, two passes)
+        deviation = values[k] - mean
+        off += deviation
+        squares += deviation * deviation
+    mean += off / n
+    squares = max(squares - off * off / n, 0.0)
     lows, highs = np.full(_LANES, values[0]), np.full(_LANES, values[0])
     full = n // _LANES * _LANES
     for at in range(0, full, _LANES):

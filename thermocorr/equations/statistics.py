@@ -105,7 +105,7 @@ class Moments(NamedTuple):
     def of(cls, values: Floats) -> Moments:
         """Moments of an array, without its NaN."""
         found = summed(values) if len(values) else None
-        if found is not None and np.isnan(found.mean):
+        if found is not None and not np.isfinite(found.mean):
             values = values[np.isfinite(values)]
             found = summed(values) if len(values) else None
         return cls() if found is None else cls(len(values), *found)
