@@ -13,7 +13,7 @@ from scipy.fft import next_fast_len, rfft
 from ..effects import Periodic
 from .levels import ALIVE, AROUND_WAVE, AS_USUAL, LEAST_OWN, LONG_WAVE, LOUDEST, MEDIAN_SQUARE, NYQUIST, ROWS_AROUND
 from .likelihood import Comparison
-from .pool import Explanation, Pool
+from .pool import Pool
 
 
 def filtered(judged: Comparison, theta: np.ndarray) -> np.ndarray:
@@ -83,11 +83,11 @@ def best_period(
     return float(2 * np.pi / angle[best])
 
 
-def waves(pool: Pool, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -> list[Explanation]:
+def waves(pool: Pool, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -> list[Periodic]:
     """The wave that gains most of those that fit three times into the record, if there is one."""
     most = pool.record.longest_read() / pool.spacing / 3
     period = best_period(judged, theta, pool.place, most, rows)
-    return [] if period is None else pool.of([Periodic(six_digits(period * pool.spacing), 1)])
+    return [] if period is None else [Periodic(six_digits(period * pool.spacing), 1)]
 
 
 def louder(judged: Comparison, theta: np.ndarray, angle: float) -> float:

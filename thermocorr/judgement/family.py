@@ -11,12 +11,13 @@ import numpy as np
 from scipy import stats
 from scipy.special import chdtrc
 
-from ..effects import Delay, Periodic
+from ..effects import Delay, Effect, Periodic
 from ..records import seconds_of
 from .anywhere import filtered, louder, waves
+from .blocks import said
 from .choice import WAVE, Tried
 from .dated import DATED, dated, tries
-from .levels import DIFFERENT, IN_GAPS, LEVEL, LOOKS, OF_PRODUCTS, SCATTER
+from .levels import DIFFERENT, IN_GAPS, LEVEL, LOOKS, OF_PRODUCTS, SCATTER, TIE
 from .likelihood import Comparison, Fit
 from .pool import Explanation, Key, Pool
 from .shifts import Shifts, delays
@@ -79,17 +80,22 @@ class Family:
         return list(range(len(self.tried) - len(explanations), len(self.tried)))
 
     def add_anywhere(self) -> None:
-        """The best moments of all rows, wave of all periods and delay, under wandering and under white noise."""
+        """The best moments of all rows, wave of all periods and delay, under wandering and under white noise.
+
+        Each of them once. Under the noise that stands alone where white noise is as likely: it would say the same.
+        """
         judged, pool = self.judged, self.pool
-        found: list[Explanation] = []
-        for theta in (judged.base.theta, judged.only_white()) if self.anywhere else ():
+        begun: dict[str, Explanation] = {}
+        unmade: dict[str, Effect] = {}
+        white = judged.base.level - judged.white <= TIE
+        for theta in (judged.base.theta, judged.only_white())[: 1 if white else 2] if self.anywhere else ():
             rows = filtered(judged, theta)
-            found += dated(pool, judged, theta, rows, self.anywhere)
+            begun.update((said(e.effect), e) for e in dated(pool, judged, theta, rows, self.anywhere))
             if Periodic.kind in self.anywhere:
-                found += waves(pool, judged, theta, rows)
+                unmade.update((said(effect), effect) for effect in waves(pool, judged, theta, rows))
             if Delay.kind in self.anywhere and self.shifts.most:
-                found += delays(pool, self.shifts, judged, theta, rows)
-        self.add(found)
+                unmade.update((said(effect), effect) for effect in delays(pool, self.shifts, judged, theta, rows))
+        self.add([*begun.values(), *pool.of(list(unmade.values()))])
 
     def add_dated(self, kinds: Sequence[str]) -> list[int]:
         """The best moments of some kinds under the noise that stands; returns their numbers."""

@@ -14,7 +14,7 @@ from ..effects import Delay
 from .anywhere import six_digits
 from .levels import ALIVE, BETWEEN, LATEST
 from .likelihood import Comparison
-from .pool import Explanation, Pool
+from .pool import Pool
 
 _TOGETHER = 32
 """Delays that are transformed at a time."""
@@ -72,7 +72,7 @@ class Shifts:
         return np.asarray(np.where(alive, 0.5 * moments[:, 0] ** 2 / np.where(alive, own, 1.0), 0.0))
 
 
-def delays(pool: Pool, shifts: Shifts, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -> list[Explanation]:
+def delays(pool: Pool, shifts: Shifts, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -> list[Delay]:
     """The delay of whole rows that gains most, and some to either side of it."""
     delay = pool.lapse(1 + int(shifts.gains(judged, theta, rows).argmax()))
-    return pool.of([Delay(six_digits(delay + share * pool.spacing)) for share in BETWEEN])
+    return [Delay(six_digits(delay + share * pool.spacing)) for share in BETWEEN]
