@@ -38,7 +38,7 @@ CODES = (85.0, -127.0, -273.15, 327.67, -327.68, 999.0, 999.9, 999.99, 9999.0, 9
 """Numbers that stand for "no value", those of nines with either sign: DS18B20 at power-on (85) and unplugged (-127),
 ends of integers, and what loggers write."""
 ALL_CODES = np.unique([sign * code for code in CODES for sign in (1.0, -1.0 if "999" in str(code) else 1.0)])
-CHUNK = 32_000
+CHUNK = 1 << 16
 """Rows that are looked at together: they stay near the processor, and their memory is used again."""
 HALO = 64
 """Rows to either side that decide on a row, missing ones included."""

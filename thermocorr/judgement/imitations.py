@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..effects import Covariate, Hysteresis
 from .choice import Cause, Tried
-from .levels import BETWEEN_ROWS, CHANGES, FOLLOWS, GAIN, NEAR_ROWS, OF_THERMOMETER, PLAY, SHARP, TINY
+from .levels import BETWEEN_ROWS, CHANGES, FOLLOWS, GAIN, LITTLE, NEAR_ROWS, OF_THERMOMETER, PLAY, SHARP, TINY
 from .pool import Pool
 
 
@@ -24,16 +24,17 @@ def is_between_rows(cause: Cause, pool: Pool) -> bool:
     """Whether a cause is a trace of what the temperature did between its rows.
 
     It needs nothing but the temperature, as does all that it cannot be told from, and is no lead or delay of many rows;
-    it explains no more than that may make, and does not help. Where the temperature turns as sharply as it moves, what
-    helps nowhere at all, and does not look ahead, may be what a jump makes.
+    it explains no more than that may make, and helps little. Where the temperature turns as sharply as it moves, it may
+    help more; and what helps nowhere at all, and does not look ahead, may be what a jump makes.
     """
     effects = [t.explanation.effect for t in (cause.tried, *cause.alike)]
     near = NEAR_ROWS * pool.record.usual_step()
     if not all(effect.of_temperature_alone and effect.moves_by() <= near for effect in effects):
         return False
     helped, between, (curve, jump) = cause.tried.worth.both, pool.between_rows, BETWEEN_ROWS
-    most = jump if helped < TINY and between.turning > SHARP and not effects[0].foresees else curve
-    return helped < GAIN and cause.size <= most * between.curve
+    sharp = between.turning > SHARP
+    most = jump if helped < TINY and sharp and not effects[0].foresees else curve
+    return helped < (GAIN if sharp else LITTLE) and cause.size <= most * between.curve
 
 
 class Imitations:
