@@ -1,4 +1,4 @@
-"""Lag differences alone, at even and at uneven steps: nanoseconds per sample and time constant.
+"""Lag differences alone, at even steps, at some with ten gaps, and at uneven ones: nanoseconds per sample and lag.
 
     python benchmarks/lag_speed.py                      # 84 000 and 1 000 000 rows, 12 lags and one
     python benchmarks/lag_speed.py --first              # what numba compiles for a first fit, in an empty cache [s]
@@ -24,11 +24,12 @@ from thermocorr.equations import lag_differences
 STEP, RUNS = 60.0, 15
 
 
-def nanoseconds(n: int, n_lags: int, jitter: float) -> float:
+def nanoseconds(n: int, n_lags: int, jitter: float = 0.0, gaps: int = 0) -> float:
     """Per sample and time constant."""
     rng = np.random.default_rng(0)
     temperature = 23 + 0.01 * np.cumsum(rng.standard_normal(n))
     steps = STEP * (1 + jitter * rng.uniform(-1, 1, n))
+    steps[rng.integers(1, n, gaps)] *= 3
     time_constants = np.geomspace(300, 50_000, n_lags)
     lag_differences(temperature, steps, time_constants)
     spent = []
@@ -67,8 +68,13 @@ def main() -> None:
     else:
         for n in options.rows:
             for n_lags in (12, 1):
-                even, uneven = (nanoseconds(n, n_lags, jitter) for jitter in (0.0, 0.5))
-                print(f"{n} rows, {n_lags} lags: {even:.2f} ns at even steps, {uneven:.2f} at uneven ones", flush=True)
+                even, broken = nanoseconds(n, n_lags), nanoseconds(n, n_lags, gaps=10)
+                uneven = nanoseconds(n, n_lags, jitter=0.5)
+                print(
+                    f"{n} rows, {n_lags} lags: {even:.2f} ns at even steps, {broken:.2f} with ten gaps, {uneven:.2f} "
+                    "at uneven ones",
+                    flush=True,
+                )
 
 
 if __name__ == "__main__":

@@ -25,8 +25,15 @@ def room(n, seed=0, offset=20.0):
     return offset + np.cumsum(rng.normal(0.0, 0.05, n)) + np.sin(np.arange(n) / 50.0)
 
 
+GAPS = "but for some gaps"
+STEPS = pytest.mark.parametrize("regular", [True, False, GAPS])
+
+
 def some_steps(n, regular, seed=1):
-    return np.full(n, 15.0) if regular else np.random.default_rng(seed).uniform(1.0, 60.0, n)
+    steps = np.full(n, 15.0) if regular else np.random.default_rng(seed).uniform(1.0, 60.0, n)
+    if regular == GAPS:
+        steps[[*range(90, n, 613)]] = 45.0
+    return steps
 
 
 def in_extended_precision(temperature, steps, time_constants, hold, state):
@@ -109,7 +116,7 @@ def test_independent_integration_of_eq_17_agrees_on_irregular_steps(hold):
 
 @extended
 @pytest.mark.parametrize("hold", HOLDS)
-@pytest.mark.parametrize("regular", [True, False])
+@STEPS
 def test_every_time_constant_agrees_with_extended_precision(hold, regular):
     n = 4000
     steps, T = some_steps(n, regular), room(n, offset=300.0)
@@ -136,7 +143,7 @@ def test_offset_of_300_kelvin_costs_nothing():
 
 
 @pytest.mark.parametrize("hold", HOLDS)
-@pytest.mark.parametrize("regular", [True, False])
+@STEPS
 @examples(25)
 @given(cuts=st.lists(st.integers(1, 299), max_size=12, unique=True), given_state=st.booleans())
 def test_any_cut_gives_the_same_bits(hold, regular, cuts, given_state):
@@ -154,7 +161,7 @@ def test_any_cut_gives_the_same_bits(hold, regular, cuts, given_state):
 
 
 @pytest.mark.parametrize("hold", HOLDS)
-@pytest.mark.parametrize("regular", [True, False])
+@STEPS
 def test_sample_by_sample_gives_the_same_bits(hold, regular):
     n, tau = 1000, np.array([3.0, 1499.0, 1501.0, 1e7])  # 15 s lies on both sides of the switch to the series
     T, steps = room(n), some_steps(n, regular)
@@ -349,7 +356,7 @@ def test_weighted_sums_end_where_the_recursion_ends(T, regular, hold):
 
 
 @pytest.mark.parametrize("hold", HOLDS)
-@pytest.mark.parametrize("regular", [True, False])
+@STEPS
 def test_compiled_and_plain_recursion_agree(monkeypatch, regular, hold):
     """4 ulp of the largest lag difference a sample: the two may fuse multiplication and addition or not."""
     pytest.importorskip("numba", reason="compiled code needs numba: pip install 'thermocorr[fast]'")
@@ -363,7 +370,7 @@ def test_compiled_and_plain_recursion_agree(monkeypatch, regular, hold):
     np.testing.assert_allclose(end.lag_difference, same_end.lag_difference, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("regular", [True, False])
+@STEPS
 def test_inputs_of_any_kind_are_computed_in_double_precision(regular):
     T, steps, tau = room(700), some_steps(700, regular), np.array([16.0, 700.0, 8000.0])
     expected, _ = lag_differences(T, steps, tau)

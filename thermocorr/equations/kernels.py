@@ -182,10 +182,11 @@ def _scale(product, inverse):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _fill(rows, bodies, at, n, n_over, z, change, decay, gain):  # type: ignore[no-untyped-def]
+def _fill(rows, bodies, at, n, n_over, z, change, decay, gain, usual):  # type: ignore[no-untyped-def]
     """Columns of the tile of `n` rows from row `at` on; `decay` and `gain` get the factors of each body and row.
 
-    Where all steps are alike, they hold the factors of one in their first column. The first `n_over` decays are over.
+    Their first column holds those of the step `usual`, shape (1,), which serve where all steps of the tile are that.
+    The first `n_over` decays are over.
     """
     D, J = len(bodies.decays), len(bodies.lags)
     T, reading, ready = rows.temperature[at : at + n], rows.reading[at : at + n], rows.ready[:, at : at + n]
@@ -193,15 +194,20 @@ def _fill(rows, bodies, at, n, n_over, z, change, decay, gain):  # type: ignore[
     for k in range(1, n):
         change[k] = T[k] - T[k - 1]
     bodies.temperature[0] = T[n - 1]
+    others = 0
     if not bodies.regular:
-        steps, per_step, power, longest = rows.steps[at : at + n], np.empty(n), np.empty(n), 0.0
+        steps = rows.steps[at : at + n]
+        for k in range(n):
+            others += steps[k] != usual[0]
+    if others:
+        per_step, power, longest = np.empty(n), np.empty(n), 0.0
         for k in range(n):
             longest = max(longest, steps[k])
             per_step[k] = 1.0 / steps[k]
         first_order = bodies.first_order
         for j in range(n_over, D + J):
             factors_of_steps(steps, per_step, longest, n, bodies.rates[j], first_order, power, decay[j], gain[j])
-    each = 0 if bodies.regular else 1
+    each = 1 if others else 0
     for j in range(D):  # eq. (18)
         left = bodies.decays[j]
         for k in range(n):
@@ -217,7 +223,11 @@ def _fill(rows, bodies, at, n, n_over, z, change, decay, gain):  # type: ignore[
         for j in range(J):
             bodies.lags[j] = bodies.factors[0, D + j] * bodies.lags[j] - bodies.factors[1, D + j] * change[0]
             z[D + 1 + j, 0] = bodies.lags[j]
-    follow(change, first, n, decay[D:], gain[D:], bodies.regular, bodies.lags, z[D + 1 :])
+    follow(change, first, n, decay[D:], gain[D:], others == 0, bodies.lags, z[D + 1 :])
+    if others:
+        usual[0] = steps[n - 1]
+        for j in range(n_over, D + J):
+            decay[j, 0], gain[j, 0] = decay[j, n - 1], gain[j, n - 1]
     for j in range(len(ready)):
         for k in range(n):
             z[D + 1 + J + j, k] = ready[j, k]
@@ -242,6 +252,7 @@ def _sweep(rows, bodies, triangle, inverse, largest, product, sums, out):  # typ
     q = len(bodies.decays) + 1 + len(bodies.lags) + len(rows.ready) + 1
     z, change = np.empty((q, TILE)), np.empty(TILE)
     decay, gain = np.empty((len(bodies.rates), TILE)), np.empty((len(bodies.rates), TILE))
+    usual = np.full(1, np.nan)
     if bodies.regular:
         for j in range(len(bodies.rates)):
             decay[j, 0], gain[j, 0] = bodies.factors[2, j], bodies.factors[3, j]
@@ -255,7 +266,7 @@ def _sweep(rows, bodies, triangle, inverse, largest, product, sums, out):  # typ
             n, n_over = min(TILE, end - at), 0
             while n_over < len(bodies.decays) and bodies.decays[n_over] == 0.0:
                 n_over += 1
-            _fill(rows, bodies, at, n, n_over, z, change, decay, gain)
+            _fill(rows, bodies, at, n, n_over, z, change, decay, gain, usual)
             _leave_out(z, n)
             _sum_up(z, n, at, rows.bins, sums)
             if len(rows.root_weight):
