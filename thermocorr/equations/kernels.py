@@ -194,20 +194,22 @@ def _fill(rows, bodies, at, n, n_over, z, change, decay, gain, usual):  # type: 
     for k in range(1, n):
         change[k] = T[k] - T[k - 1]
     bodies.temperature[0] = T[n - 1]
-    others = 0
+    even = bodies.regular
     if not bodies.regular:
-        steps = rows.steps[at : at + n]
+        steps, per_step, power, longest, step = rows.steps[at : at + n], np.empty(n), np.empty(n), 0.0, usual[0]
+        others = 0
         for k in range(n):
-            others += steps[k] != usual[0]
-    if others:
-        per_step, power, longest = np.empty(n), np.empty(n), 0.0
-        for k in range(n):
-            longest = max(longest, steps[k])
-            per_step[k] = 1.0 / steps[k]
-        first_order = bodies.first_order
-        for j in range(n_over, D + J):
-            factors_of_steps(steps, per_step, longest, n, bodies.rates[j], first_order, power, decay[j], gain[j])
-    each = 1 if others else 0
+            others += steps[k] != step
+        even = others == 0
+        if not even:
+            for k in range(n):
+                longest = max(longest, steps[k])
+                per_step[k] = 1.0 / steps[k]
+            first_order = bodies.first_order
+            for j in range(n_over, D + J):
+                factors_of_steps(steps, per_step, longest, n, bodies.rates[j], first_order, power, decay[j], gain[j])
+            usual[0] = steps[n - 1]
+    each = 0 if even else 1
     for j in range(D):  # eq. (18)
         left = bodies.decays[j]
         for k in range(n):
@@ -223,9 +225,8 @@ def _fill(rows, bodies, at, n, n_over, z, change, decay, gain, usual):  # type: 
         for j in range(J):
             bodies.lags[j] = bodies.factors[0, D + j] * bodies.lags[j] - bodies.factors[1, D + j] * change[0]
             z[D + 1 + j, 0] = bodies.lags[j]
-    follow(change, first, n, decay[D:], gain[D:], others == 0, bodies.lags, z[D + 1 :])
-    if others:
-        usual[0] = steps[n - 1]
+    follow(change, first, n, decay[D:], gain[D:], even, bodies.lags, z[D + 1 :])
+    if not even:
         for j in range(n_over, D + J):
             decay[j, 0], gain[j, 0] = decay[j, n - 1], gain[j, n - 1]
     for j in range(len(ready)):
