@@ -22,8 +22,8 @@ TILE = 256
 """Rows of a tile: its numbers stay in the processor's nearest caches."""
 _LANES = 32
 """`_recursion` makes factors for a multiple of so many rows: those of a row are the same whatever is around it."""
-_ABREAST = 16
-"""Rows of one body before the next body's turn: the compiler writes them out."""
+_TURN = 16
+"""Rows of one body before it is the next one's turn: the compiler writes them out."""
 _LN2, _PER_LN2 = math.log(2.0), 1.0 / math.log(2.0)
 _LARGEST_RATIO = 700.0
 """Step over time constant up to which the decay is known, and from which it stays what it is there, 1e-304."""
@@ -90,9 +90,9 @@ def follow(change, first, n, decay, gain, even, lags, out):  # type: ignore[no-u
     lie side by side are written together.
     """
     at = first
-    while n - at >= _ABREAST:
-        _carry_on(change, at, _ABREAST, decay, gain, even, lags, out)
-        at += _ABREAST
+    while n - at >= _TURN:
+        _carry_on(change, at, _TURN, decay, gain, even, lags, out)
+        at += _TURN
     _carry_on(change, at, n - at, decay, gain, even, lags, out)
 
 

@@ -121,7 +121,7 @@ class Bands:
         result = np.empty(each.shape)
         for piece in self.pieces:
             result[:, piece] = dct(each[:, piece], axis=1, norm="ortho")
-        return np.asarray(result[:, self.order].T)
+        return np.take(result, self.order, axis=1).T
 
     def back(self, rows: np.ndarray) -> np.ndarray:
         """Undo `forward`."""

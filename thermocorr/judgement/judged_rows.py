@@ -54,7 +54,8 @@ class Starts:
             before = np.add.reduceat(columns**2, self.first, axis=0)
             columns -= self.basis @ (self.basis.T @ columns)
             left = np.add.reduceat(columns**2, self.first, axis=0) > HELD**2 * before
-            columns *= np.repeat(left, self.lengths, axis=0)
+            if not left.all():
+                columns *= np.repeat(left, self.lengths, axis=0)
         return columns
 
 
