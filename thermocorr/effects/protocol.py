@@ -244,9 +244,9 @@ class Effect(ParametersOnce):
         """What `columns` gives, but for rounding, one by one: numbers, or arrays of shape (n,) to be read only."""
         width = self.n_columns()
         if self.says_signals():
-            x = TurnedSignals(block, state)
+            x, usual = TurnedSignals(block, state), ((), (len(block),))
             said = [np.asarray(column, float) for column in self._said(x, width)]
-            return [column if column.ndim == 0 else np.broadcast_to(column, len(block)) for column in said], x.state()
+            return [c if c.shape in usual else np.broadcast_to(c, len(block)) for c in said], x.state()
         columns, state = self.columns(block, state)
         return list(np.asarray(columns, float).reshape(len(block), width).T), state
 

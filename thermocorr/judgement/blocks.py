@@ -110,6 +110,7 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
         starts = np.arange(0, len(block), width)
         count = np.diff(starts, append=len(block)) if share is None else np.add.reduceat(share, starts)
         share_of_one, kept = 1 / np.maximum(count, 1), slice(None) if count.all() else count > 0
+        as_it_is = width == 1 and share is None
         first, n = n, n + int(np.count_nonzero(count))
         at, before = at + len(starts), at
         for own, known in zip(places, exact, strict=True):
@@ -119,7 +120,8 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
             seen = block if bank.record is record else block.of(bank.record)
             columns, states[i] = bank.effect.each_column(seen, states[i])
             for column, same in zip(columns, bank.places, strict=True):
-                mean = column if np.ndim(column) == 0 else (_summed(column, share, width) * share_of_one)[kept]
+                averaged = not as_it_is and np.ndim(column) > 0
+                mean = (_summed(column, share, width) * share_of_one)[kept] if averaged else column
                 for place in same:
                     means[first:n, place] = mean
     return [means[:n, low:high] for low, high in pairwise(edges)]
