@@ -5,8 +5,11 @@ import pandas as pd
 import pytest
 
 from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr.datasets import make_record
 from thermocorr.effects import Drift
 from thermocorr.judgement.anywhere import filtered
+from thermocorr.judgement.blocks import said
+from thermocorr.judgement.family import Family
 from thermocorr.judgement.likelihood import Comparison
 from thermocorr.judgement.shifts import Shifts
 
@@ -91,3 +94,19 @@ def test_a_drift_hides_where_temperature_and_time_go_together(seed, returns):
     assert "signed" not in set(model.uncertainty(X, y, diagnosis=found).frame()["status"])
     aged = DynamicBiasRegressor("temperature", ["8 min", "20 min"], effects=[Drift()]).fit(X, y)
     assert not diagnose(aged, X, y).left.drift_hides
+
+
+def test_what_both_noises_find_is_tried_once(monkeypatch):
+    """While a column is missing, wandering noise and white noise find the same delays."""
+    record = make_record(3000, effects={"covariate": 3.0}, seed=5)
+    X, y = record.drop(columns="reading"), record["reading"]
+    plain, looks = Family.add_anywhere, []
+
+    def noted(family):
+        before = len(family.tried)
+        plain(family)
+        looks.append([said(tried.effect) for tried in family.tried[before:]])
+
+    monkeypatch.setattr(Family, "add_anywhere", noted)
+    assert diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y).causes
+    assert max(map(len, looks)) > 8 and all(len(set(found)) == len(found) for found in looks)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import jitted
-from .lag_kernels import TILE, factors_of_steps, follow, inline
+from .lag_kernels import TILE, factors_of_tile, follow, inline, keep_last
 from .lags import FELT
 
 Floats = NDArray[np.float64]
@@ -196,19 +196,10 @@ def _fill(rows, bodies, at, n, n_over, z, change, decay, gain, usual):  # type: 
     bodies.temperature[0] = T[n - 1]
     even = bodies.regular
     if not bodies.regular:
-        steps, per_step, power, longest, step = rows.steps[at : at + n], np.empty(n), np.empty(n), 0.0, usual[0]
-        others = 0
-        for k in range(n):
-            others += steps[k] != step
-        even = others == 0
-        if not even:
-            for k in range(n):
-                longest = max(longest, steps[k])
-                per_step[k] = 1.0 / steps[k]
-            first_order = bodies.first_order
-            for j in range(n_over, D + J):
-                factors_of_steps(steps, per_step, longest, n, bodies.rates[j], first_order, power, decay[j], gain[j])
-            usual[0] = steps[n - 1]
+        steps, per_step, power = rows.steps[at : at + n], np.empty(n), np.empty(n)
+        first_order = bodies.first_order
+        even = factors_of_tile(steps, n, usual[0], bodies.rates, n_over, first_order, per_step, power, decay, gain)
+        usual[0] = steps[n - 1]
     each = 0 if even else 1
     for j in range(D):  # eq. (18)
         left = bodies.decays[j]
@@ -227,8 +218,7 @@ def _fill(rows, bodies, at, n, n_over, z, change, decay, gain, usual):  # type: 
             z[D + 1 + j, 0] = bodies.lags[j]
     follow(change, first, n, decay[D:], gain[D:], even, bodies.lags, z[D + 1 :])
     if not even:
-        for j in range(n_over, D + J):
-            decay[j, 0], gain[j, 0] = decay[j, n - 1], gain[j, n - 1]
+        keep_last(n_over, n, decay, gain)
     for j in range(len(ready)):
         for k in range(n):
             z[D + 1 + J + j, k] = ready[j, k]

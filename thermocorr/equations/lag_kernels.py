@@ -69,6 +69,31 @@ def factors_of_steps(steps, per_step, longest, n, rate, first_order, power, deca
 
 
 @inline
+def factors_of_tile(  # type: ignore[no-untyped-def]
+    steps, n, usual, rates, first, first_order, per_step, power, decay, gain
+):
+    """Whether all `n` steps are the `usual` one; where not, the factors of each row and each body from `first` on."""
+    others = 0
+    for k in range(n):
+        others += steps[k] != usual
+    if others:
+        longest = 0.0
+        for k in range(n):
+            longest = max(longest, steps[k])
+            per_step[k] = 1.0 / steps[k]
+        for j in range(first, len(rates)):
+            factors_of_steps(steps, per_step, longest, n, rates[j], first_order, power, decay[j], gain[j])
+    return others == 0
+
+
+@inline
+def keep_last(first, n, decay, gain):  # type: ignore[no-untyped-def]
+    """The factors of the last of `n` rows, which serve as long as steps are even, go to the first column."""
+    for j in range(first, len(decay)):
+        decay[j, 0], gain[j, 0] = decay[j, n - 1], gain[j, n - 1]
+
+
+@inline
 def _carry_on(change, at, n, decay, gain, even, lags, out):  # type: ignore[no-untyped-def]
     """The recursion through `n` rows from row `at` on, one body after the other."""
     for j in range(len(lags)):
@@ -106,20 +131,9 @@ def _recursion(temperature, before, steps, first_step, rates, first_order, lags,
         here[:rows] = steps[at : at + rows]
         if at == 0:
             here[0] = first_step
-        others = 0
-        for k in range(rows):
-            others += here[k] != usual
-        even = others == 0
-        if not even:
-            full = (rows + _LANES - 1) // _LANES * _LANES
-            usual = here[rows - 1]
-            here[rows:full] = usual
-            longest = 0.0
-            for k in range(full):
-                longest = max(longest, here[k])
-                per_step[k] = 1.0 / here[k]
-            for j in range(n_lags):
-                factors_of_steps(here, per_step, longest, full, rates[j], first_order, power, decay[j], gain[j])
+        full = (rows + _LANES - 1) // _LANES * _LANES
+        here[rows:full] = here[rows - 1]
+        even = factors_of_tile(here, full, usual, rates, 0, first_order, per_step, power, decay, gain)
         some = temperature[at : at + rows]
         change[0] = some[0] - before
         for k in range(1, rows):
@@ -127,8 +141,8 @@ def _recursion(temperature, before, steps, first_step, rates, first_order, lags,
         before = some[rows - 1]
         follow(change, 0, rows, decay, gain, even, lags, out[:, at : at + rows])
         if not even:
-            for j in range(n_lags):
-                decay[j, 0], gain[j, 0] = decay[j, rows - 1], gain[j, rows - 1]
+            usual = here[rows - 1]
+            keep_last(0, rows, decay, gain)
 
 
 recursion: Callable[[Floats, float, Floats, float, Floats, bool, Floats, Floats], None] = jitted(

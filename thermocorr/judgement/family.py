@@ -87,8 +87,10 @@ class Family:
         judged, pool = self.judged, self.pool
         begun: dict[str, Explanation] = {}
         unmade: dict[str, Effect] = {}
-        white = judged.base.level - judged.white <= TIE
-        for theta in (judged.base.theta, judged.only_white())[: 1 if white else 2] if self.anywhere else ():
+        noises = [judged.base.theta]
+        if judged.base.level - judged.white > TIE:
+            noises.append(judged.only_white())
+        for theta in noises if self.anywhere else ():
             rows = filtered(judged, theta)
             begun.update((said(e.effect), e) for e in dated(pool, judged, theta, rows, self.anywhere))
             if Periodic.kind in self.anywhere:
