@@ -103,8 +103,10 @@ def judged(kind: str, seed: int, n: int, searched: bool) -> dict[str, Any]:
     k_bias = coverage_factor(joint.dof, 0.95)
     rows = slice(SKIPPED, None)
     wrong = (bias - (clean - level)).to_numpy()[rows]
+    row = SKIPPED + seed * 7919 % (len(X) - SKIPPED)  # one row of a record: those of all records are independent
     found = {
         "kind": kind, "searched": searched, "seconds": seconds,
+        "bias row": covered(wrong[row - SKIPPED :][:1], u_bias.to_numpy()[row:][:1], k_bias),
         "bias": covered(wrong, u_bias.to_numpy()[rows], k_bias),
         "bias u": rms(u_bias.to_numpy()[rows]), "bias e2": squares(wrong, u_bias.to_numpy()[rows]),
     }  # fmt: skip
@@ -113,6 +115,8 @@ def judged(kind: str, seed: int, n: int, searched: bool) -> dict[str, Any]:
     reading_e = (signed.corrected - level)[rows]
     found |= {
         "reading": covered(reading_e, reading_u, coverage_factor(signed.dof[rows], 0.95)),
+        "reading row": abs(reading_e[row - SKIPPED])
+        <= coverage_factor(signed.dof[row : row + 1], 0.95) * reading_u[row - SKIPPED],
         "reading u": rms(reading_u), "reading e2": squares(reading_e, reading_u),
     }  # fmt: skip
     for count in (10, 100):

@@ -14,9 +14,11 @@ Printed for each record and together: plant among the causes, in a declared set,
 from __future__ import annotations
 
 import argparse
+import itertools
 import time
 import warnings
 from collections.abc import Iterator
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -130,29 +132,50 @@ def _every_row(effect: Effect, record: Record) -> Iterator[np.ndarray]:
         yield columns
 
 
-def plants(folder: str, gain: float, kinds: list[str], seeds: list[int]) -> Iterator[Planted]:
-    """Every kind on every record."""
-    foreign = strangers(folder)
-    for seed in seeds:
-        for number, (name, T, reading) in enumerate(backgrounds(folder)):
-            rng = np.random.default_rng([seed, number])
-            allowed = [key for key in foreign if not name.startswith(key.split("/")[0])]
-            chosen = [allowed[i] for i in rng.permutation(len(allowed))[:DECOYS]]
-            X = T.to_frame()
-            for key in chosen:
-                X[key.replace("/", " ")] = stretched(foreign[key], len(X), rng)
-            known = T.notna() & reading.notna()
-            X, y = X[known], reading[known]
-            record = read_record(X, Layout(temperature=T.name), y=y.to_numpy(float), needed=list(X.columns))
-            names = [column for column in X.columns if column != T.name]
-            for kind in kinds:
-                if kind != "periodic" and not CATALOGUE[kind].candidates(record, names):
-                    continue
-                effect = drawn(kind, record, names, rng)
-                column = planted_column(effect, record, gain)
-                if column is None:
-                    continue
-                yield Planted(name, X, y + column, str(T.name), name_of(effect))
+@cache
+def _measured(folder: str) -> tuple[dict[str, tuple[pd.Series, pd.Series]], dict[str, np.ndarray]]:
+    return {name: (T, y) for name, T, y in backgrounds(folder)}, strangers(folder)
+
+
+def plant(folder: str, name: str, kind: str, seed: int, gain: float) -> Planted | None:
+    """One kind on one record; None where the record cannot hold it."""
+    measured, foreign = _measured(folder)
+    T, reading = measured[name]
+    rng = np.random.default_rng([seed, list(measured).index(name), KINDS.index(kind)])
+    allowed = [key for key in foreign if not name.startswith(key.split("/")[0])]
+    X = T.to_frame()
+    for i in rng.permutation(len(allowed))[:DECOYS]:
+        X[allowed[i].replace("/", " ")] = stretched(foreign[allowed[i]], len(X), rng)
+    known = T.notna() & reading.notna()
+    X, y = X[known], reading[known]
+    record = read_record(X, Layout(temperature=T.name), y=y.to_numpy(float), needed=list(X.columns))
+    names = [column for column in X.columns if column != T.name]
+    if kind != "periodic" and not CATALOGUE[kind].candidates(record, names):
+        return None
+    effect = drawn(kind, record, names, rng)
+    column = planted_column(effect, record, gain)
+    return None if column is None else Planted(name, X, y + column, str(T.name), name_of(effect))
+
+
+def judged(case: Planted) -> dict[str, Any]:
+    """What the diagnosis makes of a planted effect."""
+    model = DynamicBiasRegressor(case.temperature).fit(case.X, case.y)
+    began = time.process_time()
+    found = diagnose(model, case.X, case.y)
+    causes = [name_of(cause.effect) for cause in found.causes]
+    sets = causes + [name_of(effect) for cause in found.causes for effect in cause.confusable_with]
+    own = case.label.partition(":")[2]
+    return {
+        "record": case.name,
+        "kind": case.label.split(":")[0],
+        "among": case.label in causes,
+        "declared": case.label in sets,
+        "foreign": any(":" in label and label.split(":")[1] != own for label in causes),
+        "nobody": not causes,
+        "seconds": time.process_time() - began,
+        "causes": causes,
+        "verdict": found.verdict,
+    }
 
 
 def name_of(effect: Effect) -> str:
@@ -172,28 +195,13 @@ def main() -> None:
     options = parser.parse_args()
     warnings.simplefilter("ignore", RecordWarning)
     rows = []
-    for case in plants(options.folder, options.gain, options.kinds, options.seeds):
-        model = DynamicBiasRegressor(case.temperature).fit(case.X, case.y)
-        began = time.process_time()
-        found = diagnose(model, case.X, case.y)
-        spent = time.process_time() - began
-        causes = [name_of(cause.effect) for cause in found.causes]
-        sets = causes + [name_of(effect) for cause in found.causes for effect in cause.confusable_with]
-        rows.append(
-            {
-                "record": case.name,
-                "kind": case.label.split(":")[0],
-                "among": case.label in causes,
-                "declared": case.label in sets,
-                "foreign": any(
-                    ":" in label and label.split(":")[1] != case.label.partition(":")[2] for label in causes
-                ),
-                "nobody": not causes,
-                "seconds": spent,
-            }
-        )
+    for seed, name, kind in itertools.product(options.seeds, _measured(options.folder)[0], options.kinds):
+        case = plant(options.folder, name, kind, seed, options.gain)
+        if case is None:
+            continue
+        rows.append(judged(case))
         if options.verbose and not rows[-1]["declared"]:
-            print(f"  {case.name}: {case.label} -> {found.verdict} {causes}", flush=True)
+            print(f"  {name}: {case.label} -> {rows[-1]['verdict']} {rows[-1]['causes']}", flush=True)
     table = pd.DataFrame(rows)
     figures = ["among", "declared", "foreign", "nobody", "seconds"]
     print(table.groupby("kind")[figures].mean().round(2).to_string())

@@ -13,6 +13,7 @@ import argparse
 import math
 import warnings
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -59,9 +60,18 @@ def cases(folder: str, share: float = SHARE) -> Iterator[tuple[str, pd.DataFrame
 
 def heads(folder: str, share: float = SHARE) -> Iterator[tuple[str, pd.DataFrame, pd.Series, str, int]]:
     """Groundwater heads, which follow recharge late as a reading follows temperature; the cause and three decoys."""
-    for name in ("river", "well"):
+    for name in ("river", "well", "step", "change"):
         log = pd.read_csv(Path(folder) / "groundwater_heads" / f"{name}.csv", parse_dates=["time"]).set_index("time")
         yield f"groundwater {name}", log.drop(columns="head_m"), log["head_m"], "recharge_mm", int(share * len(log))
+
+
+@cache
+def every(folder: str) -> dict[str, tuple[pd.DataFrame, pd.Series, str, int]]:
+    """All of them and the dam, by name: frame, reading, temperature column, rows to learn."""
+    found = {name: case for name, *case in (*cases(folder), *heads(folder))}
+    dam = pd.read_csv(Path(folder) / "dam_piezometer" / "piezometer.csv", parse_dates=["time"]).set_index("time")
+    found["dam"] = (dam.drop(columns="level_m"), dam["level_m"], "thermistor_36_degC", int(SHARE * len(dam)))
+    return {name: tuple(case) for name, case in found.items()}
 
 
 def main() -> None:

@@ -1,0 +1,455 @@
+"""What the package is worth, in one table: what it finds, whom it accuses wrongly, and which promises it keeps.
+
+    python benchmarks/value.py --quick                # at most 5 minutes of processor time
+    python benchmarks/value.py                        # at most an hour
+    python benchmarks/value.py --first 31000          # fresh seeds, instead of those of the stored baseline
+    python benchmarks/value.py --parts hidden nothing --verbose
+
+Every question is asked of n records and answered by yes or no: the table shows k of n with the 95 % interval of
+Clopper and Pearson, and what benchmarks/value.json has stored of an earlier state (`--write` stores). Records that both
+have in common are compared in pairs, by the exact sign test; other seeds by Fisher's exact test. A question is *worse*
+where that test rejects at 2.5 %; the exit status is 1 then. Figures (errors as ratios, in dB) are compared in pairs by
+the t test. The stored seeds serve no choice: tune on others. Measured records are read from `--records`; where the
+folder is absent, what needs them is named and left out.
+
+hidden      one effect of a simulated device at 1 and 0.5 times the noise; what the base model absorbs is left out
+several     two and three effects at once
+nothing     nothing is missing: thirteen noises, and devices that are not at rest when the record begins
+planted     effects planted on measured records, sized to gain 40 in log likelihood; soil apart, reported only
+odd         thermometers with noise of 0.1 K, steps of 0.5 K, a lag of 30 min, averages of ten rows; and rooms with
+            thermostats whose logs are slow (rows every 150 and 300 s): with nothing missing, and with a knee
+measured    records with a documented cause: learned on 70 %; refined error on the last 30 %, promise and truth
+coverage    95 % intervals of one row's bias and reading, of the gain and the step response, under eleven noises
+live, C     a live stream and the exported C code give what `evaluate` gives
+speed       ratios of processor time against the stored ones of `benchmarks/performance.py`
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import os
+import sys
+import tempfile
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import interval_coverage
+import live_cases
+import null_records
+import numpy as np
+import pandas as pd
+import performance
+import planted_on_real
+import real_diagnosis
+import several_effects
+import slow_logs
+from firmware import KINDS as EXPORTED
+from firmware import errors, fitted, tool
+from hidden_effects import DEVICES, NOTHING, SETTINGS, UNKNOWN
+from hidden_effects import judge as judge_hidden
+from joblib import Parallel, delayed
+from scipy import stats
+from threadpoolctl import threadpool_limits
+
+from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose, refine
+from thermocorr.datasets import make_record
+from thermocorr.effects import CATALOGUE
+
+STORED = Path(__file__).with_name("value.json")
+FIRST = 20_000
+"""First seed of the stored baseline."""
+ERROR = 0.025
+"""Probability that a question is called worse although nothing has changed."""
+Answers = dict[str, Any]
+Job = tuple[str, Callable[..., Answers | None], tuple[Any, ...]]
+"""A name, and what gives the answers for it; None where the record cannot be made."""
+
+
+class Question(NamedTuple):
+    """One line of the table."""
+
+    part: str
+    name: str
+    good: bool | None = True
+    """The answer that is hoped for; None for a figure, of which less is better."""
+    counts: bool = True
+    """Whether it can be worse, or is only reported."""
+
+
+QUESTIONS = [
+    Question("hidden", "right cause first"),
+    Question("hidden", "declared"),
+    Question("several", "all that can be seen are found"),
+    Question("several", "a cause that is not true", False),
+    Question("nothing", "somebody accused", False),
+    Question("nothing", "p <= 0.001", False),
+    Question("planted", "among the causes"),
+    Question("planted", "declared"),
+    Question("planted", "foreign column named", False),
+    Question("planted on soil", "among the causes", True, False),
+    Question("planted on soil", "declared", True, False),
+    Question("planted on soil", "foreign column named", False, False),
+    Question("odd", "false cause, odd thermometer", False),
+    Question("odd", "true knee found, odd thermometer"),
+    Question("odd", "false cause, slow log", False),
+    Question("odd", "true knee found, slow log"),
+    Question("measured", "true cause first"),
+    Question("measured", "true cause among"),
+    Question("measured", "refine harms by 0.5 dB", False),
+    Question("measured", "promise within 2 dB"),
+    Question("measured", "refined over best known [dB]", None),
+    Question("coverage", "bias of one row"),
+    Question("coverage", "reading of one row"),
+    Question("coverage", "gain"),
+    Question("coverage", "step response"),
+    Question("coverage", "width of readings [dB]", None),
+    Question("live", "same as the whole record"),
+    Question("C", "within its bound of Python"),
+    Question("speed", "as fast as stored"),
+]
+
+
+# ---- simulated devices ----------------------------------------------------------------------------------------------
+def hidden(kind: str, setting: str, seed: int, strength: float) -> Answers | None:
+    found = judge_hidden(kind, setting, seed, strength)
+    if found is None or found["absorbed"]:
+        return None
+    return {"right cause first": found["first"], "declared": found["named"]}
+
+
+def several(setting: str, seed: int, n: int) -> Answers | None:
+    found = several_effects.judge(setting, seed, n, 1.0, refined=False)
+    if found is None:
+        return None
+    all_found = not found["missed"] if found["shown"] else None
+    return {"all that can be seen are found": all_found, "a cause that is not true": bool(found["untrue"])}
+
+
+def nothing(kind: str, seed: int, before: int) -> Answers:
+    found = null_records.judged(kind, seed, 5000, list(SETTINGS)[seed % 3], before)
+    return {"somebody accused": found["accused"], "p <= 0.001": float(str(found["p"])) <= 0.001}
+
+
+def simulated_jobs(part: str, first: int, quick: bool) -> Iterator[Job]:
+    """Names of records with their seeds, and what judges them."""
+    settings = list(SETTINGS)
+    if part == "hidden":
+        kinds = [kind for kind in CATALOGUE if kind not in (*NOTHING, *UNKNOWN)]
+        for seed, kind, strength in itertools.product(range(first, first + (1 if quick else 4)), kinds, (1.0, 0.5)):
+            for setting in settings[:2] if quick else settings:
+                yield f"{kind} {setting} {seed} {strength:g}", hidden, (kind, setting, seed, strength)
+    elif part == "several":
+        for k in range(4 if quick else 12):
+            for n in (2, 3):
+                setting = settings[(k + n) % 3]
+                yield f"{n} {setting} {first + k}", several, (setting, first + k, n)
+    else:
+        for k in range(4 if quick else 20):
+            for kind in null_records.NOISES:
+                yield f"{kind} {first + k}", nothing, (kind, first + k, 0)
+            if k % 2 == 0:
+                for kind in ("white", "2 %", "flicker"):
+                    yield f"{kind} {first + k}, not at rest", nothing, (kind, first + k, 3000)
+
+
+# ---- thermometers that show something else than the device feels ----------------------------------------------------
+ODD: dict[str, Callable[[np.ndarray, float, np.random.Generator], np.ndarray]] = {
+    "noise of 0.1 K": lambda T, step, rng: T + 0.1 * rng.standard_normal(len(T)),
+    "steps of 0.5 K": lambda T, step, rng: np.round(2 * T) / 2,
+    "30 min away": lambda T, step, rng: pd.Series(T).ewm(alpha=-np.expm1(-step / 1800), adjust=False).mean().to_numpy(),
+    "averages of ten rows": lambda T, step, rng: np.repeat(T.reshape(-1, 10).mean(axis=1), 10),
+}
+TRUE = ("lead", "thermometer_noise", "delay", "rate", "thermal_lag", "lag_products")
+"""What may be said of such a thermometer without untruth."""
+
+
+def odd_thermometer(kind: str, setting: str, seed: int, knee: bool) -> Answers | None:
+    step = SETTINGS[setting][1]
+    try:
+        record = make_record(
+            6000, sampling_period=step, setting=setting, device=DEVICES[seed % 4], noise=0.2, seed=seed,
+            effects={"hinge": 2.0} if knee else None,
+        )  # fmt: skip
+    except ValueError:
+        return None
+    seen = ODD[kind](record["temperature"].to_numpy(), step, np.random.default_rng([seed, 3]))
+    X, y = record.drop(columns="reading").assign(temperature=seen), record["reading"]
+    kinds = [cause.effect.kind for cause in diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y).causes]
+    if knee:
+        return {"true knee found, odd thermometer": "hinge" in kinds}
+    return {"false cause, odd thermometer": any(named not in TRUE for named in kinds)}
+
+
+def slow_log(room: str, seed: int, step: float, knee: bool) -> Answers:
+    X, y = slow_logs.simulated(room, seed, step, 3000, "knee" if knee else "")
+    causes = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y).causes
+    if knee:
+        return {"true knee found, slow log": any(cause.effect.kind == "hinge" for cause in causes)}
+    return {"false cause, slow log": bool(causes)}
+
+
+def odd_jobs(first: int, quick: bool) -> Iterator[Job]:
+    odd, slow = (range(first, first + count) for count in ((1, 2) if quick else (4, 8)))
+    for seed, kind, setting, knee in itertools.product(odd, ODD, SETTINGS, (False, True)):
+        yield f"{kind} {setting} {seed}{' knee' * knee}", odd_thermometer, (kind, setting, seed, knee)
+    for seed, room, step, knee in itertools.product(slow, slow_logs.ROOMS, (150.0, 300.0), (False, True)):
+        yield f"{room} {step:g} s {seed}{' knee' * knee}", slow_log, (room, seed, step, knee)
+
+
+# ---- measured records -----------------------------------------------------------------------------------------------
+CAUSES = {
+    "vhd200 run10": "ambient_temp_degC",
+    "vhd200 run9 and run10": "ambient_temp_degC",
+    "hp34420a 100mV ch1": "room_temp_degC",
+    "hp34420a 100mV ch2": "room_temp_degC",
+    "oldtown 5 cm": "hinge",
+    "oldtown 25 cm": "hinge",
+    "heater log11.2": "heater_current_A",
+    "groundwater river": "river",
+    "groundwater well": "well",
+    "groundwater step": "river",
+    "groundwater change": "step",
+}
+"""Column of the documented cause, or its kind of effect."""
+BEST = {
+    "vhd200 run10": 0.108, "hp34420a 100mV ch1": 0.232, "hp34420a 100mV ch2": 0.248, "oldtown 5 cm": 0.62,
+    "oldtown 25 cm": 0.61, "heater log11.2": 0.008, "gr1433": 0.214, "groundwater river": 0.092,
+    "groundwater well": 0.126, "groundwater step": 0.235, "groundwater change": 0.222, "dam": 1.40,
+}  # fmt: skip
+"""Smallest error on the last 30 % that anybody has reached."""
+QUICKLY = ("vhd200 run10", "hp34420a 100mV ch1", "hp34420a 100mV ch2", "groundwater well", "gr1433", "dam")
+"""Records that take some seconds."""
+
+
+def decibels(before: float, after: float) -> float:
+    """How far an error falls [dB], positive where it does."""
+    return float(20 * np.log10(before / after))
+
+
+def measured(folder: str, name: str) -> Answers:
+    X, y, temperature, n = real_diagnosis.every(folder)[name]
+    degree = 1 if temperature == "recharge_mm" else 2
+    model = DynamicBiasRegressor(temperature, degree=degree, run="run" if "run" in X else None)
+    found = refine(model, X[:n], y[:n])
+    before, after = (
+        float(np.sqrt(np.nanmean(np.asarray(each.residuals(X[n:], y[n:]), float) ** 2)))
+        for each in (model.fit(X[:n], y[:n]), found.model_)
+    )
+    causes = found.diagnoses[0].causes
+    named = [CAUSES.get(name) in planted_on_real.name_of(cause.effect).split(":") for cause in causes]
+    promised = decibels(*found.steps["later_rms"].iloc[[0, -1]])
+    changed = len(found.steps) > 1
+    return {
+        "true cause first": bool(named and named[0]) if name in CAUSES else None,
+        "true cause among": any(named) if name in CAUSES else None,
+        "refine harms by 0.5 dB": decibels(before, after) < -0.5,
+        "promise within 2 dB": abs(promised - decibels(before, after)) <= 2 if changed else None,
+        "refined over best known [dB]": -decibels(BEST[name], after) if name in BEST else None,
+    }
+
+
+def planted(folder: str, name: str, kind: str, seed: int) -> Answers | None:
+    case = planted_on_real.plant(folder, name, kind, seed, 40.0)
+    if case is None:
+        return None
+    found = planted_on_real.judged(case)
+    return {
+        "among the causes": found["among"],
+        "declared": found["declared"],
+        "foreign column named": found["foreign"],
+    }
+
+
+def measured_jobs(part: str, folder: str, first: int, quick: bool) -> Iterator[Job]:
+    if part == "measured":
+        for name in QUICKLY if quick else real_diagnosis.every(folder):
+            yield name, measured, (folder, name)
+        return
+    soil = part == "planted on soil"
+    names = [name for name, *_ in planted_on_real.backgrounds(folder) if name.startswith("oldtown") == soil]
+    seeds = range(first, first + (1 if quick or soil else 3))
+    for seed, (k, kind) in itertools.product(seeds, enumerate(planted_on_real.KINDS)):
+        for name in (names * 2)[k % len(names) :][: 0 if soil else 3] if quick else names:
+            yield f"{kind} on {name} {seed}", planted, (folder, name, kind, seed)
+
+
+# ---- promises -------------------------------------------------------------------------------------------------------
+def coverage(kind: str, seed: int, searched: bool) -> Answers:
+    found = interval_coverage.judged(kind, seed, 5000, searched)
+    return {
+        "bias of one row": bool(found["bias row"]),
+        "reading of one row": bool(found["reading row"]),
+        "gain": bool(found["gain"]),
+        "step response": bool(found["step 600 s"]),
+        "width of readings [dB]": decibels(found["reading u"], np.sqrt(found["reading e2"])),
+    }
+
+
+def live(number: int, first: int) -> Answers:
+    return {"same as the whole record": not live_cases.case(first, number, Counter())}
+
+
+def exported(kind: str) -> Answers:
+    model, X = fitted(**EXPORTED[kind])
+    kelvin = EXPORTED[kind].get("kelvin", False)
+    with tempfile.TemporaryDirectory() as folder:
+        worst = {dtype: errors(model, X, folder, dtype, 20_000, kelvin=kelvin)[0] for dtype in ("double", "float")}
+    return {"within its bound of Python": worst["double"] <= 1e-12 and worst["float"] <= 1e-5}
+
+
+def speed(line: performance.Line) -> Answers:
+    stored = performance.stored_ratio(json.loads(performance.STORED.read_text()), performance.key(line))
+    with threadpool_limits(1):
+        line.other()  # some of ours need what the other has fitted
+        line.ours()
+        return {"as fast as stored": performance.checked(line, stored) <= performance.WORSE * stored}
+
+
+def promise_jobs(part: str, first: int, quick: bool) -> Iterator[Job]:
+    if part == "coverage":
+        seeds = range(first, first + (1 if quick else 12))
+        for seed, kind, searched in itertools.product(seeds, interval_coverage.KINDS, (False, True)):
+            yield f"{kind} {seed}{' searched' * searched}", coverage, (kind, seed, searched)
+    elif part == "live":
+        for number in range(20 if quick else 200):
+            yield f"{number} {first}", live, (number, first)
+    elif part == "C":
+        for number, kind in enumerate(EXPORTED):
+            if number % 6 == 0 or not quick:
+                yield kind, exported, (kind,)
+    else:
+        for number, line in enumerate(performance.lines(True)):
+            if number % 4 == 0 or not quick:
+                yield performance.key(line), speed, (line,)
+
+
+# ---- the table ------------------------------------------------------------------------------------------------------
+def jobs(part: str, options: argparse.Namespace) -> Iterator[Job]:
+    """Every record of a part."""
+    if part in ("hidden", "several", "nothing"):
+        yield from simulated_jobs(part, options.first, options.quick)
+    elif part == "odd":
+        yield from odd_jobs(options.first, options.quick)
+    elif part in ("planted", "planted on soil", "measured"):
+        yield from measured_jobs(part, options.records, options.first, options.quick)
+    else:
+        yield from promise_jobs(part, options.first, options.quick)
+
+
+def answered(part: str, job: Job) -> tuple[str, str, Answers | None, float]:
+    """A record's answers, and the processor time that they took."""
+    warnings.simplefilter("ignore")
+    warnings.simplefilter("ignore", RecordWarning)
+    name, judge, arguments = job
+    began = sum(os.times()[:4])
+    return part, name, judge(*arguments), sum(os.times()[:4]) - began
+
+
+def lost(question: Question, now: dict[str, Any], stored: dict[str, Any]) -> bool:
+    """Whether it is worse, beyond what chance makes of equal states."""
+    common = now.keys() & stored.keys()
+    if question.good is None:
+        change = np.array([now[name] - stored[name] for name in common])
+        return len(change) > 1 and change.std() > 0 and stats.ttest_1samp(change, 0, alternative="greater")[1] <= ERROR
+    wrong = {name: bool(answer) != question.good for name, answer in now.items()}
+    before = {name: bool(answer) != question.good for name, answer in stored.items()}
+    if common:
+        worse, better = (sum(a[name] and not b[name] for name in common) for a, b in ((wrong, before), (before, wrong)))
+        return worse > 0 and stats.binomtest(worse, worse + better, 0.5, alternative="greater").pvalue <= ERROR
+    counts = [[sum(of.values()), len(of) - sum(of.values())] for of in (wrong, before)]
+    return bool(stats.fisher_exact(counts, alternative="greater")[1] <= ERROR)
+
+
+def shown(question: Question, answers: dict[str, Any]) -> tuple[str, str]:
+    """A question's figure and its interval."""
+    values = list(answers.values())
+    if not values:
+        return "-", ""
+    if question.good is None:
+        half = stats.t.ppf(0.975, len(values) - 1) * np.std(values, ddof=1) / len(values) ** 0.5 if values[1:] else 0.0
+        return f"{np.mean(values):.2f} ({len(values)})", f"{np.mean(values) - half:.2f} to {np.mean(values) + half:.2f}"
+    k, n = sum(map(bool, values)), len(values)
+    low, high = stats.binomtest(k, n).proportion_ci(0.95)
+    return f"{k} of {n}", f"{100 * low:.0f} to {100 * high:.0f} %"
+
+
+def table(found: dict[str, dict[str, Answers]], stored: dict[str, dict[str, Answers]], verbose: bool) -> int:
+    """Print it; the number of questions that are worse."""
+    print(f"{'part':16s}{'question':34s}{'now':>13s}  {'95 %':15s}{'stored':>13s}")
+    n_worse = 0
+    for question in QUESTIONS:
+        now, was = (
+            {name: answers[question.name] for name, answers in of.get(question.part, {}).items()
+             if answers.get(question.name) is not None} for of in (found, stored)
+        )  # fmt: skip
+        if question.part not in found or not now:
+            continue
+        common = {name: was[name] for name in was if name in now} or was
+        worse = question.counts and bool(was) and lost(question, now, was)
+        n_worse += worse
+        figure, interval = shown(question, now)
+        said = "WORSE" if worse else "" if question.counts else "reported only"
+        before = shown(question, common)[0]
+        print(f"{question.part:16s}{question.name:34s}{figure:>13s}  {interval:15s}{before:>13s}  {said}".rstrip())
+        if verbose and question.good is not None:
+            for name, answer in now.items():
+                if bool(answer) != question.good:
+                    print(f"{'':18s}{name}{'' if was.get(name) == answer else '  (new)'}")
+    return n_worse
+
+
+def main() -> int:
+    """Ask, print, compare, store."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parts = list(dict.fromkeys(question.part for question in QUESTIONS))
+    parser.add_argument("--quick", action="store_true", help="a part of the records")
+    parser.add_argument("--first", type=int, default=FIRST, help=f"first seed (default {FIRST}: that of the baseline)")
+    parser.add_argument("--records", default="../shared/records", help="folder of the measured records")
+    parser.add_argument("--parts", nargs="*", default=parts, choices=parts, metavar="PART", help=", ".join(parts))
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes (default: all cores)")
+    parser.add_argument("--write", action="store_true", help="store the answers as the baseline")
+    parser.add_argument("--verbose", action="store_true", help="name the records that are answered wrongly")
+    options = parser.parse_args()
+    warnings.simplefilter("ignore")
+    chosen = list(options.parts)
+    if not Path(options.records).is_dir():
+        absent = [part for part in chosen if part.startswith(("planted", "measured"))]
+        chosen = [part for part in chosen if part not in absent]
+        print(f"No folder {options.records!r}: {', '.join(absent)} left out. Name it with --records.")
+    if "C" in chosen and not tool("gcc"):
+        chosen.remove("C")
+        print("No gcc: part C left out.")
+    # timings run alone
+    plan = [(part, job) for part in chosen if part != "speed" for job in jobs(part, options)]
+    rows = Parallel(n_jobs=options.jobs, return_as="generator_unordered")(delayed(answered)(*job) for job in plan)
+    found: dict[str, dict[str, Answers]] = {part: {} for part in chosen}
+    spent: Counter[str] = Counter()
+    for part, name, answers, seconds in rows:
+        spent[part] += seconds
+        if answers is not None:
+            found[part][name] = {key: value if isinstance(value, float) else value if value is None else bool(value)
+                                 for key, value in answers.items()}  # fmt: skip
+    for job in jobs("speed", options) if "speed" in chosen else ():
+        part, name, answers, seconds = answered("speed", job)
+        found[part][name], spent[part] = answers or {}, spent[part] + seconds
+    stored = json.loads(STORED.read_text()) if STORED.exists() else {}
+    n_worse = table(found, stored, options.verbose)
+    print("processor time: " + ", ".join(f"{part} {seconds:.0f} s" for part, seconds in spent.items())
+          + f"; in all {sum(spent.values()) / 60:.1f} min")  # fmt: skip
+    if options.write:
+        kept = {part: dict(sorted(answers.items())) for part, answers in found.items()}
+        STORED.write_text(json.dumps({**stored, **kept}, indent=0) + "\n")
+        return 0
+    print(f"{n_worse} questions are worse." if n_worse else "Nowhere worse than stored.")
+    return int(n_worse > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
