@@ -39,7 +39,7 @@ def record(n: int, jitter: float = 0.0) -> tuple[pd.DataFrame, np.ndarray]:
 
 def materialised(X: pd.DataFrame, y: np.ndarray) -> None:
     """The package's own columns as one matrix, then Ridge."""
-    Q = DiffusiveFeatures(TIME_CONSTANTS, longest_decay_share=1.0).fit_transform(X)
+    Q = DiffusiveFeatures(TIME_CONSTANTS).fit_transform(X)
     Ridge(alpha=1e-10, solver="cholesky").fit(Q, y)
 
 
@@ -75,7 +75,7 @@ def medians(runs: dict[str, Callable[[], object]], repeats: int) -> dict[str, fl
 
 def line(n: int) -> str:
     """All figures for one length."""
-    model = DynamicBiasRegressor(time_constants=TIME_CONSTANTS, degree=1, longest_decay_share=1.0)
+    model = DynamicBiasRegressor(time_constants=TIME_CONSTANTS, degree=1)
     X, y = record(n)
     uneven, _ = record(n, jitter=0.5)
     ready = np.asfortranarray(np.random.default_rng(1).normal(size=(8192, 15)))

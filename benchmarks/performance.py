@@ -123,7 +123,7 @@ def fits(n: int, quick: bool) -> list[Line]:
     """Fits of n rows."""
     X, y = record(n)
     uneven, y_uneven = record(n, jitter=0.5)
-    model = DynamicBiasRegressor(time_constants=TAUS, degree=1, longest_decay_share=1.0)
+    model = DynamicBiasRegressor(time_constants=TAUS, degree=1)
     repeats = 15 if n < 500_000 else 5
     rows = f"{n:,} rows".replace(",", " ")
     what, ours = f"fit of 6 time constants, {rows}", lambda: model.fit(X, y)

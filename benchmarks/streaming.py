@@ -1,4 +1,4 @@
-"""A record larger than memory: fit, evaluate and search from a Parquet file, and the same fit by two Dask workers.
+"""A record larger than memory: fit, evaluate and search from a Parquet file.
 
     python benchmarks/streaming.py --rows 1000000 10000000 100000000
 
@@ -61,29 +61,13 @@ def job(name: str, path: str) -> None:
         began = time.perf_counter()
         squares = sum(float((block["residual"] ** 2).sum()) for block in model.evaluate_blocks(log, log["reading"]))
         print(f"rms {np.sqrt(squares / len(log)):.6f}", end=" ")
-    if name == "two workers":
-        from distributed import Client, LocalCluster
-
-        from thermocorr.cluster.distributed import DistributedLog
-
-        with (
-            LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
-            Client(cluster) as client,
-        ):
-            client.run(_warm)
-            began = time.perf_counter()
-            spread = DistributedLog(client, log)
-            model.fit(spread, spread["reading"])
-            spent = time.perf_counter() - began
-    else:
-        spent = time.perf_counter() - began
+    spent = time.perf_counter() - began
     coef = ",".join(repr(float(c)) for c in model.coef_) if hasattr(model, "pipeline_") else ""
     print(f"seconds {spent:.3f} peak {_peak():.0f} coef {coef}")
 
 
 def _warm() -> None:
     """Imports, and compiled code where there is any, are the worker's start-up."""
-    import thermocorr.cluster.distributed  # noqa: F401
     from thermocorr import DynamicBiasRegressor
     from thermocorr.equations import lag_differences
 
@@ -129,15 +113,8 @@ def main() -> None:
                 print(
                     f"  {name}: {spent:.2f} s, {spent / n * 1e9:.0f} ns a row, {peak - imports:.0f} MiB above imports"
                 )
-            spent, peak, coef = fitted
+            spent, peak, _ = fitted
             print(f"  fit: {spent:.2f} s, {spent / n * 1e9:.0f} ns a row, {peak - imports:.0f} MiB above imports")
-            parallel, _, same = run("two workers", path)
-            difference = np.abs(same - coef).max() / np.abs(coef).max()
-            print(
-                f"  two workers: {parallel:.2f} s, {parallel / spent:.2f} of that; coefficients differ by "
-                f"{difference:.0e} of the largest",
-                flush=True,
-            )
 
 
 if __name__ == "__main__":

@@ -120,63 +120,6 @@ FILIP = Certified(
 
 _TO_20 = " ".join(map(str, range(21)))
 _ONES = " ".join(["1.00000000000000"] * 6)
-_ZEROS = " ".join(["0.000000000000000"] * 6)
-
-WAMPLER1 = Certified(
-    name="Wampler1",
-    predictors=_TO_20,
-    response="""
-    1 6 63 364 1365 3906 9331 19608 37449 66430 111111 177156 271453 402234 579195 813616 1118481 1508598 2000719
-    2613660 3368421
-    """,
-    coefficients=_ONES,
-    errors=_ZEROS,
-    residual="0.000000000000000",
-)
-
-WAMPLER2 = Certified(
-    name="Wampler2",
-    predictors=_TO_20,
-    response="""
-    1.00000 1.11111 1.24992 1.42753 1.65984 1.96875 2.38336 2.94117 3.68928 4.68559 6.00000 7.71561 9.92992 12.75603
-    16.32384 20.78125 26.29536 33.05367 41.26528 51.16209 63.00000
-    """,
-    coefficients="""
-    1.00000000000000 0.100000000000000 0.100000000000000E-01 0.100000000000000E-02 0.100000000000000E-03
-    0.100000000000000E-04
-    """,
-    errors=_ZEROS,
-    residual="0.000000000000000",
-)
-
-WAMPLER3 = Certified(
-    name="Wampler3",
-    predictors=_TO_20,
-    response="""
-    760 -2042 2111 -1684 3888 1858 11379 17560 39287 64382 113159 175108 273291 400186 581243 811568 1121004 1506550
-    2002767 2611612 3369180
-    """,
-    coefficients=_ONES,
-    errors="""
-    2152.32624678170 2363.55173469681 779.343524331583 101.475507550350 5.64566512170752 0.112324854679312
-    """,
-    residual="2360.14502379268",
-)
-
-WAMPLER4 = Certified(
-    name="Wampler4",
-    predictors=_TO_20,
-    response="""
-    75901 -204794 204863 -204436 253665 -200894 214131 -185192 221249 -138370 315911 -27644 455253 197434 783995
-    608816 1370781 1303798 2205519 2408860 3444321
-    """,
-    coefficients=_ONES,
-    errors="""
-    215232.624678170 236355.173469681 77934.3524331583 10147.5507550350 564.566512170752 11.2324854679312
-    """,
-    residual="236014.502379268",
-)
-
 WAMPLER5 = Certified(
     name="Wampler5",
     predictors=_TO_20,
@@ -191,5 +134,5 @@ WAMPLER5 = Certified(
     residual="23601450.2379268",
 )
 
-SETS = {s.name: s for s in (NORRIS, LONGLEY, FILIP, WAMPLER1, WAMPLER2, WAMPLER3, WAMPLER4, WAMPLER5)}
+SETS = {s.name: s for s in (NORRIS, LONGLEY, FILIP, WAMPLER5)}
 """The easy one first, then those that NIST calls of higher difficulty."""

@@ -64,15 +64,3 @@ def test_the_command_says_it(kelvin, told, tmp_path, capsys):
     record.to_csv(tmp_path / "log.csv")
     main(["analyze", str(tmp_path / "log.csv"), "--reading", "reading", "--quiet"])
     assert ("the correction adds noise: Allan deviation" in capsys.readouterr().out) == told
-
-
-def test_the_column_is_that_of_the_longest_run_where_rows_of_runs_are_mixed():
-    """A short run whose supply is loud stands between the rows of a long one."""
-    record = make_record(6000, effects={"covariate": 2.0}, seed=6)
-    X, y = record.drop(columns="reading").assign(run=np.arange(6000) % 3 // 2), record["reading"]
-    model = DynamicBiasRegressor("temperature", ["2 min", "10 min"], run="run", effects=[Covariate("supply")]).fit(X, y)
-    noise = np.random.default_rng(6).standard_normal((2, len(X)))
-    loud = X.assign(temperature=X["temperature"] + 0.3 * noise[0])
-    loud["supply"] += np.where(X["run"] == 1, 50 * X["supply"].std(), 0.0) * noise[1]
-    said = added_noise(model, loud, y)
-    assert "passes on the noise" in said and "through supply" not in said

@@ -8,7 +8,6 @@ import pytest
 from sklearn.exceptions import NotFittedError
 
 from thermocorr import (
-    DiffusiveFeatures,
     DynamicBiasRegressor,
     MergedRidge,
     OnlineCorrector,
@@ -129,7 +128,6 @@ CASES = {
     "negative alpha of the ridge": (lambda: MergedRidge(-1.0).fit(X, Y), "'alpha' parameter.*Got -1"),
     "unknown initial state": (lambda: fit(initial_state="warm"), "'initial_state' parameter.*'warm'"),
     "unknown hold": (lambda: fit(hold="cubic"), "'hold' parameter.*'cubic'"),
-    "unknown form": (lambda: DiffusiveFeatures(form="other").fit(X), "'form' parameter.*'other'"),
     "unknown reference": (lambda: fit(reference_temperature="median"), "'reference_temperature' parameter"),
     "zero sampling period": (lambda: plain(untimed(), sampling_period=0), "'sampling_period'.*positive time"),
     "sampling period in words": (lambda: plain(untimed(), sampling_period="fast"), "'sampling_period'.*'fast'"),
@@ -167,7 +165,6 @@ CASES = {
     "suspects that are none": (lambda: diagnose(model, X, Y, suspects="drift"), "'suspects' parameter"),
     "decimal comma in a span": (lambda: fit(max_gap="1,5 h"), "'max_gap' parameter.*'1,5 h'"),
     "decimal comma in a time constant": (lambda: fit(time_constants=["1,5 h"]), "'time_constants' parameter.*'1,5 h'"),
-    "washout that is none": (lambda: fit(washout="abc"), "'washout' parameter.*'abc'"),
     "alphas of NaN": (lambda: search(alphas=[np.nan]), "'alphas' parameter.*nan"),
     "no alphas": (lambda: search(alphas=[]), "'alphas' parameter"),
     "negative alphas": (lambda: search(alphas=[-1.0]), "'alphas' parameter.*-1"),

@@ -115,15 +115,6 @@ def test_a_damaged_state_is_refused(model, record, damage):
         OnlineCorrector.from_state(model, state)
 
 
-def test_a_state_of_an_earlier_version_is_taken_up(model, record):
-    some, _ = with_holes(record, 2)
-    live = OnlineCorrector(model)
-    live.update_many(some.drop(columns="reading"), some["reading"])
-    state = live.state()
-    del state["state"]["behind_gap"]
-    OnlineCorrector.from_state(model, state)
-
-
 @pytest.mark.parametrize("rows", [100, None])
 def test_a_model_file_knows_it(model, record, rows, tmp_path):
     some, _ = with_holes(record, 3)

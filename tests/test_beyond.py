@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,8 +10,6 @@ from thermocorr import DynamicBiasRegressor, OnlineCorrector, load_model, save_m
 from thermocorr.datasets import make_record
 from thermocorr.datasets._devices import make_device
 from thermocorr.estimators.uncertainty.budget import coverage_factor
-from thermocorr.files import model_file
-from thermocorr.files.codec import pack, unpack
 
 
 def learned_cold(seed):
@@ -39,31 +34,6 @@ def test_a_curvature_deep_inside_is_in_the_uncertainty(seed):
     assert np.sqrt(np.mean(u[hot] ** 2)) < 2 * np.sqrt(np.mean(error**2))
 
 
-@pytest.mark.parametrize("seed", [9600, 9602])
-def test_without_a_sensitivity_the_measured_temperature_is_taken(seed):
-    """The static slope is taken away: what is left of the law has no temperature inside that it goes by."""
-    record = make_record(
-        8000, device="box", setting="outdoor", sampling_period=600.0, nonlinearity=0.002, seed=seed, noise=0.2
-    )
-    T, y = record["temperature"].to_numpy(), record["reading"]
-    level = y - np.polyfit(T[:4000], y[:4000], 1)[0] * T
-    model = DynamicBiasRegressor("temperature", degree=1).fit(record[["temperature"]][:4000], level[:4000])
-    weights = model.joint_errors().beyond.weights[0]
-    assert weights[0] == 1.0 and not weights[1:].any()
-
-
-def as_of_version(path, version, *missing):
-    """A model file as an earlier version wrote it: of one temperature, and without some of what it says of that."""
-    node = json.loads(path.read_text())
-    beyond = {key: value for key, value in node["model"]["errors"]["beyond"].items() if key not in missing}
-    one = [key for key in ("weights", "alike") if key in beyond]
-    node["model"]["errors"]["beyond"] = beyond | {key: pack(unpack(beyond[key], key)[0], key) for key in one}
-    body = (model_file.render({k: node[k] for k in ("provenance", "model")}) + "\n").removeprefix("{\n").encode("ascii")
-    digest = hashlib.sha256(body).hexdigest()
-    head = f'{{"format": "thermocorr model", "version": {version}, "digest": "sha256:{digest}",\n'
-    path.write_bytes(head.encode() + body)
-
-
 def test_a_file_holds_all_temperatures_that_are_asked(tmp_path):
     model, X, _, _ = learned_cold(9611)
     weights = model.joint_errors().beyond.weights
@@ -71,22 +41,6 @@ def test_a_file_holds_all_temperatures_that_are_asked(tmp_path):
     save_model(model, tmp_path / "m.json")
     told = load_model(tmp_path / "m.json").predict(X, return_std=True)[1]
     np.testing.assert_array_equal(told, model.predict(X, return_std=True)[1])
-
-
-@pytest.mark.parametrize(
-    ("version", "missing", "lags"), [(11, ("lowest", "highest"), True), (10, ("lowest", "highest", "weights"), False)]
-)
-def test_a_file_of_an_earlier_version_asks_one_temperature(tmp_path, version, missing, lags):
-    model, X, y, hot = learned_cold(9611)
-    save_model(model, tmp_path / "old.json")
-    as_of_version(tmp_path / "old.json", version, *missing)
-    save_model(load_model(tmp_path / "old.json"), tmp_path / "again.json")
-    older = load_model(tmp_path / "again.json")
-    felt = model.joint_errors().beyond.weights[:1]
-    np.testing.assert_array_equal(older.joint_errors().beyond.weights, felt if lags else np.eye(1, felt.shape[1]))
-    extrapolation = older.uncertainty(X, y, allow_missing=True).frame()["u_extrapolation"].to_numpy()
-    inside = X["temperature"].between(*older.temperature_range_).to_numpy()
-    assert (extrapolation[hot] > 0).all() and not extrapolation[inside].any()
 
 
 # ------------------------------------------------------------------------------------------------ after an excursion

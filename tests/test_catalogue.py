@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import json
 import pickle
 
 import numpy as np
@@ -13,7 +12,7 @@ from effect_records import EXAMPLES, NAMES, columns_of, learned, log, read, whol
 from scipy.signal import lfilter
 from sklearn.base import clone
 
-from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, load_model, save_model
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor
 from thermocorr.effects import (
     CATALOGUE,
     Covariate,
@@ -37,8 +36,6 @@ from thermocorr.effects import (
     Step,
     ThermalLag,
 )
-from thermocorr.effects.grids import temperature_quantiles
-from thermocorr.files.model_file import signed
 from thermocorr.records import Layout, read_record
 
 # --------------------------------------------------------------------------------------- the catalogue
@@ -105,33 +102,6 @@ def test_a_local_search_finds_neighbours(effect):
         assert np.isfinite(whole(other, record)).all()
 
 
-def test_neighbours_lie_on_either_side():
-    record = read(log(500, seed=1, irregular=0.0))
-    assert [e.width for e in Hysteresis(1.0).nearby(record, 0.25)] == [0.8, 1.25]
-    lags = [e.time_constants for e in ThermalLag(["1 min", 100]).nearby(record, 1.0)]
-    assert lags == [[30.0, 100.0], [120.0, 100.0], [60.0, 50.0], [60.0, 200.0]]
-    longest = record.longest_read()
-    grown = [e.time_constants[0] for e in LaggedCovariate("humidity", [0.23 * longest]).nearby(record, 0.25)]
-    assert grown == [pytest.approx(0.184 * longest), pytest.approx(0.25 * longest)]  # no lag outgrows the record
-    longer = [e.time_constants[0] for e in LaggedCovariate("humidity", [0.5 * longest]).nearby(record, 0.25)]
-    assert longer == [pytest.approx(0.4 * longest)]
-    low, high = [e.time for e in Step("2024-03-04 03:03:45").nearby(record)]  # 6000 s since the start
-    assert (low + high) / 2 == pytest.approx(6000.0) and high - low == pytest.approx(0.5 * 499 * 60 / 49)
-    middle = temperature_quantiles(record, (0.5,))[0]
-    low, high = [e.knee for e in Hinge(middle).nearby(record)]
-    assert low < middle < high and low + high == pytest.approx(2 * middle)
-
-
-def test_a_knee_that_is_moved_leaves_a_twentieth_of_the_temperatures_on_either_side():
-    """Moved to where 4 % lay below it, a knee had 0.4 K on the rest of a measured record, which went on below."""
-    record = read(log(500, seed=1))
-    low, high = temperature_quantiles(record, (0.05, 0.95))
-    assert [e.knee for e in Hinge(low + 1e-6).nearby(record)] == [low, pytest.approx(low, abs=(high - low) / 30)]
-    assert [e.knee for e in Hinge(high).nearby(record)] == [pytest.approx(high, abs=(high - low) / 30)]
-    beyond = low - 1.0  # one that a user put there stays, or comes nearer
-    assert [e.knee > beyond for e in Hinge(beyond).nearby(record)] == [True]
-
-
 @pytest.mark.parametrize("kind", CATALOGUE)
 def test_a_record_of_two_rows_breaks_no_search_range(kind):
     record = read(log(2))
@@ -175,18 +145,6 @@ def test_with_effect_adds_to_whatever_was_given(given):
     names = model.with_effect(Hysteresis(0.5)).fit(X, X["temperature"]).coef_table().index
     assert list(names[-2:]) == (["rate", "hysteresis[0.5]"] if given else ["decay[300 s]", "hysteresis[0.5]"])
     assert model.effects is given
-
-
-def test_a_file_with_the_former_name_of_a_play_is_read(tmp_path):
-    """It was ``hysteresis[0.5 K]``, for records in degF too."""
-    X = log(300)
-    model = DynamicBiasRegressor(time_constants=[300.0], effects=[Hysteresis(0.5)]).fit(X, X["temperature"])
-    save_model(model, tmp_path / "model.json")
-    node = json.loads((tmp_path / "model.json").read_text())
-    assert node["model"]["columns"][-1] == "hysteresis[0.5]"
-    node["model"]["columns"][-1] = "hysteresis[0.5 K]"
-    (tmp_path / "model.json").write_bytes(signed({key: node[key] for key in ("provenance", "model")}))
-    np.testing.assert_array_equal(load_model(tmp_path / "model.json").predict(X), model.predict(X))
 
 
 def test_all_kinds_in_one_model():
@@ -253,7 +211,6 @@ BAD = [
     (LaggedCovariate("humidity", hold="third"), "The 'hold' parameter of LaggedCovariate must be a str among"),
     (LagProducts([60.0], temperature_products=2.5), "The 'temperature_products' parameter of LagProducts must be"),
     (StaticPolynomial(12), "The 'degree' parameter of StaticPolynomial must be"),
-    (ThermalLag([60.0], form="french"), "The 'form' parameter of ThermalLag must be"),
     (InitialTransient([60.0], -1), "The 'longest_share' parameter of InitialTransient must be"),
 ]
 

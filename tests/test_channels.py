@@ -8,11 +8,9 @@ import pytest
 from sklearn.multioutput import MultiOutputRegressor
 
 from thermocorr import DynamicBiasRegressor, RecordError
-from thermocorr.cluster import channels as module
 from thermocorr.cluster.channels import fit_channels
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate
-from thermocorr.estimators.fitting import sweep_readings
 
 
 @pytest.fixture(scope="module")
@@ -56,23 +54,6 @@ def test_each_channel_has_the_model_that_it_would_have_alone(rack, given):
         assert np.allclose(model.standard_errors(), wanted.standard_errors(), rtol=1e-6)
         assert model.reading_ == wanted.reading_ or model.reading_.name == name
         assert np.isfinite(model.correct(X, Y[name])[1000:1200]).all()
-
-
-def test_what_several_ask_for_is_walked_through_once_for_all(rack, monkeypatch):
-    X, Y = rack
-    walks = []
-
-    def counting(record, readings, *rest):
-        walks.append(len(readings))
-        return sweep_readings(record, readings, *rest)
-
-    monkeypatch.setattr(module, "sweep_readings", counting)
-    fit_channels(X, Y.iloc[:, [0, 1, 4]], DynamicBiasRegressor("temperature", ["10 min"]))
-    assert walks == [1, 2]  # the second channel asks for what the first has asked for, and gets it for the third too
-    walks.clear()
-    with pytest.warns(UserWarning, match="1 reading left out as spike"):
-        fit_channels(X, Y, DynamicBiasRegressor("temperature", ["10 min"]))
-    assert sorted(walks) == [1, 1, 1, 2]  # two lack other rows
 
 
 def test_one_set_of_time_constants_for_all(rack):

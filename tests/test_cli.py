@@ -196,18 +196,6 @@ def test_what_was_stepped_stays_in_the_corrected_reading(log, tmp_path, marked):
     assert corrected[700:].mean() - corrected[:700].mean() == pytest.approx(30.0, abs=0.5)
 
 
-def test_missing_temperatures_are_filled_as_is_said(log, tmp_path):
-    frame = pd.read_csv(log)
-    path = changed(log, temperature=frame["temperature"].mask((frame.index >= 500) & (frame.index < 520)))
-    for rule, flag in (("pass", "no temperature"), ("interpolate:1h", "filled"), ("hold:5min", "filled")):
-        out = tmp_path / rule[:4]
-        assert analyze(path, "--fill", f"temperature={rule}", "--out", str(out)) == 0
-        after = pd.read_csv(out / "corrected.csv")
-        assert after["flag"][500] in (flag, "thermometer lost"), rule
-        assert after["corrected"][519:520].isna().all() == (rule != "interpolate:1h")
-    assert len(load_model(tmp_path / "inte" / "model.json").features_.history_.record.segments) == 1
-
-
 def test_runs_may_have_one_level(log, tmp_path):
     frame = pd.read_csv(log)
     run = np.where(np.arange(1500) < 700, "a", "b")
@@ -232,10 +220,10 @@ def test_runs_may_have_one_level(log, tmp_path):
         (("--event", "never"), "must be seconds since the record began"),
         (("--events", "pressed"), "no column 'pressed' for --events"),
         (("--fill", "room"), "--fill takes COLUMN=RULE"),
-        (("--fill", "room=hold"), "no column 'room' for --fill"),
-        (("--fill", "temperature=spline"), "must say 'pass', 'hold', 'interpolate'"),
-        (("--fill", "temperature=hold:long"), "fill"),
-        (("--fill", "pressure=hold"), "which the model does not read"),
+        (("--fill", "room=end"), "no column 'room' for --fill"),
+        (("--fill", "temperature=spline"), "must say 'estimate', 'end'"),
+        (("--fill", "temperature=end:long"), "fill"),
+        (("--fill", "pressure=end"), "which the model does not read"),
     ],
 )
 def test_what_is_learned_from_is_refused_in_one_sentence(log, capsys, options, said):

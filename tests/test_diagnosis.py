@@ -7,23 +7,17 @@ import re
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from sklearn.preprocessing import SplineTransformer
 
 from thermocorr import DynamicBiasRegressor, RecordError, WhereDisplay, diagnose, refine
 from thermocorr.command.analyze import places
 from thermocorr.datasets import load_voltage_reference, make_record
-from thermocorr.effects import Covariate, Effect, Hinge, Hysteresis, LaggedCovariate
+from thermocorr.effects import Covariate, Effect, Hysteresis
 from thermocorr.effects.protocol import EffectInfo
 from thermocorr.effects.wrap import TransformerEffect
 from thermocorr.firmware import export_c
-from thermocorr.judgement.adding import with_missing
-from thermocorr.judgement.blocks import averaged
 from thermocorr.pictures.words import aspect_text, each_row, place_text
-from thermocorr.records import read as read_module
-from thermocorr.records import read_record
-from thermocorr.records.read import Layout
 
 N = 10_000
 
@@ -32,68 +26,6 @@ def hidden(effects, seed, **more):
     record = make_record(N, effects=effects, seed=seed, **more)
     X, y = record.drop(columns="reading"), record["reading"]
     return DynamicBiasRegressor("temperature").fit(X, y), X, y
-
-
-@pytest.mark.parametrize(
-    ("kind", "seed"),
-    [("covariate", 61), ("lagged_covariate", 62), ("hysteresis", 63), ("hinge", 64), ("periodic", 66),
-     ("sensitivity_drift", 67), ("lag_products", 68), ("interaction", 69)],
-)  # fmt: skip
-def test_a_hidden_effect_twice_the_noise_is_named(kind, seed):
-    record, truth = make_record(N, effects={kind: 2.0}, seed=seed, return_truth=True)
-    X, y = record.drop(columns="reading"), record["reading"]
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
-    assert found.verdict in ("missing", "ambiguous")
-    assert found.best.kind == kind
-    planted = next(iter(truth.attrs["effects"].values()))["parameters"]
-    assert found.ranking["column"][0] == planted.get("column") or pd.isna(found.ranking["column"][0])
-    assert found.ranking["p_value"][0] < 1e-6
-    assert found.explainable > 0.1  # the lags have swallowed a part of some
-    assert found.noise_floor == pytest.approx(0.2, rel=0.1)
-
-
-@pytest.mark.parametrize("seed", range(50, 55))
-def test_nothing_is_named_where_nothing_is_missing(seed):
-    """The stated rate of false accusations is 1 %: 5 records without one are no proof, two accusations would be."""
-    found = diagnose(*hidden(None, seed))
-    assert found.verdict == "nothing missing"
-    assert found.best is None
-    assert found.explainable < 0.05
-
-
-@pytest.mark.newest
-@pytest.mark.parametrize("seed", [52, 53])
-def test_an_unknown_cause_is_owned_up_to(seed):
-    """What switches is several steps, a stretch switched there and back, or nobody's fault; what is left wanders."""
-    found = diagnose(*hidden({"random_telegraph": 2.0}, seed))
-    assert found.best is None or found.best.kind in ("several_steps", "disturbance")
-    assert found.left.structured and found.colour > 1.2
-    assert "What is left wanders" in str(found)
-    walk = diagnose(*hidden({"random_walk": 2.0}, seed))
-    assert walk.verdict == "unexplained" and walk.best is None
-    assert "no known effect explains" in str(walk)
-
-
-@pytest.mark.newest
-@pytest.mark.parametrize(("seed", "device"), [(173, "plate"), (174, "layered")])
-def test_lags_that_a_random_walk_has_spoiled_are_not_what_is_missing(seed, device):
-    """A lag is lacking there, which is proven: a hundredth of what is left, and no help on later data."""
-    chamber = {"setting": "chamber", "sampling_period": 30.0, "device": device, "noise": 0.2}
-    record = make_record(23_040, effects={"random_walk": 2.0}, seed=seed, **chamber)
-    X, y = record.drop(columns="reading"), record["reading"]
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
-    assert found.verdict == "unexplained" and not found.causes
-    assert "What is left wanders" in str(found)
-
-
-def test_a_lag_that_the_model_lacks_is_named():
-    record = make_record(N, device="layered", seed=5)
-    X, y = record.drop(columns="reading"), record["reading"]
-    poor = DynamicBiasRegressor("temperature", ["5 min"]).fit(X, y)
-    found = diagnose(poor, X, y)
-    assert found.verdict == "missing"
-    assert found.best.kind == "thermal_lag"
-    assert 2000 < found.best.time_constants[0] < 10_000  # the device's slow body has an hour and a half
 
 
 @pytest.mark.newest
@@ -117,14 +49,6 @@ def test_an_excluded_kind_or_column_is_not_named():
     assert set(named.ranking["column"].dropna()) <= {"humidity"}
     with pytest.raises(ValueError, match="no kinds"):
         diagnose(model, X, y, exclude=["hysteresys"])
-
-
-def test_an_effect_that_the_model_has_is_not_missing():
-    record, truth = make_record(N, effects={"hysteresis": 2.0}, seed=63, return_truth=True)
-    X, y = record.drop(columns="reading"), record["reading"]
-    width = next(iter(truth.attrs["effects"].values()))["parameters"]["width"]
-    model = DynamicBiasRegressor("temperature", effects=[Hysteresis(width)]).fit(X, y)
-    assert diagnose(model, X, y).verdict == "nothing missing"
 
 
 def test_the_place_of_a_hinge_is_found():
@@ -166,17 +90,6 @@ def test_the_residual_is_held_against_white_noise():
     assert clean["white"].to_numpy() == pytest.approx(
         clean["white"].iloc[0] * np.sqrt(clean["averaging_time"].iloc[0] / clean["averaging_time"]), rel=1e-12
     )
-
-
-def test_gaps_runs_holes_and_text_columns_are_no_obstacle():
-    record = make_record(4000, gaps=3, runs=2, seed=4, effects={"hysteresis": 2.0})
-    record.iloc[100:130, record.columns.get_loc("reading")] = np.nan
-    record.iloc[200:205, record.columns.get_loc("humidity")] = np.nan
-    record["note"] = "text"
-    X, y = record.drop(columns="reading"), record["reading"]
-    model = DynamicBiasRegressor("temperature", run="run").fit(X, y)
-    found = diagnose(model, X, y)
-    assert found.best.kind == "hysteresis"
 
 
 @pytest.mark.newest
@@ -246,17 +159,6 @@ def test_a_transformer_can_be_a_suspect():
     assert found.ranking["column"][0] == "supply"
 
 
-def test_noise_that_changes_with_time_is_weighed():
-    """Half of the record five times as noisy: the quiet half tells what is missing."""
-    record = make_record(N, effects={"hysteresis": 0.6}, seed=63)
-    rng = np.random.default_rng(0)
-    X, y = record.drop(columns="reading"), record["reading"].copy()
-    y[: N // 2] += rng.normal(scale=1.0, size=N // 2)
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
-    assert found.best is not None
-    assert found.best.kind == "hysteresis"
-
-
 def test_refinement_can_be_stopped_and_keeps_what_it_has():
     model, X, y = hidden({"hysteresis": 2.0}, 63)
 
@@ -267,25 +169,6 @@ def test_refinement_can_be_stopped_and_keeps_what_it_has():
     result = refine(model, X, y, progress=stop)
     assert len(result.steps) == 1
     assert result.model_.predict(X).shape == (N,)
-
-
-def test_averages_are_plain_means_that_skip_missing_readings():
-    frame = pd.DataFrame({"temperature": np.arange(12.0)}, index=pd.timedelta_range(0, periods=12, freq="1s"))
-    reading = np.arange(12.0) * 2
-    reading[[1, 4, 5, 6, 7]] = np.nan
-    record = read_record(frame, Layout(), y=reading)
-
-    class Plain(Effect):
-        def names(self):
-            return ["T"]
-
-        def columns(self, block, state):
-            return block.temperature, state
-
-    data = averaged(record, [Plain()], 3)
-    assert data.counts.tolist() == [3, 4]
-    np.testing.assert_allclose(data.reading, [(0 + 4 + 6) / 3, (16 + 18 + 20 + 22) / 4])
-    np.testing.assert_allclose(data.columns[0][:, 0], [(0 + 2 + 3) / 3, 9.5])
 
 
 class Fan(Covariate):
@@ -351,17 +234,6 @@ def test_differences_of_temperatures_in_degf_are_said_in_degf(tmp_path):
     assert "degF" not in re.sub(r"<(pre|script).*?</\1>", "", html, flags=re.S).replace("case [degF]", "")
 
 
-def test_the_data_are_read_once(monkeypatch):
-    read, given = [], read_module.times_from
-    monkeypatch.setattr(read_module, "times_from", lambda *values: (read.append(1), given(*values))[1])
-    record = make_record(1500, seed=1)
-    X = record.drop(columns="reading").assign(time=record.index.astype(str))
-    model = DynamicBiasRegressor("temperature", [600.0], time="time").fit(X, record["reading"])
-    read.clear()
-    diagnose(model, X, record["reading"])
-    assert len(read) == 1
-
-
 def test_a_pickled_diagnosis_is_small():
     found = diagnose(*hidden({"hysteresis": 2.0}, 62))
     assert found.data is not None
@@ -370,19 +242,3 @@ def test_a_pickled_diagnosis_is_small():
     assert len(content) < 100_000 and str(copy) == str(found)
     with pytest.raises(ValueError, match="holds no data"):
         copy.to_html()
-
-
-def test_a_second_lag_of_a_column_joins_the_first():
-    model = DynamicBiasRegressor("temperature", effects=[LaggedCovariate("humidity", ["1 h"])])
-    joined = with_missing(model, LaggedCovariate("humidity", [60.0]))
-    assert [effect.time_constants for effect in joined.effects] == [[60.0, 3600.0]]
-    assert len(with_missing(model, LaggedCovariate("pressure", [60.0])).effects) == 2
-    assert len(with_missing(model, LaggedCovariate("humidity", [60.0], power=2)).effects) == 2
-
-
-def test_a_second_lag_of_a_knee_joins_the_first():
-    model = DynamicBiasRegressor("temperature", effects=[Hinge(0.0, time_constants=["1 h"])])
-    joined = with_missing(model, Hinge(0.0, time_constants=[60.0]))
-    assert [effect.time_constants for effect in joined.effects] == [[60.0, 3600.0]]
-    assert len(with_missing(model, Hinge(1.0, time_constants=[60.0])).effects) == 2
-    assert len(with_missing(model, Hinge(0.0, "below", [60.0])).effects) == 2

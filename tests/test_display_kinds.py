@@ -24,7 +24,7 @@ from thermocorr import (
 )
 from thermocorr.datasets import make_record
 from thermocorr.pictures.axes import label_log_values, label_values, pyplot
-from thermocorr.records.quantities import scale_of, span_text, span_unit
+from thermocorr.records.quantities import scale_of
 
 pytestmark = pytest.mark.usefixtures("drawing")
 
@@ -131,20 +131,6 @@ def test_smoothing_does_not_reach_over_the_joint_of_two_runs():
     frame = VariantsDisplay.from_estimator(model, X, y, n_blocks=2).frame()
     steps = frame["before correction"].diff()[frame["segment"].diff() == 0]
     assert steps.abs().max() < 5.0
-
-
-@pytest.mark.parametrize(
-    ("span", "unit"),
-    [(0.5, "ms"), (30.0, "s"), (3600.0, "min"), (86_400.0, "h"), (30 * 86_400.0, "d"), (5e8, "y")],
-)
-def test_elapsed_time_has_a_readable_unit(span, unit):
-    assert span_unit(span) == unit
-
-
-def test_spans_are_written_as_a_person_does():
-    assert [span_text(t) for t in (0.002, 1.0, 90.0, 3600.0, 86_400.0, 3.2e7)] == [
-        "2 ms", "1 s", "1.5 min", "1 h", "1 d", "1.01 y"
-    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(

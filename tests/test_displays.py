@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 from sklearn.exceptions import NotFittedError
 
-import thermocorr
 from thermocorr import (
     AllanDisplay,
     Budget,
@@ -127,19 +126,6 @@ def test_allan_display_is_the_allan_deviation(fitted):
     assert display.plot().ax_.get_ylabel() == "Allan deviation of reading [ppm]"
 
 
-def test_allan_display_of_uneven_steps_takes_cells_that_hold_most_of_them():
-    """Steps of 1 s and 10 s in turn: cells of 1 s would be empty, nine in ten; those of 10 s hold one row or two."""
-    seconds = np.cumsum(np.tile([1.0, 10.0], 400))
-    rng = np.random.default_rng(0)
-    X = pd.DataFrame({"temperature": 20 + np.sin(seconds / 500)}, index=pd.to_timedelta(seconds, unit="s"))
-    y = 3 * X["temperature"].to_numpy() + 0.1 * rng.normal(size=800)
-    model = DynamicBiasRegressor(time_constants=["1 min"], degree=1).fit(X, y)
-    found = AllanDisplay.from_estimator(model, X, y).after
-    assert found.averaging_times[0] == 10.0
-    law = 0.1 / np.sqrt(found.averaging_times / 5.5)  # a row every 5.5 s
-    assert ((0.6 * law < found.deviation) & (found.deviation < 1.6 * law))[:5].all()
-
-
 def test_the_step_response_is_the_closed_form(fitted):
     """b(t) = a1 + a2 - sum mu_j exp(-t/tau_j), eqs. (3) (19) after a step of 1 K at T0."""
     model, _, _ = fitted
@@ -172,12 +158,6 @@ def test_errors_of_the_step_response_hold_what_they_say():
         truth = 2.0 - np.exp(-frame["time"].to_numpy()[:, None] / [600.0, 900.0]) @ [1.0, 0.5]
         inside.append(np.abs(frame["response"] - truth) < 2 * frame["standard_error"])
     assert np.mean(inside) > 0.85
-
-
-def test_combined_errors_agree_with_the_table(fitted):
-    model, _, _ = fitted
-    single = model.combined_errors(np.eye(len(model.coef_)))
-    np.testing.assert_allclose(single, model.coef_table()["standard_error"].iloc[1:], rtol=1e-12)
 
 
 def test_effects_that_do_not_follow_the_temperature_leave_the_response_alone(fitted):
@@ -372,11 +352,3 @@ def test_a_band_of_uncertainty_holds_the_residuals():
     labels = [text.get_text() for text in display.axes_[1].get_legend().get_texts()]
     assert "95 % of readings" in labels
     assert "u" not in ResidualsDisplay.from_estimator(model, X, y).frame()
-
-
-def test_a_picture_is_public_once_its_room_shows_it(monkeypatch):
-    monkeypatch.setattr(thermocorr.pictures, "NewDisplay", ResidualsDisplay, raising=False)
-    assert thermocorr.NewDisplay is ResidualsDisplay
-    monkeypatch.delattr(thermocorr, "NewDisplay")
-    with pytest.raises(AttributeError, match="NoDisplay"):
-        _ = thermocorr.NoDisplay

@@ -132,14 +132,6 @@ def test_output_settings(kind, lab, model):
     np.testing.assert_array_equal(spline.predict(X), expected.predict(X))
 
 
-def test_set_output_for_one_transformer(lab):
-    X, _ = lab
-    columns = DiffusiveFeatures([300.0]).set_output(transform="pandas").fit_transform(X)
-    assert columns.index.equals(X.index)
-    pl = pytest.importorskip("polars", reason="polars is not installed: pip install polars")
-    assert isinstance(DiffusiveFeatures([300.0]).set_output(transform="polars").fit_transform(X), pl.DataFrame)
-
-
 # ------------------------------------------------------------------------------------------------------- polars frames
 
 

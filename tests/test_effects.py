@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import time
 from itertools import pairwise
 
 import numpy as np
@@ -105,7 +104,7 @@ def test_following_rows_continue_the_fitted_record(effect, one_pass, monkeypatch
         rounding = 1e-15 * np.abs(together).max(axis=0) if one_pass else 0.0
         assert (np.abs(features.transform(X[450:]) - together[450:]) <= rounding).all()
         np.testing.assert_array_equal(features.transform(X[300:400]), together[300:400])
-        fitted = DiffusiveFeatures([300.0], 2, effects=[effect], longest_decay_share=0.04, **layout)
+        fitted = DiffusiveFeatures([300.0], 2, effects=[effect], **layout)
         np.testing.assert_array_equal(fitted.fit_transform(X[:450]), together[:450])
         np.testing.assert_allclose(
             model.predict(X[450:]), model.predict(X)[450:], rtol=1e-15 if one_pass else 0, atol=0
@@ -181,16 +180,6 @@ def test_hysteresis_forgets_its_start_and_knows_no_rate():
     np.testing.assert_allclose(loop[101:], 0.5, atol=1e-12)
     assert loop[120] - loop[40] == pytest.approx(1.0)
     assert np.abs(loop).max() <= 0.5 + 1e-12
-
-
-def test_hysteresis_is_fast():
-    effect, record = learned(Hysteresis(0.5), log(100_000))
-    times = []
-    for _ in range(3):
-        start = time.perf_counter()
-        whole(effect, record)
-        times.append(time.perf_counter() - start)
-    assert min(times) < 0.2
 
 
 def test_effects_of_time_alone():
@@ -319,18 +308,6 @@ def test_lagged_square_is_the_lag_of_the_square():
         columns_of(LaggedCovariate("humidity", [600.0], power=2), X),
         columns_of(LaggedCovariate("humidity", [600.0]), square),
     )
-
-
-class Bent(Hinge):
-    """A user's own kind of hinge that learns nothing but its lags, as all did in earlier files."""
-
-    def learn(self, record):
-        self.time_constants_ = np.zeros(0)
-
-
-def test_a_hinge_that_knows_no_T0_is_zero_at_its_knee():
-    T = log()["temperature"].to_numpy()
-    np.testing.assert_array_equal(columns_of(Bent(22.5), log())[:, 0], np.maximum(T - 22.5, 0.0))
 
 
 @pytest.mark.parametrize("moment", ["1,5 h", "00:10:00,5", "12:30", "1,000 s"])

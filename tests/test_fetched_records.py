@@ -66,13 +66,3 @@ def test_no_network_no_file_and_no_record_are_said(served, tmp_path):
         fetch_real_record("groundwater_well", served, tmp_path / "kept")
     with pytest.raises(ValueError, match="The records are: vhd200_resistor"):
         fetch_real_record("newtown", served)
-
-
-@pytest.mark.parametrize("name", list(_real._RECORDS))
-def test_the_checksums_are_those_of_the_records(name, measured, recwarn):
-    if not (measured / _real._place(name)).is_file():
-        pytest.skip(f"{measured} holds no {name}")
-    record = load_real_record(name, measured)
-    assert not [w for w in recwarn if "SHA-256" in str(w.message)]
-    about = record.attrs
-    assert {about["reading"], about["temperature"], *about["hidden_columns"]} <= set(record)

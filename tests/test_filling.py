@@ -9,7 +9,7 @@ import pytest
 from test_thermometers import BODIES, LEARNED, STEP, two_surfaces, with_hole
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError, diagnose, load_model, save_model
-from thermocorr.effects import Covariate, Events, Interaction, LaggedCovariate
+from thermocorr.effects import Covariate, Events
 from thermocorr.estimators.filling_error import FillingError
 from thermocorr.interactive.browser.widget import bench_of
 
@@ -161,16 +161,6 @@ def test_a_damaged_date_does_not_end_the_filling(device):
     assert flags[:80] + flags[81:110] == whole["flag"].tolist()[:80] + whole["flag"].tolist()[81:110]
 
 
-def test_effects_whose_answer_to_a_filled_cell_nobody_knows():
-    X, y, _, _ = two_surfaces(17)
-    X = X.rename(columns={"room": "humidity"})
-    lost, hole = with_hole(X, "humidity", 8000)
-    for effect in (Interaction("humidity"), Covariate("humidity", 2)):
-        model = DynamicBiasRegressor("case", [600.0], effects=[effect], fill={"humidity": "hold"})
-        u = model.fit(X[:LEARNED], y[:LEARNED]).bias(lost, return_std=True)[1][hole]
-        assert np.isinf(u).all() if isinstance(effect, Interaction) else np.isfinite(u).all()
-
-
 def test_an_event_in_a_row_that_lacks_its_temperature_is_an_event():
     X, y, _, _ = two_surfaces(18, n=3000)
     marks = np.zeros(3000)
@@ -216,56 +206,6 @@ def late_humidity(seed, n=9000):
     return X, truth + 0.002 * rng.standard_normal(n), truth
 
 
-def test_a_hole_is_filled_as_well_as_is_said():
-    rms = {}
-    for rule in ("interpolate", "hold"):
-        ratios, errors = [], []
-        for seed in (31, 32, 33):
-            X, y, truth = late_humidity(seed)
-            effects, fill = [LaggedCovariate("humidity", [3000.0])], {"humidity": (rule, "2 h")}
-            model = DynamicBiasRegressor("case", (), degree=1, effects=effects, fill=fill).fit(X[:5000], y[:5000])
-            later = X[5000:].copy()
-            for start in range(200, 3800, 200):
-                later.iloc[start : start + 90, 1] = np.nan
-            bias, u = model.bias(later, return_std=True)
-            error = bias - (truth[5000:] - model.intercept_)
-            felt = u > 1.5 * u.min()
-            ratios.append((error / u)[felt])
-            errors.append(error[felt])
-            assert model.evaluate(later, y[5000:])["corrected"].notna().all()
-        assert 0.6 < np.sqrt(np.mean(np.concatenate(ratios) ** 2)) < 1.5
-        rms[rule] = np.sqrt(np.mean(np.concatenate(errors) ** 2))
-    assert rms["interpolate"] < 0.7 * rms["hold"]
-
-
-def test_holes_that_are_too_long_are_not_bridged_from_either_side():
-    X, y, _ = late_humidity(34)
-    X.iloc[1000:1100, 1] = X.iloc[3000:3030, 1] = np.nan
-    fill = {"humidity": ("interpolate", "1 h")}
-    model = DynamicBiasRegressor("case", [600.0], effects=[Covariate("humidity")], fill=fill)
-    with pytest.warns(UserWarning, match="30 cells of 'humidity' filled"):
-        model.fit(X, y)
-    corrected = model.correct(X, y)
-    assert corrected.isna().to_numpy().nonzero()[0].tolist() == list(range(1000, 1100))
-    ends = X.iloc[8000:].copy()  # no value comes: the last one is held
-    ends.iloc[-20:, 1] = np.nan
-    assert model.correct(ends, y[8000:]).notna().all()
-
-
-def test_a_stream_holds_where_a_whole_record_draws_a_line():
-    X, y, _ = late_humidity(35)
-    fill = {rule: {"humidity": rule} for rule in ("interpolate", "hold")}
-    lines, held = (
-        DynamicBiasRegressor("case", [600.0], effects=[Covariate("humidity")], fill=each).fit(X[:5000], y[:5000])
-        for each in fill.values()
-    )
-    later = X[5000:5400].copy()
-    later.iloc[100:150, 1] = np.nan
-    live = OnlineCorrector(lines).update_many(later, y[5000:5400])["corrected"]
-    assert np.allclose(live, held.correct(later, y[5000:5400]), rtol=0, atol=1e-9)
-    assert not np.allclose(live, lines.correct(later, y[5000:5400]), rtol=0, atol=1e-3)
-
-
 @pytest.mark.parametrize("rule", ["end", ("end", "30 min")])
 def test_a_hole_ends_the_segment(rule, tmp_path):
     """Missing humidity for 10 and 60 minutes: what begins behind it is a start that the fit does not know."""
@@ -274,7 +214,7 @@ def test_a_hole_ends_the_segment(rule, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         model = DynamicBiasRegressor(
-            "case", [600.0], effects=[Covariate("humidity")], fill={"humidity": rule}, washout=1200.0
+            "case", [600.0], effects=[Covariate("humidity")], fill={"humidity": rule}
         )
         model.fit(X[:5000], y[:5000])
     assert len(model.features_.history_.record.segments) == 2
@@ -297,7 +237,7 @@ def test_a_hole_ends_the_segment(rule, tmp_path):
 def test_a_damaged_date_behind_a_hole_that_ended_a_segment_begins_none(size):
     X, y, _ = late_humidity(37)
     model = DynamicBiasRegressor(
-        "case", [600.0], effects=[Covariate("humidity")], fill={"humidity": "end"}, washout=1200.0
+        "case", [600.0], effects=[Covariate("humidity")], fill={"humidity": "end"}
     ).fit(X[:5000], y[:5000])
     later, readings = X[5000:5600].copy(), y[5000:5600]
     later.iloc[100:110, 1] = np.nan
@@ -308,5 +248,5 @@ def test_a_damaged_date_behind_a_hole_that_ended_a_segment_begins_none(size):
     damaged, live = later.set_index(pd.TimedeltaIndex(times)), OnlineCorrector(model)
     parts = [live.update_many(damaged[at : at + size], readings[at : at + size]) for at in range(0, 600, size)]
     shown = pd.concat(parts).iloc[good]
-    assert (shown["flag"] == "washout").sum() == (whole["flag"] == "washout").sum() == 20
+    assert (shown["flag"] == "washout").sum() == (whole["flag"] == "washout").sum() == 30  # three time constants
     assert np.nanmax(np.abs(shown["corrected"].to_numpy() - whole["corrected"].to_numpy())) < 1e-9

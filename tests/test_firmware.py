@@ -72,7 +72,7 @@ class Twisted(Effect):
 
     def signals(self, x):
         h, gap = x["humidity"], x["humidity"] - 2 * x.T
-        slow = x.lag(x.play(x.T, 0.3) + 1.0, [100.0, 900.0], "zero_order", 23.0)
+        slow = x.lag(x.play(x.T, 0.3) + 1.0, [100.0, 900.0], "zero_order")
         late = h - x.lag(h * x.T, [700.0])[0] if self.delay is None else x.delayed(gap, self.delay) - gap
         twice = x.lag(x.lag(x.T, [300.0])[0], [50.0, 6000.0])
         damped = x.exp(-abs(h - 45.0) / 3) + x.sin(x.T / 7) * x.cos(h / 9) / (1 + (h / 40) ** 2)

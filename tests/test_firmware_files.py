@@ -16,7 +16,6 @@ from firmware_runs import (
     KINDS,
     PERIOD,
     WARNINGS,
-    ambient,
     compile_c,
     errors,
     fitted,
@@ -143,23 +142,6 @@ def test_names_of_the_user_stay_inside_their_comments():
     assert all(name.isidentifier() and name.isascii() for name in names)
 
 
-@needs_gcc
-def test_nasty_column_names_compile(tmp_path):
-    names = ['*/ #error "out"\n', "int", "relative humidity [%]", "relative_humidity____", "\N{GREEK SMALL LETTER RHO}"]
-    X = ambient(400)
-    rng = np.random.default_rng(0)
-    for name in names:
-        X[name] = rng.normal(5, 1, 400)
-    X = X.drop(columns="humidity")
-    y = pd.Series(X.sum(axis=1), name="volt*/age\\")
-    effects = [Covariate(name) for name in names]
-    model = DynamicBiasRegressor("temperature", [300.0], 1, effects=effects).fit(X, y)
-    export = export_c(model, tmp_path / "9 int.c")
-    assert export.columns == tuple(names) and export.name == "thermal_bias_9_int"
-    run = run_c(compile_c(export), X.astype(np.float32).astype(float), y, export.columns)
-    assert np.ptp(run.corrected) < 0.01 * np.ptp(y)
-
-
 # --------------------------------------------------------------------------------------- self-test, other tools
 
 
@@ -257,29 +239,6 @@ def test_an_emulated_arm_gives_the_same(dtype, tmp_path, everything):
 # ------------------------------------------------------------------------ models from a file, command line
 
 
-def stripped(model, history=False):
-    """What a model needs to have for an export: no more."""
-    features = SimpleNamespace(effect_list=model.features_.effect_list)
-    if history:
-        features.history_ = model.features_.history_
-    names = ("coef_", "intercept_", "washout_", "time_constants_", "reference_temperature_")
-    given = {name: getattr(model, name) for name in names}
-    return SimpleNamespace(features_=features, temperature_range_=model.reading_.temperature_range, **given)
-
-
-def test_a_loaded_model_needs_little(tmp_path, with_columns):
-    whole = export_c(with_columns[0], tmp_path / "bias", sampling_period=PERIOD)
-    code = whole.paths[1].read_text()
-    bare = stripped(with_columns[0])
-    again = export_c(bare, tmp_path / "bias", sampling_period=PERIOD)
-    numbers = [[line.split("/*")[0] for line in text.splitlines()] for text in (code, again.paths[1].read_text())]
-    assert numbers[0] == numbers[1]
-    with pytest.raises(ValueError, match="pass sampling_period"):
-        export_c(bare, tmp_path)
-    with pytest.raises(ValueError, match="does not know the record"):
-        export_c(bare, tmp_path, sampling_period=PERIOD, continue_from_fit=True)
-
-
 def test_command_line(tmp_path, with_columns, monkeypatch, capsys):
     loaded = []
 
@@ -326,14 +285,3 @@ def test_a_fixed_step_is_said_where_those_of_the_log_vary(tmp_path, capsys, step
     if varies:
         assert "one sample every 2" in said or "one sample every 3" in said
         assert "nine of ten are 1" in said and "--sampling-period variable" in said
-
-
-def test_steps_that_vary_are_seen_in_a_thinned_record():
-    """Mean steps over four rows, uniform from 10 to 50 s, scatter by 11.5 / 2 s: nine of ten lie in 30 +- 9.5 s."""
-    seconds = np.random.default_rng(2).uniform(10, 50, 4000).cumsum()
-    X = pd.DataFrame({"time": seconds, "temperature": 20 + np.sin(seconds / 900)})
-    history = DynamicBiasRegressor("temperature", [600.0], time="time").fit(X, X["temperature"]).features_.history_
-    thinned = history.thinned(1000)
-    assert thinned.stride == 4
-    assert thinned.varying_steps() == pytest.approx((20.5, 39.5), abs=1.0)
-    assert history.varying_steps() == pytest.approx((12.0, 48.0), abs=0.6)

@@ -57,7 +57,7 @@ def test_a_slim_model_does_for_later_rows_what_the_whole_one_does(effects):
     live = OnlineCorrector(slim).update_many(later[["temperature"]], later["reading"])["corrected"]
     np.testing.assert_allclose(live, corrected, atol=1e-9)
     with pytest.raises(ValueError, match="joint_errors"):
-        slim.combined_errors(np.ones((1, len(slim.coef_))))
+        slim.standard_errors(np.ones((1, len(slim.coef_))))
 
 
 def test_a_fleet_of_slim_models(devices):

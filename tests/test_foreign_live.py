@@ -11,9 +11,8 @@ import pandas as pd
 import pytest
 from corpus.foreign_logs import GOOD, N, plain, semicolons, understood
 
-from thermocorr import DynamicBiasRegressor, RecordError, save_model
+from thermocorr import DynamicBiasRegressor, save_model
 from thermocorr.command.cli import main
-from thermocorr.foreign.counted_times import CountedTimes
 
 pytestmark = pytest.mark.newest
 
@@ -173,108 +172,10 @@ def dated_rows(unit, header="time,temperature,reading", n=400):
     return f"{header}\n{''.join(rows)}"
 
 
-@pytest.mark.parametrize("fitted_to", ["dates", "s"])
-@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
-def test_unix_times_are_told_by_their_size_in_every_way(unit, fitted_to, analyzed, tmp_path, capsys, monkeypatch):
-    """As the file's reader does, for models of dates and of Unix times in seconds: the same results, said once."""
-    path, out = tmp_path / "log.csv", analyzed(dated_rows(fitted_to))
-    path.write_text(dated_rows(unit))
-    expected = pd.read_csv(out / "corrected.csv")["corrected"]
-    for way in WAYS:
-        capsys.readouterr()
-        assert corrected(way, path, out / "model.json", monkeypatch) == 0
-        shown = capsys.readouterr()
-        assert shown.err == f"thermocorr: read as: Unix times in {unit}\n"
-        frame = pd.read_csv(io.StringIO(shown.out))
-        np.testing.assert_allclose(frame["corrected"], expected, rtol=0, atol=1e-9)
-        assert frame["time"].equals(pd.read_csv(path)["time"])  # as they came
-
-
-def test_unix_times_of_a_log_in_another_dialect_are_followed_and_go_on_from_a_state(tmp_path, capsys, monkeypatch):
-    log = dated_rows("ms").replace(",", ";").replace(".", ",").replace("time", "t")
-    path, whole, grown = tmp_path / "log.csv", tmp_path / "whole.csv", tmp_path / "grown.csv"
-    path.write_text(log)
-    model = str(tmp_path / "out" / "model.json")
-    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
-    assert main(["correct", str(path), "--model", model, "--out", str(whole)]) == 0
-    for rows in (300, 401):
-        path.write_text("".join(log.splitlines(keepends=True)[:rows]))
-        state = ["--out", str(grown), "--state", str(tmp_path / "state.json")]
-        assert corrected("followed", path, model, monkeypatch, *state) == 0
-    assert "Unix times in ms" in capsys.readouterr().err
-    pd.testing.assert_frame_equal(pd.read_csv(grown), pd.read_csv(whole), rtol=0, atol=1e-9)
-
-
 @pytest.fixture
 def minutes(analyzed):
     """The file of a model that is fitted to a row a minute, with Unix times in seconds."""
     return analyzed(dated_rows("s")) / "model.json"
-
-
-@pytest.mark.parametrize("follow", [[], ["--follow", "--idle", "0"]])
-@pytest.mark.parametrize("damaged", ["0", "17", "17171124000000000"])
-@pytest.mark.parametrize("place", [1, 2, 4, 6])
-def test_a_damaged_time_among_the_first_is_left_out(place, damaged, follow, minutes, tmp_path, capsys, monkeypatch):
-    """Most of the first rows tell what the times are, wherever the odd one stands."""
-    lines, path = dated_rows("ms").splitlines(keepends=True), tmp_path / "log.csv"
-    path.write_text("".join([*lines[:place], f"{damaged},22,10\n", *lines[place:]]))
-    capsys.readouterr()
-    assert corrected("a pipe", path, minutes, monkeypatch, *follow) == 1
-    shown = capsys.readouterr()
-    assert len(shown.out.splitlines()) == 1 + 400 and "read as: Unix times in ms" in shown.err
-    said = f"line {place + 1} is left out: the time is {damaged}, and most of the first ones are Unix times in ms"
-    assert said in shown.err and "1 of 401 lines got no result" in shown.err
-
-
-@pytest.mark.parametrize("place", [1, 2])
-def test_one_time_that_looks_like_ms_makes_no_unix_times_of_seconds(place, minutes, tmp_path, capsys, monkeypatch):
-    """It is flagged, as it is further on."""
-    lines, path = dated_rows("s").splitlines(keepends=True), tmp_path / "log.csv"
-    path.write_text("".join([*lines[:place], "1717112400000,22,10\n", *lines[place:]]))
-    capsys.readouterr()
-    assert corrected("a pipe", path, minutes, monkeypatch) == 0
-    shown = capsys.readouterr()
-    flags = pd.read_csv(io.StringIO(shown.out))["flag"]
-    assert list(flags.index[flags == "suspect time"]) == [place - 1] and "Unix" not in shown.err
-
-
-@pytest.mark.parametrize("end", [4, 401])
-def test_a_stream_whose_first_times_do_not_agree_is_refused(end, minutes, tmp_path, capsys, monkeypatch):
-    """With three rows, and with more."""
-    lines = dated_rows("ms").splitlines(keepends=True)
-    for place, false in zip((1, 2, 4), ("0", "1717112400000000", "17"), strict=True):
-        lines[place] = f"{false},{lines[place].split(',', 1)[1]}"
-    path = tmp_path / "log.csv"
-    path.write_text("".join(lines[:end]))
-    capsys.readouterr()
-    assert corrected("a pipe", path, minutes, monkeypatch) == 2
-    said = capsys.readouterr().err
-    assert "The times in 'time' begin with 0, 1.7171124e+15, 1.71711252e+12" in said and "Begin behind them" in said
-
-
-def test_times_that_come_one_by_one_are_told_by_those_that_have_come():
-    times = CountedTimes("seconds")
-    assert times.read("17") == "17"  # nobody knows yet
-    assert times.read("1717112460000") == 1717112460.0 and times.unit == "ms"
-    assert times.read("1717112520000") == 1717112520.0
-    times.check("'time'")
-    with pytest.raises(RecordError, match="the time is 18, and most of the first ones are Unix times in ms"):
-        times.read("18")
-    assert times.read("1717112580000") == 1717112580.0
-    times.check("'time'")
-
-
-def test_unix_times_are_utc_for_a_model_of_times_with_a_zone(tmp_path, capsys, monkeypatch):
-    fitted, path = tmp_path / "fitted.csv", tmp_path / "log.csv"
-    fitted.write_text(re.sub(r"(T\d\d:\d\d:\d\d)", r"\1Z", dated_rows("dates")))
-    path.write_text(dated_rows("ms"))
-    assert main(["analyze", str(fitted), "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
-    expected = pd.read_csv(tmp_path / "out" / "corrected.csv")["corrected"]
-    for way in WAYS:
-        capsys.readouterr()
-        assert corrected(way, path, tmp_path / "out" / "model.json", monkeypatch) == 0
-        frame = pd.read_csv(io.StringIO(capsys.readouterr().out))
-        np.testing.assert_allclose(frame["corrected"], expected, rtol=0, atol=1e-9)
 
 
 def test_comments_before_the_header_of_a_pipe_are_passed_over(tmp_path, capsys, monkeypatch):

@@ -7,7 +7,6 @@ import pytest
 from thermocorr import DynamicBiasRegressor, refine
 from thermocorr.datasets import load_real_record, make_record
 from thermocorr.effects import Hinge
-from thermocorr.effects.grids import temperature_quantiles
 from thermocorr.judgement.adding import Errors
 from thermocorr.judgement.freezing import freezing_point, with_knee_at_freezing
 from thermocorr.judgement.tuning import effects_of
@@ -54,28 +53,6 @@ def test_nothing_is_found_where_nothing_freezes():
     assert found(X, y)[2] is None and freezing_point(found(X, y)[0]) == 0.0
     X, y = freezing(at=6.0)  # a bend elsewhere is no bend at freezing point beside itself
     assert found(X, y, Hinge(6.0, time_constants=[TAU]))[2] is None
-
-
-def test_no_freezing_point_where_the_record_hardly_crosses_it_or_the_unit_is_not_known():
-    X, y = freezing()
-    edge = temperature_quantiles(DynamicBiasRegressor("air_temp_degC").fit(X, y).features_.history_.record, 0.04)
-    assert freezing_point(DynamicBiasRegressor("air_temp_degC").fit(X - edge, y)) is None
-    assert freezing_point(DynamicBiasRegressor("rain_mm").fit(X.set_axis(["rain_mm"], axis=1), y)) is None
-
-
-def test_it_must_be_clearly_better_than_what_was_kept():
-    X, y = freezing()
-    model, before, kept = found(X, y)
-    assert with_knee_at_freezing(model, X, y, before, kept[1], quiet) is None
-
-
-def test_a_kind_that_is_excluded_is_not_tried_at_freezing_point():
-    """Without the kind, what bends is told by waves or products, which such a knee would replace."""
-    X, y = freezing()
-    said = []
-    refined = refine(DynamicBiasRegressor("air_temp_degC"), X, y, exclude=("hinge",), max_steps=1, progress=said.append)
-    assert refined.diagnoses[0].causes and not any("freezing" in text for text in said)
-    assert not any(isinstance(effect, Hinge) for effect in effects_of(refined.model_))
 
 
 def test_the_ground_at_25_cm_freezes_too(measured):

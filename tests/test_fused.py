@@ -11,7 +11,7 @@ from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate, Drift, InitialTransient, StaticPolynomial, Step, ThermalLag
 from thermocorr.equations import lag_differences, solve_ridge
-from thermocorr.equations.preconditioned import Crossed, Preconditioned
+from thermocorr.equations.preconditioned import Preconditioned
 from thermocorr.estimators import binned, fitting, fused_columns
 from thermocorr.estimators.cutting import equal_edges
 from thermocorr.estimators.fitting import sweep_effects
@@ -196,24 +196,6 @@ def test_a_model_is_the_same_with_and_without_compiled_code(weighted, monkeypatc
     np.testing.assert_allclose(compiled.predict(X), walked.predict(X), rtol=0, atol=1e-10)
 
 
-def test_other_lags_and_short_records_are_left_to_the_walk(monkeypatch):
-    record = read_record(room(100)[0], Layout(), y=room(100)[1], quiet=True)
-
-    def learned(effect):
-        effect.learn(record)
-        return effect
-
-    lag, transient = learned(ThermalLag(TAUS)), learned(InitialTransient(TAUS))
-    assert not fused_columns.can_be_fused(record, [lag, transient], None)
-    monkeypatch.setattr(fused_columns, "FEWEST", 100)
-    assert fused_columns.can_be_fused(record, [lag, transient], None)
-    assert not fused_columns.can_be_fused(record, [lag, transient], transient)
-    assert not fused_columns.can_be_fused(record, [learned(StaticPolynomial(2))], None)
-    for other in (ThermalLag(TAUS, form="paper"), ThermalLag(TAUS, initial_state="zero")):
-        assert not fused_columns.can_be_fused(record, [learned(other)], None)
-    assert not fused_columns.can_be_fused(record, [lag, learned(ThermalLag(TAUS, hold="zero_order"))], None)
-
-
 # ------------------------------------------------------------------------------------------------------------ precision
 
 
@@ -251,60 +233,3 @@ def test_neighbouring_time_constants_keep_their_digits(taus, largest, seed):
     U = y.to_numpy() - found.reading_offset
     wrong = np.asarray(exact(Q, U) - (solution.intercept + Q @ solution.coef), float)
     assert np.sqrt(np.mean(wrong**2)) < largest * 0.01
-
-
-def rows_of(rng, n, size):
-    return rng.normal(size=(n, len(size))) * size + 5 * size * rng.normal(size=(n, 1))
-
-
-def taken(coordinates, rows):
-    """Take rows in by numpy's own arithmetic."""
-
-    def crossed(triangle, inverse, largest):
-        with np.errstate(all="ignore"):
-            Z = np.zeros_like(rows)
-            for j in range(rows.shape[1]):
-                Z[:, j] = (rows[:, j] - Z[:, :j] @ triangle[:j, j]) * inverse[j]
-            return np.triu(Z.T @ Z)[None]
-
-    return (coordinates.take(0, crossed) or [coordinates.reflect(0, np.asfortranarray(rows))])[0]
-
-
-def test_rows_unlike_those_before_are_swept_in_by_reflections():
-    """Columns that are alike to 1e-9 at first, a column of zeros that wakes up: no digit is lost in either."""
-    rng, q = np.random.default_rng(0), 6
-    coordinates, crossed, every = Preconditioned(q), [], []
-    for block in range(8):
-        rows = rows_of(rng, 500, np.geomspace(1e-3, 1e3, q))
-        rows[:, 2] = rows[:, 1] + (1e-9 if block < 3 else 1.0) * rng.normal(size=500)
-        rows[:, 4] *= block > 5
-        every.append(rows)
-        crossed.append(taken(coordinates, rows))
-    assert [one.product is None for one in crossed] == [True, False, False, True, False, False, True, False]
-    for one, rows in zip(crossed, every, strict=True):
-        factor, size = one.factor(), np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-        np.testing.assert_allclose(
-            factor.T @ factor / size / size[:, None], rows.T @ rows / size / size[:, None], atol=1e-13
-        )
-    R = np.linalg.qr(np.vstack([one.factor() for one in crossed]))[1]
-    Q = np.linalg.qr(np.vstack(every))[1]
-    np.testing.assert_allclose(np.abs(np.diag(R)), np.abs(np.diag(Q)), rtol=1e-9)
-
-
-@pytest.mark.filterwarnings("error::RuntimeWarning")
-@pytest.mark.parametrize("size", [0.0, 5e-324, 1e-310, 1e-200])
-def test_a_column_of_next_to_nothing_that_wakes_up_is_swept_in(size):
-    rng, coordinates = np.random.default_rng(1), Preconditioned(3)
-    rows = rows_of(rng, 400, np.ones(3))
-    rows[:200, 1] *= size
-    crossed = [taken(coordinates, part) for part in (rows[:100], rows[100:200], rows[200:])]
-    R = np.linalg.qr(np.vstack([one.factor() for one in crossed]))[1]
-    np.testing.assert_allclose(R.T @ R, rows.T @ rows, rtol=1e-12, atol=1e-12)
-
-
-def test_rows_without_information_in_some_direction_have_a_factor():
-    """A stretch of constant temperature: its cross products are singular."""
-    triangle = np.triu(np.ones((3, 3)))
-    z = np.outer(np.arange(1.0, 40.0), [1.0, 2.0, 0.0])
-    factor = Crossed(triangle, np.triu(z.T @ z)).factor()
-    np.testing.assert_allclose(factor.T @ factor, triangle.T @ z.T @ z @ triangle, rtol=1e-12)

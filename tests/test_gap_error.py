@@ -7,9 +7,8 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import lfilter
 
-from thermocorr import DynamicBiasRegressor, ParquetLog, RecordWarning, compare_variants, diagnose, later_errors, refine
+from thermocorr import DynamicBiasRegressor, ParquetLog, compare_variants, diagnose, later_errors, refine
 from thermocorr.datasets import make_record
 from thermocorr.equations import lag_differences
 from thermocorr.equations.lags import bridge_error
@@ -18,7 +17,6 @@ from thermocorr.estimators.input_law import InputLaw
 from thermocorr.records import Layout, read_record
 from thermocorr.records.gaps import Gaps
 
-PERIODS = {"lab": 60.0, "outdoor": 600.0, "chamber": 30.0}
 TAUS = np.array([120.0, 900.0, 7200.0])
 
 
@@ -46,12 +44,6 @@ def test_the_error_of_a_bridge_is_that_of_drawn_ones():
     drawn = np.cov((bridge @ kernel.T) * h / steps, rowvar=False)
     found = bridge_error(lambda lag: np.asarray(lag, float), h, TAUS)
     np.testing.assert_allclose(found, drawn, rtol=0.12)
-
-
-def test_no_variance_is_negative_whatever_the_structure():
-    found = bridge_error(lambda lag: np.interp(lag, [0.0, 50.0, 400.0], [0.0, 1.0, 0.2]), 400.0, TAUS)  # of nothing
-    assert np.linalg.eigvalsh(found).min() > -1e-12 * np.linalg.eigvalsh(found).max()
-    np.testing.assert_allclose(found, found.T)
 
 
 def by_matrices(law, gaps, steps):
@@ -105,33 +97,6 @@ def test_what_is_felt_of_gaps_fades_as_matrices_do(seed):
     np.testing.assert_allclose(parts, expected, rtol=1e-12)
 
 
-def test_gaps_that_come_often_are_all_forgotten_or_none():
-    """Each gap beside what is left of those before it: a closed form for one lag and gaps of one length."""
-    law = InputLaw("T", (), np.array([600.0]), np.array([2.0]), 0.0, True)
-    gaps = Gaps(least=30.0, lags=np.array([0.0, 10.0, 1e4]), squares={"T": np.array([0.0, 10.0, 1e4])})
-    steps = np.tile([60.0, 20.0, 20.0], 400)
-    alone = 4.0 * bridge_error(gaps.structure("T"), 60.0, law.time_constants)[0, 0]
-    sum_of_all = alone / (1.0 - np.exp(-2 * 100.0 / 600.0))  # a geometric series: a period is 100 s
-    said = GapError([law], gaps).of_rows(steps)[0]
-    np.testing.assert_allclose(said[:3], alone * np.exp(-2 * np.array([0.0, 20.0, 40.0]) / 600.0))
-    np.testing.assert_allclose(said[-3:], sum_of_all * np.exp(-2 * np.array([0.0, 20.0, 40.0]) / 600.0))
-    least = np.sqrt(alone) * np.exp(-30.0 / 600.0)  # forgotten before the third row behind each gap
-    forgets = GapError([InputLaw("T", (), law.time_constants, law.weights, least, True)], gaps).of_rows(steps)[0]
-    np.testing.assert_allclose(forgets.reshape(-1, 3), np.tile([*said[:2], 0.0], (400, 1)))
-
-
-@pytest.mark.parametrize("power", [0.5, 1.0, 1.9])
-def test_between_its_times_a_structure_is_a_power(power):
-    lags = np.array([0.0, 60.0, 300.0, 3000.0])
-    structure = Gaps(least=150.0, lags=lags, squares={"T": 2.0 * lags**power}).structure("T")
-    between = np.geomspace(60.0, 3000.0, 40)
-    np.testing.assert_allclose(structure(between), 2.0 * between**power)
-    assert structure(np.array(0.0)) == 0 and structure(np.array(1e5)) == structure(np.array(3000.0))
-    np.testing.assert_allclose(structure(np.array([30.0])), 60.0**power)
-    constant = Gaps(least=150.0, lags=lags, squares={"T": 0.0 * lags}).structure("T")
-    assert not constant(between).any()
-
-
 @pytest.mark.parametrize("remembers", [30.0, 300.0])
 def test_the_error_behind_a_gap_is_that_of_many_records(remembers):
     rng, n = np.random.default_rng(1), 3000
@@ -174,24 +139,6 @@ def test_how_the_temperature_wanders_is_read_off_it():
     np.testing.assert_allclose(structure(np.array([0.0, 5.0, 100.0, 1000.0])), [0.0, 0.5, 10.0, 100.0], rtol=0.1)
 
 
-@pytest.mark.newest
-@pytest.mark.parametrize("seed", [711, 712])
-@pytest.mark.parametrize("setting", PERIODS)
-def test_nobody_is_blamed_for_what_happened_in_gaps(setting, seed):
-    record, truth = make_record(
-        5000, gaps=10, seed=seed, setting=setting, sampling_period=PERIODS[setting], return_truth=True
-    )
-    X, y = record.drop(columns="reading"), record["reading"]
-    model = DynamicBiasRegressor("temperature").fit(X, y)
-    assert diagnose(model, X, y).verdict == "nothing missing"
-    assert model.residual_std_ == pytest.approx(0.2, rel=0.06)
-    behind = model.without_spoilt(read_record(X, model.features_.layout(), y=y.to_numpy(), quiet=True)).reading
-    sound = np.isfinite(np.asarray(behind[:]))
-    assert 0.5 < sound.mean() < 0.99
-    wrong = model.predict(X) - truth["noise_free"]
-    assert np.sqrt(np.mean(wrong[sound] ** 2)) < 0.08 < np.sqrt(np.mean(wrong[~sound] ** 2))
-
-
 def test_missing_temperatures_are_a_gap_too():
     record = make_record(5000, seed=713)
     X, y = record[["temperature"]], record["reading"]
@@ -215,31 +162,6 @@ def test_it_is_said_how_many_readings_are_left_out():
     said = [str(one.message) for one in caught if "behind gaps" in str(one.message)]
     assert len(said) == 1 and "are not learned from" in said[0] and "max_gap" in said[0]
     assert said[0] in model.notes_ and "% of all" not in said[0]
-
-
-def test_it_is_said_where_gaps_spoil_much_of_a_record():
-    """A slow part of the model, which has taken an ageing that it does not have, feels gaps of a week for a year."""
-    rng, hours = np.random.default_rng(2), np.arange(24 * 500)
-    weather = lfilter([1 / 60], [1, -59 / 60], rng.standard_normal(len(hours)))
-    T = 23 + 2 * np.sin(2 * np.pi * hours / 8760) + 0.5 * np.sin(2 * np.pi * hours / 24) + 5 * weather
-    y = 3 * T + 20 * np.log1p(hours / 720) + 0.1 * rng.standard_normal(len(hours))
-    kept = (hours % 4000 < 3000) | (hours % 4000 > 3160)
-    X = pd.DataFrame({"T": T}, pd.date_range("2024-01-01", periods=len(hours), freq="h"))[kept]
-    with pytest.warns(RecordWarning, match=r"readings behind gaps, \d\d % of all, are not learned from"):
-        model = DynamicBiasRegressor("T", degree=1).fit(X, y[kept])
-    found = diagnose(model, X, y[kept])
-    assert found.best.kind == "log_ageing"
-    assert 0.1 < found.left.unjudged < 0.2 and found.left.unjudged_rms > 1.5 * found.residual_rms
-    assert f"{found.left.unjudged:.0%} of the readings are behind gaps" in " ".join(str(found).split())
-
-
-@pytest.mark.newest
-@pytest.mark.parametrize("kind", ["hysteresis", "step", "hinge", "lead"])
-def test_what_is_hidden_is_found_all_the_same(kind):
-    record = make_record(5000, gaps=10, seed=802, effects={kind: 1.0}, device="layered")
-    X, y = record.drop(columns="reading"), record["reading"]
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
-    assert found.best.kind == kind
 
 
 def test_a_log_on_disk_is_fitted_alike(tmp_path):
@@ -279,19 +201,3 @@ def test_what_many_fits_say_is_said_once(work):
             refine(model, X, y) if work == "refine" else later_errors({"model": model}, X, y)
     said = [" ".join(str(one.message).split()[:2]) for one in caught]
     assert sorted(said) == ["Sampling has", "The temperature"]
-
-
-@pytest.mark.parametrize("seed", [31, 32, 33, 34])
-def test_what_nobody_saw_in_regular_dead_times_is_no_cause(seed):
-    """25 rows, then 19 missed, over and over, in a room that moves as fast: leads were told of it, and waves."""
-    rng, n = np.random.default_rng(seed), 5000
-    T = 22 + lfilter([0.05], [1, -1.92, 0.945], rng.standard_normal(n + 500))  # it rings within 40 rows
-    late = lfilter([0.05], [1, -0.95], T - T[0]) + T[0]
-    X = pd.DataFrame({"temperature": T}, pd.date_range("2024-01-01", periods=n + 500, freq="min"))
-    y = pd.Series(8 * T - 5 * late + rng.standard_normal(n + 500), X.index)
-    kept = (np.arange(n + 500) % 44 < 25) & (np.arange(n + 500) >= 500)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RecordWarning)
-        found = diagnose(DynamicBiasRegressor("temperature").fit(X[kept], y[kept]), X[kept], y[kept])
-    assert not found.causes and found.left.in_gaps > 0.3
-    assert "What the temperature did in gaps may have moved" in " ".join(str(found).split())

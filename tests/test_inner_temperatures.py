@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 
 from thermocorr import DynamicBiasRegressor, InnerTemperaturesDisplay
+from thermocorr.effects import InitialTransient
 
 TAUS = (600.0, 7200.0)
-SETTINGS = {"longest_decay_share": 1.0}  # the slow part was not at rest, and nothing else drifts
+SETTINGS = {"initial_state": "equilibrium", "effects": [InitialTransient(TAUS)]}  # the slow part was not at rest
 START = (3.0, -5.0)
 """Inner less ambient temperature when the record begins [K]."""
 

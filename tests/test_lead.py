@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from effect_records import columns_of, learned, log, whole
-from scipy.signal import lfilter
 from sklearn.base import clone
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector, diagnose, load_model, save_model
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, load_model, save_model
 from thermocorr.datasets import make_record
 from thermocorr.effects import CATALOGUE, Lead, ThermometerNoise
 from thermocorr.effects.stream import own_starts, walk
 from thermocorr.equations import lag_differences
-from thermocorr.estimators import held_out_residuals
 from thermocorr.firmware import export_c
 
 
@@ -62,44 +60,6 @@ def ahead(seed, lead, noise=None):
     late = np.interp(seconds - lead, seconds, record["temperature"])
     kept = seconds > lead
     return record.drop(columns="reading").assign(temperature=late)[kept], record["reading"][kept]
-
-
-@pytest.mark.newest
-@pytest.mark.parametrize("noise", [None, (0.1, 1800.0)], ids=["white", "wandering"])
-@pytest.mark.parametrize(("seed", "lead"), [(401, 300.0), (402, 600.0), (403, 1500.0)])
-def test_a_late_clock_is_named_and_the_error_falls_on_data_not_seen(seed, lead, noise):
-    X, y = ahead(seed, lead, noise)
-    model = DynamicBiasRegressor("temperature").fit(X, y)
-    found = diagnose(model, X, y)
-    assert found.best.kind == "lead"
-    assert lead / 2 < found.best.lead < 2 * lead  # its lags are not the device's: how long it is, is known roughly
-    assert "runs ahead of the thermometer" in " ".join(str(found).split())
-    before, after = (np.nanstd(held_out_residuals(m, X, y)) for m in (model, model.with_effect(found.best)))
-    assert after < 0.9 * before
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.01])
-def test_a_slow_thermometer_does_no_harm_but_its_noise_does(noise):
-    """The lags of the device follow those of the thermometer: nothing is missing, as long as these are exact."""
-    record = make_record(6000, device="plate", seed=405)
-    kept = np.exp(-60 / 400.0)
-    T = record["temperature"].to_numpy()
-    slow = lfilter([1 - kept], [1, -kept], T, zi=[kept * T[0]])[0]
-    rng = np.random.default_rng(405)
-    X = record.drop(columns="reading").assign(temperature=slow + noise * rng.standard_normal(len(T)))
-    y = record["reading"]
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
-    assert [cause.effect.kind for cause in found.causes] == ["thermometer_noise"] * bool(noise)
-    assert found.verdict == ("missing" if noise else "nothing missing")
-
-
-@pytest.mark.parametrize("kind", ["rate", "delay", "thermal_lag"])
-def test_what_comes_later_is_not_blamed_for_what_came_before(kind):
-    for seed in (411, 412):
-        record = make_record(6000, effects={kind: 2.0}, seed=seed)
-        X, y = record.drop(columns="reading"), record["reading"]
-        found = diagnose(DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y), X, y)
-        assert "lead" not in {cause.effect.kind for cause in found.causes}
 
 
 def test_shifting_the_column_does_as_well():

@@ -98,14 +98,6 @@ def test_averages_are_judged_as_their_rows(effect, monkeypatch):
         assert found.best.time == pytest.approx(expected.best.time, abs=360.0)
 
 
-def test_nothing_is_missing_in_averages_either(monkeypatch):
-    record = make_record(N, seed=92)
-    X, y = record.drop(columns="reading"), record["reading"]
-    monkeypatch.setattr(candidates, "MOST_ROWS", N // 6)
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
-    assert found.verdict == "nothing missing" and found.noise_floor == pytest.approx(0.2, rel=0.05)
-
-
 def test_a_long_record_is_refined_by_its_averages(monkeypatch):
     """What is kept is fitted to all rows; errors are those of single readings, whatever was averaged."""
     X, y = record_with("covariate")
@@ -119,19 +111,6 @@ def test_a_long_record_is_refined_by_its_averages(monkeypatch):
     for name, close in (("rms", 0.01), ("held_out_rms", 0.1)):  # lags of averages differ a little
         assert found.steps[name].iloc[-1] == pytest.approx(whole.steps[name].iloc[-1], rel=close)
     assert found.diagnoses[-1].verdict == whole.diagnoses[-1].verdict
-
-
-@pytest.mark.parametrize(("effects", "most"), [({}, 170), ({"covariate": 1.0}, 210)])
-def test_the_columns_of_the_suspects_are_in_memory_once(effects, most):
-    """25 000 averages of 700 columns are 130 MiB; they were there twice, and the peak at 250 and 290 MiB."""
-    record = make_record(25_000, effects=effects, seed=3)
-    X, y = record.drop(columns="reading"), record["reading"]
-    model = DynamicBiasRegressor("temperature").fit(X, y)
-    tracemalloc.start()
-    diagnose(model, X, y)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < most * 2**20
 
 
 def test_averages_take_little_memory():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
 from thermocorr.effects import InitialTransient, StaticPolynomial, ThermalLag
 from thermocorr.effects.stream import own_starts, walk
@@ -13,7 +13,6 @@ from thermocorr.equations import TriangularFactor
 from thermocorr.equations.leastsquares import solve_ridge
 from thermocorr.estimators.cutting import equal_edges
 from thermocorr.estimators.fitting import sweep_effects
-from thermocorr.judgement.judged_rows import Starts
 from thermocorr.records import Layout, read_record
 
 pytestmark = pytest.mark.newest
@@ -72,7 +71,7 @@ def test_what_the_first_columns_hold_is_taken_out():
 def test_a_fit_to_many_runs_is_plain_least_squares(n_runs):
     X, y = in_runs(n_runs)
     model = DynamicBiasRegressor("temperature", TAUS, degree=2, run="run").fit(X, y)
-    effects = [StaticPolynomial(2), ThermalLag(TAUS), InitialTransient(TAUS, model.longest_decay_share)]
+    effects = [StaticPolynomial(2), ThermalLag(TAUS), InitialTransient(TAUS, model.features_.decay_share)]
     record = learned(X, y, effects)
     rows = np.column_stack([np.ones(len(y)), matrix(record, effects)])
     solution = np.linalg.lstsq(rows, y.to_numpy(), rcond=None)[0]
@@ -111,53 +110,3 @@ def test_the_error_falls_to_the_noise_though_each_run_starts_anew(n_runs, seed):
     assert model.residual_std_ < 1.01 * y.attrs.get("noise", 0.2)
     one = DynamicBiasRegressor("temperature").fit(X.drop(columns="run"), y)
     assert abs(model.coef_[0] - one.coef_[0]) < 0.01 * abs(one.coef_[0])
-
-
-@pytest.mark.parametrize("hidden", [None, "hysteresis"])
-@pytest.mark.parametrize(("n_runs", "seed"), [(5, 5), (25, 5), (60, 6)])
-def test_starts_of_runs_change_no_diagnosis(n_runs, seed, hidden):
-    X, y = in_runs(n_runs, n=12_000, seed=seed, effects=None if hidden is None else {hidden: 1.0})
-    found = diagnose(DynamicBiasRegressor("temperature", run="run").fit(X, y), X, y)
-    assert [cause.effect.kind for cause in found.causes][:1] == ([hidden] if hidden else [])
-    assert (found.verdict == "nothing missing") == (hidden is None)
-
-
-@pytest.mark.parametrize("seed", [23, 28])
-@pytest.mark.parametrize("hidden", [None, "hysteresis"])
-def test_runs_of_an_hour_hide_nothing_and_bring_nothing(hidden, seed):
-    """The device keeps the time before for as long as the runs last; what their starts cost is not in the noise."""
-    X, y = in_runs(300, n=20_000, seed=seed, noise=0.2, effects=None if hidden is None else {hidden: 1.0})
-    model = DynamicBiasRegressor("temperature", run="run").fit(X, y)
-    found = diagnose(model, X, y)
-    assert [cause.effect.kind for cause in found.causes] == ([hidden] if hidden else [])
-    assert found.left.floor == pytest.approx(0.2, rel=0.03)
-
-
-def test_a_body_that_shows_in_the_starts_alone_stays_in_the_model():
-    """Beside starts of many runs its lag explains little; without it the starts had fast decays only, the error 1.6."""
-    X, y = in_runs(300, n=20_000, seed=26, noise=0.2, effects={"hysteresis": 1.0})
-    model = DynamicBiasRegressor("temperature", run="run").fit(X, y)
-    assert model.time_constants_.max() > 2000 and model.residual_std_ < 1.1 * 0.2
-
-
-def test_a_short_segment_has_a_decay_as_long_as_itself_for_slower_ones():
-    X = in_runs(2, n=2000)[0].assign(run=np.repeat([0, 1, 2, 3], [955, 955, 60, 30]))
-    decays = InitialTransient([200.0, 1500.0, 4000.0, 6000.0], 0.04)  # up to 4800 s
-    learned(X, np.zeros(2000), [decays])
-    whole = [200.0, 1500.0, 4000.0]
-    own = [200.0, 1500.0, 59 * 60.0], [200.0, 1500.0]  # 29 * 60 s is much like 1500 s
-    assert [chosen.tolist() for chosen in decays.decays_.values()] == [whole, whole, *own]
-
-
-def test_directions_of_starts_are_those_of_their_own_segment():
-    rng = np.random.default_rng(2)
-    segment = np.repeat([0, 1, 2], [30, 40, 20])
-    columns = np.where((segment != 1)[:, None], rng.normal(size=(90, 2)), 0.0)
-    left = Starts(columns, segment).taken_out(np.ones((90, 1)))
-    for key in (0, 2):
-        inside = segment == key
-        assert abs(columns[inside].T @ left[inside]).max() < 1e-12
-    assert (left[segment == 1] == 1.0).all()
-    spanned = np.column_stack((columns @ [1.0, -2.0], columns[:, 0] + (segment == 1)))
-    left = Starts(columns, segment).taken_out(spanned)
-    assert not left[:, 0].any() and (left[:, 1] == (segment == 1)).all()  # nothing, not its rounding

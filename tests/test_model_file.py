@@ -16,7 +16,7 @@ from sklearn.preprocessing import SplineTransformer
 
 import thermocorr
 from thermocorr import DynamicBiasRegressor, ModelFileError, load_model, save_model
-from thermocorr.effects import CATALOGUE, Covariate, Effect, LaggedCovariate
+from thermocorr.effects import Covariate, Effect, LaggedCovariate
 from thermocorr.equations import LagState, lag_differences
 from thermocorr.files.codec import pack, parse, render, unpack
 from thermocorr.files.model_file import data_digest
@@ -41,10 +41,6 @@ def same(one, other, X, y):
 
 
 # ---------------------------------------------------------------------------------------------------- there and back
-
-
-def test_every_kind_of_the_catalogue_is_among_the_examples():
-    assert {effect.kind for effect in EXAMPLES} == set(CATALOGUE)
 
 
 @pytest.mark.parametrize("effect", EXAMPLES, ids=NAMES)
@@ -106,14 +102,6 @@ def test_a_long_record_is_thinned_and_repeated_and_followed_exactly(tmp_path):
     )
     whole = there_and_back(model, tmp_path, history_rows=None)
     same(model, whole, X[1234:1300], y[1234:1300])
-
-
-def test_a_washout_below_a_second_comes_back(tmp_path):
-    X = log(200, seed=3)
-    model = DynamicBiasRegressor(time_constants=[300.0], washout=0.5).fit(X, readings(X))
-    again = there_and_back(model, tmp_path)
-    same(model, again, X, readings(X))
-    assert again.washout_ == 0.5
 
 
 def test_a_loaded_model_learns_anew(tmp_path):

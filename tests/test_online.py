@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import time
 from datetime import date
 
 import numpy as np
@@ -19,12 +18,9 @@ from streams import agree, one_by_one, stream
 
 from thermocorr import (
     DynamicBiasRegressor,
-    ModelFileError,
     OnlineCorrector,
     ParquetLog,
     RecordError,
-    load_model,
-    save_model,
 )
 from thermocorr.datasets import make_record
 from thermocorr.effects import Drift, LaggedCovariate
@@ -177,17 +173,6 @@ def test_gaps_in_a_block_are_told_from_false_dates_as_one_by_one(late, max_gap):
         assert (in_doubt or {}).get("last") == (doubt or {}).get("last")
 
 
-def test_a_gap_that_the_next_row_confirms_does_not_cut_a_block(default, monkeypatch):
-    """A block costs as much as thousands of its rows: with a gap now and then a stream was half as fast."""
-    model, X, y = default
-    live, sizes = OnlineCorrector(model), []
-    inner = live._stream.advance_block
-    monkeypatch.setattr(live._stream, "advance_block", lambda *args: sizes.append(len(args[0])) or inner(*args))
-    live.update_many(X, y)
-    assert X.index.to_series().diff().max() > pd.Timedelta(model.max_gap)
-    assert sizes == [X["temperature"].notna().sum()]
-
-
 def test_rows_that_hardly_ever_follow_on_one_another(default):
     model, X, y = default
     X, y = X[900:1200].copy(), y[900:1200]
@@ -317,55 +302,7 @@ def test_parquet_logs_and_transformers_live(default, tmp_path):
         OnlineCorrector(model).update_many(X[600:], y[601:])
 
 
-def test_a_stream_goes_on_with_a_loaded_model(default, tmp_path):
-    model, X, y = default
-    X, y = X[900:], y[900:]
-    live = OnlineCorrector(model)
-    live.update_many(X[:333], y[:333])
-    (tmp_path / "state.json").write_text(json.dumps(live.state()))
-    save_model(model, tmp_path / "model.json")
-    again = OnlineCorrector.from_state(
-        load_model(tmp_path / "model.json"), json.loads((tmp_path / "state.json").read_text())
-    )
-    pd.testing.assert_frame_equal(again.update_many(X[333:], y[333:]), live.update_many(X[333:], y[333:]))
-
-
-def test_states_of_other_models_and_damaged_ones_are_refused(default):
-    model, X, y = default
-    live = OnlineCorrector(model, average=3, track=60.0)
-    live.update_many(X[:100], y[:100])
-    state = live.state()
-    other = DynamicBiasRegressor(time_constants=[300.0]).fit(X[:200], y[:200])
-    with pytest.raises(ModelFileError, match="belongs to another model"):
-        OnlineCorrector.from_state(other, state)
-    hostile = [None, -1, 2.5, "x", [], {}, [[]], {"$effect": {}}, float("nan"), 10**30, True]
-    refused = 0
-    for key in state:
-        for value in hostile:
-            try:
-                OnlineCorrector.from_state(model, {**state, key: value}).update(X.index[150], 23.0, 1.0)
-            except ModelFileError:
-                refused += 1
-        with pytest.raises(ModelFileError, match="cannot go on"):
-            OnlineCorrector.from_state(model, {k: v for k, v in state.items() if k != key})
-    assert refused > 0.6 * len(state) * len(hostile)
-
-
 # ------------------------------------------------------------------------------------------------------------- speed
-
-
-def test_it_is_fast_enough(default):
-    """A third of what `benchmarks/live.py` asks for, in processor time, since other work may share the machine."""
-    model, X, y = default
-    X, y = X[900:].dropna(), y[X.index[900:][X[900:].notna().all(axis=1)]]
-    times, T, U = X.index.tolist(), X["temperature"].tolist(), y.tolist()
-    best = math.inf
-    for _ in range(5):
-        update, begin = OnlineCorrector(model).update, time.process_time()
-        for row in zip(times, T, U, strict=True):
-            update(*row)
-        best = min(best, (time.process_time() - begin) / len(T))
-    assert best < 60e-6
 
 
 @pytest.mark.parametrize("times", ["auto", ["5 min", "90 min"]], ids=["searched", "given"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,7 +11,7 @@ import pandas as pd
 import pytest
 
 import thermocorr.pages
-from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose
+from thermocorr import DynamicBiasRegressor, ParquetLog
 from thermocorr.datasets import make_record
 from thermocorr.effects import Disturbance, Events, Hinge, Hysteresis, SeveralSteps, Step
 from thermocorr.pages import Findings, PageData, document
@@ -27,7 +26,7 @@ from thermocorr.pages.html import (
     with_signs,
     with_unit,
 )
-from thermocorr.pages.sections import Scales, parameters_text, suspects
+from thermocorr.pages.sections import Scales, parameters_text
 from thermocorr.pages.traces import Extremes
 from thermocorr.pictures.words import aspect_text, ends_text, interval_text, place_text
 from thermocorr.records.quantities import scale_of
@@ -243,23 +242,3 @@ def test_sentences_have_the_signs_of_print_and_no_rounding_of_zero():
     assert unit_text("uohm/degF^2") == "µΩ/°F²" and unit_text("V*degC") == "V*°C"
     place = pd.Series({"aspect": "rate", "unit": "K/h", "low": -3.253e-17, "high": 0.2})
     assert ends_text(place) == ("0", "0.2")
-
-
-def test_the_cause_that_lowers_later_errors_most_stands_first_whatever_is_surest():
-    """The ranking may begin with a cause that is surer and does harm on later data; the table says its order."""
-    record = make_record(4000, effects=[("drift", 1.0, {})], seed=4)
-    X, y = record[["temperature"]], record["reading"]
-    model = DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y)
-    found = diagnose(model, X, y)
-    one = found.suspects[0]
-    sure = [replace(one, standing="proven", later_db=db, title="") for db in (-34.25, np.nan, 0.5, 3.5)]
-    kind = next(suspect.effect for suspect in found.suspects if suspect.effect.kind != one.effect.kind)
-    other = replace(one, effect=kind, standing="", later_db=9.5)
-    shown = replace(found, verdict="missing", suspects=(*sure, other), n_causes=4)
-    page = suspects(shown, PageData.of(model, X, y)).body
-    said = ("+3.5 dB", "+0.5 dB", "\u221234.2 dB", "+9.5 dB")  # nobody knows the fourth cause's
-    assert tuple(fall for fall in re.findall(r"[+\u2212]\d+\.\d dB", page) if fall in said) == said
-    assert "lowers the error on later data most first; then what else was tried" in page
-    assert kind.info.physics not in page and one.effect.info.physics in page  # no tale of what was only tried
-    heads = re.findall(r"<th[^>]*>(.*?)</th>", page)
-    assert "fall of the error, held out" in heads and "with a negative one the error rises" in " ".join(page.split())

@@ -11,7 +11,6 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, ParquetLog, RecordError, TimeConstantSearch
 from thermocorr.datasets import make_record
-from thermocorr.effects import Covariate
 
 pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
 
@@ -121,36 +120,6 @@ def test_bad_files_are_refused_by_row_and_column(record, tmp_path, change, words
         DynamicBiasRegressor("temperature", [300.0]).fit(log, log["reading"])
     with pytest.raises(RecordError, match=words):  # whoever walks through the file finds it
         DynamicBiasRegressor("temperature", [300.0], screen=False).fit(log, log["reading"])
-
-
-def test_a_fit_walks_through_a_file_as_seldom_as_it_can(tmp_path, monkeypatch):
-    """Missing temperatures, samples, the screen, kept rows, the sweep: nothing is looked for in a walk of its own."""
-    make_record(60_000, seed=6, irregular=0.3).to_parquet(tmp_path / "log.parquet", row_group_size=6000)
-    log, read = ParquetLog(tmp_path / "log.parquet"), []
-    values_of = log.read_group
-    monkeypatch.setattr(log, "read_group", lambda group, name: read.append(name) or values_of(group, name))
-    DynamicBiasRegressor("temperature", [300.0], effects=[Covariate("humidity")]).fit(log, log["reading"])
-    beginnings = 8  # the kind of a column, what is at its start, rows at the edges of groups
-    assert read.count("temperature") <= 5 * 10 + beginnings
-    assert read.count("reading") <= 3 * 10 + beginnings  # samples, the screen, the sweep
-    assert read.count("humidity") <= 4 * 10 + beginnings  # missing values, its mean, the kept rows, the sweep
-
-
-def test_values_are_looked_at_once_and_again_after_a_refusal(log):
-    shown = []
-    column = log["temperature"].looked_at_by(lambda values, row: shown.append((row, len(values))))
-    for rows in (slice(650, 1500), slice(0, 5000), slice(5, 9)):
-        assert np.array_equal(column[rows], log["temperature"][rows])
-    assert sorted(shown) == list(zip(log.edges[:-1].tolist(), np.diff(log.edges).tolist(), strict=True))
-
-    def refuse(values, row):
-        if row:
-            raise RecordError(f"from row {row}")
-
-    column = log["temperature"].looked_at_by(refuse)
-    for _ in range(2):
-        with pytest.raises(RecordError, match="from row 700"):
-            column[800]
 
 
 def test_files_of_one_log_have_the_same_columns(record, tmp_path):

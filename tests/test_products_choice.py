@@ -9,7 +9,6 @@ from sklearn.base import clone
 
 from thermocorr import DynamicBiasRegressor, ParquetLog, RecordWarning, compare_variants, load_model, save_model
 from thermocorr.datasets import make_record
-from thermocorr.estimators import products_choice
 from thermocorr.estimators.holdout import fitted_to
 from thermocorr.estimators.time_constants.remembered import Sweeps
 from thermocorr.judgement.tuning import held_fast
@@ -99,7 +98,7 @@ def test_columns_of_time_and_runs_codes_and_holes_are_averaged_too():
     y.iloc[5_000:5_100] = np.nan
     y.iloc[7_000] = 9.9e37
     X.loc[20_000:20_020, "temperature"] = np.nan
-    for options in ({}, {"fill": {"temperature": "interpolate"}}, {"temperature": ["temperature", "humidity"]}):
+    for options in ({}, {"fill": {"temperature": "end"}}, {"temperature": ["temperature", "humidity"]}):
         model = DynamicBiasRegressor(**{"temperature": "temperature", "time": "seconds", **options})
         with pytest.warns(RecordWarning, match="9.9e\\+37|9.9E37|sentinel"):
             assert model.fit(X, y).products_ is True, options
@@ -123,21 +122,3 @@ def test_the_table_has_a_fifth_variant_where_they_help():
     X, y = record[["temperature"]], record["reading"]
     assert len(compare_variants(X, y, temperature="temperature").models) == 4
     assert len(compare_variants(X, y, temperature="temperature", products=True).models) == 5
-
-
-def test_errors_are_those_of_a_fit_to_what_came_before(monkeypatch):
-    """An independent ridge on the same columns foretells the last tenth as the factors do."""
-    X, y, *_ = split(6_000, 0.1, 1)
-    seen = []
-    plain = products_choice._error
-    monkeypatch.setattr(products_choice, "_error", lambda *given: seen.append((given, plain(*given))) or seen[-1][1])
-    DynamicBiasRegressor("temperature").fit(X, y)
-    (learned, tested, columns, alpha), error = seen[4]  # the last block, with products
-    chosen = [0, *columns]
-    A, b = learned.r[:, chosen], learned.r[:, -1]
-    means = A[0, 1:] / A[0, 0]
-    spread = np.sqrt(np.mean((A[:, 1:] - A[:, :1] * means) ** 2, axis=0) * len(A) / learned.n_rows)
-    penalty = np.hstack((np.zeros((len(columns), 1)), np.diag(np.sqrt(alpha) * spread)))
-    found = np.linalg.lstsq(np.vstack((A, penalty)), np.concatenate((b, np.zeros(len(columns)))), rcond=None)[0]
-    missed = tested.r[:, -1] - tested.r[:, chosen] @ found
-    assert error == pytest.approx(np.sqrt(missed @ missed / tested.n_rows), rel=1e-4)

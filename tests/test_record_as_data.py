@@ -70,17 +70,6 @@ def test_columns_that_the_model_was_not_fitted_with_are_suspects(data, record):
     assert len(by_record.to_html()) == len(by_data.to_html())
 
 
-def test_it_is_read_once(data, record, monkeypatch):
-    from thermocorr.records import read
-
-    def asked(*args):
-        raise AssertionError("times are read again")
-
-    monkeypatch.setattr(read, "_times", asked)
-    model = DynamicBiasRegressor("temperature", time="time", time_constants=[300.0]).fit(record, data[1])
-    diagnose(model, record, data[1])
-
-
 def test_weights_and_masks(data, record):
     X, y = data
     weight, mask = np.linspace(1, 2, len(y)), np.arange(len(y)) < 300
@@ -96,7 +85,7 @@ def test_weights_and_masks(data, record):
         (DynamicBiasRegressor("supply"), "was read with 'temperature' as its temperature, the model wants 'supply'"),
         (DynamicBiasRegressor(max_gap=10), "step of 6 min inside a segment, and max_gap is 10 s"),
         (DynamicBiasRegressor(effects=[Covariate("humidity")]), "no column 'humidity' in the record"),
-        (DynamicBiasRegressor(effects=[Covariate("pressure")], fill={"pressure": "hold"}), "for records in memory"),
+        (DynamicBiasRegressor(effects=[Covariate("pressure")], fill={"pressure": "end"}), "for records in memory"),
     ],
 )
 def test_what_it_was_not_read_for_is_refused(record, data, model, said):

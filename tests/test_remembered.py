@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sklearn.base import clone
 
-from thermocorr import DynamicBiasRegressor, compare_variants, held_out_residuals, later_errors
+from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
 from thermocorr.estimators.holdout import fitted_to, time_blocks
 from thermocorr.estimators.time_constants import remembered
@@ -57,34 +57,3 @@ def test_another_offset_of_the_reading_changes_nothing(swept):
     for known in (reading, np.where(np.arange(N) < N // 2, reading, np.nan)):
         same(fitted_to(model, X, known, sweeps), clone(model).fit(X, known))
     assert len(swept) == 1
-
-
-def test_other_columns_readings_or_weights_are_swept_anew(swept):
-    X, y = data()
-    model, sweeps = DynamicBiasRegressor("temperature", products=False), Sweeps()
-    fitted_to(model, X, y, sweeps)
-    same(fitted_to(model, X + 1e-3, y, sweeps), clone(model).fit(X + 1e-3, y))
-    changed = y.copy()
-    changed.iloc[N // 2] += 0.1
-    same(fitted_to(model, X, changed, sweeps), clone(model).fit(X, changed))
-    same(fitted_to(clone(model).set_params(degree=1), X, y, sweeps), clone(model).set_params(degree=1).fit(X, y))
-    assert len(swept) == 4
-
-
-def test_a_fitted_model_keeps_no_sweeps_of_others():
-    X, y = data()
-    model = fitted_to(DynamicBiasRegressor("temperature"), X, y, Sweeps())
-    assert model.sweeps is None and "sweeps" not in vars(model)
-
-
-def test_comparisons_sweep_a_variant_once_or_twice(swept):
-    """Its first block apart: beside it the decays of the start are other ones. Once more beside products of lags."""
-    X, y = data()
-    compared = compare_variants(X, y, temperature="temperature")
-    assert len(swept) == 2 * 2 + 1
-    swept.clear()
-    later_errors(compared.models, X, y)
-    assert len(swept) == 2
-    swept.clear()
-    held_out_residuals(DynamicBiasRegressor("temperature", products=False), X, y)
-    assert len(swept) <= 3

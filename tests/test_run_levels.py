@@ -206,28 +206,6 @@ def test_a_setpoint_is_a_cause_and_a_copy_of_the_reading_none():
 # ------------------------------------------------------------------------------------- levels that are no measurands
 
 
-@pytest.mark.newest
-@pytest.mark.parametrize("seed", range(904, 910))
-@pytest.mark.parametrize("apart", [1.0, 2.0])
-def test_levels_that_differ_by_some_noise_are_steps_between_the_runs(seed, apart):
-    """By five or ten standard deviations of the noise: too little for other measurands. They passed for a start."""
-    record = make_record(1500, runs=5, seed=seed, device=("layered", "box")[seed % 2])
-    X, y = record.drop(columns="reading"), record["reading"].copy()
-    levels = apart * np.random.default_rng(seed).standard_normal(5)
-    y += levels[X["run"] - 1]
-    found = diagnose(DynamicBiasRegressor("temperature", run="run").fit(X, y), X, y)
-    assert found.best.kind == "several_steps" and len(found.best.times) == 4
-
-
-@pytest.mark.newest
-@pytest.mark.parametrize("kind", ["drift", "log_ageing", "covariate"])
-def test_what_acts_through_all_runs_is_no_level_of_theirs(kind):
-    record = make_record(2000, runs=6, seed=902, effects={kind: 1.5})
-    X, y = record.drop(columns="reading"), record["reading"]
-    found = diagnose(DynamicBiasRegressor("temperature", run="run").fit(X, y), X, y)
-    assert [cause.effect.kind for cause in found.causes] == [kind]
-
-
 def test_a_reading_of_a_run_that_was_never_seen_may_be_at_any_of_the_levels():
     """Corrected readings keep their level, and are as sure as ever."""
     X, y = two_runs(apart=40.0)

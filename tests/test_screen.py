@@ -24,7 +24,7 @@ from thermocorr import (
 )
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.equations.spikes import scan, spikes
+from thermocorr.equations.spikes import spikes
 from thermocorr.equations.usual import usual_of
 from thermocorr.records.screen import Limits
 
@@ -106,25 +106,6 @@ def test_codes_are_found_where_they_are():
     rows = np.r_[0, 9000, 3000:3040, 700:710, 12_000:12_500, N - 1]
     values[rows] = np.r_[-999.0, 85.0, np.full(40, 85.0), np.full(10, -127.0), np.full(500, 9.9e37), 9999.0]
     assert np.flatnonzero(spikes(values)).tolist() == np.sort(rows).tolist()
-
-
-@pytest.mark.parametrize("chunk", [50, 333, 7000])
-def test_chunks_change_nothing(chunk):
-    """Each row is decided on beside its neighbours, so it does not matter where a record is cut."""
-    rng = np.random.default_rng(8)
-    values = rng.standard_t(4, size=N)
-    values[rng.integers(0, N, 300)] = np.nan
-    rows = np.array([-1, 0, chunk - 2, chunk - 1, chunk + 40]) + chunk
-    values[rows] = 300.0, -300.0, 400.0, 9.9e37, 500.0
-    usual, whole = usual_of([values]), []
-    for cut in (N, chunk):
-        found = []
-        for low in range(0, N, cut):
-            before, high = max(low - 64, 0), min(low + cut, N)
-            part = scan(values[before : high + 64], low - before, high - before, usual).moved(before)
-            found += [*part.codes.tolist(), *part.spikes.tolist()]
-        whole.append(sorted(found))
-    assert whole[0] == whole[1] and len(whole[0]) >= 5
 
 
 # --------------------------------------------------------------------------------------------------------- in the fit

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -18,11 +17,6 @@ from sklearn.preprocessing import StandardScaler
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, RecordError, RecordWarning, TimeConstantSearch
 from thermocorr.datasets import make_record
 from thermocorr.equations import lag_differences
-from thermocorr.estimators.time_constants.folds import folds_in_time
-from thermocorr.estimators.time_constants.methods import METHODS, SearchMethod
-from thermocorr.estimators.time_constants.search import search
-from thermocorr.records import read_record
-from thermocorr.records.read import Layout
 
 TRUE = np.array([400.0, 6000.0])
 
@@ -54,14 +48,14 @@ def test_same_scores_and_choice_as_grid_search_over_a_pipeline(lab, scoring, ini
     cv = TimeSeriesSplit(4)
     pipeline = Pipeline(
         [
-            ("features", DiffusiveFeatures(initial_state=initial_state, longest_decay_share=0.04)),
+            ("features", DiffusiveFeatures(initial_state=initial_state)),
             ("scale", StandardScaler()),
             ("ridge", Ridge(solver="svd")),
         ]
     )
     grid = {"features__time_constants": sets, "ridge__alpha": alphas}
     expected = GridSearchCV(pipeline, grid, cv=cv, scoring=scoring).fit(X, y)
-    model = DynamicBiasRegressor(degree=1, initial_state=initial_state, longest_decay_share=0.04)
+    model = DynamicBiasRegressor(degree=1, initial_state=initial_state)
     search = TimeConstantSearch(model, sets, alphas=alphas, cv=cv, scoring=scoring, rule="best").fit(X, y)
     wanted = {
         (tuple(params["features__time_constants"]), params["ridge__alpha"]): [
@@ -90,17 +84,6 @@ def test_exhaustive_search_finds_the_least_error_of_all_sets(lab):
     assert one.best_score_ == pytest.approx(other.best_score_, rel=1e-10)
     greedy = TimeConstantSearch(candidates=pool, method="greedy", count=2, **common).fit(X, y)
     assert greedy.best_score_ >= one.best_score_ * 1.003  # scores are negative: within 0.3 % of the optimum
-
-
-def test_a_method_is_an_entry_of_one_table(lab, monkeypatch):
-    def two(features, X, y, settings):
-        return search(features, X, y, replace(settings, candidates=[["5 min", "2 h"]]))
-
-    monkeypatch.setitem(METHODS, "greedy", SearchMethod(search=two, refines=False))
-    found = TimeConstantSearch(method="greedy", refit=False).fit(*lab)
-    assert found.best_params_["time_constants"] == (300.0, 7200.0)
-    (said,) = TimeConstantSearch._parameter_constraints["method"]
-    assert said.options == set(METHODS) and all(f'"{name}"' in TimeConstantSearch.__doc__ for name in METHODS)
 
 
 def test_threads_and_progress_change_nothing(lab, capsys):
@@ -164,25 +147,9 @@ def test_runs_are_groups():
     record = make_record(1500, runs=3, seed=2)
     X, y = record[["temperature", "run"]], record["reading"]
     model = DynamicBiasRegressor("temperature", run="run", max_gap=3600)
-    search = TimeConstantSearch(model, cv=LeaveOneGroupOut(), washout="6 h").fit(X, y)
+    search = TimeConstantSearch(model, cv=LeaveOneGroupOut()).fit(X, y)
     assert search.n_splits_ == 3
     assert -search.best_score_ < 0.3  # noise 0.2: a run that nothing was learned of is foretold
-
-
-def test_folds_have_washouts_and_know_the_starts_of_runs():
-    frame = pd.DataFrame({"temperature": np.sin(np.arange(900.0)), "run": np.repeat([1, 2, 3], 300)})
-    record = read_record(frame, Layout("temperature", None, "run", 10.0, None))
-    folds = folds_in_time(record, 2, 100.0)
-    rows = [
-        [np.concatenate([np.arange(folds.edges[i], folds.edges[i + 1]) for i in side]) for side in sides]
-        for sides in zip(folds.learned, folds.tested, strict=True)
-    ]
-    assert rows[0][0].tolist() == list(range(290))
-    assert rows[0][1].tolist() == list(range(310, 600))  # run 2 starts in the test: its washout is not judged
-    assert rows[1][0].tolist() == list(range(590))
-    same = folds_in_time(record, TimeSeriesSplit(2), None)
-    starts = [same.edges[side[0]] for side in same.tested]
-    assert starts == [300, 600]
 
 
 @pytest.mark.parametrize(

@@ -269,14 +269,6 @@ def test_noise_of_the_thermometer_falls_in_a_mean(fitted):
     assert signed.mean(slice(500, 600)).u == pytest.approx(np.sqrt(matrix.mean()), rel=0.02)
 
 
-def test_a_sensor_counts_in_kelvin_whatever_the_thermometer_shows(fitted):
-    _, X, y, _ = fitted
-    hot = (X * 1.8 + 32).rename(columns={"temperature": "room_degF"})
-    model = DynamicBiasRegressor("room_degF", TIMES, degree=1).fit(hot, y)
-    moved = model.uncertainty(hot, y, sensor=Sensor(drift_since_learning=0.02)).frame()["u_sensor"]
-    np.testing.assert_allclose(moved, 0.2, rtol=0.01)
-
-
 def test_a_budget_in_degf_says_the_same_of_the_thermometer_as_one_in_degc(fitted):
     """0.02 K at 10 ppm/K are 0.2 ppm: number, unit and sensitivity belong together."""
     _, X, y, _ = fitted
@@ -307,7 +299,7 @@ def test_a_sensor_is_a_sensor(fitted, settings):
     with pytest.raises(ValueError, match="y is None"):
         model.uncertainty(X, None)
     with pytest.raises(ValueError, match="share between 0 and 1"):
-        model.predict_interval(X, "95 %")
+        model.uncertainty(X, y, coverage="95 %")
 
 
 @pytest.mark.parametrize("seed", [21, 22])

@@ -170,12 +170,3 @@ def test_where_it_fails_is_a_state_of_a_switch(column):
     assert worst["column"] == column and worst["low"] == worst["high"]
     assert worst["share"] > 0.8
     assert f"where {column} is {worst['low']:g}:" in str(found)
-
-
-@pytest.mark.parametrize(("rows", "said"), [(4000, False), (6000, True)])
-def test_hours_of_the_day_are_conditions_from_four_days_on(rows, said):
-    log = make_record(rows, seed=8)
-    log["reading"] += 2.0 * np.sin(2 * np.pi * np.arange(rows) / 500)
-    X, y = log[["temperature"]], log["reading"]
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
-    assert ("hour" in set(found.where["aspect"])) == said

@@ -10,7 +10,7 @@ from sklearn.linear_model import Ridge
 from sklearn.preprocessing import StandardScaler
 
 from thermocorr.equations import TriangularFactor, lag_differences, subsets
-from thermocorr.equations.subsets import all_set_errors, fold_of, set_errors
+from thermocorr.equations.subsets import fold_of, set_errors
 
 N, CUT = 6000, 4000
 
@@ -47,25 +47,6 @@ def test_errors_of_sets_are_those_of_ridge(data, alpha, plain, monkeypatch):
         errors = set_errors([fold], sets)[:, 0]
         expected = [by_hand(Q[:, [0, 1, *(members + 2)]], y, alpha) for members in sets]
         np.testing.assert_allclose(errors, expected, rtol=1e-9)
-
-
-@pytest.mark.parametrize("width", [1, 2])
-def test_the_tree_of_all_sets_visits_each_once_with_the_same_error(data, width):
-    Q, y = data
-    rng = np.random.default_rng(1)
-    Q = np.column_stack((Q, rng.normal(size=(N, 9))))  # partners, as decays are to lags
-    fold = fold_of(factor(Q[:CUT], y[:CUT]), factor(Q[CUT:], y[CUT:]), 3, 1e-6)
-    groups = np.column_stack((np.arange(9), np.where(np.arange(9) % 2, np.arange(9) + 9, -1)))[:, :width]
-    seen = {}
-    for sets, errors in all_set_errors(fold, groups, 5):
-        for members, error in zip(sets, errors, strict=True):
-            assert tuple(members) not in seen
-            seen[tuple(members)] = error
-    wanted = [members for size in range(1, 6) for members in combinations(range(9), size)]
-    assert set(seen) == set(wanted)
-    for members in wanted:
-        error = set_errors([fold], groups[list(members)].reshape(1, -1))[0, 0]
-        assert seen[members] == pytest.approx(error, rel=1e-10)
 
 
 @pytest.mark.parametrize("plain", [False, True])

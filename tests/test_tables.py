@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 from unittest.mock import patch
 
 import numpy as np
@@ -14,48 +13,15 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from thermocorr import ParquetLog, RecordError
-from thermocorr.records import RecordWarning, csvlines
+from thermocorr.records import csvlines
 from thermocorr.records.csvlines import check_lines, fields_of, header_of
 from thermocorr.records.files import read_table, require_column
 from thermocorr.records.grammar import LARGEST, MISSING, label, number
 from thermocorr.records.numbers import as_numbers
 from thermocorr.records.paths import existing_file
-from thermocorr.records.text import printable
 from thermocorr.records.types import kind_of, kind_of_arrow, require_role
 
 # ---------------------------------------------------------------------------------------------------------------- cells
-
-
-@pytest.mark.parametrize(
-    "text", ["1", "-1.5", "+.5", "5.", " 2 ", "\t3e-7", "1E+05", "0012", "1e-400", "1e40", "-1e40"]
-)
-def test_numbers_are_those_of_python(text):
-    assert number(text, "it") == float(text)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "1_000", "\uff11\uff12", "\u0661\u0662", "\x1d3.1", "0x1F", "1e", "e5", "1.2.3", "--1", "inf", "-Infinity",
-        "1e400", "1e41", "1 2", "\u00a01", "1d5", "1j", "True", "warm", "1.5V", ".", "+", "9" * 42,
-    ],
-)  # fmt: skip
-def test_what_is_no_number_is_refused(text):
-    with pytest.raises(RecordError, match=r"no number|no measurement is that large"):
-        number(text, "the temperature")
-    numbers = pd.Series(["1", text, "2"])
-    with pytest.raises(RecordError, match="in row 1"):
-        as_numbers(numbers, "The column", "temperature")
-
-
-@pytest.mark.parametrize("text", sorted(MISSING))
-def test_missing_marks_are_those_of_every_reader(text, tmp_path):
-    for cell in (text, f" {text}", f"{text}\t"):
-        assert math.isnan(number(cell, "it"))
-        values = as_numbers(pd.Series(["1", cell, "2"]), "The column")
-        assert np.isnan(values[1]) and values[0] == 1 and values[2] == 2
-    (tmp_path / "t.csv").write_text(f"a,b\n1,x\n{text},y\n2,z\n")
-    assert read_table(tmp_path / "t.csv")["a"].isna().tolist() == [False, True, False]
 
 
 def test_the_marks_are_those_of_pandas():
@@ -109,28 +75,6 @@ def test_absurd_numbers_are_refused_by_row():
 )  # fmt: skip
 def test_fields_of_a_line(line, fields):
     assert fields_of(line) == fields
-
-
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        (b"\xff,1\n", "byte 1 of the line is not text"), (b"1,\x00\n", "zero byte"), (b"1\r2,3\n", "carriage return"),
-        (b'"open,1\n', "not closed on its line"), (b'"a"b,1\n', "no CSV"), (b"1,2\r\r\n", "carriage return"),
-    ],
-)  # fmt: skip
-def test_lines_that_are_no_rows(line, words):
-    with pytest.raises(RecordError, match=words):
-        fields_of(line)
-    content = b"a,b\n1,2\n" + line
-    with pytest.raises(RecordError, match=f"line 3: .*{words}"):
-        check_lines(content, 2, 4)
-
-
-@pytest.mark.parametrize("line", [b"1,2\n", b'"open\n', b"\x00\n", b"1\r2\n", b"\xff\n"])
-def test_lines_of_one_column_are_looked_at_as_all_others_are(line):
-    """A right one has no comma, as what lies outside the table has none."""
-    with pytest.raises(RecordError, match=r"line 4: "):
-        check_lines(b"a\n1\n2\n" + line + b"3\n", 1, 2)
 
 
 def test_headers():
@@ -195,33 +139,6 @@ def test_a_table_is_what_its_lines_say(tmp_path):
     frame = read_table(written(tmp_path, '\ufefft,a,\r\n1,0.1,x\r\n\r\n2,,"y,z"\r\n'))
     assert list(frame.columns) == ["t", "a", "Unnamed: 2"]
     assert frame["a"].iloc[0] == 0.1 and np.isnan(frame["a"].iloc[1]) and frame.iloc[1, 2] == "y,z"
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("a,b\n1,2\n1,2,3\n", "line 3: it has 3 fields where the header has 2"),
-        ("a,b\n1,2,3\n4,5,6\n", "line 2: it has 3 fields"),  # no index in front
-        ("a,b\n1,2\n3\n", "line 3: it has 1 fields"),
-        ("a,b\n1,2\n \n", "line 3: it has 1 fields"),
-        ("a,a\n1,2\n", "'a' twice"),
-        ("", "is empty"),
-        ("\n\n", "is empty"),
-        ("a,b\n", "no rows"),
-        ("a,b", "no rows"),
-        (b"a,b\n1,\xe9\n", "line 2: byte 3"),
-        ("a,b\n1,2\n".encode("utf-16"), "cannot be read"),
-    ],
-)
-def test_bad_tables_are_refused_by_line(tmp_path, text, words):
-    with pytest.raises(RecordError, match=words):
-        read_table(written(tmp_path, text))
-
-
-def test_a_cut_last_line_is_said_and_left_out(tmp_path):
-    with pytest.warns(RecordWarning, match="last line of .* is left out: it has no line end"):
-        frame = read_table(written(tmp_path, "a,b\n1,23.45\n2,23.4"))
-    assert len(frame) == 1
 
 
 def test_files_that_are_none(tmp_path):
@@ -298,7 +215,3 @@ def test_both_readers_of_parquet_agree(tmp_path, unit):
     for name in ("on",):
         with pytest.raises(RecordError, match="true/false"):
             log.times(name)
-
-
-def test_text_for_people():
-    assert printable("a\x1b[31mb\nc") == "a\\x1b[31mb\\nc" and printable("a\nb", "\n") == "a\nb"

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 import tracemalloc
 
 import numpy as np
 import pandas as pd
 import pytest
-from effect_records import columns_of, learned, whole
+from effect_records import columns_of
 from sklearn.base import clone
 
 from thermocorr import (
@@ -25,7 +24,6 @@ from thermocorr import (
 from thermocorr.datasets import make_record
 from thermocorr.effects import ThermometerNoise
 from thermocorr.equations.statistics import white_part
-from thermocorr.pictures.words import thermometer_sentences
 from thermocorr.records import Record, RecordError, Segment
 from thermocorr.records.times import Times
 
@@ -60,17 +58,6 @@ def test_the_column_is_the_same_backwards_in_time():
     there = columns_of(ThermometerNoise(200.0), pd.DataFrame({"temperature": T}, index=pd.to_timedelta(seconds, "s")))
     back = pd.DataFrame({"temperature": T[::-1]}, index=pd.to_timedelta(seconds[-1] - seconds[::-1], "s"))
     np.testing.assert_allclose(columns_of(ThermometerNoise(200.0), back)[::-1], there, atol=1e-9)
-
-
-def test_the_column_does_not_depend_on_blocks():
-    X = seen_by("lab", 1, 0.1, n=700)[0]
-    effect, record = learned(ThermometerNoise("20 min"), X)
-    at_once = whole(effect, record)
-    state, parts = None, []
-    for block in record.blocks(97):
-        columns, state = effect.columns(block, state)
-        parts.append(columns)
-    np.testing.assert_allclose(np.concatenate(parts), at_once[:, 0], rtol=0, atol=1e-12)
 
 
 def test_what_lies_far_ahead_is_not_in_memory_at_once():
@@ -175,25 +162,6 @@ def test_attenuation_is_what_a_fit_without_the_noise_shows(late):
     assert np.mean(said) == pytest.approx(np.mean(shown), abs=max(0.02 * abs(np.mean(shown)), 0.003))
 
 
-def test_of_coarse_steps_it_is_said_how_far_off_the_gain_may_be():
-    """Rounding depends on the temperature: the error itself is not known. Nine of twelve are inside."""
-    inside = 0
-    for seed in range(12):
-        record = make_record(4000, seed=seed, sampling_period=60.0)
-        y = record["reading"]
-        model = DynamicBiasRegressor("temperature", ["5 min", "90 min"])
-        exact = clone(model).fit(record[["temperature"]], y)
-        coarse = record[["temperature"]].round()
-        model.fit(coarse, y)
-        found = thermometer_errors(model, coarse).iloc[0]
-        assert found["resolution"] == 1.0 and 0 < found["gain_error"] < 1
-        inside += abs(model.coef_[0] / exact.coef_[0] - 1) <= found["gain_error"]
-    assert inside >= 9
-    left = diagnose(model, coarse, y).left
-    said = thermometer_sentences(left, "ppm")[-1]
-    assert re.search(r"the static gain may be off by about \d0?%, which is a size and no limit", said)
-
-
 @pytest.mark.parametrize(("step", "within"), [(0.5, (25, 30)), (1.0, (25, 30)), (2.0, (15, 25))])
 def test_of_coarse_steps_it_is_a_size_and_twice_that_a_bound(step, within):
     """Of thirty records; the very coarse steps are 2.8 standard deviations of the temperature. 95 % of 30 are 28.5."""
@@ -209,28 +177,6 @@ def test_of_coarse_steps_it_is_a_size_and_twice_that_a_bound(step, within):
         )
     assert within[0] <= np.count_nonzero(np.array(ratios) <= 1) <= within[1]
     assert np.count_nonzero(np.array(ratios) <= 2) >= 29
-
-
-CASES = [
-    ("lab", 0.1, 0.0), ("lab", 0.0, 0.25), ("outdoor", 0.1, 0.0), ("outdoor", 0.0, 0.25), ("chamber", 0.1, 0.0),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("setting", "noise", "step"), CASES)
-def test_a_poor_thermometer_is_named_and_nobody_else(setting, noise, step):
-    X, y, _ = seen_by(setting, 51, noise, step)
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
-    assert found.best.kind == "thermometer_noise"
-    assert "several readings" in str(found.best.instead)
-
-
-@pytest.mark.parametrize("seed", [52, 53, 54])
-@pytest.mark.parametrize("step", [0.0625, 0.1])
-def test_what_a_thermometer_explains_is_not_unexplained(seed, step):
-    X, y, _ = seen_by("lab", seed, step=step)
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
-    assert found.verdict == "nothing missing" or found.best.kind == "thermometer_noise"
-    assert found.verdict != "unexplained"
 
 
 def test_a_declared_noise_explains_what_cannot_be_seen():
@@ -252,25 +198,6 @@ def test_refine_adds_it_and_the_error_falls():
     assert steps.diagnoses[-1].verdict == "nothing missing"
     with pytest.raises(ValueError, match="mean of several readings"):
         OnlineCorrector(steps.model_)
-
-
-@pytest.mark.parametrize("kind", ["lead", "hysteresis", "covariate", "lagged_covariate", "rate", "delay"])
-def test_other_effects_are_not_taken_for_noise(kind):
-    for seed in (61, 62):
-        record = make_record(6000, effects={kind: 2.0}, seed=seed)
-        X, y = record.drop(columns="reading"), record["reading"]
-        found = diagnose(DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y), X, y)
-        assert "thermometer_noise" not in {cause.effect.kind for cause in found.causes}
-
-
-def test_an_effect_stands_beside_a_noisy_thermometer():
-    """A hidden covariate is named first, the thermometer after it, and nothing else."""
-    for seed in (71, 72):
-        record = make_record(6000, effects=[("covariate", 2.0, {"column": "supply"})], seed=seed)
-        T = record["temperature"] + 0.1 * np.random.default_rng(seed).standard_normal(6000)
-        X, y = record.drop(columns="reading").assign(temperature=T), record["reading"]
-        found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
-        assert [cause.effect.kind for cause in found.causes] == ["covariate", "thermometer_noise"]
 
 
 def test_a_step_of_the_air_reaches_a_late_thermometer_late():

@@ -23,7 +23,6 @@ from thermocorr import (
 )
 from thermocorr.command.cli import main
 from thermocorr.effects import Covariate
-from thermocorr.estimators.other_thermometer import better_thermometer
 
 STEP, LEARNED = 60.0, 7000
 BODIES = {"case": (600.0, 5400.0), "room": (1200.0, 20_000.0)}
@@ -136,8 +135,8 @@ def test_columns_of_an_array_and_of_the_transformer(device):
         ({"temperature": []}, "must be a column, or a list of different ones"),
         ({"temperature": ["case", "case"]}, "must be a column, or a list of different ones"),
         ({"time_constants": {"rom": [60]}}, "names 'rom', which is not among the thermometers"),
-        ({"fill": {"room": "spline"}}, "must say 'pass', 'hold', 'interpolate', 'estimate', 'end'"),
-        ({"fill": {"humidity": "hold"}}, "names 'humidity', which the model does not read"),
+        ({"fill": {"room": "spline"}}, "must say 'estimate', 'end'"),
+        ({"fill": {"humidity": "end"}}, "names 'humidity', which the model does not read"),
         ({"temperature": "case", "fill": {"case": "estimate"}}, "no thermometer with others beside it"),
     ],
 )
@@ -233,22 +232,6 @@ def test_all_thermometers_lost_is_no_temperature(device):
     assert np.isnan(model.correct(lost, y)[hole]).all()
 
 
-def test_a_column_is_held_for_as_long_as_is_allowed():
-    X, y, _, _ = two_surfaces(5)
-    X = X.rename(columns={"room": "humidity"})
-    lost, hole = with_hole(X, "humidity", 8000)
-    effects = [Covariate("humidity")]
-    passing = DynamicBiasRegressor("case", [600.0], effects=effects).fit(X, y)
-    assert set(passing.flags(lost)[hole]) == {"no temperature"}
-    holding = DynamicBiasRegressor("case", [600.0], effects=effects, fill={"humidity": ("hold", "20 min")}).fit(X, y)
-    assert np.array_equal(holding.coef_, passing.coef_)
-    flags = holding.flags(lost)[hole]
-    assert set(flags[:20]) <= {"filled", "thermometer lost"} and set(flags[20:]) == {"no temperature"}
-    held = X.copy()
-    held.iloc[hole, 1] = X["humidity"].iloc[7999]
-    assert np.allclose(holding.predict(lost)[hole][:20], holding.predict(held)[hole][:20], atol=1e-12)
-
-
 def test_the_command_takes_several_thermometers(device, tmp_path, capsys):
     X, y, _, _, _ = device
     log = X[:3000].assign(U=y[:3000])
@@ -266,40 +249,6 @@ def test_the_command_takes_several_thermometers(device, tmp_path, capsys):
 
 
 # --------------------------------------------------------------------------------------------- another thermometer
-
-
-@pytest.fixture(scope="module")
-def wrong_column():
-    """The device feels the oven, and somebody took the thermometer of the room."""
-    X, _, _, _ = two_surfaces(8)
-    X = X.rename(columns={"case": "oven"}).assign(humidity=40 + X["case"])
-    y = 5 + 2 * followed(X["oven"].to_numpy(), 900.0) + 0.01 * np.random.default_rng(0).standard_normal(len(X))
-    return X, pd.Series(y, X.index, name="U")
-
-
-def test_another_column_that_does_better_as_the_temperature_is_said(wrong_column):
-    X, y = wrong_column
-    found = better_thermometer(DynamicBiasRegressor("room", [600.0]).fit(X, y), X, y)
-    assert found.column == "oven" and found.error < 0.3 * found.present
-    assert better_thermometer(DynamicBiasRegressor("oven", [900.0]).fit(X, y), X, y) is None
-    both = DynamicBiasRegressor(["room", "oven"], [900.0]).fit(X, y)
-    assert better_thermometer(both, X, y) is None
-    with_it = DynamicBiasRegressor("room", [600.0], effects=[Covariate("oven")]).fit(X, y)
-    assert better_thermometer(with_it, X, y) is None  # it has it
-
-
-def test_a_thermometer_that_is_only_needed_beside_the_first_is_no_better_one():
-    X, y, _, _ = two_surfaces(9)
-    assert better_thermometer(DynamicBiasRegressor("case").fit(X, y), X, y) is None
-
-
-def test_the_command_says_so(wrong_column, tmp_path, capsys):
-    X, y = wrong_column
-    log = X[:4000].assign(U=y[:4000])
-    log.insert(0, "time", np.arange(4000) * STEP)
-    log.to_csv(tmp_path / "log.csv", index=False)
-    assert main(["analyze", str(tmp_path / "log.csv"), "--temperature", "room", "--reading", "U", "--quiet"]) == 0
-    assert "Note: with 'oven' as the temperature later blocks are missed by" in capsys.readouterr().out
 
 
 def test_an_effect_is_taken_out_by_its_name():

@@ -29,19 +29,10 @@ def test_the_papers_improvement_is_reached_held_out(comparison, voltage):
     assert (20 * np.log10(dynamic / floor) <= 1.0).all()
 
 
-def test_the_papers_static_reductions(comparison):
-    """The record was made to reproduce the paper's device: -27.3 and -27.9 dB, within 1.5 dB."""
-    table = comparison.frame()
-    assert table.loc["static linear", "reduction_db"] == pytest.approx(-27.3, abs=1.5)
-    assert table.loc["static nonlinear", "reduction_db"] == pytest.approx(-27.9, abs=1.5)
-    assert table.loc["before correction", "std"] == pytest.approx(1.114e-3, rel=0.02)
-
-
 def test_output_forms_show_every_variant(comparison):
-    for text in (str(comparison), comparison.to_html(), comparison.to_latex(), comparison._repr_html_()):
+    for text in (str(comparison), comparison.to_html(), comparison._repr_html_()):
         for variant in comparison.frame().index:
             assert variant in text
-    assert comparison.to_latex().count(r"\\") == 1 + len(comparison.frame())
     assert "Figures in nV." in comparison.caption()
 
 
@@ -92,7 +83,7 @@ def test_where_there_are_no_smoothed_figures_the_caption_says_why(window, said):
         record[["temperature"]], record["reading"], time_constants=["5 min"], n_blocks=3, window=window
     )
     assert comparison.caption().partition(" Figures in ppm.")[2] == said
-    for text in (str(comparison), comparison.to_html(), comparison.to_latex()):
+    for text in (str(comparison), comparison.to_html()):
         assert ("No smoothed figures" in text) == bool(said)
 
 
@@ -129,9 +120,3 @@ def test_degree_and_products_are_those_of_the_model():
     linear = DynamicBiasRegressor("temperature", ["5 min"], degree=1)
     models = compare_variants(record[["temperature"]], record["reading"], model=linear, n_blocks=2).models
     assert [fitted.degree for fitted in models.values()] == [1, 2, 1, 2]
-
-
-def test_powers_of_ten_are_typeset():
-    record = make_record(600, sampling_period=60.0, seed=3)
-    found = compare_variants(record[["temperature"]], record["reading"] * 1e-12, time_constants=["5 min"], n_blocks=2)
-    assert r"\times 10^{-1" in found.to_latex() and not re.search(r"\de-?\d", found.to_latex())

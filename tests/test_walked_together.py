@@ -12,14 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.base import clone
 
-from thermocorr.effects import Covariate, Delay, Effect, Hinge, LaggedCovariate, LagProducts, ThermalLag
+from thermocorr.effects import Covariate, Delay, Hinge, LaggedCovariate, LagProducts, ThermalLag
 from thermocorr.effects.covariates import ColumnLags
 from thermocorr.effects.signals import BlockSignals, DelayState
-from thermocorr.effects.stream import own_starts, walk
+from thermocorr.effects.stream import own_starts
 from thermocorr.equations.shifted import shifted
 from thermocorr.judgement import blocks
-from thermocorr.judgement.copies import moved
-from thermocorr.judgement.lag_banks import banks
 
 
 @examples(200)
@@ -48,24 +46,6 @@ def test_each_column_is_that_of_columns_whether_steps_are_even_or_not(example, s
     np.testing.assert_allclose(np.vstack(parts), whole(effect, record), rtol=1e-11, atol=1e-11)
 
 
-@pytest.mark.parametrize("size", [100, 37, 8])
-@pytest.mark.parametrize("example", EXAMPLES, ids=NAMES)
-def test_rows_that_are_passed_over_are_known_to_be_lacking_wherever_blocks_end(example, size):
-    X = log(irregular=0.0)
-    X.iloc[[120, 121, 122, 250], 0] = np.nan
-    effect, record = learned(example, X)
-    parts = [step.columns for step in walk([effect], record, starts=own_starts(record), size=size)]
-    np.testing.assert_allclose(np.vstack(parts), whole(effect, record), rtol=1e-11, atol=1e-11)
-
-
-@pytest.mark.parametrize("example", [e for e in EXAMPLES if e.kind in ("delay", "lead", "thermometer_noise")], ids=str)
-def test_a_known_step_changes_nothing(example):
-    effect, record = learned(example, log(irregular=0.0))
-    unknown = replace(record, times=replace(record.times))
-    unknown.times.__dict__["_even_ticks"] = None
-    np.testing.assert_allclose(whole(effect, record), whole(effect, unknown), rtol=0, atol=1e-10)
-
-
 def test_a_delay_reaches_back_into_rows_of_other_steps():
     """A stream went on with other steps: what came before is looked up by its time."""
     effect, record = learned(Delay(300.0), log(200, irregular=0.0))
@@ -86,7 +66,6 @@ BANKED = [
     *(Hinge(knee, side, times) for knee in (22.8, 23.2) for side in ("above", "below") for times in ([], [600], [60])),
     ThermalLag([300.0]),
     ThermalLag([600.0, 6000.0]),
-    ThermalLag([300.0], form="paper"),
     LagProducts([300.0]),
     LagProducts([600.0]),
     Covariate("humidity"),
@@ -107,28 +86,6 @@ def test_effects_walked_together_have_the_columns_of_each(missing):
     for effect, columns in zip(effects, together, strict=True):
         (alone,) = blocks.averaged_columns(record, [effect], 500)
         np.testing.assert_allclose(columns, alone, rtol=1e-12, atol=1e-12, err_msg=str(effect))
-
-
-class Odd(Effect):
-    """A user's own: truth, a list, one number for all rows, as an array too."""
-
-    def names(self):
-        return ["warm", "list", "one", "array of one", "whole"]
-
-    def signals(self, x):
-        return [x.T > 23.0, x.T.tolist(), 2, np.array([3.0]), np.arange(len(x.T))]
-
-
-@pytest.mark.parametrize("n", [3000, 2998, 400])
-def test_columns_of_an_own_effect_are_averaged_whatever_numbers_they_are(n):
-    effect, X = Odd(), log(n)
-    record = replace(read(X), reading=X["temperature"].to_numpy())
-    (found,) = blocks.averaged_columns(record, [effect], 500)
-    (block,) = record.blocks(10**9)
-    columns, _ = effect.columns(block, None)
-    width = blocks.stretch_of(record, 500)
-    means = [columns[low : low + width].mean(axis=0) for low in range(0, n, width)]
-    np.testing.assert_allclose(found, means, rtol=1e-13)
 
 
 def test_a_late_column_is_its_own():
@@ -178,34 +135,3 @@ def test_effects_derived_from_those_with_lags_are_walked_alone(effects):
     together = blocks.averaged_columns(record, effects, 500)
     for effect, columns in zip(effects, together, strict=True):
         np.testing.assert_array_equal(columns, blocks.averaged_columns(record, [effect], 500)[0])
-
-
-def test_as_many_effects_are_walked_as_differ_in_more_than_time_constants():
-    record = read(log(300))
-    effects = [clone(effect) for effect in BANKED]
-    edges, wanted = 0, []
-    for effect in effects:
-        effect.learn(record)
-        wanted.append((record, effect, range(edges, edges := edges + effect.n_columns())))
-    walked = banks(wanted[:-1])
-    assert len(walked) < len(wanted) - 8
-    assert sorted(place for bank in walked for same in bank.places for place in same) == list(range(wanted[-2][2].stop))
-    lags = [effect.time_constants_.tolist() for _, effect, _ in wanted if type(effect) is LaggedCovariate]
-    assert len(lags) == 6
-    assert [120.0, 900.0, 9000.0] in [getattr(bank.effect, "time_constants_", np.zeros(0)).tolist() for bank in walked]
-
-
-@pytest.mark.parametrize("holes", [(), (150,)], ids=["all rows", "without a cell"])
-def test_copies_of_a_column_know_their_means(holes):
-    X = log(300)
-    X.iloc[list(holes), 1] = np.nan
-    record = read(X)
-    effect = Covariate("humidity", 2)
-    effect.learn(record)
-    record.moments("temperature")
-    for copy in moved(record, effect):
-        assert ("temperature", 1) in copy.known_moments
-        assert (("humidity", 2) in copy.known_moments) == (not holes)
-        of = copy.moments("humidity", 2)
-        anew = replace(copy, known_moments={}).moments("humidity", 2)
-        np.testing.assert_allclose((of.mean, of.std, of.low, of.high), (anew.mean, anew.std, anew.low, anew.high))

@@ -31,7 +31,7 @@ def weight(lab):
 def test_weighted_coefficients_are_those_of_scikit_learn(lab, weight):
     X, y = lab
     model = DynamicBiasRegressor("temperature", TAUS).fit(X, y, sample_weight=weight)
-    columns = DiffusiveFeatures(TAUS, degree=2, longest_decay_share=0.04, temperature="temperature").fit_transform(X)
+    columns = DiffusiveFeatures(TAUS, degree=2, temperature="temperature").fit_transform(X)
     given = LinearRegression().fit(columns, y, sample_weight=weight)
     assert np.allclose(model.predict(X), given.predict(columns), atol=1e-9)
 

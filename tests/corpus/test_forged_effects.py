@@ -13,7 +13,7 @@ from thermocorr.effects import CATALOGUE, Delay, Effect, SeveralSteps
 from thermocorr.effects.signals import DelayState
 from thermocorr.files.codec import pack, unpack
 from thermocorr.files.effect_nodes import check_state
-from thermocorr.files.model_file import digest_of, signed
+from thermocorr.files.model_file import signed
 
 
 @pytest.fixture(scope="module")
@@ -130,24 +130,6 @@ def test_a_model_without_a_static_part_is_refused(saved, tmp_path):
     (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
     with pytest.raises(ModelFileError, match="no static polynomial"):
         load_model(tmp_path / "f.json")
-
-
-def test_a_file_of_version_1_is_read_as_long_as_its_digest_fits(saved, tmp_path):
-    """Its digest was that of the content, however it was laid out."""
-    node = {"format": saved["format"], "version": 1, **rest_of(saved)}
-    node["digest"] = digest_of(node)
-    (tmp_path / "old.json").write_text(json.dumps(node, indent=3))
-    model = load_model(tmp_path / "old.json")
-    assert model.coef_.tolist() == saved["model"]["coefficients"]
-    del node["digest"], node["model"]["parameters"]["screen"]
-    del node["model"]["history"]["screen"], node["model"]["history"]["skipped"]  # as it was before there was a screen
-    (tmp_path / "older.json").write_text(json.dumps({**node, "digest": digest_of(node)}))
-    older = load_model(tmp_path / "older.json")
-    assert older.screen is False and older.features_.history_.screen is None
-    node["model"]["coefficients"][0] += 1e-9
-    (tmp_path / "old.json").write_text(json.dumps({**node, "digest": digest_of(saved)}))
-    with pytest.raises(ModelFileError, match="digest does not fit"):
-        load_model(tmp_path / "old.json")
 
 
 @pytest.mark.parametrize(

@@ -19,10 +19,11 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.threads import one_blas_thread
 from ..estimators.time_constants.search import SearchSettings, factors_of, final_alpha, learned, reference_spectrum
 from ..estimators.time_constants.spectrum import POOL_SIZE, Projected, log_grid, project
-from ..records import RecordError
+from ..records import ParquetLog, RecordError
 from ..records.errors import listing, quoted
-from .parts import Part, opened
 
+Part = Any
+"""What a device's record is given as: a `ParquetLog` or a DataFrame."""
 BATCHES = 64
 """Batches into which an executor's tasks are cut: it hands them over one by one otherwise."""
 
@@ -103,7 +104,8 @@ def fit_fleet(
     parts = []
     for name, device in devices.items():
         with _Named(name, device):
-            parts.append(opened(device))
+            is_path = isinstance(device, str) or hasattr(device, "__fspath__")
+            parts.append(ParquetLog(device) if is_path else device)
     if shared_time_constants and isinstance(model.temperature, list):
         raise ValueError(
             "Devices with several thermometers have time constants of their own: shared_time_constants=False."
@@ -204,7 +206,7 @@ def _spectrum(
 ) -> tuple[Projected, float]:
     """What `project` needs of a device, and its ridge penalty."""
     with _Named(name, part), one_blas_thread():
-        settings = SearchSettings(candidates=grid, longest_decay_share=model.longest_decay_share)
+        settings = SearchSettings(candidates=grid)
         own = clone(model)
         y = _reading(part, reading)
         own.learn_levels(part, y)

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import pandas as pd
 
 from ..estimators import DynamicBiasRegressor, compare_variants, later_errors
-from ..estimators.other_thermometer import better_thermometer
 from ..estimators.progress import Progress, has_bars, told
 from ..files import Outputs
 from ..files.result_files import write_corrected, write_model
@@ -22,8 +21,7 @@ from ..pages.report import report_text
 from ..pictures.added_noise import added_noise
 from ..pictures.words import aspect_text, each_row, further_text, interval_text, kept_sentence
 from ..records import RecordError, RecordWarning
-from ..records.errors import quoted
-from ..records.quantities import number_text, quantity_texts, scale_of, span_text
+from ..records.quantities import number_text, scale_of, span_text
 from ..records.text import printable
 from ..records.units import unit_of
 from .loading import check_numbers, load_log, note_events_outside, readings_to_learn
@@ -107,7 +105,6 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         warnings.simplefilter("ignore", RecordWarning)  # of parts of the record
         later = later_errors(comparison.models, X, y, n_blocks=options.blocks, progress=progress)
         kept, best = list(comparison.models.items())[-1]
-        other = better_thermometer(best, X, y)
     judged = _judge(best, X, y, options, progress)
     used = "" if judged.refinement is None else kept_sentence(judged.refinement)
     advised = later.advice(kept)
@@ -123,16 +120,6 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
     )
     for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
         say(f"Note: {note}\n")
-    advice = ""
-    if other is not None:
-        with_it, without = quantity_texts((other.error, other.present), best.reading_.unit)
-        present = next(iter(thermometers))
-        advice = (
-            f"With {quoted(other.column)} as the temperature later blocks are missed by {with_it} instead of "
-            f"{without}: try --temperature {other.column}, or both of them (--temperature {present} --temperature "
-            f"{other.column})."
-        )
-        say(f"Note: {advice[0].lower()}{advice[1:]}\n")
     say(f"{comparison}\n\n{later}\n")
     for name, taus in thermometers.items():
         of_which = f", {name}" if len(thermometers) > 1 else ""
@@ -152,7 +139,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
             diagnosis=judged.diagnosis,
             refinement=judged.refinement,
             comparison=comparison,
-            advice=" ".join(filter(None, (advised, advice))),
+            advice=advised,
             unjudged=judged.reason,
             source=", ".join(options.log) or "the built-in voltage reference with a hidden effect",
             command=options.as_written,

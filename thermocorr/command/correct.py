@@ -6,7 +6,7 @@ import argparse
 import sys
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from ..files import Outputs
@@ -15,7 +15,7 @@ from ..live.corrector import OnlineCorrector
 from ..records import RecordError, RecordWarning
 from ..records.csvlines import CUT
 from ..records.text import printable
-from .lines import Lines, LinesAhead
+from .lines import Lines
 from .log_rows import LogRow, LogRows, csv_text
 from .results import Results, Saved, open_results, read_state
 from .spans import number_or_span
@@ -27,8 +27,6 @@ STATE_EVERY = 10.0
 """Time between savings of the state [s]."""
 BLOCK = 8192
 """Rows of a whole log that are corrected together."""
-AHEAD = 6
-"""Lines that are looked at together where a log begins: rows enough to tell its times, and units below the header."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -129,12 +127,10 @@ def _pump(
     if rows.time_unit and not isinstance(lines, TableLines):
         _complain(f"read as: times in {rows.time_unit}")
     with open_results(rows, csv_text([names]), options, inputs, saved, lines) as results:
-        ahead = LinesAhead(stream, AHEAD, 0.0 if options.follow else STATE_EVERY)
-        rows.foresee(ahead.first)
         if options.follow:
-            _follow(rows, ahead, lines, results)
+            _follow(rows, stream, lines, results)
         else:
-            _whole(rows, ahead, results)
+            _whole(rows, stream, results)
         kept = results.finish(bool(stop))
     if lines.rest:
         rows.number += 1
@@ -147,7 +143,7 @@ def _pump(
         raise Stopped(stop.number, f"stopped after row {rows.done}, {kept}")
 
 
-def _follow(rows: LogRows, stream: LinesAhead, lines: Lines, results: Results) -> None:
+def _follow(rows: LogRows, stream: Iterator[bytes | None], lines: Lines, results: Results) -> None:
     """Row by row, each written before the next is read."""
     saved = time.monotonic()
     for line in stream:
@@ -159,12 +155,12 @@ def _follow(rows: LogRows, stream: LinesAhead, lines: Lines, results: Results) -
             sample = rows.read(line)
             if sample is not None and not results.seen(sample):
                 results.write(csv_text([[*sample.fields, *rows.one(sample)]]))
-        if time.monotonic() - saved > STATE_EVERY and not stream.first:
+        if time.monotonic() - saved > STATE_EVERY:
             results.keep()
             saved = time.monotonic()
 
 
-def _whole(rows: LogRows, stream: LinesAhead, results: Results) -> None:
+def _whole(rows: LogRows, stream: Iterator[bytes | None], results: Results) -> None:
     """Block by block, with the digits that `analyze` writes."""
     samples: list[LogRow] = []
     saved = time.monotonic()
@@ -181,7 +177,7 @@ def _whole(rows: LogRows, stream: LinesAhead, results: Results) -> None:
             samples.append(sample)
         if len(samples) == BLOCK or time.monotonic() - saved > STATE_EVERY:
             correct()
-            if time.monotonic() - saved > STATE_EVERY and not stream.first:
+            if time.monotonic() - saved > STATE_EVERY:
                 results.keep()
                 saved = time.monotonic()
     correct()

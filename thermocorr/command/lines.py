@@ -55,35 +55,6 @@ class Lines:
         """Let go of the file."""
 
 
-class LinesAhead:
-    """Lines of which the first can be looked at before they are given; iterate for all of them, as of `Lines`.
-
-    Parameters
-    ----------
-    stream : iterator
-    most : int
-        How many lines are looked at, at most.
-    patience : float
-        How long they are waited for, where they are not there yet [s].
-    """
-
-    def __init__(self, stream: Iterator[bytes | None], most: int, patience: float):
-        self._stream = stream
-        self.first: list[bytes] = []
-        """Those that were read, and are still to be given: the position of the lines is behind them."""
-        until = time.monotonic() + patience
-        for line in stream:
-            if line is not None:
-                self.first.append(line)
-            if len(self.first) >= most or (line is None and time.monotonic() >= until):
-                break
-
-    def __iter__(self) -> Iterator[bytes | None]:
-        while self.first:
-            yield self.first.pop(0)
-        yield from self._stream
-
-
 class FileLines(Lines):
     """Lines of a file; with `follow`, also those that are still to be written.
 

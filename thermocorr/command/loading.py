@@ -189,12 +189,12 @@ def parse_time_constants(text: str) -> Any:
 
 
 def fill_rules(given: Sequence[str] | None, columns: Any) -> dict[str, Any] | None:
-    """``room=hold`` and ``room=interpolate:1h`` as the model takes them; RecordError for what is neither."""
+    """``room=end`` and ``room=estimate:1h`` as the model takes them; RecordError for what is neither."""
     rules: dict[str, Any] = {}
     for text in given or ():
         name, mark, said = text.rpartition("=")
         if not mark or not said:
-            raise RecordError(f"--fill takes COLUMN=RULE, such as room=hold or room=interpolate:1h. Got {text!r}.")
+            raise RecordError(f"--fill takes COLUMN=RULE, such as room=end or room=estimate:1h. Got {text!r}.")
         rule, _, longest = said.partition(":")
         rules[require_column(columns, name, "fill")] = (rule, number_or_span(longest)) if longest else rule
     return rules or None

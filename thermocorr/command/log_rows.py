@@ -17,13 +17,13 @@ import pandas as pd
 from ..files.result_files import new_names
 from ..foreign import RUN
 from ..foreign.clocks import SPANS
-from ..foreign.counted_times import CountedTimes
 from ..foreign.sniffing import are_units, units_below
 from ..foreign.timed import unit_of_times
 from ..live.corrector import OnlineCorrector
 from ..live.given import COLUMNS
 from ..records import RecordError
 from ..records.csvlines import fields_of, header_of, is_comment, miscounted
+from ..records.epochs import unix_time
 from ..records.errors import listing, quoted, times_word
 from ..records.files import TIME_NAMES
 from ..records.grammar import is_missing, label, number
@@ -92,7 +92,7 @@ class LogRows:
         """Whether it is to be said that times are Unix times in another unit; not where the reader of the file did."""
         self._accepted = False
         history = live.model.features_.history_
-        self._counted = CountedTimes(history.kind)
+        self._kind = history.kind
         self._timed, self._temperature_name = history.kind != "rows", history.record.temperature_name
         self._seconds = history.kind == "seconds"
         self._by_size = options.time_format is None and options.timezone is None
@@ -126,16 +126,8 @@ class LogRows:
         name = self.options.time or model.time or next((n for n in guesses if n in free), "time")
         self._time = self._place(name, "time") if self._timed else None
         self.time_unit = self._unit_of_times(name)
-        self._counted = CountedTimes(self._counted.kind)
         self._extra = self.live.names
         return [*header, *new_names(self._extra, header)]
-
-    def foresee(self, lines: Iterable[bytes]) -> None:
-        """Look at the times of rows that are to be read next: together they tell what each of them is."""
-        if self._time is None or self.header is None or not self._by_their_size():
-            return
-        rows = [cells for line in lines if (cells := _cells(line)) != self.header and len(cells) == len(self.header)]
-        self._counted.foresee(row[self._time].strip() for row in rows)
 
     def read(self, line: bytes) -> LogRow | None:
         """A row; None for an empty line, a header that comes again, and a line that is left out and complained of.
@@ -159,19 +151,8 @@ class LogRows:
                 self._refuse_other_zone(fields)
             self.leave_out(str(error))
             return None
-        finally:
-            self._look_at_first_times()
         self._accepted = True
         return sample
-
-    def _look_at_first_times(self) -> None:
-        """Say once that times are Unix times; RecordError where the first ones do not agree."""
-        if self._time is None or self.header is None or not self._by_their_size():
-            return
-        if self.says_unix and self._counted.unit is not None:
-            self.complain(f"read as: Unix times in {self._counted.unit}")
-            self.says_unix = False
-        self._counted.check(quoted(self.header[self._time]))
 
     def _is_of_units(self, line: bytes) -> bool:
         """Whether a line has the units of the columns, as it may below the header of a pipe, which are asked then."""
@@ -316,7 +297,10 @@ class LogRows:
             return LogRow(fields, None, run, values, U)
         time: Any = fields[self._time].strip()
         if self._by_their_size():
-            time = self._counted.read(time)
+            unit, time = unix_time(time, self._kind)
+            if unit and self.says_unix:
+                self.complain(f"read as: Unix times in {unit}")
+                self.says_unix = False
         if self._seconds and isinstance(time, str):
             time = number(time, "the time") * SPANS.get(self.time_unit, 1.0)
         return LogRow(fields, self.live.stamp(time), run, values, U)

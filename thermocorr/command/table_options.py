@@ -116,8 +116,8 @@ def add_learning_options(parser: argparse.ArgumentParser) -> None:
         "--fill",
         metavar="COLUMN=RULE",
         action="append",
-        help="what to do where a thermometer's cell is missing: pass, hold, interpolate, estimate (from the others) or "
-        "end (the segment); room=interpolate:1h does so for an hour at most",
+        help="what to do where a cell is missing: estimate (a thermometer from the others) or end (the segment); "
+        "room=estimate:1h does so for an hour at most",
     )
 
 

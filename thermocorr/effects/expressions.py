@@ -33,7 +33,6 @@ class Lag(Word):
 
     time_constants: tuple[float, ...]
     hold: str
-    start: float | None
 
     @property
     def memory(self) -> float:
@@ -174,11 +173,9 @@ class Trace(Signals):
     def _items(self, word: Node, count: int) -> list[Any]:
         return [self.node("item", word, detail=i) for i in range(count)]
 
-    def lag(
-        self, value: Any, time_constants: Numbers, hold: str = "first_order", start: float | None = None
-    ) -> list[Any]:
+    def lag(self, value: Any, time_constants: Numbers, hold: str = "first_order") -> list[Any]:
         taus = tuple(map(float, time_constants))
-        return self._items(self._word(Lag(self.checked(value), taus, hold, start)), len(taus))
+        return self._items(self._word(Lag(self.checked(value), taus, hold)), len(taus))
 
     def previous(self, value: Any) -> Any:
         return self._word(Previous(self.checked(value)))

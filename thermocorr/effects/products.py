@@ -14,7 +14,7 @@ from ..records import Record
 from .grids import time_grid
 from .protocol import TEMPERATURE, Effect, EffectInfo, time_text
 from .signals import Signals
-from .thermal import HOLD, INITIAL_STATE, REFERENCE, column_text, lag_text, reference_of, seconds_array
+from .thermal import HOLD, REFERENCE, column_text, lag_text, reference_of, seconds_array
 
 
 class LagProducts(Effect):
@@ -46,7 +46,6 @@ class LagProducts(Effect):
     )
     _parameter_constraints = {
         "hold": HOLD,
-        "initial_state": INITIAL_STATE,
         "reference_temperature": REFERENCE,
         "temperature_products": ["boolean"],
         "order": [Options(Integral, {2, 3})],
@@ -56,14 +55,12 @@ class LagProducts(Effect):
         self,
         time_constants: Sequence[Any] = (),
         hold: str = "first_order",
-        initial_state: str = "fit",
         reference_temperature: float | str = "mean",
         temperature_products: bool = False,
         order: int = 2,
     ):
         self.time_constants = time_constants
         self.hold = hold
-        self.initial_state = initial_state
         self.reference_temperature = reference_temperature
         self.temperature_products = temperature_products
         self.order = order
@@ -106,8 +103,7 @@ class LagProducts(Effect):
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """Products of lag differences, and of T - T0 with them [K^2], [K^3]."""
-        start = self.reference_temperature_ if self.initial_state == "zero" else None
-        Psi = x.lag(x.T, self.time_constants_, self.hold, start)
+        Psi = x.lag(x.T, self.time_constants_, self.hold)
         pairs = [one * other for one, other in combinations_with_replacement(Psi, 2)]  # eq. (21)
         deviation = x.T - self.reference_temperature_
         products = pairs + [deviation * d for d in Psi if self.temperature_products]  # eq. (21)

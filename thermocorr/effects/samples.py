@@ -193,7 +193,7 @@ class SteppedLag:
     """Lag differences, eqs. (19) (25), from sample to sample."""
 
     def __init__(self, word: Lag):
-        self.time_constants, self.begin = word.time_constants, word.start
+        self.time_constants = word.time_constants
         self.first_order = word.hold == "first_order"
         self.known: dict[float, list[tuple[float, float]]] = {}
         self.start(None)
@@ -213,8 +213,6 @@ class SteppedLag:
         """Lag differences at the next sample; the list is replaced, never changed."""
         last, self.last = self.last, value
         if last is None:
-            if self.begin is not None:
-                self.differences = [self.begin - value] * len(self.time_constants)
             return self.differences
         factors = self.known.get(step)
         if factors is None:

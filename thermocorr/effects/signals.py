@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equations import LagState, decays, lag_differences
+from ..equations import decays, lag_differences
 from ..equations.compiled import play
 from ..equations.lags import FELT
 from ..equations.shifted import shifted
@@ -89,12 +89,10 @@ class Signals:
         angle = self.angle(period)
         return self.sin(angle), self.cos(angle)
 
-    def lag(
-        self, value: Any, time_constants: Numbers, hold: str = "first_order", start: float | None = None
-    ) -> list[Any]:
+    def lag(self, value: Any, time_constants: Numbers, hold: str = "first_order") -> list[Any]:
         """Lag differences of a value, eqs. (19) (25), one for each time constant [s].
 
-        Bodies begin at rest with the first value of a segment, or with `start`.
+        Bodies begin at rest with the first value of a segment.
         """
         raise NotImplementedError
 
@@ -182,14 +180,9 @@ class BlockSignals(Signals):
         began = self.block.record.times.between(self.block.zero, 0) % period
         return 2.0 * math.pi / period * (began + seconds)
 
-    def lag(
-        self, value: Any, time_constants: Numbers, hold: str = "first_order", start: float | None = None
-    ) -> list[Any]:
-        before, steps, taus = next(self._before, None), self.block.steps, np.asarray(time_constants, float)
-        if before is None and start is not None:
-            steps = np.concatenate((np.zeros(1), steps[1:]))  # the first sample is the start itself
-            before = LagState(np.full(len(taus), start - value[0]), float(value[0]))
-        differences, after = lag_differences(value, steps, taus, before, hold=hold)  # type: ignore[arg-type]
+    def lag(self, value: Any, time_constants: Numbers, hold: str = "first_order") -> list[Any]:
+        before, taus = next(self._before, None), np.asarray(time_constants, float)
+        differences, after = lag_differences(value, self.block.steps, taus, before, hold=hold)  # type: ignore[arg-type]
         self._after.append(after)
         return list(differences.T)
 

@@ -20,7 +20,6 @@ from .signals import Signals
 REFERENCE = [Interval(Real, None, None, closed="neither"), StrOptions({"mean"})]
 """What a reference temperature may be."""
 HOLD = [StrOptions({"first_order", "zero_order"})]
-INITIAL_STATE = [StrOptions({"equilibrium", "zero", "fit"})]
 
 
 PLAIN = frozenset({float, int, np.float64})
@@ -153,47 +152,31 @@ class ThermalLag(Effect):
         [s], or spans such as "15 min".
     hold : {"first_order", "zero_order"}
         Temperature between samples: a straight line or the earlier value.
-    initial_state : {"equilibrium", "zero", "fit"}
-        A device at rest with the first temperature ("fit" starts there too and leaves the rest to `InitialTransient`),
-        or one at the reference temperature.
-    form : {"unit_gain", "paper"}
-        "paper" gives eqs. (19) (25) as printed, psi in K s, for comparison.
+
+    The device starts at rest with the first temperature; `InitialTransient` stands for what it starts with beside that.
+    As printed, eqs. (17) (25) have the steady state T/xi in K s, from which (19) subtracts T in K: here ``xi psi``, the
+    temperature that a body of time constant 1/xi has, takes its place. Linear fits span the same space in both forms.
     """
 
     kind = "thermal_lag"
     of_temperature_alone = True
     lags_apart = True
     thermal_rank = 1
-    learned = {"time_constants_": "times", "reference_temperature_": "temperature"}
+    learned = {"time_constants_": "times"}
     info = EffectInfo(
         physics="A part of the device follows the ambient temperature later (or earlier) than the model allows.",
         bench_check="Step the temperature and log the reading until it rests: fit the time constant of what is left.",
         formula="lag[tau] = lagged - T, where tau d(lagged)/dt = T - lagged",
-        parameters={"time_constants": "s", "reference_temperature": TEMPERATURE},
+        parameters={"time_constants": "s"},
         tuned=("time_constants",),
         example={"time_constants": [1200.0]},
         place=1.1,
     )
-    _parameter_constraints = {
-        "hold": HOLD,
-        "initial_state": INITIAL_STATE,
-        "form": [StrOptions({"unit_gain", "paper"})],
-        "reference_temperature": REFERENCE,
-    }
+    _parameter_constraints = {"hold": HOLD}
 
-    def __init__(
-        self,
-        time_constants: Sequence[Any] = (),
-        hold: str = "first_order",
-        initial_state: str = "fit",
-        form: str = "unit_gain",
-        reference_temperature: float | str = "mean",
-    ):
+    def __init__(self, time_constants: Sequence[Any] = (), hold: str = "first_order"):
         self.time_constants = time_constants
         self.hold = hold
-        self.initial_state = initial_state
-        self.form = form
-        self.reference_temperature = reference_temperature
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
@@ -201,10 +184,9 @@ class ThermalLag(Effect):
         return [cls([tau]) for tau in time_grid(record, 0.5, 0.2)]
 
     def learn(self, record: Record) -> None:
-        """Convert time constants to seconds; fix T0, where a device with the initial state "zero" starts."""
+        """Convert time constants to seconds."""
         self._validate_params()
         self.time_constants_ = seconds_array(self.time_constants)
-        self.reference_temperature_ = reference_of(self.reference_temperature, record)
 
     def names(self) -> list[str]:
         """``lag[900 s]``, ..."""
@@ -215,8 +197,8 @@ class ThermalLag(Effect):
         return lag_text(temperature)
 
     def units(self) -> list[str]:
-        """K; K s for the paper's form."""
-        return ["K" if self.form == "unit_gain" else "K s"] * len(self.time_constants_)
+        """K."""
+        return ["K"] * len(self.time_constants_)
 
     def memory(self) -> float:
         """The longest time constant [s], as its formula would tell, which every fit would have to read for it."""
@@ -224,8 +206,4 @@ class ThermalLag(Effect):
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """Lag differences [K]."""
-        start = self.reference_temperature_ if self.initial_state == "zero" else None
-        Psi = x.lag(x.T, self.time_constants_, self.hold, start)  # eq. (19)
-        if self.form == "paper":
-            return [(d + x.T) * tau - x.T for d, tau in zip(Psi, self.time_constants_, strict=True)]
-        return Psi
+        return x.lag(x.T, self.time_constants_, self.hold)  # eq. (19)

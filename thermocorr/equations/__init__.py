@@ -2,7 +2,7 @@
 
 from .allan import AllanDeviation, allan_deviation, regular_cells
 from .allan_stream import AllanStream
-from .lags import LagState, decay_and_gain, decays, equilibrium, lag_differences, lags_at_end, paper_form
+from .lags import LagState, decay_and_gain, decays, equilibrium, lag_differences
 from .leastsquares import RidgeSolution, TriangularFactor, solve_ridge
 from .statistics import moving_average, reduction_db
 
@@ -17,9 +17,7 @@ __all__ = [
     "decays",
     "equilibrium",
     "lag_differences",
-    "lags_at_end",
     "moving_average",
-    "paper_form",
     "reduction_db",
     "regular_cells",
     "solve_ridge",

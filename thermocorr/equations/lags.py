@@ -209,42 +209,6 @@ def _solved(change: Floats, steps: Floats, time_constants: Floats, first: Floats
     return columns[1:]
 
 
-def lags_at_end(
-    temperature: Floats, steps: Floats, time_constants: Floats, state: LagState, *, hold: Hold = "first_order"
-) -> LagState:
-    """Only the state that `lag_differences` ends with, as weighted sums instead of a recursion.
-
-    ``d_n = exp(-(t_n - t_0)/tau) d_0 - sum_k exp(-(t_n - t_k)/tau) g_k (T_k - T_(k-1))``: the recursion written out.
-    """
-    if not len(temperature):
-        return state
-    change = np.diff(temperature, prepend=state.temperature)
-    if (steps == steps[0]).all():
-        weights, left = _weights_of_regular_steps(len(steps), float(steps[0]), tuple(time_constants.tolist()), hold)
-    else:
-        weights, left = _end_weights(steps, time_constants, hold)
-    return LagState(left * state.lag_difference - change @ weights, float(temperature[-1]))
-
-
-def _end_weights(steps: Floats, time_constants: Floats, hold: Hold) -> tuple[Floats, Floats]:
-    """Weights of the changes of temperature at the end, shape (n, J); share of the start that is left, shape (J,)."""
-    elapsed = np.cumsum(steps)
-    weights = np.zeros((len(steps), len(time_constants)), order="F")
-    with np.errstate(under="ignore"):
-        for j, time_constant in enumerate(time_constants):
-            ago = (elapsed - elapsed[-1]) / time_constant
-            felt = slice(int(np.searchsorted(ago, -FELT)), None)
-            weights[felt, j] = np.exp(ago[felt]) * decay_and_gain(steps[felt], time_constant, hold)[1]
-        return weights, np.exp(-elapsed[-1] / time_constants)
-
-
-@lru_cache(maxsize=4)
-def _weights_of_regular_steps(
-    n: int, step: float, time_constants: tuple[float, ...], hold: Hold
-) -> tuple[Floats, Floats]:
-    return _end_weights(np.full(n, step), np.array(time_constants), hold)
-
-
 def followed_error(covariance: Floats, step: float, time_constants: Floats) -> Floats:
     """Covariance of an input's error and of what the lags feel of it, a step later: dl/dt = (d - l)/tau, eq. (17).
 
@@ -294,16 +258,6 @@ def bridge_error(structure: Structure, length: float, time_constants: Floats) ->
     # an estimated D may be that of no quantity: the nearest covariance (Higham, Linear Algebra Appl. 103, 1988)
     values, vectors = np.linalg.eigh(felt @ beside @ felt.T)
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
-
-
-def paper_form(lag_difference: Floats, temperature: Floats, time_constants: Floats) -> Floats:
-    """Columns of eqs. (19) (25) as printed: psi [K s] less T [K], for comparison only.
-
-    ``psi = tau lagged`` satisfies ``psi[k+1] = exp(-dt/tau) psi[k] + (1 - exp(-dt/tau)) tau T[k]`` under the
-    zero-order hold. Shapes as in `lag_differences`.
-    """
-    T = temperature[:, None]
-    return np.asfortranarray((lag_difference + T) * time_constants - T)
 
 
 def decays(elapsed: Floats, time_constants: Floats) -> Floats:

@@ -10,7 +10,6 @@ from .cancellation import cancelling
 from .flat import flat_columns
 from .prior import LawPrior, check_like
 from .time_constants.resolution import unresolved
-from .unit_changes import unit_changes
 
 
 def doubts_of(model: Any, record: Record, solution: RidgeSolution, prior: LawPrior | None) -> list[str]:
@@ -25,7 +24,7 @@ def doubts_of(model: Any, record: Record, solution: RidgeSolution, prior: LawPri
     prior : LawPrior, optional
         What other devices told of this one.
     """
-    said = [*([model.run_levels_.note] if model.run_levels_.note else []), *unit_changes(record)]
+    said = [model.run_levels_.note] if model.run_levels_.note else []
     if prior is not None:
         mean = record.moments(record.temperature_name).mean
         return [*said, *filter(None, [check_like(prior, mean, model.residual_std_)])]

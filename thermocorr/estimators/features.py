@@ -22,6 +22,7 @@ from ..records.screen import screened
 from .checked import check_columns
 from .filling import Filling, check_rules, filling_of, learned_beside
 from .thermometers import Thermometers
+from .time_constants.spectrum import DECAY_SHARE
 
 LAYOUT_CONSTRAINTS: dict[str, Any] = {
     "fill": [dict, None],
@@ -35,9 +36,8 @@ THERMAL_CONSTRAINTS: dict[str, Any] = {
     "degree": [Interval(Integral, 0, 9, closed="both")],
     "products": ["boolean", Options(Integral, {2, 3})],
     "reference_temperature": [Interval(Real, None, None, closed="neither"), StrOptions({"mean"})],
-    "initial_state": [StrOptions({"equilibrium", "zero", "fit"})],
+    "initial_state": [StrOptions({"equilibrium", "fit"})],
     "hold": [StrOptions({"first_order", "zero_order"})],
-    "longest_decay_share": [Interval(Real, 0, None, closed="left")],
     "screen": ["boolean"],
     "effects": ["array-like", Effect],
     **LAYOUT_CONSTRAINTS,
@@ -65,17 +65,11 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         Further effects or scikit-learn transformers, alone or as (name, effect) pairs.
     reference_temperature : float or "mean", default "mean"
         T0, in the unit of the temperature.
-    initial_state : {"fit", "equilibrium", "zero"}, default "fit"
-        Device at the start of a segment: at rest with the first temperature plus fitted decay columns, eq. (18); at
-        rest; or at the reference temperature.
+    initial_state : {"fit", "equilibrium"}, default "fit"
+        Device at the start of a segment: at rest with the first temperature, plus fitted decay columns, eq. (18), for
+        time constants up to 4 % of the record (an `InitialTransient` among the effects has slower ones); or at rest.
     hold : {"first_order", "zero_order"}, default "first_order"
         Temperature between samples: a straight line, or the earlier value as in eq. (25). Both are exact.
-    longest_decay_share : float, default 1.0
-        Decay columns slower than this share of all segments together are left out: over the record they look like
-        drift or ageing and would swallow them without a word. So are those slower than their segment, unless it is
-        above 1.
-    form : {"unit_gain", "paper"}, default "unit_gain"
-        "paper" gives eqs. (17) (19) (25) as printed, with psi in K s, for comparison.
     screen : bool, default True
         Pass over temperatures that are not measurements, see `DynamicBiasRegressor`; their rows get NaN.
     temperature : str, int, or list of these, optional
@@ -92,11 +86,9 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         A longer step starts a new segment. By default temperature is taken as a straight line across gaps. Rows that
         lack a temperature, or a column that an effect uses, are passed over as if they had not been recorded.
     fill : dict of column to rule, optional
-        What to do with missing cells instead: "hold" the last value, "interpolate" to the next one, "estimate" a
-        thermometer from the others (which is done where there are several), "pass" over, or "end" the segment, so that
-        lags begin anew behind the hole; ("hold", "1 h") does so for an hour at most, ("end", "1 h") from an hour on.
-        Only earlier rows are used but by "interpolate", for which a stream holds. Readings beside filled cells are not
-        learned from.
+        What to do with missing cells instead: "estimate" a thermometer from the others (which is done where there are
+        several), or "end" the segment, so that lags begin anew behind the hole; ("estimate", "1 h") does so for an hour
+        at most, ("end", "1 h") from an hour on. Readings beside filled cells are not learned from.
 
     Attributes
     ----------
@@ -129,9 +121,11 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
 
     _parameter_constraints: dict[str, Any] = {
         "time_constants": "no_validation",
-        "form": [StrOptions({"unit_gain", "paper"})],
         **THERMAL_CONSTRAINTS,
     }
+
+    decay_share: float = DECAY_SHARE
+    """Decays slower than this share of all segments together are left out: they look like drift or ageing."""
 
     def __init__(
         self,
@@ -143,8 +137,6 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         reference_temperature: Any = "mean",
         initial_state: str = "fit",
         hold: str = "first_order",
-        longest_decay_share: float = 1.0,
-        form: str = "unit_gain",
         screen: bool = True,
         temperature: Any = None,
         time: Any = None,
@@ -160,8 +152,6 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         self.reference_temperature = reference_temperature
         self.initial_state = initial_state
         self.hold = hold
-        self.longest_decay_share = longest_decay_share
-        self.form = form
         self.screen = screen
         self.temperature = temperature
         self.time = time
@@ -308,11 +298,11 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         time_constants = self.thermometers().split(self.time_constants)[0]
         some = time_constants is not None and np.size(time_constants) > 0
         if some:
-            lag = ThermalLag(time_constants, self.hold, self.initial_state, self.form, self.reference_temperature)
+            lag = ThermalLag(time_constants, self.hold)
             parts.append((lag.kind, lag))
         of_all = self.thermometers().all_times(self.time_constants)
         if self.initial_state == "fit" and of_all:
-            parts.append((InitialTransient.kind, InitialTransient(of_all, self.longest_decay_share)))
+            parts.append((InitialTransient.kind, InitialTransient(of_all, self.decay_share)))
         if self.products and some:
             parts.append(
                 (
@@ -320,7 +310,6 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
                     LagProducts(
                         time_constants,
                         self.hold,
-                        self.initial_state,
                         self.reference_temperature,
                         temperature_products=True,
                         order=max(int(self.products), 2),

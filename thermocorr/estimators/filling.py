@@ -52,13 +52,10 @@ class Filling:
         given: Mapping[Any, np.ndarray],
         steps: np.ndarray,
         states: Sequence[np.ndarray] | None = None,
-        ahead: bool = False,
     ) -> FilledRows:
         """Fill the missing cells of columns, see `StandIn.fill`."""
         before = [None] * len(self.stand_ins) if states is None else states
-        found = {
-            one.column: one.fill(given, steps, state, ahead) for one, state in zip(self.stand_ins, before, strict=True)
-        }
+        found = {one.column: one.fill(given, steps, state) for one, state in zip(self.stand_ins, before, strict=True)}
         return FilledRows(
             {**given, **{name: filled.values for name, filled in found.items()}},
             {name: filled.errors for name, filled in found.items()},
@@ -87,7 +84,7 @@ class Filling:
                 continue
             states, since = self.before(history, record.stamp(start), run)
             steps = np.concatenate(([since], record.times.steps(rows)[1:]))
-            filled = self.fill(given, steps, states, ahead=True)
+            filled = self.fill(given, steps, states)
             for name, each in filled.errors.items():
                 columns[name][rows], errors[name][rows] = filled.values[name], each
             edges = [start, *(np.flatnonzero(filled.begins[1:]) + start + 1).tolist(), stop]
@@ -125,7 +122,7 @@ def filling_of(
     thermometers : sequence of columns
         Where there are several, each is estimated from the others unless a rule says otherwise.
     rules : mapping of column to rule
-        One of `RULES`, or one and the longest hole that is filled (beyond which a segment ends): ("hold", "1 h").
+        One of `RULES`, or one and the length of a hole up to which it is filled, or does not end the segment.
     screen : Screen, optional
         What is refused of the first thermometer; where there is one, that of the others is found.
     """
@@ -139,7 +136,7 @@ def filling_of(
     stand_ins = []
     for name, given in wanted.items():
         rule, longest = given if isinstance(given, tuple) else (given, None)
-        if rule == "pass" or record.n_used < FEWEST_ROWS:
+        if record.n_used < FEWEST_ROWS:
             continue
         others = [other for other in thermometers if other != name] if rule == "estimate" else []
         limit = seconds_of(longest, "fill") if longest is not None else 0.0 if rule == "end" else np.inf
@@ -197,5 +194,5 @@ def check_rules(rules: Any, thermometers: Sequence[Any], needed: Sequence[Any]) 
         if rule == "estimate" and (len(thermometers) < 2 or name not in thermometers):
             raise ValueError(
                 f"The 'fill' parameter wants {name!r} estimated: it is no thermometer with others beside it. Pass "
-                "temperature=[...], or say 'hold'."
+                "temperature=[...], or fill the column before, with pandas' ffill() or interpolate()."
             )

@@ -38,6 +38,7 @@ class FittedModel(DoubtedInputs):
     reading_: Reading
     washout_: float
     alpha_: float
+    standard_errors_: np.ndarray
     _solution: Any
     _swept: Any
 
@@ -50,39 +51,25 @@ class FittedModel(DoubtedInputs):
         errors = self.standard_errors()
         return coefficient_table(self.features_.effect_list(), self._all_coefficients(), errors, self.reading_)
 
-    def combined_errors(self, combinations: np.ndarray) -> np.ndarray:
-        """Standard errors of linear combinations of the coefficients, correlations included; as in `coef_table`.
+    def standard_errors(self, combinations: np.ndarray | None = None) -> np.ndarray:
+        """Standard errors of U0 and of every coefficient, shape (1 + n_columns,); see `coef_table`.
 
-        Parameters
-        ----------
-        combinations : array of shape (k, n_columns)
-            One combination of `coef_` per row.
-
-        Returns
-        -------
-        array of shape (k,)
-
-        Raises
-        ------
-        ValueError
-            For a model read from a file: ask its `joint_errors`.
+        With `combinations` of shape (k, n_columns) those of linear combinations of `coef_`, shape (k,). Raises
+        ValueError for a slim model, or one read from a file, which do not hold the factors of their record.
         """
         check_is_fitted(self, "pipeline_")
+        if combinations is None and hasattr(self, "standard_errors_"):
+            return self.standard_errors_
         if not hasattr(self, "_swept"):
             raise ValueError(
                 "A slim model, or one read from a file, does not hold the factors of its record. Ask joint_errors() "
                 "for the covariance of its coefficients, or fit it again."
             )
-        rows = np.column_stack((np.zeros(len(combinations)), combinations))
         with one_blas_thread():
-            return standard_errors(self._swept, self._solution, self.alpha_, rows)
-
-    def standard_errors(self) -> np.ndarray:
-        """Standard errors of U0 and of every coefficient, shape (1 + n_columns,); see `coef_table`."""
-        check_is_fitted(self, "pipeline_")
-        if not hasattr(self, "standard_errors_"):
-            with one_blas_thread():
-                self.standard_errors_ = standard_errors(self._swept, self._solution, self.alpha_)
+            if combinations is not None:
+                rows = np.column_stack((np.zeros(len(combinations)), combinations))
+                return standard_errors(self._swept, self._solution, self.alpha_, rows)
+            self.standard_errors_ = standard_errors(self._swept, self._solution, self.alpha_)
         return self.standard_errors_
 
     def law(self) -> Law:

@@ -17,7 +17,7 @@ from ..records import BLOCK_ROWS, Record, RecordError
 from .binned import Binned, Binning
 from .cutting import block_rows, pieces
 from .flat import flat_effects
-from .fused import Begun, FusedSweep
+from .fused import FusedSweep
 from .fused_columns import FusedColumns, can_be_fused
 
 
@@ -130,22 +130,6 @@ def _swept(
     steps = walk(walked, record, starts=own_starts(record), size=block_rows(record.n_used), extra=2)
     swept = sweep(record, steps, edges, reading_offset(record), starts)
     return swept.ordered(order, columns)
-
-
-def swept_on(
-    record: Record, effects: Sequence[Effect], edges: np.ndarray, offset: float, begun: Begun, n_used: int
-) -> tuple[Sequence[TriangularFactor], list[Any]]:
-    """Factors of ``[1 | Q | U]`` of a part of a record of `n_used` rows, and the states at its end."""
-    if can_be_fused(record, effects, None):
-        fused = FusedSweep(record, FusedColumns(effects, None), edges, offset, begun)
-        return fused.chunks, fused.end_states[0]
-    order, columns = decays_first(effects)
-    walked, states = [effects[i] for i in order], {0: [begun.states[i] for i in order]}
-    steps = walk(
-        walked, record, zero=begun.zero, starts={0: begun.start}, states=states, size=block_rows(n_used), extra=2
-    )
-    swept = sweep(record, steps, edges, offset).ordered(order, columns)
-    return swept.chunks, swept.end_states[0]
 
 
 def decays_first(effects: Sequence[Effect]) -> tuple[list[int], list[int]]:

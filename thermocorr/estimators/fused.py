@@ -6,8 +6,7 @@ effects are made block by block as ever, and read by the same pass.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from ..equations import LagState
 from ..equations.compiled import read_only
 from ..equations.lags import FELT, factors_of_two_steps
 from ..equations.preconditioned import Crossed, Preconditioned
-from ..records import Block, Record, SegmentStart
+from ..records import Block, Record
 from .binned import Binning
 from .cutting import pieces
 from .fused_columns import FusedColumns
@@ -25,16 +24,6 @@ from .fused_factors import FusedFactors
 ALONE = 2048
 """Rows that tell the coordinates of the others at first: their columns are written down."""
 _NOTHING = np.zeros(0)
-
-
-class Begun(NamedTuple):
-    """The beginning of a part of a record: one segment that goes on."""
-
-    zero: float
-    """Stamp from which the whole record counts its times."""
-    start: SegmentStart
-    states: Sequence[Any]
-    """States of all effects before the first row; None for those that have none, or begin."""
 
 
 class FusedSweep:
@@ -48,13 +37,9 @@ class FusedSweep:
         Positions in time order that cut the record into stretches, ends included.
     offset : float
         Subtracted from every reading.
-    begun : Begun, optional
-        Where a record goes on that others have begun; by default each segment begins by itself.
     """
 
-    def __init__(
-        self, record: Record, columns: FusedColumns, edges: np.ndarray, offset: float, begun: Begun | None = None
-    ):
+    def __init__(self, record: Record, columns: FusedColumns, edges: np.ndarray, offset: float):
         from ..equations import kernels
 
         self.end_states: list[list[Any]] = []
@@ -68,26 +53,21 @@ class FusedSweep:
         self._n_known = 0  # rows of the segment so far
         self.chunks = FusedFactors(columns.first[-1] + 1, len(edges) - 1, self._shared)
         """Factors of ``[1 | Q | U]``, one for each stretch."""
-        zero, starts = (None, own_starts(record)) if begun is None else (begun.zero, {0: begun.start})
-        for block in record.blocks(columns.block_rows(), zero, starts):
+        for block in record.blocks(columns.block_rows(), None, own_starts(record)):
             if block.start == record.segments[block.segment].start:
-                self._begin(block, None if begun is None else begun.states)
+                self._begin(block)
             self._take(block)
             if block.stop == record.segments[block.segment].stop:
                 self._end()
 
-    def _begin(self, block: Block, states: Sequence[Any] | None) -> None:
-        """A new segment: bodies at rest unless there are states of them, decays of its own."""
+    def _begin(self, block: Block) -> None:
+        """A new segment: bodies at rest, decays of its own."""
         n_old = len(self._decays)
         self._decays, self._places = self._columns.decays(block.segment)
         self._coordinates.begin(len(self._decays), n_old)
         self._n_known = 0
-        self._states: list[Any] = list(states or [None] * len(self._columns.effects))
+        self._states: list[Any] = [None] * len(self._columns.effects)
         self._lags, self._temperature = np.zeros(len(self._columns.time_constants)), block.temperature[:1].copy()
-        known = [self._states[i] for i in self._columns.lags if self._states[i] is not None]
-        if known:
-            self._lags = np.concatenate([state.lag_difference for state in known])
-            self._temperature[0] = known[0].temperature
 
     def _take(self, block: Block) -> None:
         assert self._record.reading is not None

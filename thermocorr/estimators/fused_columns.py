@@ -71,7 +71,7 @@ class FusedColumns:
 
 
 def _is_lag(effect: Any) -> bool:
-    return type(effect) is ThermalLag and effect.form == "unit_gain" and effect.initial_state != "zero"
+    return type(effect) is ThermalLag
 
 
 def _is_decay(effect: Effect) -> bool:

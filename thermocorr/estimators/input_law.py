@@ -68,7 +68,7 @@ def _law(column: Any, parts: Sequence[tuple[Effect, np.ndarray]], temperature: A
                 (power, float(weight), float(effect.reference_temperature_))
                 for power, weight in zip(effect.powers(), coef, strict=True)
             ]
-        elif isinstance(effect, ThermalLag) and column == temperature and effect.form == "unit_gain":
+        elif isinstance(effect, ThermalLag) and column == temperature:
             taus += effect.time_constants_.tolist()
             weights += coef.tolist()
         elif isinstance(effect, Covariate) and effect.column == column:

@@ -235,7 +235,7 @@ def known_before(model: Any, features: DiffusiveFeatures) -> LawPrior | None:
             f"The fleet's laws are about {prior.reference_temperature:.6g}, and this model has "
             f"reference_temperature={model.reference_temperature!r}. Leave it at 'mean', or fit the fleet with it."
         )
-    features.set_params(longest_decay_share=ANY_DECAY)
+    features.decay_share = ANY_DECAY
     return prior
 
 

@@ -13,7 +13,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils._param_validation import Interval, StrOptions
 
 from ..effects.wrap import EffectsParameters, as_effects
-from ..records import Block, Record, seconds_of
+from ..records import Block, Record
 from ..records.errors import warn
 from ..records.flags import Flags
 from .aligned import like, no_flags
@@ -30,7 +30,6 @@ from .ridge import MergedRidge
 from .run_levels import RunLevels, run_levels
 from .threads import one_blas_thread
 from .time_constants.remembered import Sweeps
-from .time_constants.spectrum import DECAY_SHARE
 from .uncertainty.signing import SignedModel
 from .weighing import learned_readings
 
@@ -63,8 +62,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     alpha : float or "auto", default "auto"
         Ridge penalty on coefficients times their columns' standard deviation, eps of eq. (13). "auto" takes the
         search's (at most 1e-4 per reading), and 0 for given time constants.
-    longest_decay_share : float, default 0.04
-        Start-up decays slower than this share of the record are left out, see `DiffusiveFeatures`.
     screen : bool, default True
         Leave out values that are not measurements: codes for "no value" (9.9E37, -999, 85.0 of a thermometer at
         power-on) and isolated spikes, see `thermocorr.equations.spikes`. Such readings are not learned from; rows with
@@ -78,9 +75,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         What like devices tell of this one: their time constants, T0, and the distribution of their coefficients, from
         which this device's own are taken to be drawn. An hour of a new unit is enough then. See
         `thermocorr.estimators.prior.LawPrior`.
-    washout : float, time span or "auto", default "auto"
-        How long rows are flagged after a start that the fit does not know [s]; "auto" is three times the longest time
-        constant.
     verbose : int, default 0
         1 prints what is being done.
 
@@ -108,7 +102,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     temperature_range_ : tuple of float
         Lowest and highest temperature of the fitted rows.
     washout_ : float
-        [s].
+        How long rows are flagged after a start that the fit does not know [s]: three times the longest time constant.
     notes_ : tuple of str
         What the user should know about the record's quality, and about what it cannot determine.
 
@@ -130,7 +124,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         "products": [*THERMAL_CONSTRAINTS["products"], StrOptions({"auto"})],
         "alpha": [Interval(Real, 0, None, closed="left"), StrOptions({"auto"})],
         "run_offset": [StrOptions({"auto", "each", "same"})],
-        "washout": "no_validation",
         "verbose": ["verbose"],
     }
 
@@ -146,7 +139,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         reference_temperature: Any = "mean",
         initial_state: str = "fit",
         hold: str = "first_order",
-        longest_decay_share: float = DECAY_SHARE,
         screen: bool = True,
         time: Any = None,
         run: Any = None,
@@ -155,7 +147,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         max_gap: Any = None,
         fill: Any = None,
         prior: Any = None,
-        washout: Any = "auto",
         verbose: int = 0,
     ):
         self.temperature = temperature
@@ -167,7 +158,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.reference_temperature = reference_temperature
         self.initial_state = initial_state
         self.hold = hold
-        self.longest_decay_share = longest_decay_share
         self.screen = screen
         self.time = time
         self.run = run
@@ -176,7 +166,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.max_gap = max_gap
         self.fill = fill
         self.prior = prior
-        self.washout = washout
         self.verbose = verbose
 
     sweeps: Sweeps | None = None
@@ -208,7 +197,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             For a record that cannot be used; the message says what was found, where, and what to do.
         """
         self._validate_params()
-        washout = None if self.washout == "auto" else seconds_of(self.washout, "washout")
         if y is None:
             raise ValueError("This DynamicBiasRegressor requires y to be passed, but the target y is None.")
         y = learned_readings(X, y, self.unfitted_features(()).layout(), mask, weights)
@@ -223,7 +211,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
                 self.search_ = again
                 record, believed, prior = self._learn(X, y, say)
         self._conclude(record, believed, prior)
-        self.washout_ = WASHOUT_TIME_CONSTANTS * self.features_.memory() if washout is None else washout
+        self.washout_ = WASHOUT_TIME_CONSTANTS * self.features_.memory()
         return self
 
     def _learn(self, X: Any, y: Any, say: Callable[[str], None]) -> tuple[Record, Record, LawPrior | None]:

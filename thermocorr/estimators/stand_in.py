@@ -1,9 +1,8 @@
-"""What takes the place of a column's missing cells: foretold from other thermometers, the last value, a straight line.
+"""What takes the place of a thermometer's missing cells: an estimate from the other thermometers.
 
 A thermometer that falls silent is taken from the others: a straight line through each other one and one lag of it, plus
 what it last read beyond that, which is forgotten as fast as it was in the fitted record. Only earlier rows are used, so
-that a stream fills what a whole record does. A straight line to the next value is for whole records: a stream, which
-does not know it, holds the last one.
+that a stream fills what a whole record does.
 """
 
 from __future__ import annotations
@@ -18,9 +17,9 @@ from ..equations.lags import LagState, lag_differences
 from ..records import Record
 from ..records.screen import Limits
 
-RULES = ("pass", "hold", "interpolate", "estimate", "end")
-"""What may be done where a cell is missing: pass over its row, hold the last value, draw a straight line to the next,
-estimate it from other thermometers, pass over its row and begin a new segment behind it."""
+RULES = ("estimate", "end")
+"""What may be done where a cell is missing: estimate it from other thermometers; or pass over its row and begin a new
+segment behind it."""
 CANDIDATES = 12
 """Time constants that are tried for the lag of another thermometer, from two steps to a tenth of the record."""
 MOST_ROWS = 20_000
@@ -45,7 +44,7 @@ class StandIn:
 
     column: Any
     others: tuple[Any, ...] = ()
-    """Columns that it is estimated from; none where the last value is held."""
+    """Columns that it is estimated from; none where holes end the segment."""
     means: np.ndarray
     """Mean of the column, then of the others."""
     slopes: np.ndarray
@@ -57,7 +56,7 @@ class StandIn:
     memory: float
     """Time in which that is forgotten [s]."""
     rule: str
-    """One of `RULES`, "pass" excepted."""
+    """One of `RULES`."""
     longest: float = np.inf
     """A hole is filled for so long; one that is never filled ends the segment from then on [s]."""
     limits: Limits = field(default_factory=Limits)
@@ -75,7 +74,6 @@ class StandIn:
         given: Mapping[Any, np.ndarray],
         steps: np.ndarray,
         state: np.ndarray | None = None,
-        ahead: bool = False,
     ) -> Filled:
         """Fill consecutive rows of one segment.
 
@@ -87,10 +85,8 @@ class StandIn:
             Time since the row before [s]; the first counts where there is a `state`.
         state : array, optional
             Of the rows before; None where a segment begins.
-        ahead : bool
-            Whether these rows are all there will be: a straight line may then be drawn to the next value.
         """
-        measured, n_others = np.asarray(given[self.column], float), len(self.others)
+        measured = np.asarray(given[self.column], float)
         before = np.full(self.width, np.nan) if state is None else state
         told, after, reach = self._told(given, steps, before)
         known = np.isfinite(measured)
@@ -99,39 +95,15 @@ class StandIn:
         beyond = np.where(last >= 0, (measured - told)[last], before[-2])
         age = seconds - np.where(last >= 0, seconds[last], -before[-1])
         left = np.exp(-age / self.memory)  # NaN before the first value
-        share = left if n_others else np.where(np.isnan(age), np.nan, 1.0)
-        estimate = told + (np.nan_to_num(beyond * share) if n_others else beyond)
-        error = self.spread * np.sqrt(1.0 - np.nan_to_num(left) ** 2 if n_others else 2.0 * (1.0 - left))
-        length = age
-        if ahead and self.rule == "interpolate":
-            estimate, error, length = self._between(measured, seconds, estimate, error, age)
-        filled = ~known & reach & np.isfinite(estimate) & ~(length > self.longest) & (self.rule != "end")
+        estimate = told + np.nan_to_num(beyond * left)
+        error = self.spread * np.sqrt(1.0 - np.nan_to_num(left) ** 2)
+        filled = ~known & reach & np.isfinite(estimate) & ~(age > self.longest) & (self.rule == "estimate")
         return Filled(
             np.where(filled, estimate, measured),
             np.where(filled, error, np.nan),
             np.array([*after, beyond[-1], age[-1]]),
             self._begins(known, seconds, before[-1]),
         )
-
-    def _between(
-        self, measured: np.ndarray, seconds: np.ndarray, held: np.ndarray, error: np.ndarray, age: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Straight lines to the next value with their errors, and the length of each hole [s]; held where none comes.
-
-        With the structure function D, a share w = b / (a + b) of the value before and one of 1 - w of that behind are
-        wrong by w D(a) + (1 - w) D(b) - w (1 - w) D(a + b).
-        """
-        n = len(measured)
-        behind = np.minimum.accumulate(np.where(np.isfinite(measured), np.arange(n), n)[::-1])[::-1]
-        there = (behind < n) & np.isfinite(held)
-        at = np.minimum(behind, n - 1)
-        wait = np.where(there, seconds[at] - seconds, 0.0)
-        whole = np.nan_to_num(age) + wait
-        share = np.where(there, wait / np.where(whole > 0, whole, 1.0), 1.0)
-        line = np.where(there, share * held + (1.0 - share) * np.nan_to_num(measured[at]), held)
-        squares = [2.0 * self.spread**2 * -np.expm1(-each / self.memory) for each in (whole - wait, wait, whole)]
-        variance = share * squares[0] + (1.0 - share) * (squares[1] - share * squares[2])
-        return line, np.where(there, np.sqrt(np.maximum(variance, 0.0)), error), whole
 
     def _begins(self, known: np.ndarray, seconds: np.ndarray, before: float) -> np.ndarray:
         """Rows with a value behind a hole that ends the segment; `before`: the age of the last value at first [s]."""

@@ -14,7 +14,6 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
-from ..records import seconds_of
 from .regressor import DynamicBiasRegressor
 from .thermometers import Thermometers
 from .threads import one_blas_thread
@@ -55,11 +54,8 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         Ridge penalties to choose from, in `DynamicBiasRegressor`'s sense; "auto" is 0, 1e-8, 1e-6 and 1e-4 per
         reading. "spectrum" chooses its own.
     cv : int, splitter or iterable, default 5
-        An int is forward chaining as in ``TimeSeriesSplit``. Splitters get the runs as groups; their folds must be
-        whole stretches of time. The lags run on through all rows.
-    washout : float or time span, optional
-        Length [s] left out between training and test, and behind the start of a run of which nothing was learned.
-        None is 1 % of the record for an int, 0 for a splitter (which has a gap of its own).
+        An int is forward chaining as in ``TimeSeriesSplit``, with 1 % of the record left out before each test.
+        Splitters get the runs as groups; their folds must be whole stretches of time. The lags run on through all rows.
     rule : {"one_standard_error", "best"}, default "one_standard_error"
         How cross-validation chooses the number of time constants.
     refine : bool or "auto", default "auto"
@@ -127,7 +123,6 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         max_count: int = 6,
         alphas: Any = "auto",
         cv: Any = 5,
-        washout: Any = None,
         rule: str = "one_standard_error",
         refine: bool | str = "auto",
         scoring: str = "neg_root_mean_squared_error",
@@ -142,7 +137,6 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         self.max_count = max_count
         self.alphas = alphas
         self.cv = cv
-        self.washout = washout
         self.rule = rule
         self.refine = refine
         self.scoring = scoring
@@ -180,7 +174,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         search = METHODS[self.method].search
         with one_blas_thread():
             model.learn_levels(X, learned)
-            choice = search(model.unfitted_features(()), X, learned, self._settings(model))
+            choice = search(model.unfitted_features(()), X, learned, self._settings())
             self._conclude(choice)
         self.search_time_ = time.perf_counter() - started
         if self.refit:
@@ -207,7 +201,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         best: DynamicBiasRegressor = self.best_estimator_
         return best
 
-    def _settings(self, model: DynamicBiasRegressor) -> SearchSettings:
+    def _settings(self) -> SearchSettings:
         return SearchSettings(
             candidates=self.candidates,
             method=self.method,
@@ -215,10 +209,8 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             max_count=min(self.max_count, METHODS[self.method].most or self.max_count),
             alphas=self.alphas,
             cv=self.cv,
-            washout=None if self.washout is None else self.washout and seconds_of(self.washout, "washout"),
             rule=self.rule,
             scoring=self.scoring,
-            longest_decay_share=model.longest_decay_share,
             n_jobs=self.n_jobs,
             say=print if self.verbose else lambda text: None,
         )

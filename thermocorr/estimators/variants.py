@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -112,18 +111,6 @@ class VariantComparison:
     def _repr_html_(self) -> str:
         return self.to_html()
 
-    def to_latex(self) -> str:
-        """The table as a LaTeX tabular with booktabs rules; the caption is a comment above it."""
-        text = self.formatted()
-        head = " & ".join(["", *text.columns]) + r" \\"
-        rows = [
-            " & ".join([str(name), *map(_in_latex, row)]) + r" \\"
-            for name, row in zip(text.index, text.to_numpy(), strict=True)
-        ]
-        body = "\n".join([r"\toprule", head, r"\midrule", *rows, r"\bottomrule"])
-        columns = "l" + "r" * text.shape[1]
-        return f"% {self.caption()}\n\\begin{{tabular}}{{{columns}}}\n{body}\n\\end{{tabular}}\n"
-
 
 @said_once()
 def compare_variants(
@@ -166,7 +153,7 @@ def compare_variants(
     Returns
     -------
     VariantComparison
-        ``print`` it, or take ``frame()``, ``to_html()``, ``to_latex()``, ``models``, ``residuals``.
+        ``print`` it, or take ``frame()``, ``to_html()``, ``models``, ``residuals``.
 
     Raises
     ------
@@ -237,15 +224,6 @@ def compare_variants(
         n_blocks=len(blocks),
         record=record,
     )
-
-
-def _in_latex(number: str) -> str:
-    """A number as LaTeX sets it: powers of ten, an empty cell for none."""
-    return f"${re.sub(r'e([+-]?)0*([0-9]+)$', _power, number)}$" if number else ""
-
-
-def _power(found: re.Match[str]) -> str:
-    return rf"\times 10^{{{found[1].removeprefix('+')}{found[2]}}}"
 
 
 def _tell(say: Callable[[str], None], name: str, text: str) -> None:

@@ -62,8 +62,8 @@ def _stand_in(node: Any, where: str, columns: Collection[Any]) -> tuple[StandIn,
     }
     if (numbers["time_constants"] <= 0).any():
         raise unexpected(f"{where}.time_constants", "times", "times above zero")
-    if node["rule"] not in RULES[1:] or (node["rule"] == "estimate") != bool(others):
-        raise unexpected(f"{where}.rule", repr(node["rule"])[:60], f"one of {RULES[1:]}, 'estimate' with other columns")
+    if node["rule"] not in RULES or (node["rule"] == "estimate") != bool(others):
+        raise unexpected(f"{where}.rule", repr(node["rule"])[:60], f"one of {RULES}, 'estimate' with other columns")
     low, high = numbers_or_nan(node["range"], f"{where}.range", 2)
     stand_in = StandIn(
         limits=unpack_limits(node["limits"], f"{where}.limits"),

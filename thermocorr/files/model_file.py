@@ -7,7 +7,6 @@ it all came from. Reading checks a digest of the content first, and then the typ
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import platform
 import re
@@ -24,19 +23,18 @@ from ..estimators import DynamicBiasRegressor
 from ..records import History, read_record
 from ..records.numbers import numeric_reading
 from . import write_file
-from .codec import LARGEST_FILE, ModelFileError, fields, integer, parse, read_bytes, render, text
+from .codec import LARGEST_FILE, ModelFileError, fields, integer, parse, read_bytes, render
 from .effect_nodes import EffectCodec
-from .migrations import MIGRATIONS
 from .model_nodes import pack_model, unpack_model
 
 FORMAT = "thermocorr model"
-VERSION = 13
+VERSION = 1
 LONGEST_MESSAGE = 400
 """Characters of what is said about a file's content, which may be anything."""
 HISTORY_ROWS = 4096
 """Rows of the fitted record that a file keeps unless it is told otherwise."""
 _HEAD = re.compile(rb'\{"format": "thermocorr model", "version": ([0-9]{1,9}), "digest": "(sha256:[0-9a-f]{64})",\n')
-"""First line of a file since version 2; the digest is that of all bytes behind it."""
+"""First line of a file; the digest is that of all bytes behind it."""
 
 
 class LaterVersionError(ModelFileError):
@@ -162,16 +160,9 @@ def _model_of(content: bytes, codec: EffectCodec) -> DynamicBiasRegressor:
     node = parse(content)
     if node.get("format") != FORMAT:
         raise ModelFileError(f"$.format is {str(node.get('format'))[:60]!r} where {FORMAT!r} belongs: a foreign file")
-    found = integer(node.get("version"), "$.version", 0)
-    _refuse_later(found)
-    if found == VERSION and head is None:
+    _refuse_later(integer(node.get("version"), "$.version", VERSION))
+    if head is None:
         raise ModelFileError("its first line is not as it was written")
-    if found == 1:  # the digest of all the rest, written without spaces and with sorted keys
-        said = text(node.pop("digest", None), "$.digest")
-        if said != digest_of(node):
-            raise ModelFileError("$.digest does not fit the content: something was changed or lost")
-    while (at := node["version"]) < VERSION:
-        node = MIGRATIONS[at](node)
     node = fields(node, "$", ("format", "version", "digest", "provenance", "model"))
     model = unpack_model(node["model"], "$.model", codec)
     model.provenance_ = fields(node["provenance"], "$.provenance", ("versions", "data"))
@@ -181,12 +172,6 @@ def _model_of(content: bytes, codec: EffectCodec) -> DynamicBiasRegressor:
 def _refuse_later(found: int) -> None:
     if found > VERSION:
         raise LaterVersionError(f"it was written by a later version (format {found}, this one reads up to {VERSION})")
-
-
-def digest_of(content: dict[str, Any]) -> str:
-    """Digest of a file of version 1: sha256 of everything else in it, without spaces and with sorted keys."""
-    plain = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return f"sha256:{hashlib.sha256(plain.encode('ascii')).hexdigest()}"
 
 
 # --------------------------------------------------------------------------------------------------------- provenance

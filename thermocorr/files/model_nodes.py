@@ -268,9 +268,9 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
     try:
         as_effects(model.effects)
         LawPrior.given(model.prior)
-        for key in ("sampling_period", "max_gap", "washout"):
+        for key in ("sampling_period", "max_gap"):
             value = parameters[key]
-            if value is not None and not (isinstance(value, str) and value == "auto"):
+            if value is not None:
                 seconds_of(value, key)
         model._validate_params()
         features = model.unfitted_features(())

@@ -1,4 +1,4 @@
-"""All first-order lags of a program: those of equal input, hold and start stand in one array and are computed once.
+"""All first-order lags of a program: those of equal input and hold stand in one array and are computed once.
 
 In double precision the recursion is that of `thermocorr.equations.lags`, operation for operation. In single precision
 ``d = a d - g change`` would lose the answer where tau >> dt: the rounded a stands for another time constant, and a
@@ -45,8 +45,6 @@ class Group:
 
     source: LagInput
     hold: str
-    start: Formula | None
-    """What each lag difference starts with; None: at rest."""
     stage: int
     ends: dict[float, float] = field(default_factory=dict)
     """Time constant [s] -> lag difference at the end of the fit."""
@@ -63,14 +61,13 @@ class LagBank:
 
     def __init__(self, program: Program):
         self.program = program
-        self.groups: dict[tuple[Formula | None, str, Formula | None], Group] = {}
+        self.groups: dict[tuple[Formula | None, str], Group] = {}
 
     def request(
         self,
         source: LagInput,
         time_constants: Sequence[float],
         hold: str = "first_order",
-        start: Formula | None = None,
         end: LagState | None = None,
         counted_from: float = 0.0,
         stage: int = 0,
@@ -80,7 +77,7 @@ class LagBank:
         The device rounds the last input, which the code counts from `counted_from`. The lagged value must not move by
         that, so the lag differences take it up.
         """
-        group = self.groups.setdefault((source.value, hold, start), Group(source, hold, start, stage))
+        group = self.groups.setdefault((source.value, hold), Group(source, hold, stage))
         last = 0.0 if end is None else end.temperature - counted_from
         rounded_off = last - self.program.target.held(last)
         for j, tau in enumerate(time_constants):
@@ -104,9 +101,8 @@ class LagBank:
             ended = program.constant(f"{name}_at_end{suffix}", [group.ends[t] for t in taus], group.source.unit)
             program.init.loop(n, lambda j: [Assign(lag[j], ended[j])])
         begin = program.stage(group.stage).begin
-        start = group.start if target.begins else None
-        if start or target.longest_step is not None:  # rest: what `init` does before the first sample
-            begin.loop(n, lambda j: [Assign(lag[j], start or Number(0.0))])
+        if target.longest_step is not None:  # rest: what `init` does before the first sample
+            begin.loop(n, lambda j: [Assign(lag[j], Number(0.0))])
         fast = n_plain(group, taus, target)
         self._recursion(group, taus, suffix, 0, fast)
         self._recursion(group, taus, suffix, fast, n)

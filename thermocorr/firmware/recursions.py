@@ -95,13 +95,8 @@ class Words:
     def _lag(self, word: Lag, p: Polynomial, state: LagState | None, name: str, stage: int) -> Later:
         """Eqs. (19) (25)."""
         given = self._following(p, None if state is None else state.temperature, name, stage)
-        start = None
-        if word.start is not None and self.target.begins:
-            shift = word.start - p.constant
-            begins = self.program.shared("starts_from", shift, "where bodies start, less what is usual")
-            start = begins - self.composer.said(self.composer.as_one(p, name, stage).moving).value
         source, taus = LagInput(given.value, given.said, given.change, given.unit or "1"), word.time_constants
-        group = self.composer.lags.request(source, taus, word.hold, start, state, given.counted_from, stage)
+        group = self.composer.lags.request(source, taus, word.hold, state, given.counted_from, stage)
 
         def later(_: int) -> list[Polynomial]:
             return [self._lagged(place, tau, given) for place, tau in zip(group.columns(taus), taus, strict=True)]

@@ -71,7 +71,7 @@ class StepResponseDisplay:
             joint = fitted.joint_errors()
             error = joint.combined(_columns(fitted, joint.effects, times, step), value)
         else:
-            error = fitted.combined_errors(columns)
+            error = fitted.standard_errors(columns)
         response = pd.DataFrame({"time": times, "response": value, "standard_error": error})
         reading = fitted.reading_
         return cls(

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import RecordError
+from .grammar import number
 
 UNIX = (9.4e8, 2.6e9)
 """Unix times in seconds, 1999 to 2052."""
@@ -27,6 +31,28 @@ def unix_unit(low: float, high: float) -> str | None:
     """
     units = {"s": 1.0, **EPOCHS}
     return next((unit for unit, n in units.items() if UNIX[0] * n <= low and high < UNIX[1] * n), None)
+
+
+def unix_time(cell: str, kind: str) -> tuple[str, Any]:
+    """Unit and time of a cell that is a Unix time in ms, us or ns by its size; ``("", cell)`` for any other.
+
+    Parameters
+    ----------
+    cell : str
+    kind : str
+        Kind of the times that are wanted, see `Times.kind`: seconds [s], or dates.
+    """
+    try:
+        count = number(cell, "the time")
+    except RecordError:  # a date
+        return "", cell
+    unit = unix_unit(count, count)
+    if unit not in EPOCHS:
+        return "", cell
+    if kind == "seconds":
+        return unit, count / EPOCHS[unit]
+    exact: Any = int(cell) if cell.isdecimal() else count
+    return unit, pd.Timestamp(exact, unit=unit, tz="UTC" if kind == "datetime with time zone" else None)
 
 
 def refuse_no_seconds(numbers: NDArray[np.float64], where: str, first_row: int = 0) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from os import PathLike
 from typing import Any
 
@@ -103,13 +102,6 @@ class ParquetLog(Log):
                 f"There is no column {quoted(name)} in the file. Its columns are {listing(self.columns)}."
             )
         return self._schema.field(name).type
-
-    def parts(self, count: int) -> list[ParquetLog]:
-        """The log cut at its row groups into at most `count` logs of similar length."""
-        targets = np.linspace(0, len(self), count + 1)[1:-1]
-        cuts = np.unique([0, *np.searchsorted(self.edges, targets), len(self._groups)])
-        numbers = list(range(len(self._groups))) if self.row_groups is None else self.row_groups
-        return [ParquetLog(self.paths, numbers[low:high]) for low, high in pairwise(cuts)]
 
     def times(self, name: str) -> Times:
         """Times from a column of dates, spans or seconds."""

@@ -14,7 +14,7 @@ from ...records import Record
 from ..features import DiffusiveFeatures
 from ..fitting import Swept, sweep_effects
 from .folds import TimeFolds
-from .spectrum import GridLayout
+from .spectrum import DECAY_SHARE, GridLayout
 
 MOST_SEGMENTS = 8
 """With more segments, each has a few decays of its own that are taken out, not one for each time constant tried."""
@@ -35,31 +35,25 @@ class LagColumns:
     starts: InitialTransient
     """Decays that are fitted and taken out of everything: where there are many segments, or several thermometers that
     share them, in place of `transient`."""
-    share: float
     layout: GridLayout
     decays: list[tuple[int, int, float]]
     """Column, segment and time constant of each decay."""
 
     @classmethod
-    def of(cls, features: DiffusiveFeatures, record: Record, time_constants: np.ndarray, share: float) -> LagColumns:
-        """Lags, and decays up to a `share` of the record, behind the columns of the learned `features`.
+    def of(cls, features: DiffusiveFeatures, record: Record, time_constants: np.ndarray) -> LagColumns:
+        """Lags, and decays up to `DECAY_SHARE` of the record, behind the columns of the learned `features`.
 
         Each thermometer has lags of all the time constants.
         """
         taus = time_constants.tolist()
-        lag = ThermalLag(
-            taus,
-            features.hold,
-            features.initial_state,
-            reference_temperature=features.reference_temperature,
-        )
+        lag = ThermalLag(taus, features.hold)
         columns = features.thermometers().further
         further = [ColumnLags(column, taus, features.hold) for column in columns]
         fitted, many = features.initial_state == "fit", bool(further) or len(record.segments) > MOST_SEGMENTS
-        transient = InitialTransient(taus, share if fitted and not many else 0.0)
+        transient = InitialTransient(taus, DECAY_SHARE if fitted and not many else 0.0)
         span = record.longest_read()
         few = np.geomspace(FASTEST_START * record.usual_step(), max(span, record.usual_step()), N_STARTS)
-        starts = InitialTransient(few.tolist(), share if fitted and many else 0.0)
+        starts = InitialTransient(few.tolist(), DECAY_SHARE if fitted and many else 0.0)
         for effect in (lag, *further, transient, starts):
             effect.learn(record)
         n_free = 1 + sum(effect.n_columns() for effect in features.effect_list())
@@ -73,9 +67,7 @@ class LagColumns:
                 decays.append((column, key, float(tau)))
         deviations = [record.moments(name).std or 1.0 for name in (record.temperature_name, *columns)]
         layout = GridLayout(grid, span, n_free, owned, deviations)
-        return cls(
-            lag=lag, further=further, transient=transient, starts=starts, share=share, layout=layout, decays=decays
-        )
+        return cls(lag=lag, further=further, transient=transient, starts=starts, layout=layout, decays=decays)
 
     def dead(self, record: Record, folds: TimeFolds) -> list[list[int]]:
         """Decays too slow for what each fold learns from: columns that it must not use."""

@@ -18,7 +18,7 @@ from ..cutting import equal_edges
 MAX_STRETCHES = 400
 """More stretches than this are not blocks in time but shuffled rows."""
 WASHOUT_SHARE = 0.01
-"""Default washout between training and test, as a share of the record."""
+"""Washout between training and test, as a share of the record."""
 
 Ranges = list[tuple[int, int]]
 
@@ -74,7 +74,7 @@ class TimeFolds:
         return record.times.between(record.stamp(max(rows)), record.stamp(min(rows))) if rows else 0.0
 
 
-def folds_in_time(record: Record, cv: Any = 5, washout: float | None = None) -> TimeFolds:
+def folds_in_time(record: Record, cv: Any = 5) -> TimeFolds:
     """Cut a record for cross-validation.
 
     Parameters
@@ -84,18 +84,15 @@ def folds_in_time(record: Record, cv: Any = 5, washout: float | None = None) -> 
         An int is forward chaining with that many tests, the rows of ``TimeSeriesSplit(cv)`` (of the part that has
         readings, where these hold less than half of the record). A splitter of
         scikit-learn is given the runs' labels as groups. Its folds must be made of whole stretches of time.
-    washout : float, optional
-        Length [s] of what is left out: learned rows that close to a test, and tested rows that close behind the start
-        of a run of which nothing was learned. None is 1 % of the longest segment for an int, 0 for a splitter.
+
+    With an int, learned rows within 1 % of the longest segment of a test are left out, and tested rows that close
+    behind the start of a run of which nothing was learned.
     """
     if isinstance(cv, Integral) and not isinstance(cv, bool):
-        pairs = _forward(record, int(cv))
-        if washout is None:
-            washout = WASHOUT_SHARE * record.longest_read()
+        gap = round(WASHOUT_SHARE * record.longest_read() / record.usual_step())
+        pairs = [_washed(record, learned, tested, gap) for learned, tested in _forward(record, int(cv))]
     else:
         pairs = _of_splitter(record, cv)
-    gap = round((washout or 0.0) / record.usual_step())
-    pairs = [_washed(record, learned, tested, gap) for learned, tested in pairs]
     ends = [end for pair in pairs for side in pair for stretch in side for end in stretch]
     edges = np.unique(np.concatenate((equal_edges(record), np.array(ends, np.intp))))
     stretches = [tuple(_stretches(edges, side) for side in pair) for pair in pairs]

@@ -107,7 +107,7 @@ def sensitivity(base: Factored, time_constants: np.ndarray, alpha: float) -> Sen
         Ridge penalty.
     """
     record, n_lags = base.record, len(time_constants)
-    columns = LagColumns.of(base.features, record, time_constants, base.columns.share)
+    columns = LagColumns.of(base.features, record, time_constants)
     moved_lag, moved_transient = copy.copy(columns.lag), copy.copy(columns.transient)
     moved_lag.time_constants_ = time_constants * np.exp(DIFFERENCE)
     moved_transient.decays_ = {key: taus * np.exp(DIFFERENCE) for key, taus in columns.transient.decays_.items()}

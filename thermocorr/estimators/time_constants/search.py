@@ -66,10 +66,8 @@ class SearchSettings:
     max_count: int = 6
     alphas: Any = "auto"
     cv: Any = 5
-    washout: float | None = None
     rule: str = "one_standard_error"
     scoring: str = "neg_root_mean_squared_error"
-    longest_decay_share: float = 1.0
     n_jobs: int | None = None
     say: Callable[[str], None] = lambda text: None
     sweeps: Sweeps | None = None
@@ -367,8 +365,8 @@ def factors_of(
     features: DiffusiveFeatures, record: Record, reading: Reading, grid: np.ndarray, settings: SearchSettings
 ) -> Factored:
     """The one pass: a factor for each stretch over ``[1 | static | lags | decays | U]``."""
-    columns = LagColumns.of(features, record, grid, settings.longest_decay_share)
-    folds = folds_in_time(record, settings.cv, settings.washout)
+    columns = LagColumns.of(features, record, grid)
+    folds = folds_in_time(record, settings.cv)
     effects = [*features.effect_list(), columns.lag, *columns.further, columns.transient]
     if settings.sweeps is None:
         chunks = list(columns.swept(record, effects, folds.edges).chunks)

@@ -118,15 +118,6 @@ class Budget:
         caption = html.escape(self.result())
         return f"<table><caption>{caption}</caption><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
 
-    def to_latex(self) -> str:
-        """The table as LaTeX (tabular)."""
-        lines = [" & ".join(_latex(cell) for cell in self._cells(line)) + r" \\" for line in self.lines]
-        head = " & ".join(COLUMNS) + r" \\ \hline"
-        return "\n".join(
-            [r"\begin{tabular}{" + "l" * len(COLUMNS) + "}", head, *lines, r"\hline", r"\end{tabular}",
-             _latex(self.result())]
-        )  # fmt: skip
-
     def _cells(self, line: BudgetLine) -> tuple[str, ...]:
         total = self.u**2 or 1.0
         return (
@@ -203,12 +194,3 @@ def concise(value: float, U: float) -> str:
     if -place <= 1:  # 250.1(1.2)
         return f"{whole}.{grouped}({digits / 10.0**-place:.{-place}f})"
     return f"{whole}.{grouped}({digits})"
-
-
-_ESCAPES = str.maketrans(
-    {"\\": r"\textbackslash{}", **{sign: "\\" + sign for sign in "%_&#${}"}, "^": r"\^{}", "~": r"\~{}"}
-)
-
-
-def _latex(text: str) -> str:
-    return text.translate(_ESCAPES)

@@ -15,7 +15,6 @@ from ..fitted import FittedModel
 from ..run_levels import level_variance
 from ..threads import one_blas_thread
 from .assessed import too_short, uncertainty_of, why_incomplete
-from .budget import coverage_factor
 from .declared import Reference, Sensor
 from .joint import UNKNOWN, JointErrors
 from .joint_fit import joint_errors
@@ -40,7 +39,7 @@ class SignedModel(FittedModel):
         """Forget the fitted record but for so many rows: small to send and to keep, as a model read from a file.
 
         Later rows are corrected as ever, uncertainties and standard errors included; rows that repeat the fitted record
-        find their states from the rows that are kept. `combined_errors` needs the record, and refuses.
+        find their states from the rows that are kept. Errors of further combinations need the record.
         """
         if history_rows < 1:
             raise ValueError(f"The 'history_rows' parameter must be at least 1. Got {history_rows!r} instead.")
@@ -147,24 +146,6 @@ class SignedModel(FittedModel):
             why_provisional=why_incomplete(self, joint, diagnosis),
             allow_missing=allow_missing,
         )
-
-    def predict_interval(self, X: Any, coverage: float | list[float] = 0.95) -> pd.DataFrame:
-        """Intervals for a reading, in the form of skpro: columns (name, coverage, "lower" or "upper").
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-        coverage : float or list of float, default 0.95
-        """
-        value, u = self.predict(X, return_std=True)
-        columns = {}
-        joint = self.joint_errors()
-        for share in coverage if isinstance(coverage, list | tuple | np.ndarray) else [coverage]:
-            _check_share("coverage", share)
-            k = coverage_factor(joint.noise.dof, share)
-            columns[self.reading_.name, share, "lower"] = value - k * u
-            columns[self.reading_.name, share, "upper"] = value + k * u
-        return pd.DataFrame(columns, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     def _uncertain(self, X: Any, of: str, reading: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """The "bias", the "corrected" reading or a "reading" to come, and its standard uncertainty, (n_rows,) each."""
