@@ -6,8 +6,8 @@ import json
 
 import pandas as pd
 
+from thermocorr.interactive.arrangement import guessed
 from thermocorr.interactive.bench import Bench
-from thermocorr.interactive.roles import guessed
 from thermocorr.interactive.snapshots import snapshot
 from thermocorr.interactive.source import opened
 from thermocorr.interactive.tiles import Store

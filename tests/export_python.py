@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import keyword
 
-from thermocorr.firmware import formulas as f
+from thermocorr.firmware import statements as f
 from thermocorr.firmware import statements as s
 from thermocorr.firmware.frame import starting, updating
-from thermocorr.firmware.names import one_line
+from thermocorr.firmware.target import one_line
 
 RAISED = "flags & ({}) != 0"
 WITHIN = """\

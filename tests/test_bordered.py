@@ -8,8 +8,8 @@ import pytest
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
 from thermocorr.equations import TriangularFactor, solve_ridge
-from thermocorr.equations.bordered import BorderedFactor
 from thermocorr.equations.compiled import is_compiled
+from thermocorr.equations.leastsquares import BorderedFactor
 
 SHARED = [0, 1, 2, 3]
 """The 1 and three columns; own columns follow, the reading is last."""

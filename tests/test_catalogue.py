@@ -34,7 +34,6 @@ from thermocorr.effects import (
     SensitivityStep,
     StaticPolynomial,
     Step,
-    ThermalLag,
 )
 from thermocorr.records import Layout, read_record
 

@@ -10,7 +10,7 @@ from scipy.special import erfc, erfcx
 
 from thermocorr.datasets import HeatStack, Layer
 from thermocorr.datasets import _heat as heat
-from thermocorr.datasets._propagate import scan
+from thermocorr.datasets._heat import scan
 
 
 def biot_series(depth, time, biot):

@@ -24,7 +24,7 @@ from thermocorr import (
 )
 from thermocorr.datasets import make_record
 from thermocorr.pictures.axes import label_log_values, label_values, pyplot
-from thermocorr.records.quantities import scale_of
+from thermocorr.records.numbers import scale_of
 
 pytestmark = pytest.mark.usefixtures("drawing")
 

@@ -33,7 +33,7 @@ from thermocorr.effects import (
     ThermalLag,
 )
 from thermocorr.effects.stream import own_starts, walk
-from thermocorr.estimators import fused_columns
+from thermocorr.estimators import fused as fused_columns
 from thermocorr.records import Block
 
 # ------------------------------------------------------------------- one loop: state in, state out

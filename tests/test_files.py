@@ -11,10 +11,9 @@ import time
 import pytest
 
 from thermocorr import RecordError
-from thermocorr.files import AppendedFile, OutputError, Outputs, drafts, write_file
-from thermocorr.files.appending import Position
-from thermocorr.files.drafts import Draft, draft_name
-from thermocorr.files.marks import TEXT_MARK, bears_mark
+from thermocorr.files import AppendedFile, OutputError, Outputs, write_file
+from thermocorr.files import writer as drafts
+from thermocorr.files.writer import TEXT_MARK, Draft, Position, bears_mark, draft_name
 
 named_pipes = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
 OURS = f"{TEXT_MARK}\nold\n"

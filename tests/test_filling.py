@@ -10,7 +10,7 @@ from test_thermometers import BODIES, LEARNED, STEP, two_surfaces, with_hole
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError, diagnose, load_model, save_model
 from thermocorr.effects import Covariate, Events
-from thermocorr.estimators.filling_error import FillingError
+from thermocorr.estimators.input_errors import FillingError
 from thermocorr.interactive.browser.widget import bench_of
 
 MODEL = {"temperature": ["case", "room"], "time_constants": BODIES}
@@ -213,9 +213,7 @@ def test_a_hole_ends_the_segment(rule, tmp_path):
     X.iloc[2000:2060, 1] = np.nan
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        model = DynamicBiasRegressor(
-            "case", [600.0], effects=[Covariate("humidity")], fill={"humidity": rule}
-        )
+        model = DynamicBiasRegressor("case", [600.0], effects=[Covariate("humidity")], fill={"humidity": rule})
         model.fit(X[:5000], y[:5000])
     assert len(model.features_.history_.record.segments) == 2
     later, readings = X[5000:5600].copy(), y[5000:5600]
@@ -236,9 +234,9 @@ def test_a_hole_ends_the_segment(rule, tmp_path):
 @pytest.mark.parametrize("size", [1, 50, 600])
 def test_a_damaged_date_behind_a_hole_that_ended_a_segment_begins_none(size):
     X, y, _ = late_humidity(37)
-    model = DynamicBiasRegressor(
-        "case", [600.0], effects=[Covariate("humidity")], fill={"humidity": "end"}
-    ).fit(X[:5000], y[:5000])
+    model = DynamicBiasRegressor("case", [600.0], effects=[Covariate("humidity")], fill={"humidity": "end"}).fit(
+        X[:5000], y[:5000]
+    )
     later, readings = X[5000:5600].copy(), y[5000:5600]
     later.iloc[100:110, 1] = np.nan
     good = np.delete(np.arange(600), 300)

@@ -23,7 +23,7 @@ from firmware_runs import (
 from thermocorr import DynamicBiasRegressor
 from thermocorr.effects import CATALOGUE, Covariate, Drift, Effect, LaggedCovariate, LagProducts, Rate, Step
 from thermocorr.firmware import export_c
-from thermocorr.firmware.operations import Operations
+from thermocorr.firmware.statements import Operations
 
 
 @pytest.fixture(scope="module")

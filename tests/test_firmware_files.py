@@ -32,7 +32,7 @@ from thermocorr.command import cli
 from thermocorr.effects import Covariate, Delay, Drift, Effect, Rate, ThermalLag
 from thermocorr.firmware import export_c
 from thermocorr.firmware.c99 import C99, comment, number
-from thermocorr.firmware.names import identifier
+from thermocorr.firmware.target import identifier
 
 
 @pytest.fixture(scope="module")

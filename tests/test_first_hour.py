@@ -21,8 +21,8 @@ from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.effects.moments import since_start
 from thermocorr.foreign import HowToRead, joined
+from thermocorr.interactive.arrangement import guessed
 from thermocorr.interactive.bench import Bench
-from thermocorr.interactive.roles import guessed
 from thermocorr.interactive.session_file import reopened, session_text
 from thermocorr.interactive.source import opened
 from thermocorr.interactive.tiles import Store

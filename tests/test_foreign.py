@@ -30,10 +30,10 @@ from corpus.foreign_logs import (
 
 from thermocorr import RecordError, RecordWarning
 from thermocorr.command.cli import main
+from thermocorr.command.lines import open_lines
 from thermocorr.command.stopping import StopSignal
-from thermocorr.command.table_lines import open_lines
 from thermocorr.foreign import HowToRead, as_runs, joined, read_log, read_logs
-from thermocorr.foreign.odd_numbers import SOME, nearly_numbers
+from thermocorr.foreign.values import SOME, nearly_numbers
 from thermocorr.records.files import FORMATS, Format
 from thermocorr.records.units import unit_of
 

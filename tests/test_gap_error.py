@@ -12,8 +12,7 @@ from thermocorr import DynamicBiasRegressor, ParquetLog, compare_variants, diagn
 from thermocorr.datasets import make_record
 from thermocorr.equations import lag_differences
 from thermocorr.equations.lags import bridge_error
-from thermocorr.estimators.gap_error import GapError, error_behind_gaps
-from thermocorr.estimators.input_law import InputLaw
+from thermocorr.estimators.input_errors import GapError, InputLaw, error_behind_gaps
 from thermocorr.records import Layout, read_record
 from thermocorr.records.gaps import Gaps
 

@@ -20,14 +20,11 @@ import thermocorr
 import thermocorr.command.correct as correcting
 from thermocorr.__main__ import start
 from thermocorr.command import cli
-from thermocorr.command.lines import FileLines
+from thermocorr.command.lines import FileLines, open_lines
 from thermocorr.command.results import Drafted
 from thermocorr.command.stopping import Endings, StopSignal, Terminated
-from thermocorr.command.table_lines import open_lines
 from thermocorr.files import OutputError, Outputs
-from thermocorr.files.drafts import Draft
-from thermocorr.files.marks import TEXT_MARK
-from thermocorr.files.uninterrupted import uninterrupted
+from thermocorr.files.writer import TEXT_MARK, Draft, uninterrupted
 
 pytestmark = pytest.mark.newest
 
@@ -117,7 +114,7 @@ def test_a_draft_that_cannot_resemble_its_target_leaves_nothing(swept, tmp_path,
             path.unlink()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("thermocorr.files.drafts._resemble", interrupted)
+    monkeypatch.setattr("thermocorr.files.writer._resemble", interrupted)
     before = len(os.listdir("/dev/fd"))
     with pytest.raises(KeyboardInterrupt):
         Draft(tmp_path / "a.txt")
@@ -316,7 +313,7 @@ def test_what_a_killed_process_kept_is_removed_when_it_is_old(tmp_path, monkeypa
         path.write_text("old")
     Draft(tmp_path / "a.txt").close()
     assert kept.exists()
-    monkeypatch.setattr("thermocorr.files.drafts._OLD", 0.0)
+    monkeypatch.setattr("thermocorr.files.writer._OLD", 0.0)
     Draft(tmp_path / "a.txt").close()
     assert not kept.exists() and foreign.exists()
 

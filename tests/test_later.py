@@ -10,7 +10,7 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, compare_variants, later_errors
 from thermocorr.datasets import make_record
-from thermocorr.estimators.later import BEFORE, LaterErrors
+from thermocorr.estimators.holdout import BEFORE, LaterErrors
 
 
 def variants(X, y, time_constants=("5 min", "90 min")):

@@ -12,7 +12,7 @@ from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose, refine
 from thermocorr.datasets import make_record
 from thermocorr.judgement import candidates, shorter
 from thermocorr.records import Layout, read_record
-from thermocorr.records.thinned import Thinned, thinned
+from thermocorr.records.history import Thinned, thinned
 
 pytestmark = pytest.mark.newest
 

@@ -13,8 +13,7 @@ from thermocorr import DynamicBiasRegressor, ModelFileError, OnlineCorrector, di
 from thermocorr.datasets import make_record
 from thermocorr.effects import CATALOGUE, Effect
 from thermocorr.effects.protocol import EffectInfo
-from thermocorr.effects.samples import stepper_of
-from thermocorr.effects.stream import own_starts, walk
+from thermocorr.effects.stream import own_starts, stepper_of, walk
 from thermocorr.records import Layout, read_record
 
 

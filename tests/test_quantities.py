@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thermocorr.records.quantities import (
+from thermocorr.records.numbers import (
     SPANS,
     UNKNOWN,
     number_text,

@@ -14,7 +14,7 @@ from browser import complaints, numbers, opened, prefer, requests, resize, serie
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.estimators.verdicts import VERDICTS
+from thermocorr.estimators.tables import VERDICTS
 from thermocorr.pages import Findings, PageData, page
 
 SINGLE = 6e-8

@@ -12,8 +12,7 @@ from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
 from thermocorr.effects import CATALOGUE, Effect, Hysteresis, ThermalLag
 from thermocorr.effects.expressions import Decays, Word
-from thermocorr.effects.samples import STEPPED, Sample, stepper_of
-from thermocorr.effects.stream import own_starts
+from thermocorr.effects.stream import STEPPED, Sample, own_starts, stepper_of
 from thermocorr.equations import compiled, lag_differences
 
 

@@ -24,8 +24,7 @@ from thermocorr import (
 )
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.equations.spikes import spikes
-from thermocorr.equations.usual import usual_of
+from thermocorr.equations.spikes import spikes, usual_of
 from thermocorr.records.screen import Limits
 
 N = 20_000

@@ -17,11 +17,14 @@ from thermocorr import (
     RecordError,
     save_model,
 )
-from thermocorr.command import cli, lines, results, table_lines
+from thermocorr.command import cli, results
+from thermocorr.command import lines as lines
+from thermocorr.command import lines as table_lines
 from thermocorr.command.stopping import StopSignal
-from thermocorr.files import AppendedFile, OutputError, Outputs, drafts, write_file
-from thermocorr.files.marks import TEXT_MARK
-from thermocorr.records import files
+from thermocorr.files import AppendedFile, OutputError, Outputs, write_file
+from thermocorr.files import writer as drafts
+from thermocorr.files.writer import TEXT_MARK
+from thermocorr.records import files as files
 from thermocorr.records.files import read_table
 
 OURS = f"{TEXT_MARK}\nold\n"

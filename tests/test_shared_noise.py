@@ -6,7 +6,7 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.equations.shared_noise import made_from
+from thermocorr.equations.noise import made_from
 
 RECORD = make_record(1500, seed=1)
 X, y = RECORD[["temperature", "humidity"]], RECORD["reading"]

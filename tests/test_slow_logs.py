@@ -11,7 +11,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from thermocorr import DynamicBiasRegressor
-from thermocorr.estimators.between_rows import felt_between_rows
+from thermocorr.estimators.input_errors import felt_between_rows
 from thermocorr.records import read_record
 
 pytestmark = pytest.mark.newest

@@ -17,7 +17,7 @@ from thermocorr.files.effect_nodes import EffectCodec
 from thermocorr.files.model_nodes import pack_model, unpack_model
 from thermocorr.firmware import export_c
 from thermocorr.firmware.c99 import comment
-from thermocorr.records.text import printable
+from thermocorr.records.errors import printable
 
 # ----------------------------------------------------------------------------------------------------- names in C
 

@@ -21,7 +21,7 @@ from thermocorr import (
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate
-from thermocorr.records.states import state, states_of
+from thermocorr.records.labels import state, states_of
 
 pytestmark = pytest.mark.newest
 

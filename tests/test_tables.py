@@ -13,9 +13,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from thermocorr import ParquetLog, RecordError
-from thermocorr.records import csvlines
-from thermocorr.records.csvlines import check_lines, fields_of, header_of
-from thermocorr.records.files import read_table, require_column
+from thermocorr.records import files as csvlines
+from thermocorr.records.files import check_lines, fields_of, header_of, read_table, require_column
 from thermocorr.records.grammar import LARGEST, MISSING, label, number
 from thermocorr.records.numbers import as_numbers
 from thermocorr.records.paths import existing_file

@@ -11,8 +11,8 @@ from benches import in_python, settled, shown, stretch
 
 from thermocorr import DynamicBiasRegressor, diagnose, held_out_residuals
 from thermocorr.datasets import make_record
+from thermocorr.interactive.arrangement import Roles, guessed
 from thermocorr.interactive.bench import Bench
-from thermocorr.interactive.roles import Roles, guessed
 from thermocorr.interactive.snapshots import snapshot
 from thermocorr.interactive.source import opened
 from thermocorr.interactive.tiles import Store

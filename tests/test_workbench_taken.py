@@ -15,9 +15,9 @@ from benches import settled, stretch
 from thermocorr import load_model
 from thermocorr.datasets import make_record
 from thermocorr.files.codec import ModelFileError
+from thermocorr.interactive.arrangement import guessed
 from thermocorr.interactive.bench import Bench
 from thermocorr.interactive.own_effects import effects_in
-from thermocorr.interactive.roles import guessed
 from thermocorr.interactive.session_file import is_session, reopened
 from thermocorr.interactive.snapshots import snapshot
 from thermocorr.interactive.source import opened

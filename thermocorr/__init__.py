@@ -20,8 +20,8 @@ if TYPE_CHECKING:
         compare_variants,
         held_out_residuals,
         later_errors,
-        thermometer_errors,
     )
+    from .estimators import thermometers as thermometer_errors
     from .files.codec import ModelFileError
     from .files.model_file import load_model, save_model
     from .interactive import workbench

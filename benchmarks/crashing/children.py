@@ -23,7 +23,7 @@ import thermocorr.command.cli as cli
 import thermocorr.command.correct as correcting
 import thermocorr.command.export_c  # noqa: F401
 import thermocorr.command.lines as reading
-import thermocorr.files.drafts as drafts
+import thermocorr.files.writer as drafts
 
 from .calls import Calls, Disturbance
 

@@ -14,9 +14,8 @@ from sklearn.base import clone
 
 from ..estimators.features import DiffusiveFeatures
 from ..estimators.prior import LawPrior
-from ..estimators.progress import Progress, told
+from ..estimators.progress import Progress, one_blas_thread, told
 from ..estimators.regressor import DynamicBiasRegressor
-from ..estimators.threads import one_blas_thread
 from ..estimators.time_constants.search import SearchSettings, factors_of, final_alpha, learned, reference_spectrum
 from ..estimators.time_constants.spectrum import POOL_SIZE, Projected, log_grid, project
 from ..records import ParquetLog, RecordError

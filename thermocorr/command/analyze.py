@@ -21,11 +21,19 @@ from ..pages.report import report_text
 from ..pictures.added_noise import added_noise
 from ..pictures.words import aspect_text, each_row, further_text, interval_text, kept_sentence
 from ..records import RecordError, RecordWarning
-from ..records.quantities import number_text, scale_of, span_text
-from ..records.text import printable
+from ..records.errors import printable
+from ..records.numbers import number_text, scale_of, span_text
 from ..records.units import unit_of
-from .loading import check_numbers, load_log, note_events_outside, readings_to_learn
-from .table_options import add_column_options, add_learning_options, add_model_options, add_table_options
+from .loading import (
+    add_column_options,
+    add_learning_options,
+    add_model_options,
+    add_table_options,
+    check_numbers,
+    load_log,
+    note_events_outside,
+    readings_to_learn,
+)
 
 RESULTS = ("corrected.csv", "model.json", "model.txt")
 """Files in the folder of --out."""

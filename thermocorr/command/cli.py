@@ -117,9 +117,7 @@ def _executed(options: argparse.Namespace) -> int:
 
 def _ended(text: str, status: int) -> int:
     if not (text.isascii() and text.isprintable()):
-        from ..records.text import (
-            printable,
-        )  # a signal may have come in the middle of other imports: none for its words
+        from ..records.errors import printable
 
         text = printable(text)
     clear_progress()
@@ -133,7 +131,7 @@ def _warnings_as_notes() -> Iterator[None]:
     said: set[str] = set()
 
     def show(message: Any, *_: Any, **__: Any) -> None:
-        from ..records.text import printable
+        from ..records.errors import printable
 
         text = printable(" ".join(str(message).split()))
         if text not in said:
@@ -148,7 +146,7 @@ def _warnings_as_notes() -> Iterator[None]:
 
 def _say(text: str) -> None:
     """Print to standard output, as long as somebody reads there: files are written all the same."""
-    from ..records.text import printable
+    from ..records.errors import printable
 
     try:
         print(printable(text, "\n"), flush=True)

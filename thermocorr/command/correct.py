@@ -13,15 +13,13 @@ from ..files import Outputs
 from ..files.model_file import load
 from ..live.corrector import OnlineCorrector
 from ..records import RecordError, RecordWarning
-from ..records.csvlines import CUT
-from ..records.text import printable
-from .lines import Lines
+from ..records.errors import printable
+from ..records.files import CUT
+from .lines import Lines, TableLines, open_lines
+from .loading import OneColumn, add_table_options, how_to_read, number_or_span
 from .log_rows import LogRow, LogRows, csv_text
 from .results import Results, Saved, open_results, read_state
-from .spans import number_or_span
 from .stopping import Stopped, StopSignal
-from .table_lines import TableLines, open_lines
-from .table_options import OneColumn, add_table_options, how_to_read
 
 STATE_EVERY = 10.0
 """Time between savings of the state [s]."""

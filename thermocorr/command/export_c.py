@@ -10,8 +10,8 @@ from typing import Any
 from ..firmware.export import export_c
 from ..records import RecordWarning
 from ..records.history import History
-from ..records.quantities import span_text, span_texts
-from .spans import number_or_span
+from ..records.numbers import span_text, span_texts
+from .loading import number_or_span
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -20,15 +20,13 @@ from ..foreign.clocks import SPANS
 from ..foreign.sniffing import are_units, units_below
 from ..foreign.timed import unit_of_times
 from ..live.corrector import OnlineCorrector
-from ..live.given import COLUMNS
+from ..live.filled import COLUMNS
 from ..records import RecordError
-from ..records.csvlines import fields_of, header_of, is_comment, miscounted
-from ..records.epochs import unix_time
 from ..records.errors import listing, quoted, times_word
-from ..records.files import TIME_NAMES
+from ..records.files import TIME_NAMES, fields_of, header_of, is_comment, miscounted
 from ..records.grammar import is_missing, label, number
-from ..records.states import parted_state
-from ..records.times import date_of_text
+from ..records.labels import parted_state
+from ..records.times import date_of_text, unix_time
 from .trust import RowTrust
 
 REFUSED = ("stale time", "backward time")

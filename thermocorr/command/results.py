@@ -12,11 +12,11 @@ from itertools import islice
 from typing import Any
 
 from ..files import AppendedFile, OutputError, Outputs, write_file
-from ..files.appending import Position
 from ..files.codec import ModelFileError, counted, fields, parse, read_bytes, text
+from ..files.writer import Position
 from ..live.corrector import OnlineCorrector
-from ..records.csvlines import fields_of
 from ..records.errors import times_word
+from ..records.files import fields_of
 from .lines import Lines
 from .log_rows import LogRow, LogRows
 

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..estimators import DynamicBiasRegressor
-from ..estimators.reading import check_median, check_unit
-from ..estimators.stated_units import check_temperature
-from ..records.other_units import ENOUGH
-from ..records.quantities import span_text
-from ..records.units import unit_of
+from ..estimators.reading import check_median, check_temperature, check_unit
+from ..records.numbers import span_text
+from ..records.units import ENOUGH, unit_of
 
 MANY = 0.1
 """Share of flagged rows from which it is said how many there are."""

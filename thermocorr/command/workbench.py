@@ -11,8 +11,14 @@ from collections.abc import Callable
 
 from ..records import RecordError
 from ..records.paths import existing_file
-from .loading import check_numbers, parse_time_constants
-from .table_options import add_column_options, add_model_options, add_table_options, how_to_read
+from .loading import (
+    add_column_options,
+    add_model_options,
+    add_table_options,
+    check_numbers,
+    how_to_read,
+    parse_time_constants,
+)
 
 NEEDS = "The workbench needs the packages starlette and uvicorn: pip install 'thermocorr[workbench]'."
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from ._propagate import Array, modal_differences
+from ._heat import Array, modal_differences
 
 DAY = 86_400.0  # [s]
 HOUR = 3_600.0  # [s]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ._propagate import Array, scan
+from ._heat import Array, scan
 
 # Each part of a record has its own random stream: changing one part leaves the others as they were.
 STREAMS = (

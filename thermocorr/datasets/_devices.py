@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ._heat import HeatStack, Layer
-from ._propagate import Array
+from ._heat import Array, HeatStack, Layer
 
 
 @dataclass(frozen=True)

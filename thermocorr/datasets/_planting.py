@@ -11,12 +11,11 @@ import pandas as pd
 
 from ..records import seconds_of
 from ..records.checks import check_int
-from ..records.time_spans import date_of, span_of
+from ..records.times import date_of, span_of
 from ._checks import check_choice, check_float
 from ._compose import STREAMS
-from ._own_columns import of_own_columns
-from ._planted import PLANTS, Parameters, Run, Scene
-from ._propagate import Array
+from ._heat import Array
+from ._planted import PLANTS, Parameters, Run, Scene, of_own_columns
 
 _WHO = "make_record"
 _SPANS = ("time_constant", "delay", "lead", "onset", "period", "dwell")

@@ -1,4 +1,4 @@
-"""Simulated records with a known truth, for tests, examples and benchmarks."""
+"""Simulated records with their truth."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 import pandas as pd
 
 from ..records.checks import check_int
-from ..records.time_spans import date_of
+from ..records.times import date_of
 from ._checks import check_choice, check_float
 from ._climate import TEMPERATURES, air_pressure, mains_voltage, outdoor_humidity, room_humidity, supply_voltage
 from ._compose import coloured_noise as make_coloured_noise
 from ._compose import compose_reading, stream, truth_frame
 from ._devices import DEVICE_NAMES, Device, make_device
+from ._heat import Array
 from ._planted import Run
 from ._planting import plant, read_plantings
-from ._propagate import Array
 
 _BASE = 250.0  # [ppm]
 _SENSITIVITY = 10.0  # [ppm/K]

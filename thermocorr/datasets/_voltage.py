@@ -20,7 +20,7 @@ from ._climate import (
 )
 from ._compose import compose_reading, stream, truth_frame
 from ._devices import Device, package_stack
-from ._propagate import Array
+from ._heat import Array
 
 _ROWS = 84_000
 _SAMPLING_PERIOD = 15.0  # [s]

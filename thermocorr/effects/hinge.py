@@ -11,7 +11,7 @@ from sklearn.base import clone
 from sklearn.utils._param_validation import Interval, StrOptions
 
 from ..records import Record
-from ..records.quantities import span_text
+from ..records.numbers import span_text
 from .grids import temperature_quantiles, time_grid
 from .protocol import TEMPERATURE, Effect, EffectInfo, time_text
 from .signals import Signals

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..records import Record
-from ..records.quantities import span_text
+from ..records.numbers import span_text
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, suspects, time_text
 from .signals import Signals

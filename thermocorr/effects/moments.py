@@ -11,7 +11,7 @@ from sklearn.utils._param_validation import Interval
 
 from ..foreign.clocks import one_date
 from ..records import Record
-from ..records.time_spans import date_of, span_of
+from ..records.times import date_of, span_of
 
 MOMENT: list[Any] = [Interval(Real, None, None, closed="neither"), str, pd.Timestamp, pd.Timedelta, np.datetime64]
 """What a moment may be, in scikit-learn's words."""

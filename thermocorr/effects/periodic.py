@@ -9,7 +9,7 @@ from typing import Any
 from sklearn.utils._param_validation import Interval
 
 from ..records import Record, seconds_of
-from ..records.quantities import span_text
+from ..records.numbers import span_text
 from .protocol import Effect, EffectInfo, time_text
 from .signals import Signals
 

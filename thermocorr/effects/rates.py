@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..records import Record, seconds_of
-from ..records.quantities import span_text
+from ..records.numbers import span_text
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, time_text
 from .signals import Signals

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..equations import lag_differences
 from ..records import Block, Record, seconds_of
-from ..records.quantities import span_text
-from .foresight import elapsed, parts_of, rows_until, temperatures
+from ..records.numbers import span_text
 from .grids import time_grid
+from .lead import elapsed, parts_of, rows_until, temperatures
 from .protocol import Effect, EffectInfo, time_text
 
 REACH = 36.0

@@ -1,15 +1,26 @@
-"""Ridge least squares by merged triangular factors, eqs. (11)-(13) and (30)-(32).
+"""Least squares by merged triangular factors, eqs. (13) (32): plain, bordered, preconditioned.
 
 The paper solves ``(Q'Q + eps I)^-1 Q'U``; forming Q'Q squares the condition number, and with neighbouring time
 constants every digit is lost. Here the rows of ``[1 | Q | U]`` are swept, block by block, into one small triangle R
 with ``R'R`` equal to the cross products. Two triangles merge into one, so blocks, folds, files and machines can be
 treated apart and joined at the end.
+
+Start-up decays of hundreds of segments do not meet one another: their cross products are block diagonal, with a border
+of the shared columns. So each segment's own columns are eliminated by themselves, and what is left is a small problem
+in the shared ones (Bjorck 1996, Numerical Methods for Least Squares Problems, section 6.3).
+
+Cross products of the columns themselves square their condition number, so that neighbouring time constants lose every
+digit; Householder reflections do not, and pass over the rows many times. Here the columns are first multiplied by the
+inverse of the triangle R of what was seen before, as in Cholesky QR done twice (Yamamoto et al. 2015, ETNA 44, 306):
+``Z = rows R^-1`` is nearly orthogonal where the rows are like those before, and ``Z'Z = B`` is as good as it gets:
+``R' B R`` are the cross products. Where rows show a direction which R hardly knows, some are swept in by reflections.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -226,3 +237,236 @@ def _triangular_solution(unit: Floats, target: Floats, penalty: float) -> tuple[
     if failed or np.linalg.norm(triangle_, 1) * np.linalg.norm(inverse, 1) > 1 / WELL_CONDITIONED:
         return None
     return np.triu(inverse), np.triu(inverse) @ joined[:p, p]
+
+
+CONSTANT = 1e-13
+"""Length of a column less its mean, over its whole length, below which it is a constant."""
+
+
+class Segments(NamedTuple):
+    """Segments with equally many columns of their own, k."""
+
+    own: np.ndarray
+    """Numbers of these columns in ``[1 | Q | U]``, shape (segments, k)."""
+    rows: Floats
+    """Triangles of the columns ``[own | shared]``, shape (segments, k + q, k + q)."""
+
+    @property
+    def k(self) -> int:
+        """How many they are."""
+        return int(self.own.shape[1])
+
+
+@dataclass(frozen=True)
+class BorderedFactor:
+    """Triangles of ``[own | shared]`` columns of each segment, in place of one of all columns."""
+
+    shared: np.ndarray
+    """Numbers of the q shared columns in ``[1 | Q | U]``: the 1 first, the reading last."""
+    groups: Sequence[Segments]
+    n_rows: int
+
+    @classmethod
+    def of(cls, shared: Sequence[int], segments: Sequence[tuple[Sequence[int], Floats]], n_rows: int) -> BorderedFactor:
+        """Put segments together: the numbers of each one's own columns, and a matrix that stands for its rows."""
+        alike: dict[int, list[tuple[Sequence[int], Floats]]] = {}
+        for own, matrix in segments:
+            square, found = np.zeros((len(own) + len(shared),) * 2), triangle(matrix)
+            square[: len(found)] = found
+            alike.setdefault(len(own), []).append((own, square))
+        groups = [
+            Segments(np.array([own for own, _ in some], np.intp).reshape(len(some), k), np.stack([r for _, r in some]))
+            for k, some in alike.items()
+        ]
+        return cls(np.array(shared, np.intp), groups, n_rows)
+
+    def solution(self, alpha: float) -> RidgeSolution | None:
+        """What `solve_ridge` gives, to rounding; None where columns are not clearly independent."""
+        mean, length = self._centred()
+        if not (length > CONSTANT * np.hypot(length, mean * np.sqrt(self.n_rows))).all():
+            return None
+        unit = np.concatenate(([np.sqrt(self.n_rows)], length))  # of [1 | Q]
+        held, border = self._eliminated(unit, np.sqrt(alpha / self.n_rows))
+        spread, target = self._inverse(held, border)
+        # columns of unit length: the Frobenius norm of their triangle is at least the root of their number
+        if spread is None or not np.linalg.norm(spread) * np.sqrt(len(unit)) <= 1 / WELL_CONDITIONED:
+            return None
+        found = (spread @ target) / unit
+        return RidgeSolution(
+            intercept=float(found[0]),
+            coef=found[1:],
+            residual_sum_of_squares=self._left(found),
+            rank=len(length),
+            n_rows=self.n_rows,
+            scale=length / unit[0],
+            mean=mean,
+            inverse_triangle=spread[1:] / length[:, None],
+        )
+
+    def _centred(self) -> tuple[Floats, Floats]:
+        """Mean of each column of Q over all rows, and its length less that; shape (p,) each."""
+        p = sum(group.own.size for group in self.groups) + len(self.shared) - 2
+        sums, squares = np.zeros(p + 1), np.zeros(p + 1)
+        for group in self.groups:
+            own, one = group.rows[:, :, : group.k], group.rows[:, :, group.k]
+            sums[group.own], squares[group.own] = np.einsum("sij,si->sj", own, one), np.einsum("sij,sij->sj", own, own)
+        length = np.sqrt(np.maximum(squares - sums**2 / self.n_rows, 0.0))
+        together = triangle(np.concatenate([g.rows[:, :, g.k :].reshape(-1, len(self.shared)) for g in self.groups]))
+        inside = self.shared[1:-1]  # their means may be large: only a triangle keeps what is beside these
+        sums[inside], length[inside] = together[0, 1:-1] * together[0, 0], np.linalg.norm(together[1:, 1:-1], axis=0)
+        return sums[1:] / self.n_rows, length[1:]
+
+    def _eliminated(self, unit: Floats, penalty: float) -> tuple[list[Floats], Floats]:
+        """Rows that hold each segment's own columns, (segments, k, k + q), and the triangle of the shared, (q, q).
+
+        All columns of ``[1 | Q]`` get unit length, and the penalty as further rows.
+        """
+        q, held = len(self.shared), []
+        rest = [np.diag([0.0, *[penalty] * (q - 2), 0.0])]
+        border = np.append(unit[self.shared[:-1]], 1.0)
+        for group in self.groups:
+            k, count = group.k, len(group.own)
+            lengths = np.concatenate((unit[group.own], np.broadcast_to(border, (count, q))), axis=1)
+            rows = group.rows / lengths[:, None]
+            if penalty and k:
+                below = np.broadcast_to(penalty * np.eye(k, k + q), (count, k, k + q))
+                rows = np.linalg.qr(np.concatenate((rows, below), axis=1), mode="r")
+            held.append(rows[:, :k])
+            rest.append(rows[:, k:, k:].reshape(-1, q))
+        return held, triangle(np.concatenate(rest))
+
+    def _inverse(self, held: Sequence[Floats], border: Floats) -> tuple[Floats | None, Floats]:
+        """Inverse of the triangle of ``[1 | Q]``, shape (1 + p, 1 + p), and what the reading has in it, (1 + p,).
+
+        None in place of the inverse where there is none.
+        """
+        p, shared = sum(group.own.size for group in self.groups) + len(self.shared) - 2, self.shared[:-1]
+        spread, target = np.zeros((p + 1, p + 1)), np.zeros(p + 1)
+        try:
+            inside = np.linalg.inv(border[: len(shared), : len(shared)])
+            spread[shared[:, None], shared], target[shared] = inside, border[: len(shared), -1]
+            for group, rows in zip(self.groups, held, strict=True):
+                inverse, own = np.linalg.inv(rows[:, :, : group.k]), group.own[:, :, None]
+                spread[own, group.own[:, None, :]] = inverse
+                spread[own, shared] = -inverse @ rows[:, :, group.k : -1] @ inside
+                target[group.own] = rows[:, :, -1]
+        except np.linalg.LinAlgError:
+            return None, target
+        return spread, target
+
+    def _left(self, found: Floats) -> float:
+        """Sum of squares of what the coefficients of ``[1 | Q]`` leave of the readings."""
+        shared, squares = np.append(-found[self.shared[:-1]], 1.0), 0.0
+        for group in self.groups:
+            missed = group.rows[:, :, group.k :] @ shared
+            missed -= np.einsum("sij,sj->si", group.rows[:, :, : group.k], found[group.own])
+            squares += float(np.sum(missed**2))
+        return squares
+
+
+LARGEST = 1e8
+"""Largest mean square, relative to all rows before, of a direction in rows that are not swept in by reflections."""
+GROWN = 1e3
+"""Growth of the cross products from which R is brought up to date."""
+_UNSEEN = 1e150
+"""One over the diagonal of R where a column was next to nothing so far: if it is no longer, its cross products are too
+large."""
+
+
+class Crossed(NamedTuple):
+    """What some rows add to the cross products of all, in the coordinates of a triangle."""
+
+    triangle: Floats
+    """R, shape (q, q)."""
+    product: Floats | None
+    """B, upper triangle, shape (q, q): the cross products of the rows are ``R' B R``; None: they are ``R' R``."""
+
+    def factor(self) -> Floats:
+        """A matrix F with ``F' F`` equal to the cross products of the rows, shape (at most q, q)."""
+        if self.product is None:
+            return self.triangle
+        met = np.flatnonzero(self.product.diagonal() > 0.0)
+        product = self.product[np.ix_(met, met)]
+        upper, failed = lapack.dpotrf(product, lower=0, clean=1)
+        if failed:  # the rows say nothing about some direction
+            values, vectors = np.linalg.eigh(product, UPLO="U")
+            upper = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+        return np.asarray(upper @ self.triangle[met], np.float64)
+
+
+class Preconditioned:
+    """Cross products of rows of q columns, stretch by stretch, in the coordinates of the rows before.
+
+    Parameters
+    ----------
+    n_columns : int
+        q.
+    """
+
+    def __init__(self, n_columns: int) -> None:
+        self._triangle: Floats = np.zeros((n_columns, n_columns), order="F")
+        self._grown: Floats = np.eye(n_columns)
+        self._pending = False
+        self._parts: dict[int, tuple[Floats, Floats]] = {}
+        self.knows_nothing = True
+        """Whether no row has been taken in since some column was new."""
+
+    def begin(self, n_new: int, n_old: int) -> None:
+        """Replace the first `n_old` columns by `n_new` others, which nobody has seen so far."""
+        kept = self._up_to_date()[n_old:, n_old:]
+        triangle = np.zeros((n_new + len(kept),) * 2, order="F")
+        triangle[n_new:, n_new:] = kept
+        self._count_from(triangle)
+        self.knows_nothing = True
+
+    def take(self, first: int, crossed: Callable[[Floats, Floats, float], Floats]) -> list[Crossed]:
+        """Take parts of rows in by their cross products; an empty list, and nothing is taken, where these will not do.
+
+        Parameters
+        ----------
+        first : int
+            How many of the first columns are zero in all rows.
+        crossed : callable
+            Given R of the other columns, one over its diagonal and `LARGEST`, upper triangles of B, shape (parts,
+            q - first, q - first); it may stop where a diagonal element becomes larger, for nothing is taken then.
+        """
+        if self.knows_nothing:
+            return []
+        triangle, inverse = self._part(first)
+        products = crossed(triangle, inverse, LARGEST)
+        if not np.einsum("pii->pi", products).max() <= LARGEST:  # or NaN
+            return []
+        self._grown[first:, first:] += products.sum(axis=0)
+        self._pending = True
+        if self._grown.diagonal().max() > GROWN:
+            self._count_from(self._up_to_date())
+        return [Crossed(triangle, product) for product in products]
+
+    def reflect(self, first: int, rows: Floats) -> Crossed:
+        """Take in any rows by reflections: shape (n, q - first), Fortran order, overwritten."""
+        own = swept_in(np.zeros((len(self._triangle) - first,) * 2, order="F"), rows)
+        triangle = self._up_to_date()
+        triangle[first:, first:] = swept_in(triangle[first:, first:], own.copy(order="F"))
+        self._count_from(triangle)
+        self.knows_nothing = False
+        return Crossed(own, None)
+
+    def _part(self, first: int) -> tuple[Floats, Floats]:
+        """R without its first columns, and one over its diagonal."""
+        if first not in self._parts:
+            triangle = np.array(self._triangle[first:, first:], order="C")
+            diagonal = triangle.diagonal()
+            inverse = np.full(len(diagonal), _UNSEEN)
+            np.divide(1.0, diagonal, out=inverse, where=np.abs(diagonal) > 1 / _UNSEEN)
+            self._parts[first] = triangle, inverse
+        return self._parts[first]
+
+    def _count_from(self, triangle: Floats) -> None:
+        self._triangle, self._grown, self._parts, self._pending = triangle, np.eye(len(triangle)), {}, False
+
+    def _up_to_date(self) -> Floats:
+        """R of all rows so far."""
+        if not self._pending:
+            return self._triangle
+        upper = lapack.dpotrf(self._grown, lower=0, clean=1)[0]
+        return np.asfortranarray(np.triu(upper @ self._triangle))

@@ -1,14 +1,21 @@
-"""Readings that are none: isolated spikes by robust increments, and codes that stand for "no value".
+"""Values that are no measurements: codes for none, isolated spikes, repeated values.
 
 A spike is told from what a device really does by three things. It is alone or one of a pair, and what comes after it
 agrees with what came before: a step, a pulse that decays, a warm-up do not return. It is far beyond the record's own
 increments, whose tail is foretold from its bulk by a power law: noise with heavy tails has no spikes. And no fewer of
 the record's jumps of that size return than stay: a random telegraph has no spikes either.
+
+A logger that asks more often than its instrument measures writes readings down more than once: such a record has fewer
+readings than rows, and several rows share the noise of one. What is written down again is equal to the last digit, and
+the next value is many digits away, after as many rows; readings that are merely coarse stand still as well, but move on
+by a digit or two, and now and then. Where the rows between two readings were filled in by straight lines, as
+`pandas.DataFrame.interpolate` does, each of them is the mean of its neighbours, and says nothing of its own.
+At the end of its range an instrument shows one number again and again, though noise goes on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 
@@ -16,12 +23,154 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .looks import stay_within
-from .repeats import at_ends, on_lines, repeated
 from .statistics import Moments
-from .usual import DEVIATION, MOST, OVERLOAD, SPIKE, Usual, usual_of
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
+
+OVERLOAD = 1e30
+"""Size beyond which a number is a code wherever it stands: 9.9E37 is "overload" in SCPI (1999, vol. 1, 7.2.1.5)."""
+
+
+SPIKE = 8.0
+"""Distance from the neighbours, in robust standard deviations of the noise, below which no reading is a spike. White
+Gaussian noise reaches it once in 1e11 rows; at 4, the tails of ordinary noise would be cut."""
+
+
+DECADES = 1.0
+"""Decades beyond the largest peak that is expected of the whole record, out to which the tail of its peaks is foretold.
+Of 40 records of Student's t with three degrees, 20 000 rows each, 6 lose a row; at 0 27
+do, at 2 one, but of spikes of 12 standard deviations in white noise 15 % are kept then."""
+
+
+SHARES = (3e-3, 1e-2, 3e-2)
+"""Shares of the rows from which, too, the tail is foretold: where as many are spikes, they are no part of it."""
+
+
+GAP = 2.0
+"""Ratio of the heights of one of the largest peaks and the next, from which what is above is no tail."""
+
+
+GAP_FROM = 10
+"""Place of the first of the largest peaks that is looked at: chance leaves large gaps between the very largest."""
+
+
+FEWEST = 50
+"""Readings below which no noise is estimated, so that nothing is a spike."""
+
+
+MOST = 0.02
+"""Share of the readings from which spikes are the noise itself."""
+
+
+DEVIATION = 1.4826 / np.sqrt(2)
+"""Standard deviation of white Gaussian noise, over the median size of its steps."""
+
+
+_APART = np.full(1, np.nan)  # stands between two stretches
+
+
+@dataclass(frozen=True, kw_only=True)
+class Usual:
+    """What readings usually do."""
+
+    middle: float
+    low: float
+    """5 % of the readings are below."""
+    high: float
+    """5 % of the readings are above."""
+    noise: float
+    """Standard deviation of the noise of one reading, robust."""
+    reach: float
+    """Height that the largest peak of the whole record may have; infinite where nothing tells."""
+    repeats: bool = False
+    """Whether they are written down more than once each."""
+    near_lines: float = np.nan
+    """How near to the line between its neighbours a reading stands that was filled in; NaN where none were."""
+    ends: tuple[float, ...] = ()
+    """Readings at which they are clipped."""
+
+    @property
+    def range(self) -> float:
+        """Range of nine tenths of the readings."""
+        return self.high - self.low
+
+    def overloads(self, values: Floats) -> Booleans:
+        """Whether values are too large for a number, shape (n,), booleans."""
+        return np.asarray(np.abs(values) >= OVERLOAD)
+
+    def outside(self, values: Floats, ranges: float = 1.0) -> Booleans:
+        """Whether values lie so many ranges beyond nine tenths of the readings, shape (n,), booleans."""
+        return np.asarray((values < self.low - ranges * self.range) | (values > self.high + ranges * self.range))
+
+
+def usual_of(stretches: Sequence[Floats], n_rows: int | None = None, temperature: bool = False) -> Usual:
+    """What is usual of `n_rows` readings, from stretches (NaN: none); no ends or lines of a `temperature`."""
+    whole = np.concatenate([np.zeros(0), *(part for stretch in stretches for part in (_APART, stretch))])
+    fits = np.abs(whole) < OVERLOAD  # NaN does not
+    values = np.sort(whole[fits])
+    if len(values) < FEWEST:
+        return Usual(middle=0.0, low=-np.inf, high=np.inf, noise=np.inf, reach=np.inf)
+    low, middle, high = (_share(values, share) for share in (0.05, 0.5, 0.95))
+    fits[np.cumsum([0, *(1 + len(stretch) for stretch in stretches[:-1])])] = True
+    line = whole[fits]
+    ends, repeats = () if temperature else ends_of_range(line), is_repeated(line)
+    near = np.nan if temperature or repeats else filled_in(np.where(fits, whole, np.nan))
+    if repeats or np.isfinite(near):
+        line = line[~(repeated(line) if repeats else on_lines(line, near))]
+    steps = line[1:] - line[:-1]
+    noise = _noise(steps)
+    if noise == 0.0:
+        return Usual(middle=middle, low=low, high=high, noise=0.0, reach=np.inf)  # it stands still: no jump is unusual
+    peaks = np.sort(peak_heights(steps))
+    fewest = max(1e-3, 10 / len(values))
+    shares = [fewest, *(share for share in SHARES if share > fewest)]
+    n = max(n_rows or 0, len(values))
+    foretold = min(_foretold(peaks, share, n, noise) for share in shares)
+    reach = max(SPIKE * noise, min(foretold, _below_a_gap(peaks, noise)))
+    return Usual(
+        middle=middle, low=low, high=high, noise=noise, reach=float(reach), repeats=repeats, near_lines=near, ends=ends
+    )
+
+
+def _foretold(peaks: Floats, rare: float, n_rows: int, noise: float) -> float:
+    """Height of the largest of `n_rows` peaks, by a power law: what a share exceeds, and ten times it."""
+    often = min(10 * rare, 0.3)
+    q_rare, q_often = _share(peaks, 1 - rare), _share(peaks, 1 - often)
+    growth = max(q_rare / max(q_often, noise), 1.0) ** (1 / np.log10(often / rare))
+    return float(q_rare * growth ** max(np.log10(rare * n_rows) + DECADES, 0.0))
+
+
+def _below_a_gap(peaks: Floats, noise: float) -> float:
+    """Height within the lowest gap of the sorted peaks that no power law has; infinite where there is none.
+
+    Of a tail like 1 / height the k-th largest is twice the next once in 2^k records, of lighter ones still less often.
+    """
+    top = peaks[int((1 - MOST) * len(peaks)) :][::-1]
+    high, low = top[GAP_FROM - 1 : -1], np.maximum(top[GAP_FROM:], noise)
+    gaps = np.flatnonzero((high > SPIKE * noise) & (high > GAP * low))
+    return float(np.sqrt(high[gaps[-1]] * low[gaps[-1]])) if len(gaps) else np.inf
+
+
+def _share(ordered: Floats, share: float) -> float:
+    """The value below which a share of the sorted ones lies."""
+    return float(ordered[int(share * (len(ordered) - 1))])
+
+
+def _noise(steps: Floats) -> float:
+    """Standard deviation of white noise with these steps, from their median; 0 where nothing moves."""
+    sizes = np.abs(steps)
+    moved = np.sort(sizes[sizes > 0])  # a quantised reading stands still most of the time
+    return float(DEVIATION * _share(moved, 0.5)) if len(moved) else 0.0
+
+
+def peak_heights(steps: Floats) -> Floats:
+    """Heights of peaks of one row over the nearer neighbour, 0 where there is none; from the steps, shape (n - 1,)."""
+    up, down = steps[:-1], steps[1:]
+    heights = np.minimum(np.abs(up), np.abs(down))
+    heights[~(up * down < 0)] = 0.0  # nor where one is missing
+    return heights
+
 
 RETURN = 0.2
 """Difference between the readings after and before a spike, over its height, up to which it has returned."""
@@ -274,3 +423,218 @@ def spikes(values: Floats, rounding: float = 0.0) -> Booleans:
     if usual.noise > rounding:
         mask[found.true_spikes(usual, len(values))] = True
     return mask
+
+
+OFTEN = 0.15
+"""Share of the readings that stand in more than one row, from which they may be repeated: those of white noise of 1.9
+digits do as often, and move on by two digits or less in two of three steps."""
+DIGIT, FEW_DIGITS, COARSE = 0.1, 2.5, 0.5
+"""Quantile of the steps beside what stands still that is a digit where readings are coarse; steps of so many digits at
+most are theirs; share of such steps from which readings are coarse. Of white noise of many digits it is a quarter."""
+TRIMMED = 0.02
+"""Share of the readings that stand longest, and as many that stand shortest, whose rows are not asked."""
+UNEVEN, JITTER, JUST = 1.25, 0.15, 0.02
+"""How unevenly repeated readings may stand: variance of their numbers of rows over that of a logger that asks at even
+times, standard deviation as a share of their mean that is added, and variance that is added."""
+FEWEST = 30
+"""Readings that stand in more than one row, below which nothing is said."""
+DIFFERENT = 30
+"""Different numbers among these readings, below which they are states or setpoints."""
+ARITHMETIC, OF_TIMES = 8.0, 1e-7
+"""Distances up to which they are rounding of the arithmetic: in units of the last place of the largest reading, and,
+for times are rounded, too, as a share of the largest distance."""
+MOSTLY_ON_LINES = 0.3
+"""Share of the readings that are the mean of their neighbours, from which rows may be filled in. Of coarse readings one
+in six is; where every second row is filled in, half."""
+BENDS = 0.05
+"""Share of the readings that are farther from that mean than what counts as far: more than spikes, and fewer than bends
+where at most nineteen rows in twenty are filled in."""
+ROUNDED_LINE = 0.1
+"""A digit over that distance, up to which lines may be rounded to it."""
+AT_MULTIPLES = 0.8
+"""Share of the distances between bends that must be multiples of the usual one: rows are filled in evenly."""
+OUTLYING = 10.0
+"""Distance of a bend over the median one, beyond which it is a spike."""
+LOOK, NEAR_AT_ONCE = 4000, 0.025
+"""Rows that are looked at first, for hardly any record is filled in; share of the largest distance that is near."""
+FINE = 0.5
+"""Share of the readings that are different numbers, from which one is hardly ever met twice."""
+MET = 10
+"""Rows with the largest or smallest reading, below which it is no end of a range."""
+BESIDE, NEAR = 10, 3.0
+"""Rows to either side whose mean tells that a reading is near an end of the range; how near, in noises."""
+FEW_VISITS = 3
+"""Times that it is met anew at least: noise goes on at the end of a range, and not where a device is at rest."""
+MORE_OFTEN = 4.0
+"""Times as often as any other reading that the end of a range is met."""
+
+
+def repeated(values: Floats) -> Booleans:
+    """Which of consecutive readings are equal to the one before, shape (n,), booleans."""
+    found = np.zeros(len(values), bool)
+    found[1:] = values[1:] == values[:-1]
+    return found
+
+
+def is_repeated(values: Floats) -> bool:
+    """Whether readings are written down more than once each.
+
+    Parameters
+    ----------
+    values : array of shape (n,)
+        Consecutive readings, NaN where there is none, or rows were not looked at.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> noise = np.random.default_rng(0).normal(size=400)
+    >>> is_repeated(np.repeat(noise, 3)), is_repeated(noise), is_repeated(noise.round())
+    (True, False, False)
+    """
+    again = repeated(values)
+    if np.count_nonzero(again) < FEWEST:
+        return False
+    first = np.flatnonzero(~again)
+    shown, rows = values[first], np.diff(first, append=len(values))
+    stands = rows > 1
+    if stands.sum() < max(FEWEST, OFTEN * len(shown)) or len(np.unique(shown[stands])) < DIFFERENT:
+        return False
+    steps = np.abs(np.diff(shown))
+    beside = steps[stands[1:] | stands[:-1]]
+    beside = beside[np.isfinite(beside)]
+    if _coarse(beside):
+        return False
+    whole = np.isfinite(steps[1:]) & np.isfinite(steps[:-1])  # not cut by the end of a stretch
+    return _evenly(rows[1:-1][whole])
+
+
+def on_lines(values: Floats, near: float) -> Booleans:
+    """Which of consecutive readings stand on the line between their neighbours, and not still, shape (n,), booleans.
+
+    `near` is how far from it at most; NaN for none.
+    """
+    found = np.zeros(len(values), bool)
+    found[1:-1] = (_off_lines(values) <= near) & (values[1:-1] != values[:-2])
+    return found
+
+
+def _off_lines(values: Floats) -> Floats:
+    """Distance of consecutive readings from the mean of their neighbours, but for the first and last."""
+    return np.asarray(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2))
+
+
+def filled_in(values: Floats) -> float:
+    """How near to the line between its neighbours a reading stands that was filled in; NaN where none were.
+
+    Parameters
+    ----------
+    values : array of shape (n,)
+        Consecutive readings, NaN where there is none, or rows were not looked at.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> noise = np.random.default_rng(0).normal(size=400)
+    >>> lines = np.interp(np.arange(1200) / 3, np.arange(400), noise)
+    >>> bool(filled_in(lines) > 0), filled_in(noise), filled_in(noise.round())
+    (True, nan, nan)
+    """
+    first = _off_lines(values[:LOOK])
+    if np.count_nonzero(first <= NEAR_AT_ONCE * np.nanmax(first, initial=0.0)) < MOSTLY_ON_LINES * len(first) / 2:
+        return np.nan
+    off = np.full(len(values), np.nan)
+    off[1:-1] = _off_lines(values)
+    near = _near_lines(values, off[np.isfinite(off)])
+    on = on_lines(values, near)
+    if on.sum() < max(FEWEST, MOSTLY_ON_LINES * np.isfinite(off).sum()):
+        return np.nan
+    still = repeated(values)
+    still[:-1] |= still[1:]
+    return near if _bends_evenly(np.where(on | still, np.nan, off), np.cumsum(np.isnan(off))) else np.nan
+
+
+def _near_lines(values: Floats, off: Floats) -> float:
+    """How far off a line rounding takes a reading, from their distances: the arithmetic's, or that to a digit."""
+    single = bool(np.array_equal(values.astype(np.float32), values, equal_nan=True))
+    last_place = float(np.finfo(np.float32 if single else float).eps * np.nanmax(np.abs(values)))
+    exact = max(ARITHMETIC * last_place, OF_TIMES * float(off.max(initial=0.0)))
+    away = off[off > exact]
+    if len(away) < FEWEST:
+        return np.nan
+    far, digit = max(float(np.quantile(off, 1 - BENDS)), float(np.median(away))), 2 * float(away.min())
+    return 2 * digit if 2 * digit <= ROUNDED_LINE * far else exact
+
+
+def _bends_evenly(off: Floats, stretch: NDArray[np.intp]) -> bool:
+    """Whether bends, readings whose distance from the line is no NaN, come after multiples of one number of rows.
+
+    `stretch` is the number of the stretch of known readings that each is in.
+    """
+    bends = np.flatnonzero(np.isfinite(off))
+    if len(bends) < FEWEST:
+        return False
+    bends = bends[off[bends] <= OUTLYING * np.median(off[bends])]
+    rows = np.diff(bends)[stretch[bends[1:]] == stretch[bends[:-1]]]
+    if len(rows) < FEWEST or _coarse(off[bends]):
+        return False
+    usual = int(np.bincount(rows).argmax())
+    return usual > 1 and bool(np.mean(rows % usual == 0) >= AT_MULTIPLES)
+
+
+def _coarse(steps: Floats) -> bool:
+    """Whether most steps are of a digit or two."""
+    return bool(np.mean(steps <= FEW_DIGITS * np.quantile(steps, DIGIT)) > COARSE)
+
+
+def _evenly(rows: NDArray[np.intp]) -> bool:
+    """Whether readings stand in as many rows as those that a logger asks for at even times, or nearly so."""
+    low, high = np.quantile(rows, [TRIMMED, 1 - TRIMMED]) if len(rows) else (0, 0)
+    rows = rows[(rows >= low) & (rows <= high)]
+    mean = float(rows.mean()) if len(rows) else 0.0
+    most = UNEVEN * (mean % 1) * (1 - mean % 1) + (JITTER * mean) ** 2 + JUST
+    return len(rows) >= FEWEST and bool(np.var(rows) <= most)
+
+
+def ends_of_range(values: Floats) -> tuple[float, ...]:
+    """The largest or smallest of the readings, where it is met far more often than any other: they are clipped there.
+
+    Parameters
+    ----------
+    values : array of shape (n,)
+        Consecutive readings, NaN where there is none, or rows were not looked at.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> noise = np.random.default_rng(0).normal(size=400)
+    >>> ends_of_range(np.minimum(noise, 1.0)), ends_of_range(noise), ends_of_range(np.sign(noise))
+    ((1.0,), (), ())
+    """
+    known = np.isfinite(values)
+    every, changed = values[known], values[known & ~repeated(values)]
+    if not len(every) or max(np.sum(every == every.min()), np.sum(every == every.max())) < MET:
+        return ()
+    different, visits = np.unique(changed, return_counts=True)
+    if len(different) < DIFFERENT:
+        return ()
+    rows = np.unique(every, return_counts=True)[1]
+    times = rows if len(different) > FINE * visits[1:-1].sum() else visits  # a coarse reading stands still anywhere
+    clipped = (times >= max(MET, MORE_OFTEN * times[1:-1].max())) & (visits >= FEW_VISITS)
+    return tuple(float(different[end]) for end in (0, -1) if clipped[end])
+
+
+def at_ends(values: Floats, ends: tuple[float, ...], noise: float) -> Booleans:
+    """Which of consecutive readings are at an end of the range, or near one, shape (n,), booleans.
+
+    Near it noise is cut on one side, so that what is left there is wrong on the average. By the mean of the neighbours,
+    of which a reading's own noise is a small part: to leave out what is high would cut the noise again.
+    """
+    found = np.isin(values, ends)
+    if ends:
+        known = np.isfinite(values)
+        window = np.ones(2 * BESIDE + 1)
+        counts = np.convolve(known, window, "same")
+        mean = np.convolve(np.where(known, values, 0.0), window, "same") / np.maximum(counts, 1)
+        for end in ends:
+            found |= known & (np.abs(mean - end) < NEAR * noise)
+    return found

@@ -1,4 +1,4 @@
-"""What is said about a series: moments, moving average, eqs. (9) (26), reduction in dB, and how much of it is white."""
+"""Moments, robust scales and usual steps of values that come in blocks."""
 
 from __future__ import annotations
 
@@ -128,3 +128,6 @@ class Moments(NamedTuple):
     def std(self) -> float:
         """Standard deviation."""
         return float(np.sqrt(self.squares / max(self.n, 1)))
+
+
+Booleans = NDArray[np.bool_]

@@ -1,12 +1,10 @@
 """Floor 3: estimators in scikit-learn's manner."""
 
 from .features import DiffusiveFeatures
-from .holdout import held_out_residuals
-from .later import LaterErrors, later_errors
+from .fitting import MergedRidge
+from .holdout import LaterErrors, held_out_residuals, later_errors
 from .regressor import DynamicBiasRegressor
-from .ridge import MergedRidge
-from .thermometer_errors import thermometer_errors
-from .thermometers import Thermometer
+from .thermometers import Thermometer, thermometer_errors
 from .time_constant_search import TimeConstantSearch
 from .uncertainty import Budget, Sensor, Uncertainty
 from .variants import VariantComparison, compare_variants

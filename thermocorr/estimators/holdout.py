@@ -1,18 +1,24 @@
-"""Held-out residuals by blocks of time: the figure that a user may believe."""
+"""Errors on data that a model has not seen: held-out blocks, and later blocks predicted from all earlier data."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from ..records import RecordError
+from ..effects import Events
+from ..records import RecordError, read_record
 from ..records.checks import check_int
-from ..records.errors import said_once
+from ..records.errors import printable, said_once
+from ..records.numbers import number_text, scale_of
 from ..records.reach import where_read
 from .progress import Progress, told
+from .regressor import DynamicBiasRegressor
 from .run_levels import unlearned
 from .screening import believed_readings
 from .time_constants.remembered import Sweeps
@@ -122,3 +128,217 @@ def _unknown_start(fitted: Any, block: slice, n_rows: int) -> np.ndarray:
             length = min(elapsed_rows, (block.stop - start) // 2)
             washed[start - block.start : start - block.start + length] = True
     return washed
+
+
+BEFORE = "before correction"
+FEWEST = 3
+"""Later blocks without which nothing is said."""
+LIKE = 1.03
+"""Error over the least one, up to which a variant is as good as the best."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class LaterErrors:
+    """Errors on later blocks of time, each foretold from everything before it."""
+
+    table: pd.DataFrame
+    """Rms error, offset included, in the unit of the reading: a row for each variant, `BEFORE` first, a column for each
+    block, and "all", which are the blocks that every variant could foretell."""
+    unit: str
+    dynamic: tuple[str, ...]
+    """Variants with a memory, which the others are rivals of."""
+
+    @property
+    def best(self) -> str:
+        """The variant with the least error on all blocks together; "" where there is none."""
+        return min(self._all, key=self._all.__getitem__) if self.blocks.shape[1] else ""
+
+    @property
+    def blocks(self) -> pd.DataFrame:
+        """The blocks alone, without those that some variant could not foretell."""
+        return self.table.drop(columns="all").dropna(axis=1)
+
+    def helps(self, variant: str) -> bool | None:
+        """Whether a variant does better than its rivals without memory: together, and in most of the blocks.
+
+        None where there are too few blocks to tell.
+        """
+        if self.blocks.shape[1] < FEWEST:
+            return None
+        rival = self._rival()
+        return self._all[variant] < self._all[rival] and self._wins(variant) > 0.5
+
+    def advice(self, variant: str) -> str:
+        """A sentence on a dynamic variant: use it, or not."""
+        helps, blocks = self.helps(variant), self.blocks
+        if helps is None:
+            return "Whether a correction helps on later data cannot be told: the record is too short."
+        rival = self._rival()
+        scale = scale_of([self._all[variant]], printable(self.unit))
+        own, others, best = (scale.text(self._all[name]) for name in (variant, rival, self.best))
+        each = scale.factor * blocks.loc[variant].to_numpy(float)
+        least, most = _around(scale.factor * self._all[variant], float(each.min()), float(each.max()))
+        error = f"{own} rms ({least} to {most})"
+        other = f"{others} {'uncorrected' if rival == BEFORE else 'static'}"
+        count = f"{round(self._wins(variant) * blocks.shape[1])} of {blocks.shape[1]}"
+        said = f"better in {count} later blocks, each foretold from everything before it, the {variant} correction"
+        if helps:
+            said = f"Use it: {said} leaves {error} instead of {other}."
+            if self._all[variant] > LIKE * self._all[self.best]:
+                said += f" The {self.best} one does better there: {best}."
+            return said
+        return f"Not shown to help: {said} leaves {error} against {other}."
+
+    @property
+    def _all(self) -> dict[str, float]:
+        """Error on all blocks together."""
+        return dict(zip(map(str, self.table.index), self.table["all"].to_numpy(float).tolist(), strict=True))
+
+    def _rival(self) -> str:
+        """The best of what has no memory."""
+        return min((name for name in self._all if name not in self.dynamic), key=self._all.__getitem__)
+
+    def _wins(self, variant: str) -> float:
+        return float(np.mean(self.blocks.loc[variant] < self.blocks.loc[self._rival()]))
+
+    def __str__(self) -> str:
+        shown = self.table.rename(index={self.best: f"{self.best} *"})
+        scale = scale_of(self.table, printable(self.unit))
+        head = "Error on later blocks of time, offset included"
+        text = (scale.factor * shown).to_string(float_format=number_text, na_rep="-")
+        return f"{head}{f' [{scale.unit}]' if scale.unit else ''}; * is the least:\n{text}"
+
+    __repr__ = __str__
+
+
+def _around(value: float, least: float, most: float) -> tuple[str, str]:
+    """The ends of a range, with two digits, or as many more as it takes to hold the value in three."""
+    said = float(number_text(value))
+    ends = [(number_text(least, digits), number_text(most, digits)) for digits in range(2, 6)]
+    return next((end for end in ends if float(end[0]) <= said <= float(end[1])), ends[-1])
+
+
+@said_once()
+def later_errors(
+    variants: Mapping[str, DynamicBiasRegressor],
+    X: Any,
+    y: Any,
+    *,
+    n_blocks: int = 5,
+    progress: Progress = None,
+) -> LaterErrors:
+    """Foretell the later half of a record, block by block, from all readings before each block.
+
+    Parameters
+    ----------
+    variants : mapping of str to DynamicBiasRegressor
+        Fitted, such as `VariantComparison.models`; cloned for each block. Those without time constants
+        are the rivals of those that have some.
+    X, y : as for `DynamicBiasRegressor.fit`
+    n_blocks : int, default 5
+        Blocks of equal numbers of rows, in the order of time.
+    progress : callable or True, optional
+        Called with a line of text before each fit; True draws a bar (extra "progress").
+
+    Returns
+    -------
+    LaterErrors
+
+    Examples
+    --------
+    >>> from thermocorr import DynamicBiasRegressor, later_errors
+    >>> from thermocorr.datasets import make_record
+    >>> record = make_record(4000, seed=1)
+    >>> X, y = record[["temperature"]], record["reading"]
+    >>> variants = {"static": DynamicBiasRegressor("temperature", ()).fit(X, y),
+    ...             "dynamic": DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y)}
+    >>> later = later_errors(variants, X, y)
+    >>> later.best, later.helps("dynamic")
+    ('dynamic', True)
+    """
+    check_int("later_errors", "n_blocks", n_blocks, 1)
+    if not variants:
+        raise ValueError("later_errors() needs fitted variants to compare. Got none.")
+    reading = believed_readings(next(iter(variants.values())), X, y)
+    missed: dict[str, list[np.ndarray]] = {name: [] for name in (BEFORE, *variants)}
+    later = list(later_blocks(next(iter(variants.values())), X, reading, n_blocks))
+    with told(progress, n_blocks * len(variants)) as tell:
+        for known, block in later:
+            missed[BEFORE].append(reading[block] - (np.nanmean(known) if np.isfinite(known).any() else np.nan))
+        for name, variant in variants.items():
+            missed[name] = _missed(variant, X, reading, later, partial(_tell, tell, name, n_blocks))
+    blocks = pd.DataFrame({name: [rms(part) for part in parts] for name, parts in missed.items()}).T
+    common = np.flatnonzero(blocks.notna().all())
+    together = [rms(np.concatenate([np.zeros(0), *(parts[k] for k in common)])) for parts in missed.values()]
+    table = blocks.set_axis(range(1, n_blocks + 1), axis=1).assign(all=together)
+    dynamic = tuple(name for name, each in variants.items() if any(map(len, each.thermometers_.values())))
+    return LaterErrors(table=table, unit=next(iter(variants.values())).reading_.unit, dynamic=dynamic)
+
+
+def later_rms(model: DynamicBiasRegressor, X: Any, y: Any, n_blocks: int = 5) -> np.ndarray:
+    """Rms error of a fitted model on blocks of the later half of its record, then on all of these together.
+
+    Each block is foretold from everything before it; NaN where that is too short.
+    """
+    reading = believed_readings(model, X, y)
+    parts = _missed(model, X, reading, list(later_blocks(model, X, reading, n_blocks)))
+    return np.array([rms(part) for part in (*parts, np.concatenate(parts))])
+
+
+def later_blocks(
+    model: DynamicBiasRegressor, X: Any, reading: np.ndarray, n_blocks: int
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Blocks of the later half in the order of time: readings before each (NaN from there on), and its rows."""
+    record = read_record(X, model.features_.layout(), y=reading, quiet=True)
+    low, high = record.read_places
+    if high - low < 2 * n_blocks * MIN_BLOCK:
+        low, high = 0, record.n_rows
+    rows = np.arange(len(reading))[record.rows(low, min(high, record.n_used))]
+    edges = [len(rows) * k // (2 * n_blocks) for k in range(n_blocks, 2 * n_blocks + 1)]
+    for low, high in pairwise(edges):
+        known = np.full(len(reading), np.nan)
+        known[rows[:low]] = reading[rows[:low]]
+        yield known, rows[low:high]
+
+
+def _after_events(fitted: DynamicBiasRegressor, X: Any, known: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """Rows of a block behind an event of which no reading is known: the measurand is another one, shape (n,)."""
+    moments = [moment for e in fitted.features_.effect_list() if isinstance(e, Events) for moment in e.seconds_]
+    if not moments:
+        return np.zeros(len(block), bool)
+    record = read_record(X, fitted.features_.layout(), quiet=True)
+    seconds = record.times.seconds(np.arange(len(known)), record.first_stamp())
+    last = seconds[np.isfinite(known)].max()
+    return np.asarray(seconds[block] >= min((m for m in moments if m > last), default=np.inf))
+
+
+def _missed(
+    model: DynamicBiasRegressor,
+    X: Any,
+    reading: np.ndarray,
+    later: Sequence[tuple[np.ndarray, np.ndarray]],
+    tell: Callable[[int], None] = lambda number: None,
+) -> list[np.ndarray]:
+    """What models of the known readings miss in the block behind these; NaN where these are too few."""
+    missed, sweeps = [], Sweeps()
+    for number, (known, block) in reversed(list(enumerate(later, 1))):  # a longer record knows what shorter ones ask
+        tell(number)
+        missed.append(_missed_in(model, X, known, reading, block, sweeps))
+    return missed[::-1]
+
+
+def _missed_in(
+    model: DynamicBiasRegressor, X: Any, known: np.ndarray, reading: np.ndarray, block: np.ndarray, sweeps: Sweeps
+) -> np.ndarray:
+    try:
+        fitted: DynamicBiasRegressor = fitted_to(model, X, known, sweeps)
+        missed = np.asarray(reading[block] - fitted.predict(X)[block])
+        missed[unlearned(model, X, known)[block] | _after_events(fitted, X, known, block)] = np.nan
+        return missed
+    except RecordError:
+        return np.full(len(block), np.nan)
+
+
+def _tell(say: Callable[[str], None], name: str, n_blocks: int, number: int) -> None:
+    """How far the work is."""
+    say(f"later block {number} of {n_blocks}: {name}")

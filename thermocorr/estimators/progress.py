@@ -1,4 +1,4 @@
-"""Progress of long work: a bar with the time that is left, or lines of text for whoever asked for them."""
+"""Progress of long work, and the threads that it may take."""
 
 from __future__ import annotations
 
@@ -7,6 +7,20 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from time import perf_counter
+from typing import Any
+
+from threadpoolctl import ThreadpoolController
+
+_controller: ThreadpoolController | None = None
+
+
+def one_blas_thread() -> Any:
+    """Context in which BLAS uses one thread, whatever the user's environment says."""
+    global _controller
+    if _controller is None:
+        _controller = ThreadpoolController()
+    return _controller.limit(limits=1, user_api="blas")
+
 
 Progress = Callable[[str], None] | bool | None
 """What a parameter `progress` takes: a function that is called with a line of text before each piece of work; True for

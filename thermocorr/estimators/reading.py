@@ -1,18 +1,193 @@
-"""What the fitted reading and temperature looked like: names, units, ranges, and what is odd about them."""
+"""Readings that a model is fitted to, and checks of what is given to a fitted one."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from sklearn.utils.validation import validate_data
 
-from ..records import Record, RecordError
+from ..records import Log, Record, RecordError
 from ..records.errors import quoted, times_word, warn
-from ..records.other_units import first_median, other_units, unit_told_by
-from ..records.units import unit_of, units_differ
+from ..records.record_log import RecordLog, as_data
+from ..records.segments import Flags
+from ..records.units import ENOUGH, first_median, other_units, unit_of, unit_told_by, units_differ
 from .flat import flat_text, is_flat, resolved
+
+
+def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
+    """scikit-learn's checks of X for frames (names and number) and arrays (shape, dtype, infinities)."""
+    X = as_data(X)
+    if isinstance(X, pd.Series):
+        raise RecordError(
+            "X is a Series. Reshape your data: pass a DataFrame, for example with X.to_frame(), whose columns are the "
+            "temperature and whatever else was recorded."
+        )
+    if isinstance(X, Log):
+        return _check_log_columns(estimator, X, reset)
+    if isinstance(X, pd.DataFrame):
+        if X.shape[1] == 0:
+            raise RecordError(
+                f"Found array with 0 feature(s) (shape={X.shape}) while a minimum of 1 is required: the data have no "
+                "columns. The temperature is needed."
+            )
+        if len(X) == 0:
+            raise RecordError("The data have 0 rows. Check the file, or the selection that made them.")
+        if not X.columns.is_unique:
+            twice = X.columns[X.columns.duplicated()][0]
+            raise RecordError(f"Several columns are called {twice!r}. Give columns unique names.")
+        _check_names(estimator, X, reset)
+        return X
+    return validate_data(
+        estimator, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan", accept_sparse=False
+    )
+
+
+def _check_names(estimator: Any, X: pd.DataFrame, reset: bool) -> None:
+    """Set or compare names and number of a frame's columns, as `validate_data` does.
+
+    Names that are text are set here, and are found to be the fitted ones: scikit-learn's way to them, which has any
+    library's frames in mind, takes a twentieth of a fit. It is asked, and raises, wherever there is more to say.
+    """
+    names = np.array(X.columns.tolist(), dtype=object)
+    plain = all(type(name) is str for name in names)
+    if plain and reset:
+        estimator.feature_names_in_, estimator.n_features_in_ = names, len(names)
+    elif not (plain and np.array_equal(getattr(estimator, "feature_names_in_", ()), names)):
+        validate_data(estimator, X, skip_check_array=True, reset=reset)
+
+
+def _check_log_columns(estimator: Any, X: Log, reset: bool) -> Log:
+    """scikit-learn's checks of a log: `validate_data` on an empty frame with the columns of the log."""
+    if len(X) == 0:
+        raise RecordError("The log has 0 rows. Check its files.")
+    columns, names = X.columns, getattr(estimator, "feature_names_in_", ())
+    if isinstance(X, RecordLog) and not reset:  # its times and runs are no columns any more
+        columns = [name for name in names if name in columns or name in (estimator.time, estimator.run)]
+        columns += [name for name in X.columns if name not in columns]
+    validate_data(estimator, pd.DataFrame(columns=columns), skip_check_array=True, reset=reset)
+    return X
+
+
+def no_flags(record: Record) -> Flags:
+    """Flags of rows that belong to no block: why they have no temperature."""
+    flags = Flags(record.n_rows, "no temperature")
+    for refused in record.refused:
+        flags[refused.rows] = refused.reason
+    return flags
+
+
+def like(X: Any, values: np.ndarray, name: str) -> Any:
+    """Values as a Series beside a DataFrame, as an array beside an array."""
+    return pd.Series(values, index=X.index, name=name) if isinstance(X, pd.DataFrame) else values
+
+
+NEAR = 10.0
+"""So far beyond the fitted range, and by as much as that is wide, a temperature may be one of the same unit."""
+AMBIENT = (-40.0, 50.0)
+"""Ambient temperatures [degC]."""
+_IN_DEGC: dict[str, tuple[Callable[[float], float], Callable[[float], float]]] = {
+    "degC": (lambda value: value, lambda value: value),
+    "degF": (lambda value: (value - 32.0) / 1.8, lambda value: 1.8 * value + 32.0),
+    "K": (lambda value: value - 273.15, lambda value: value + 273.15),
+}
+"""Unit -> to degC, and from degC."""
+
+
+def check_record(fitted: Reading, X: Any, record: Record) -> None:
+    """Refuse the temperature of a record in another unit than the fitted one: by their units, and by their values.
+
+    Parameters
+    ----------
+    fitted : Reading
+    X : DataFrame, array or Record
+        What the record was read from, which may name units (``X.attrs["units"]``).
+    record : Record
+    """
+    name, median = record.temperature_name, first_median(record, record.temperature_name)
+    check_temperature(fitted, str(name), str(name), unit_of(name, X), median)
+    check_median(median, name, *fitted.temperature_range)
+
+
+def check_block(fitted: Reading, X: Any, temperatures: np.ndarray, name: Any) -> None:
+    """`check_record` of a block of a stream; a few rows tell nothing by their values, for they may be damaged ones."""
+    known = temperatures[np.isfinite(temperatures)]
+    median = float(np.median(known)) if len(known) >= ENOUGH else None
+    check_temperature(fitted, str(name), str(name), unit_of(name, X), median)
+    if median is not None:
+        check_median(median, name, *fitted.temperature_range)
+
+
+def check_temperature(fitted: Reading, name: str, fitted_name: str, unit: str, median: float | None) -> None:
+    """Refuse a temperature whose stated unit is not that of the fitted one.
+
+    Where the fitted record named no unit, the values tell: fitted ones that are no ambient temperatures in the unit
+    that they were taken for, but are in the stated one, and among which these are as they stand, have the stated unit,
+    and a RecordWarning says what was taken wrong. Where values do not tell, nothing is assumed. The unit that they were
+    taken for is refused only where the fitted ones are ambient temperatures in degF alone: others are merely colder.
+
+    Parameters
+    ----------
+    fitted : Reading
+    name, fitted_name : str
+        The column, and the fitted one.
+    unit : str
+        What the data state; "" where they state none, which is refused by nothing.
+    median : float, optional
+        Of several temperatures; None where too few have come, and only stated units can be compared.
+
+    Raises
+    ------
+    RecordError
+        Where the units differ, and where nobody can tell.
+    """
+    if fitted.unit_named:
+        check_unit("temperature", name, fitted_name, unit, fitted.temperature_unit)
+        return
+    if unit not in _IN_DEGC or median is None or np.isnan(median):
+        return
+    taken, (low, high) = fitted.temperature_unit, fitted.temperature_range
+    as_it_is, converted = _near(median, low, high), _near(_from(unit, taken, median), low, high)
+    begin = (
+        f"The temperature {quoted(name)} is in {unit}, about {median:.4g}. The record that the model was fitted to "
+        f"names no unit of {quoted(fitted_name)}: {low:.4g} to {high:.4g} were taken for {taken}"
+    )
+    refit = f"fit again with the unit in the column's name, as in {fitted_name + ' [°F]'!r}, or in X.attrs['units']"
+    ambient = {one: _is_ambient(_from(one, "degC", low), _from(one, "degC", high)) for one in (taken, unit, "degF")}
+    if unit == taken:
+        in_degf = _near(_from(unit, "degF", median), low, high)
+        if in_degf and not as_it_is and ambient["degF"] and not ambient[taken]:
+            raise RecordError(f"{begin}, and look like degF. Convert this column to degF, or {refit}.")
+        return
+    if as_it_is and not converted and ambient[unit] and not ambient[taken]:
+        warn(
+            f"{begin}. By their values they are {unit} too, and are used so; what the model says per degree of {taken} "
+            f"is per degree of {unit}. To have that right, {refit}."
+        )
+        return
+    if converted and not as_it_is:
+        raise RecordError(
+            f"{begin}, and by the values they are. Convert this column to {taken}, or mend its unit if it is wrong."
+        )
+    raise RecordError(f"{begin}, and the values do not tell whether they are. To say it, {refit}.")
+
+
+def _is_ambient(low: float, high: float) -> bool:
+    return AMBIENT[0] <= low and high <= AMBIENT[1]
+
+
+def _near(value: float, low: float, high: float) -> bool:
+    reach = max(NEAR, high - low)
+    return low - reach <= value <= high + reach
+
+
+def _from(unit: str, other: str, value: float) -> float:
+    """A temperature in one unit, in another."""
+    return _IN_DEGC[other][1](_IN_DEGC[unit][0](value))
+
 
 USUAL_STDS = 10.0
 """A corrected reading so many standard deviations from the mean of the fitted readings is no surprise."""

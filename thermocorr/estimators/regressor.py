@@ -15,23 +15,19 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from ..effects.wrap import EffectsParameters, as_effects
 from ..records import Block, Record
 from ..records.errors import warn
-from ..records.flags import Flags
-from .aligned import like, no_flags
+from ..records.segments import Flags
 from .choosing import choose, choose_again, chosen_products, count_to_choose, penalty
 from .cutting import equal_edges
 from .doubts import doubts_of
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
-from .fitting import require_rows, sweep_effects
-from .gap_error import readings_left_out
+from .fitting import MergedRidge, learned_readings, require_rows, sweep_effects
+from .input_errors import readings_left_out
 from .prior import LawPrior, known_before
-from .progress import printed
-from .reading import Reading, check_corrected, check_plausible
-from .ridge import MergedRidge
+from .progress import one_blas_thread, printed
+from .reading import Reading, check_corrected, check_plausible, like, no_flags
 from .run_levels import RunLevels, run_levels
-from .threads import one_blas_thread
 from .time_constants.remembered import Sweeps
 from .uncertainty.signing import SignedModel
-from .weighing import learned_readings
 
 WASHOUT_TIME_CONSTANTS = 3.0
 """An unknown start is felt for this many of the longest time constant: 5 % of it is left then."""

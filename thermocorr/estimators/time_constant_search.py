@@ -14,16 +14,22 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
+from .fitting import learned_readings
+from .progress import one_blas_thread
 from .regressor import DynamicBiasRegressor
 from .thermometers import Thermometers
-from .threads import one_blas_thread
 from .time_constants.crossvalidation import SCORINGS
-from .time_constants.methods import METHODS
 from .time_constants.projection import refined, sensitivity
-from .time_constants.requested import check_alphas, check_candidates
 from .time_constants.resolution import interval_table, spectrum_table
-from .time_constants.search import CandidateRow, SearchSettings, TimeConstantChoice
-from .weighing import learned_readings
+from .time_constants.search import (
+    METHODS,
+    CandidateRow,
+    SearchSettings,
+    TimeConstantChoice,
+    check_alphas,
+    check_candidates,
+    search,
+)
 
 
 class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
@@ -171,7 +177,6 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             )
         started = time.perf_counter()
         learned = learned_readings(X, y, model.unfitted_features(()).layout(), mask, weights)
-        search = METHODS[self.method].search
         with one_blas_thread():
             model.learn_levels(X, learned)
             choice = search(model.unfitted_features(()), X, learned, self._settings())

@@ -1,9 +1,9 @@
-"""Joint errors of a fitted model and its noise, as JSON and back."""
+"""Uncertainties, filling, gaps, screen and reading of a model as JSON and back."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Collection, Sequence
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,219 @@ import numpy as np
 from ..effects import InitialTransient, LaggedCovariate
 from ..effects.protocol import Effect
 from ..effects.thermal import ThermalLag
+from ..estimators.filling import RULES, Filling, StandIn
+from ..estimators.reading import Reading, unit_by_size
 from ..estimators.uncertainty.beyond import Beyond
-from ..estimators.uncertainty.joint import JointErrors
-from ..estimators.uncertainty.noise_model import NoiseModel
+from ..estimators.uncertainty.joint import JointErrors, NoiseModel
 from ..records import History
+from ..records.gaps import Gaps
 from ..records.grammar import LARGEST
-from .codec import fields, integer, items, number, pack, positive, unexpected, unpack, vector
+from ..records.screen import MOST_KEPT, Limits, Screen
+from .codec import (
+    LARGEST_INTEGER,
+    ModelFileError,
+    fields,
+    integer,
+    items,
+    name,
+    number,
+    pack,
+    positive,
+    text,
+    unexpected,
+    unpack,
+    vector,
+)
 from .effect_nodes import EffectCodec, check_state
+
+QUANTITIES = ("temperature", "reading")
+MOST_CODES = 2 * MOST_KEPT
+
+
+def pack_screen(screen: Screen) -> dict[str, Any]:
+    """Codes and spikes of both quantities; a spike is its time stamp and its value."""
+    return {what: pack_limits(getattr(screen, what)) for what in QUANTITIES}
+
+
+def pack_limits(limits: Limits) -> dict[str, Any]:
+    """What is refused of one quantity."""
+    spikes = [[stamp, value] for stamp, value in limits.spikes.items()]
+    return {"middle": limits.middle, "codes": list(limits.codes), "spikes": spikes}
+
+
+def unpack_screen(node: Any, where: str) -> Screen:
+    """The screen, every number checked."""
+    node = fields(node, where, QUANTITIES)
+    return Screen(**{what: unpack_limits(node[what], f"{where}.{what}") for what in QUANTITIES})
+
+
+def unpack_limits(node: Any, where: str) -> Limits:
+    """What is refused of one quantity, checked."""
+    node = fields(node, where, ("middle", "codes", "spikes"))
+    codes = [number(code, f"{where}.codes[{i}]") for i, code in enumerate(items(node["codes"], f"{where}.codes"))]
+    if len(codes) > MOST_CODES or any(abs(code) > LARGEST for code in codes):
+        raise unexpected(f"{where}.codes", f"{len(codes)} codes", f"at most {MOST_CODES}, none beyond {LARGEST:g}")
+    spikes = {}
+    for i, item in enumerate(items(node["spikes"], f"{where}.spikes")):
+        place = f"{where}.spikes[{i}]"
+        stamp, value = items(item, place, 2)
+        if type(stamp) is int:
+            if abs(stamp) > LARGEST_INTEGER:
+                raise unexpected(f"{place}[0]", str(stamp)[:60], "a time")
+        else:
+            number(stamp, f"{place}[0]")
+        spikes[stamp] = number(value, f"{place}[1]")
+    if len(spikes) > MOST_KEPT:
+        raise unexpected(f"{where}.spikes", f"{len(spikes)} spikes", f"at most {MOST_KEPT}")
+    return Limits(middle=number(node["middle"], f"{where}.middle"), codes=tuple(codes), spikes=spikes)
+
+
+_READING = tuple(name for name in Reading.__dataclass_fields__ if name != "unit_named")
+
+
+def pack_reading(reading: Reading) -> dict[str, Any]:
+    """Names, units and ranges; a unit that the record did not name is none."""
+    unit = reading.temperature_unit if reading.unit_named else ""
+    node = {**asdict(reading), "temperature_unit": unit, "temperature_range": list(reading.temperature_range)}
+    return {name: node[name] for name in _READING}
+
+
+def unpack_reading(node: Any, where: str) -> Reading:
+    """Names, units and ranges, checked."""
+    node = fields(node, where, _READING)
+    low, high = (
+        number(value, f"{where}.temperature_range[{i}]")
+        for i, value in enumerate(items(node["temperature_range"], f"{where}.temperature_range", 2))
+    )
+    if low > high:
+        raise unexpected(f"{where}.temperature_range", f"{low} above {high}", "the lower one first")
+    unit = text(node["temperature_unit"], f"{where}.temperature_unit")
+    return Reading(
+        name=text(node["name"], f"{where}.name"),
+        unit=text(node["unit"], f"{where}.unit"),
+        temperature_unit=unit or unit_by_size(low),
+        unit_named=bool(unit),
+        n_readings=integer(node["n_readings"], f"{where}.n_readings", 1),
+        mean=number(node["mean"], f"{where}.mean"),
+        std=number(node["std"], f"{where}.std", 0.0),
+        temperature_range=(low, high),
+    )
+
+
+def pack_gaps(gaps: Gaps) -> dict[str, Any]:
+    """What happens in gaps, as plain values: the least step of one, and how far each column wanders."""
+    return {
+        "least": gaps.least,
+        "lags": gaps.lags.tolist(),
+        "columns": [
+            {"name": pack(column, "a column's name"), "squares": squares.tolist()}
+            for column, squares in gaps.squares.items()
+        ],
+    }
+
+
+def unpack_gaps(node: Any, where: str, columns: Collection[Any]) -> Gaps | None:
+    """What `pack_gaps` made, every number checked, for these columns; None for a file of an earlier version."""
+    if node is None:
+        return None
+    node = fields(node, where, ("least", "lags", "columns"))
+    lags = _numbers(node["lags"], f"{where}.lags")
+    if not len(lags) or lags[0] != 0 or (np.diff(lags) <= 0).any():
+        raise unexpected(f"{where}.lags", "other times", "0 first, and then increasing times")
+    squares: dict[Any, np.ndarray] = {}
+    for i, item in enumerate(items(node["columns"], f"{where}.columns", len(columns))):
+        place = f"{where}.columns[{i}]"
+        item = fields(item, place, ("name", "squares"))
+        column = name(unpack(item["name"], f"{place}.name"), f"{place}.name")
+        if column not in columns or column in squares:
+            raise ModelFileError(f"{place}.name is {column!r}, which the model does not keep, or twice")
+        squares[column] = _numbers(item["squares"], f"{place}.squares", len(lags))
+    return Gaps(positive(node["least"], f"{where}.least"), lags, squares)
+
+
+def _numbers(node: Any, where: str, count: int | None = None) -> np.ndarray:
+    return np.array([number(value, f"{where}[{i}]", 0.0) for i, value in enumerate(items(node, where, count))], float)
+
+
+_FIELDS = tuple(StandIn.__dataclass_fields__)
+
+
+def pack_filling(filling: Filling) -> list[dict[str, Any]]:
+    """Every stand-in, with what it remembers; null for a hole of any length, and for what is not known."""
+    ends = filling.end or [np.zeros(0)] * len(filling.stand_ins)
+    return [
+        {
+            "column": pack(one.column, "a column's name"),
+            "others": [pack(other, "a column's name") for other in one.others],
+            "means": one.means.tolist(),
+            "slopes": one.slopes.ravel().tolist(),
+            "time_constants": one.time_constants.tolist(),
+            "spread": one.spread,
+            "memory": one.memory,
+            "limits": pack_limits(one.limits),
+            "range": [None if np.isinf(end) else end for end in one.range],
+            "rule": one.rule,
+            "longest": None if np.isinf(one.longest) else one.longest,
+            "end": [None if np.isnan(value) else float(value) for value in end],
+        }
+        for one, end in zip(filling.stand_ins, ends, strict=True)
+    ]
+
+
+def unpack_filling(node: Any, where: str, columns: Collection[Any]) -> Filling:
+    """The stand-ins, every number checked; they read no other columns than these."""
+    found = [_stand_in(item, f"{where}[{i}]", columns) for i, item in enumerate(items(node, where))]
+    return Filling(tuple(one for one, _ in found), tuple(end for _, end in found if len(end)))
+
+
+def _stand_in(node: Any, where: str, columns: Collection[Any]) -> tuple[StandIn, np.ndarray]:
+    node = fields(node, where, (*_FIELDS, "end"))
+    column = name(unpack(node["column"], f"{where}.column"), f"{where}.column")
+    others = tuple(
+        name(unpack(other, f"{where}.others[{i}]"), f"{where}.others[{i}]")
+        for i, other in enumerate(items(node["others"], f"{where}.others"))
+    )
+    for each in (column, *others):
+        if each not in columns:
+            raise ModelFileError(f"{where} names {each!r}, which the model does not read")
+    if column in others or len(set(others)) < len(others):
+        raise unexpected(f"{where}.others", repr(others)[:60], "other columns, each once")
+    numbers = {
+        key: vector(_floats(node[key], f"{where}.{key}"), f"{where}.{key}", length, LARGEST)
+        for key, length in (("means", 1 + len(others)), ("slopes", 2 * len(others)), ("time_constants", len(others)))
+    }
+    if (numbers["time_constants"] <= 0).any():
+        raise unexpected(f"{where}.time_constants", "times", "times above zero")
+    if node["rule"] not in RULES or (node["rule"] == "estimate") != bool(others):
+        raise unexpected(f"{where}.rule", repr(node["rule"])[:60], f"one of {RULES}, 'estimate' with other columns")
+    low, high = numbers_or_nan(node["range"], f"{where}.range", 2)
+    stand_in = StandIn(
+        limits=unpack_limits(node["limits"], f"{where}.limits"),
+        range=(-np.inf if np.isnan(low) else low, np.inf if np.isnan(high) else high),
+        column=column,
+        others=others,
+        means=numbers["means"],
+        slopes=numbers["slopes"].reshape(-1, 2),
+        time_constants=numbers["time_constants"],
+        spread=number(node["spread"], f"{where}.spread", 0.0, LARGEST),
+        memory=positive(node["memory"], f"{where}.memory"),
+        rule=node["rule"],
+        longest=np.inf if node["longest"] is None else number(node["longest"], f"{where}.longest", 0.0, LARGEST),
+    )
+    return stand_in, np.array(numbers_or_nan(node["end"], f"{where}.end", stand_in.width if node["end"] != [] else 0))
+
+
+def numbers_or_nan(node: Any, where: str, length: int) -> list[float]:
+    """So many numbers, NaN for null."""
+    values = items(node, where, length)
+    return [
+        np.nan if value is None else number(value, f"{where}[{k}]", -LARGEST, LARGEST) for k, value in enumerate(values)
+    ]
+
+
+def _floats(node: Any, where: str) -> np.ndarray:
+    return np.array([number(value, f"{where}[{i}]") for i, value in enumerate(items(node, where))], float)
+
 
 _ERRORS = (
     "wider", "coef", "half", "dof", "usual", "mean", "noise", "last", "end", "last_segment", "representation", "beyond",

@@ -19,8 +19,8 @@ from ..estimators.thermometers import Thermometer, Thermometers
 from ..records import History, Record, Segment, seconds_of
 from ..records.errors import quoted
 from ..records.grammar import LARGEST
+from ..records.labels import parted_state
 from ..records.read import temperature_column
-from ..records.states import parted_state
 from ..records.times import Times
 from .codec import (
     LARGEST_INTEGER,
@@ -40,11 +40,18 @@ from .codec import (
     vector,
 )
 from .effect_nodes import EffectCodec, check_state
-from .error_nodes import pack_errors, unpack_errors
-from .filling_nodes import pack_filling, unpack_filling
-from .gap_nodes import pack_gaps, unpack_gaps
-from .reading_nodes import pack_reading, unpack_reading
-from .screen_nodes import pack_screen, unpack_screen
+from .error_nodes import (
+    pack_errors,
+    pack_filling,
+    pack_gaps,
+    pack_reading,
+    pack_screen,
+    unpack_errors,
+    unpack_filling,
+    unpack_gaps,
+    unpack_reading,
+    unpack_screen,
+)
 
 KINDS = ("datetime", "datetime with time zone", "timedelta", "seconds", "rows")
 MOST_ROWS = 1 << 24

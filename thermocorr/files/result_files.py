@@ -11,10 +11,9 @@ import pandas as pd
 from ..estimators import DynamicBiasRegressor
 from ..records import RecordError
 from ..records.by_arrow import written_by_arrow
-from ..records.text import printable
-from .marks import TEXT_MARK
+from ..records.errors import printable
 from .model_file import content_of
-from .writer import Outputs
+from .writer import TEXT_MARK, Outputs
 
 RESULT_COLUMNS = ("corrected", "model", "residual", "flag", "u")
 TAKEN = "_thermocorr"

@@ -6,15 +6,14 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from . import formulas, statements
+from . import statements as formulas
+from . import statements as statements
 from .finished import Firmware
-from .formulas import Formula, Kind
 from .frame import starting, updating
-from .names import one_line
 from .program import Constant
 from .selftest import SAMPLES, Trial
-from .statements import Helper, Statement
-from .target import Dtype
+from .statements import Formula, Helper, Kind, Statement
+from .target import Dtype, one_line
 
 _SIGNS = {"or": "||", "not": "!"}
 """Operators that C calls otherwise."""

@@ -8,14 +8,11 @@ from typing import Any
 from ..effects import CATALOGUE, Effect
 from ..effects.expressions import TraceError, traced
 from ..effects.protocol import refuse_foresight
-from .counter import TimeCounter
-from .formulas import Bracketed, Choice, Formula, Item, Number, Whole
 from .lagbank import LagBank
-from .operations import Costed, Operations
-from .part import Part
-from .polynomial import Atom, Polynomial, Said, most_common, without
-from .program import Input, Numbers, Program
+from .part import Atom, Part, Polynomial, Said, most_common, without
+from .program import Input, Numbers, Program, TimeCounter
 from .recursions import Words
+from .statements import Bracketed, Choice, Costed, Formula, Item, Number, Operations, Whole
 
 
 def refuse(effects: Sequence[Effect], language: str) -> None:

@@ -10,27 +10,21 @@ from typing import Any
 import numpy as np
 
 from ..effects import StaticPolynomial
-from ..estimators.cancellation import Cancellation
+from ..estimators.doubts import Cancellation
 from ..files import Outputs
 from ..records import seconds_of
 from ..records.errors import warn
-from ..records.quantities import quantity_text
+from ..records.numbers import quantity_text
 from ..records.units import difference_unit
 from .c99 import C99
 from .composer import Composer, refuse
-from .costs import FirmwareExport
-from .counter import TimeCounter, settling
-from .finished import Firmware
-from .formulas import Kept, Whole
+from .finished import Firmware, FirmwareExport, fitted_range, provenance
 from .language import Language
-from .names import DEFAULT_PREFIX, prefix
-from .program import Program
-from .provenance import fitted_range, provenance
-from .reference import reference_bias
-from .selftest import TOLERANCE, Trial, expected_flags, tolerance
+from .program import Program, TimeCounter, settling
+from .selftest import TOLERANCE, Trial, expected_flags, reference_bias, tolerance
 from .selftest import inputs as test_inputs
-from .statements import Assign
-from .target import Dtype, Target
+from .statements import Assign, Kept, Whole
+from .target import DEFAULT_PREFIX, Dtype, Target, prefix
 
 _ROUNDINGS = 4.0
 """Roundings of each contribution that may add up: of its coefficient, its column, their product and the sum."""

@@ -1,10 +1,113 @@
-"""A program that all effects have written to: its state, flags and costs, which every language prints."""
+"""A finished program: its flags, costs and provenance."""
 
 from __future__ import annotations
 
-from .counter import TimeCounter
-from .operations import Operations
-from .program import Member, Program
+import platform
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..records.errors import printable
+from .program import Member, Program, TimeCounter
+from .statements import Operations
+from .target import Target
+
+
+@dataclass(frozen=True)
+class FirmwareExport:
+    """Files of an export and what the code needs: memory in bytes, operations for one sample."""
+
+    name: str
+    """Prefix of the names that the code shows."""
+    dtype: str
+    sampling_period: float | None
+    """[s]; None where each update is told its step."""
+    paths: tuple[Path, ...]
+    """Header, source, self-test."""
+    columns: tuple[object, ...]
+    """Recorded columns in the order in which `update` takes them."""
+    state_bytes: int
+    """Size of the state on a 32-bit Arm."""
+    constant_bytes: int
+    """Numbers in flash; the code itself comes on top, see `arm-none-eabi-size`."""
+    operations: Operations
+    """Counted in the statements of the update, the larger number of each kind where there are two branches."""
+    kept: tuple[str, ...]
+    """Effects of the model that `correct` does not remove, and the code neither."""
+
+    def frame(self) -> pd.DataFrame:
+        """The costs as a table: one row for each, `value` and `unit`."""
+        o = self.operations
+        rows = {
+            "RAM: state": (self.state_bytes, "bytes"),
+            "flash: constants": (self.constant_bytes, "bytes"),
+            "multiply-adds": (o.multiply_adds, "per sample"),
+            "further additions": (o.adds, "per sample"),
+            "divisions": (o.divisions, "per sample"),
+            "calls of libm": (o.calls, "per sample"),
+        }
+        return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "unit"]).rename_axis("cost")
+
+    def __str__(self) -> str:
+        step = "steps given to update" if self.sampling_period is None else f"every {self.sampling_period:.10g} s"
+        lines = [f"{self.name}: {self.dtype}, {step}", *(f"  {path}" for path in self.paths)]
+        lines += [f"  {name:<20}{value:>8} {unit}" for name, value, unit in self.frame().itertuples()]
+        if self.columns:
+            lines.append(f"  columns: {', '.join(map(printable, self.columns))}")
+        if self.kept:
+            lines.append(f"  kept in the corrected reading: {', '.join(map(printable, self.kept))}")
+        return "\n".join(lines)
+
+
+def fitted_range(model: Any) -> tuple[float, float]:
+    """Lowest and highest temperature of the fitted rows."""
+    limits = getattr(model, "temperature_range_", None)
+    low, high = model.reading_.temperature_range if limits is None else limits
+    return float(low), float(high)
+
+
+def provenance(model: Any, target: Target, effects: list[Any]) -> list[str]:
+    """Lines of the header's first comment."""
+    from .._version import __version__
+
+    lines = [f"{target.name}: dynamic thermal bias, corrected sample by sample. Made by thermocorr {__version__}"]
+    lines[0] += f" (Python {platform.python_version()}, numpy {np.__version__}); do not edit."
+    lines.append("")
+    reading = getattr(model, "reading_", None)
+    if reading is not None:
+        lines.append(f"Reading: {reading.name} [{reading.unit or 'its own unit'}], mean {reading.mean:.10g}")
+        lines.append(f"Fitted readings: {reading.n_readings}")
+    low, high = fitted_range(model)
+    unit = "" if reading is None else f" {reading.temperature_unit}"
+    unit += "" if reading is None or reading.unit_named else ", as its values have it: the record named no unit"
+    lines.append(f"Temperature: {target.temperature_name}, fitted from {low:.6g} to {high:.6g}{unit}")
+    lines.append(
+        f"U0, reading at the reference temperature {model.reference_temperature_:.10g}: {model.intercept_:.17g}"
+    )
+    if target.history is not None:
+        record = target.history.record
+        first, last = (record.times.label(row) for row in (0, target.last_row))
+        lines.append(f"Fitted rows: {target.history.n_fitted}, from {first} to {last}")
+        lines.append(f"Their usual step: {target.history.usual_step:.10g} s")
+    taus = ", ".join(f"{tau:.6g}" for tau in model.time_constants_)
+    lines.append(f"Time constants: {taus or 'none'} s")
+    std = getattr(model, "residual_std_", None)
+    if std is not None:
+        lines.append(f"Standard deviation of the fitted residuals: {std:.6g}")
+    lines.append(f"Effects removed: {'; '.join(e.label() for e in effects if e.removed_by_correct) or 'none'}")
+    kept = "; ".join(e.label() for e in effects if not e.removed_by_correct)
+    lines.append(f"Effects kept in the corrected reading: {kept or 'none'}")
+    step = "given to each update" if target.period is None else f"{target.period:.17g} s, fixed"
+    lines.append(f"Time between samples: {step}")
+    start = "that of the fitted record's end" if target.continues else "unknown, taken to be at rest"
+    lines.append(f"State after init: {start}")
+    if not target.continues:
+        lines.append(f"Flagged after it, while the lags forget: {float(model.washout_):.6g} s")
+    return lines
+
 
 FLAGS = (
     ("NO_TEMPERATURE", "temperature missing or absurd: the last good one was taken"),

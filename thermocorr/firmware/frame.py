@@ -5,23 +5,30 @@ from __future__ import annotations
 import math
 
 from .finished import Firmware
-from .formulas import (
+from .program import Stage
+from .statements import (
     TURN,
+    Answer,
+    Assign,
     Call,
     Choice,
     Converted,
+    Declare,
     Formula,
+    If,
     Kept,
     Largest,
+    Local,
+    Loop,
     Number,
+    Raise,
     Raised,
+    Statement,
     Unary,
     Variable,
     Whole,
     binary,
 )
-from .program import Stage
-from .statements import Answer, Assign, Declare, If, Local, Loop, Raise, Statement
 from .target import MICROSECONDS
 
 LONGEST_STEP_US = 10**14

@@ -16,11 +16,9 @@ import numpy as np
 
 from ..effects.expressions import Decays, Delayed, Lag, Play, Word
 from ..equations import LagState, decays
-from .formulas import Bracketed, Choice, Formula, Number, Whole
 from .lagbank import LagInput
-from .operations import Costed, Operations
-from .polynomial import Polynomial
-from .statements import Assign, If
+from .part import Polynomial
+from .statements import Assign, Bracketed, Choice, Costed, Formula, If, Number, Operations, Whole
 
 LONGEST_DELAY = 4096
 """Samples that a delay may reach back to: 16 kB in single precision."""

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from ..records import RecordError
-from .dialect import SEPARATORS
+from .sniffing import SEPARATORS
 
 _SAID_SEPARATORS = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "bar": "|", "blanks": " ", "space": " "}
 

@@ -13,8 +13,8 @@ import pandas as pd
 
 from ..records import RecordError
 from .clocks import BEHIND_TIMES, date_form, point_for_comma, understood
-from .dialect import Dialect
 from .how import HowToRead
+from .sniffing import Dialect
 from .text_tables import first_lines, head_dialect
 from .timed import date_and_clock, unit_of_times
 from .values import CLOCK, is_number

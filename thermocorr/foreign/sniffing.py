@@ -1,18 +1,222 @@
-"""From the first lines of a file to its dialect."""
+"""Dialect and encoding of a text file, found from its first lines."""
 
 from __future__ import annotations
 
+import codecs
+import csv
+import io
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
+import numpy as np
+
 from ..records import RecordError
+from ..records.files import is_comment
 from ..records.grammar import is_missing
 from ..records.units import unit_of_text
-from .dialect import SEPARATORS, Dialect
-from .values import GROUPED, IN_DOUBT, is_moment, is_number, is_unit, is_value
+from .values import GROUPED, IN_DOUBT, is_moment, is_number, is_unit, is_value, plain_cell
+
+_MARKS = (
+    (codecs.BOM_UTF8, "utf-8-sig", "UTF-8"),
+    (codecs.BOM_UTF32_LE, "utf-32", "UTF-32"),
+    (codecs.BOM_UTF16_LE, "utf-16", "UTF-16"),
+    (codecs.BOM_UTF16_BE, "utf-16", "UTF-16"),
+)
+"""What a file may begin with, the codec that reads it, and its name."""
+_LOOKED_AT = 4000
+_PRINTED = 0xA0
+"""From here on, bytes of Latin-1 are characters that are printed: letters with accents, degrees, micro."""
+
+
+class Decoded(NamedTuple):
+    """Text of a file."""
+
+    text: str
+    name: str
+    """Name of its encoding, for people."""
+    doubt: int | None = None
+    """The first character that the encoding was guessed from; None where nothing had to be guessed."""
+
+
+def decoded(content: bytes, named: str | None = None) -> Decoded | None:
+    """The text of a file, in an encoding that is named, marked, or fits; None for one that is damaged UTF-8.
+
+    Without a mark it is UTF-8; UTF-16 where every other byte of the beginning is zero; else Windows-1252 (Latin-1)
+    where no byte is a control character of it. Then `doubt` says where that began: if it is no header that has degrees
+    and accents, the file is more likely damaged.
+
+    Raises RecordError for an encoding that is not known, or does not fit.
+    """
+    if named is not None:
+        try:
+            return Decoded(content.decode(named).removeprefix("\ufeff"), named)
+        except LookupError:
+            raise RecordError(
+                f"--encoding {named!r} is not known. Python's names are such as utf-8, latin-1."
+            ) from None
+        except UnicodeDecodeError as error:
+            raise RecordError(f"byte {error.start + 1} does not fit the encoding {named}") from None
+        except ValueError as error:
+            raise RecordError(f"--encoding {named!r} cannot be used: {error}") from None
+    codec, name = next(((codec, name) for mark, codec, name in _MARKS if content.startswith(mark)), ("", ""))
+    if not codec and (wide := _without_mark(content)):
+        codec, name = wide, "UTF-16"
+    try:
+        return Decoded(content.decode(codec or "utf-8"), name or "UTF-8")
+    except UnicodeDecodeError as error:
+        if codec:
+            raise RecordError(f"byte {error.start + 1} does not fit its encoding, {name}") from None
+        beyond = np.frombuffer(content, np.uint8)
+        if ((beyond >= _PRINTED) | (beyond < 128)).all():
+            return Decoded(content.decode("cp1252"), "Windows-1252", error.start)
+        return None
+
+
+def _without_mark(content: bytes) -> str:
+    """UTF-16 whose mark is missing: text of Latin letters has a zero in every other byte."""
+    head = content[:_LOOKED_AT]
+    half = len(head) // 2
+    if half < 4:
+        return ""
+    even, odd = (sum(byte == 0 for byte in head[first::2]) for first in (0, 1))
+    if odd > 0.7 * half and not even:
+        return "utf-16-le"
+    return "utf-16-be" if even > 0.7 * half and not odd else ""
+
+
+BLANKS = " "
+"""The separator of columns that stand apart by blanks, any number of them."""
+SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", BLANKS: "blanks"}
+"""Separator -> its name. The first is taken where several fit alike."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dialect:
+    """How a table is written; lines count from 0."""
+
+    separator: str = ","
+    decimal: str = "."
+    names: tuple[str, ...] = ()
+    units: dict[str, str] = field(default_factory=dict)
+    """Column -> unit, from a row below the header."""
+    header: int = 0
+    first: int = 1
+    """The first line with a row."""
+    comments: bool = False
+    """Whether lines that begin with # are none of the table."""
+    spare: int = 0
+    """Empty columns without a name behind the others."""
+    dated: tuple[int, ...] = ()
+    """Columns of dates or times of day, which may have points of their own."""
+    grouped: bool = False
+    """Whether there are signs between thousands."""
+    remarks: bool = False
+    """Whether a row may have a remark behind its cells, which is left out."""
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the file is CSV as this package writes it; there may be comments between its rows."""
+        return (self.separator, self.decimal, self.header, self.first, self.grouped) == (",", ".", 0, 1, False)
+
+    def said(self) -> list[str]:
+        """What is unusual, in words."""
+        words = [] if self.separator == "," else [f"separated by {SEPARATORS[self.separator].removesuffix('s')}s"]
+        if self.decimal == ",":
+            words.append("decimal comma")
+        if self.header:
+            words.append(f"{self.header} line{'' if self.header == 1 else 's'} before the header")
+        if self.units:
+            words.append("units below the header")
+        return words
+
+    def fields(self, line: str) -> list[str]:
+        """The cells of a line."""
+        if self.separator == BLANKS:
+            return line.split()
+        if '"' not in line:
+            return line.split(self.separator)
+        try:
+            return next(csv.reader([line], delimiter=self.separator, strict=True), [])
+        except csv.Error:
+            return []
+
+    def plain(self, text: str) -> str:
+        """The rows of a file as plain CSV, each on the line on which it stood; what is no row is an empty line.
+
+        Raises RecordError for a number that may be a thousandfold of another one.
+        """
+        rows = text.split("\n", self.first)[-1] if self.first else text
+        if self._replaceable(rows):
+            rows = rows if self.decimal == "." else rows.replace(",", ".")
+            return rows.replace(self.separator, ",").replace("\r", "")
+        out = io.StringIO()
+        written = csv.writer(out, lineterminator="\n")
+        for number, line in enumerate(rows.split("\n"), self.first + 1):
+            try:
+                cells = self.row(line.removesuffix("\r"))
+            except ValueError as error:
+                raise RecordError(f"line {number}: {error}") from None
+            if cells is None:
+                out.write("\n")
+            else:
+                written.writerow(cells)
+        return out.getvalue().removesuffix("\n")
+
+    def row(self, line: str) -> list[str] | None:
+        """The cells of a row with decimal points; None for an empty line, a comment, and the header once more.
+
+        Raises ValueError for an open quote, and for a number that may be a thousandfold of another one.
+        """
+        cells = self.fields(line) if line.strip() else []
+        if line.strip() and not cells:
+            raise ValueError("it is no CSV: a quoted field is not closed, or goes on behind its quote")
+        remark = is_comment(line, len(cells), len(self.names)) or (self.comments and line.startswith("#"))
+        if remark or not any(map(str.strip, cells)):
+            return None
+        behind = cells[len(self.names) :]
+        if not any(behind) or (self.remarks and len(behind) == 1):
+            cells = cells[: len(self.names)] if self.spare or self.remarks else cells
+        if [cell.strip() for cell in cells] == list(self.names):  # the logger began anew
+            return None
+        return [self._plain_cell(cell, place) for place, cell in enumerate(cells)]
+
+    def _plain_cell(self, cell: str, place: int) -> str:
+        try:
+            return plain_cell(cell, self.decimal)
+        except ValueError:
+            name = self.names[place] if place < len(self.names) else f"field {place + 1}"
+            raise ValueError(
+                f"{cell.strip()!r} in {name!r} may be thousands or a fraction. Write numbers without signs between "
+                "their thousands, and all with the same decimal sign (--decimal)."
+            ) from None
+
+    def _replaceable(self, rows: str) -> bool:
+        """Whether replacing characters is enough: no quotes, comments or blanks, no comma but in numbers."""
+        if self.comments or self.spare or self.remarks or self.separator == BLANKS or '"' in rows:
+            return False
+        nothing = self.separator * (len(self.names) - 1)
+        if self.names[0] in rows or self.grouped or f"\n{nothing}\n" in rows or f"\n{nothing}\r" in rows:
+            return False
+        if self.decimal == ".":
+            return "," not in rows
+        text = np.frombuffer(rows.encode(), np.uint8)
+        marks = np.flatnonzero((text == ord(self.separator)) | (text == ord("\n")))
+        commas = np.flatnonzero(text == ord(","))
+        cells = np.searchsorted(marks, commas)
+        digit = (text >= ord("0")) & (text <= ord("9"))
+        between = digit[commas - 1] & digit[np.minimum(commas + 1, len(text) - 1)]
+        if not (between.all() and (np.diff(cells) > 0).all()):
+            return False
+        points = np.flatnonzero(text == ord("."))
+        ends = np.flatnonzero(text[marks] == ord("\n"))  # of lines, among the marks
+        cell = np.searchsorted(marks, points)
+        line = np.searchsorted(ends, cell)
+        column = cell - np.concatenate(([0], ends + 1))[line]
+        return bool(np.isin(column, self.dated).all())
+
 
 SAMPLE = 400
 """Lines that are looked at."""

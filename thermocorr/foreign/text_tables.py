@@ -8,13 +8,10 @@ from pathlib import Path
 import pandas as pd
 
 from ..records import RecordError
-from ..records.csvlines import LONGEST
-from ..records.files import csv_table
-from .dialect import Dialect
-from .encoding import Decoded, decoded
+from ..records.files import LONGEST, csv_table
 from .how import ForeignTable, HowToRead
 from .long_form import widened, without_units
-from .sniffing import SAMPLE, sniff
+from .sniffing import SAMPLE, Decoded, Dialect, decoded, sniff
 
 HEAD = 1 << 16
 """Bytes of a file from which is told whether it is plain."""

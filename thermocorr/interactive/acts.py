@@ -8,8 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
 from ..files.codec import ModelFileError, fields, integer, items, number, positive, text
-from .arrangement import AddedEffect, Arrangement, ModelSettings, Moment, Stretch
-from .roles import Roles
+from .arrangement import AddedEffect, Arrangement, ModelSettings, Moment, Roles, Stretch
 
 MARKS = {
     "left out": "Leave out",

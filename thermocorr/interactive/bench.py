@@ -19,10 +19,9 @@ from ..judgement.adding import with_missing
 from ..pages import PageData, figures
 from ..pages.charts import Chart
 from .acts import MARKS, MOST_SPIKES, Act, Add, Columns, Mark, Past, folded, roles_of, shape_of
-from .arrangement import AddedEffect, Arrangement, ModelSettings, Moment, Stretch
+from .arrangement import AddedEffect, Arrangement, ModelSettings, Moment, Roles, Stretch
 from .learning import Fitted, errors_of, fitted, quietly
 from .previews import preview_of
-from .roles import Roles
 from .source import ReadLog
 from .tiles import Store
 from .wording import axis_of, chosen_lags, moment_words, sentence

@@ -22,7 +22,7 @@ from ..judgement import Diagnosis
 from ..judgement.adding import Errors
 from ..judgement.shorter import shorter
 from ..judgement.where import largest_lag
-from ..pages.traces import recorded
+from ..pages.charts import recorded
 from ..pictures.timeline import TimeLine
 from ..pictures.walk import Walk
 from ..records import Record, RecordError, RecordWarning

@@ -1,4 +1,4 @@
-"""What a suspect would take away, before it is added: its contribution, and the error that it would leave."""
+"""What a suspect would take away, before it is added."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..effects import ThermalLag
 from ..effects.protocol import Effect
 from ..estimators.holdout import rms
 from ..judgement.adding import with_missing
-from ..records.quantities import scale_of
+from ..records.numbers import scale_of
 from .learning import Fitted
 from .tiles import Store
 from .wording import figure

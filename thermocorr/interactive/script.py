@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
-from ..files.marks import TEXT_MARK
-from ..records.text import printable
+from ..files.writer import TEXT_MARK
+from ..records.errors import printable
 from .acts import Act, Add, Mark
 from .arrangement import Arrangement
 from .learning import RUNS, Fitted

@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 
 from ..effects.thermal import column_text
-from ..estimators.verdicts import VERDICTS
+from ..estimators.tables import VERDICTS
 from ..judgement import Diagnosis
 from ..judgement.where import largest_lag
+from ..pages.chapters import HELPS, Scales, parameters_text
 from ..pages.html import unit_text, units_of_axis
-from ..pages.sections import HELPS, Scales, parameters_text
-from ..pictures.intervals import stretches
+from ..pictures.axes import stretches
 from ..pictures.words import (
     aspect_text,
     each_row,
@@ -24,14 +24,14 @@ from ..pictures.words import (
     share_of_samples,
     when_text,
 )
-from ..records.quantities import scale_of, span_text
-from ..records.text import printable
+from ..records.errors import printable
+from ..records.numbers import scale_of, span_text
 from ..records.types import kind_of
 from ..records.units import difference_unit, unit_of
 from .acts import MARKS, Add, Columns, Mark
+from .arrangement import Roles, guessed_run, guessed_time
 from .bench import Bench
 from .learning import COLUMN, EFFECT, Fitted
-from .roles import Roles, guessed_run, guessed_time
 from .takeaway import KINDS
 from .tiles import Store
 from .trial_records import SAMPLES

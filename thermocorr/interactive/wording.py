@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..pages import figures
 from ..pages.html import percent_text, quantity
-from ..records.quantities import Scale, span_texts
+from ..records.numbers import Scale, span_texts
 from .learning import Fitted
 
 

@@ -12,13 +12,12 @@ from ..effects import Drift, Hinge, LaggedCovariate, LogAgeing, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..effects.wrap import as_effects
-from ..estimators.holdout import held_out_residuals, rms, time_blocks
-from ..estimators.later import later_rms
+from ..estimators.holdout import held_out_residuals, later_rms, rms, time_blocks
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.screening import believed_readings
 from ..estimators.thermometers import Thermometers
-from ..records.quantities import quantity_texts
-from ..records.thinned import ThinnedLog
+from ..records.history import ThinnedLog
+from ..records.numbers import quantity_texts
 from .levels import HELD_OUT_BLOCKS
 from .refinement_levels import FURTHER_HELP, HELPS, MOSTLY, SAME, SUPERFLUOUS
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts, walk
-from ..equations import noise
+from ..equations import noise as noise
 from ..records import Block, Record
-from ..records.thinned import Thinned
+from ..records.history import Thinned
 from .lag_banks import banks
 from .levels import COARSE, MOST_SOUND
 

@@ -12,18 +12,18 @@ from sklearn.base import clone
 from ..effects import CATALOGUE, SeveralSteps
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
-from ..equations.shared_noise import made_from, shows_the_same
-from ..estimators.checked import check_columns
+from ..equations.noise import made_from, shows_the_same
+from ..estimators.reading import check_columns
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.run_levels import moments_between_runs
 from ..records import Log, ParquetLog, Record, read_record
 from ..records.errors import listing, warn
+from ..records.history import Thinned, thinned
+from ..records.labels import is_state, parted_state, state, states_of
 from ..records.log import SomeColumns
 from ..records.numbers import is_frame, numeric_reading
 from ..records.record_log import RecordLog
 from ..records.screen import screened
-from ..records.states import is_state, parted_state, state, states_of
-from ..records.thinned import Thinned, thinned
 from ..records.types import kind_of
 from .blocks import filled, with_exact
 from .levels import FINE, MANY_STARTS, MOST_ROWS, MOST_SOUND, TIME_LIKE

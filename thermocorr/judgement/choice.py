@@ -9,7 +9,7 @@ import numpy as np
 
 from ..effects import Periodic
 from ..records import Record
-from ..records.thinned import Thinned
+from ..records.history import Thinned
 from .dated import MANY
 from .levels import (
     CLEAR,

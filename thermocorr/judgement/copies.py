@@ -20,7 +20,7 @@ from sklearn.base import clone
 
 from ..effects.protocol import Effect
 from ..records import Record
-from ..records.thinned import Thinned
+from ..records.history import Thinned
 from .blocks import averaged_copies
 from .levels import COPIES, FINE, GAIN, INFLATION, LEAST_MOVED, OUTDONE
 from .likelihood import Comparison

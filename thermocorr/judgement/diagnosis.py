@@ -13,11 +13,11 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..effects import CATALOGUE, Drift, LogAgeing
 from ..effects.protocol import SINCE_START, TEMPERATURE_DIFFERENCE, Effect
+from ..estimators.progress import one_blas_thread
 from ..estimators.regressor import DynamicBiasRegressor
-from ..estimators.threads import one_blas_thread
-from ..estimators.verdicts import Grounds, verdict_on
+from ..estimators.tables import Grounds, verdict_on
 from ..pages import PageData
-from ..pages.sections import Scales, parameters_text
+from ..pages.chapters import Scales, parameters_text
 from ..pictures.words import effect_text
 from ..records import Record
 from ..records.numbers import is_frame

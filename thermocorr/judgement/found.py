@@ -10,11 +10,11 @@ from typing import Any
 import pandas as pd
 
 from ..effects.protocol import Effect
-from ..estimators.verdicts import VERDICTS
+from ..estimators.tables import VERDICTS
 from ..pages import DiagnosisPage, PageData
 from ..pictures.words import each_row, effect_text, left_sentences, suspect_sentence, worst_sentence
-from ..records.quantities import quantity_texts
-from ..records.text import printable
+from ..records.errors import printable
+from ..records.numbers import quantity_texts
 from .left import Left
 from .levels import LEVEL
 

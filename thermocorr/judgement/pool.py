@@ -14,11 +14,11 @@ import pandas as pd
 from ..effects import InitialTransient, StaticPolynomial, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
-from ..estimators.between_rows import BetweenRows, felt_between_rows
+from ..estimators.input_errors import BetweenRows, felt_between_rows
 from ..estimators.regressor import DynamicBiasRegressor
-from ..estimators.thermometer_errors import resolution_of, thermometer_errors
+from ..estimators.thermometers import resolution_of, thermometer_errors
 from ..records import Record, RecordError
-from ..records.thinned import Thinned
+from ..records.history import Thinned
 from .base import ThermalBase
 from .blocks import Averages, averaged, averaged_columns, spans, sums_of
 from .directions import orthonormal, visible

@@ -18,9 +18,8 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..pages import RefinementPage
 from ..pictures.words import effect_text
 from ..records.checks import check_int
-from ..records.errors import said_once
-from ..records.quantities import number_text, scale_of
-from ..records.text import printable
+from ..records.errors import printable, said_once
+from ..records.numbers import number_text, scale_of
 from .adding import Errors, Extended, with_missing
 from .diagnosis import diagnose
 from .found import WIDTH, Diagnosis, FoundSuspect

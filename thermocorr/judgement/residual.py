@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..estimators.gap_error import MANY, GapError
 from ..estimators.holdout import rms
+from ..estimators.input_errors import MANY, GapError
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Block, Record
+from ..records.history import Thinned
 from ..records.screen import LeftOut
-from ..records.thinned import Thinned
 
 
 def residuals_of(model: DynamicBiasRegressor, read: Record, judged: Record) -> tuple[np.ndarray, float]:

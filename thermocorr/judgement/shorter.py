@@ -12,8 +12,8 @@ from sklearn.base import clone
 
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
+from ..records.history import Thinned, ThinnedLog
 from ..records.record_log import as_data
-from ..records.thinned import Thinned, ThinnedLog
 from .base import ThermalBase
 from .candidates import given_effects, record_of, suspect_record
 from .levels import MOST_TRIED

@@ -1,6 +1,6 @@
 """Floor 5: a fitted model on a running stream."""
 
 from .corrector import OnlineCorrector
-from .given import Corrected
+from .filled import Corrected
 
 __all__ = ["Corrected", "OnlineCorrector"]

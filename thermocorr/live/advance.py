@@ -10,16 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..effects.samples import Sample, stepper_of
-from ..effects.stream import Walked, needed_columns, states_before, walk
+from ..effects.stream import Sample, Walked, needed_columns, states_before, stepper_of, walk
 from ..estimators import DynamicBiasRegressor
-from ..estimators.gap_error import Felt
+from ..estimators.input_errors import Felt
 from ..records import Record, Segment, SegmentStart
-from ..records.flags import Flags
 from ..records.read import GAP_STEPS
+from ..records.segments import Flags
 from .clock import Clock
-from .filled import NOTHING, LiveFilling, outside
-from .live_errors import LiveErrors
+from .filled import NOTHING, LiveErrors, LiveFilling, outside
 from .state import StreamState
 
 SUSPECT_GAPS = 1000.0

@@ -12,8 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects.protocol import refuse_foresight
 from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
-from ..estimators.reading import check_reading_unit
-from ..estimators.stated_units import check_block
+from ..estimators.reading import check_block, check_reading_unit
 from ..records import RecordError, read_record
 from ..records.checks import check_bool, check_int
 from ..records.errors import quoted
@@ -21,11 +20,13 @@ from ..records.numbers import is_frame
 from ..records.read import times_of
 from ..records.record_log import as_data
 from .advance import Advanced, Stream
-from .filled import NOTHING
-from .given import (
+from .clock import MovingAverage, Tracker
+from .filled import (
     NO_TEMPERATURE,
+    NOTHING,
     Answers,
     Corrected,
+    LiveErrors,
     checked_label,
     column_of,
     one_number,
@@ -33,9 +34,7 @@ from .given import (
     refused_rows,
     stretches,
 )
-from .live_errors import LiveErrors
 from .resumable import Resumable
-from .smoothing import MovingAverage, Tracker
 from .state import StreamState
 
 _SHORT = 64

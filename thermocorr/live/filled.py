@@ -1,16 +1,242 @@
-"""Missing cells of a stream, filled as they come, and what that may move the bias by."""
+"""What is given to a stream: samples, missing cells, their errors."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from ..estimators import DynamicBiasRegressor
-from ..estimators.stand_in import StandIn
-from .clock import Clock
+from ..estimators.filling import StandIn
+from ..estimators.uncertainty.rows import ErrorWalk
+from ..records import History, RecordError
+from ..records.errors import quoted
+from ..records.labels import check_dates, out_of_reach
+from ..records.numbers import as_numbers, as_pandas, is_frame, numeric_column
+from ..records.screen import Limits
+from ..records.segments import Flags
+from ..records.times import BEYOND
+from .clock import Clock, MovingAverage
+
+NO_TEMPERATURE = "no temperature"
+"""Flag of a sample that lacks a temperature, or a column that the model needs."""
+
+
+class Corrected(NamedTuple):
+    """What is known about one sample."""
+
+    corrected: float
+    """Reading less bias, eq. (24); NaN without a reading."""
+    bias: float
+    """What was taken away; NaN without a temperature."""
+    flags: tuple[str, ...]
+    """Every reason for distrust, the weightiest first; empty where there is none."""
+    smoothed: float = math.nan
+    """Moving average of the corrected reading, eq. (26); NaN unless asked for."""
+    reference: float = math.nan
+    """Tracked U0; NaN unless asked for."""
+    u: float = math.nan
+    """Standard uncertainty of the corrected reading; NaN unless asked for."""
+    u_smoothed: float = math.nan
+    """Standard uncertainty of the moving average; NaN unless both are asked for."""
+
+    @property
+    def flag(self) -> str:
+        """The weightiest reason for distrust, as in `DynamicBiasRegressor.flags`; "" where there is none."""
+        return self.flags[0] if self.flags else ""
+
+
+COLUMNS = {"flag": "flags"}
+"""Name of a result -> attribute of `Answers`, where they differ."""
+
+
+class Answers:
+    """What a stream says of many samples, column by column."""
+
+    def __init__(self, n: int):
+        self.corrected, self.bias, self.smoothed, self.reference = (np.full(n, np.nan) for _ in range(4))
+        self.u, self.u_smoothed = (np.full(n, np.nan) for _ in range(2))
+        self.flags = Flags(n)
+
+    def __setitem__(self, rows: slice, samples: Sequence[Corrected]) -> None:
+        for name, column in zip(Corrected._fields, zip(*samples, strict=True), strict=True):
+            if name != "flags":
+                getattr(self, name)[rows] = column
+            elif any(column):
+                for k, sample in zip(range(rows.start, rows.stop), samples, strict=True):
+                    self.flags[k] = sample.flag
+
+    def frame(self, X: Any, names: Sequence[str]) -> pd.DataFrame:
+        """The columns of these names, beside the rows of X."""
+        result = {name: getattr(self, COLUMNS.get(name, name)) for name in names}
+        result["flag"] = self.flags.column()
+        return pd.DataFrame(result, index=X.index if isinstance(X, pd.DataFrame) else None)
+
+    def spread(self, why: np.ndarray, reference: float) -> Answers:
+        """Columns with rows between that got nothing, for a reason; `reference` was tracked before them."""
+        out, kept = Answers(len(why)), why == ""
+        for name, column in vars(self).items():
+            getattr(out, name)[kept] = column
+        out.flags[~kept] = why[~kept]
+        last = np.maximum.accumulate(np.where(kept, np.arange(len(kept)), -1))
+        out.reference = np.where(last < 0, reference, out.reference[last])
+        return out
+
+
+def one_number(value: Any) -> float:
+    """A float; NaN for None. RecordError for text, TypeError for what is of another type."""
+    try:
+        return math.nan if value is None else float(value)
+    except (TypeError, ValueError) as error:
+        kind = TypeError if isinstance(error, TypeError) else RecordError
+        raise kind(
+            "A sample's temperature, reading and columns must be numbers, None or NaN where there is none. "
+            f"Got {value!r:.60} instead."
+        ) from None
+
+
+def _floats(values: Any) -> np.ndarray:
+    """A column as floats of its own, NaN for what is missing or infinite; TypeError or ValueError for text."""
+    array = np.array(values, float)
+    array[np.isinf(array)] = np.nan
+    return array
+
+
+def _whole(column: Any) -> Any:
+    """All rows of a column; pandas' as they are, for a slice of one copies what is said about it (`attrs`)."""
+    return column if isinstance(column, pd.Series | pd.DataFrame) else column[:]
+
+
+def readings(y: Any, n: int) -> np.ndarray:
+    """Readings as floats, NaN where there is none, shape (n,)."""
+    given = _whole(as_pandas(y))
+    try:
+        values = _floats(given)
+    except (TypeError, ValueError):  # the same, or a sentence about what is wrong
+        given = given if isinstance(given, pd.Series) else np.asarray(given)
+        values = _floats(as_numbers(given, "The reading y", "reading"))
+    values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+    if values.shape != (n,):
+        raise RecordError(
+            f"X has {n} rows and y has the shape {values.shape}. Each row needs one reading (NaN where none)."
+        )
+    return values
+
+
+def column_of(X: Any, name: Any, role: Any) -> np.ndarray:
+    """A column as floats, NaN for what is missing; RecordError, in a sentence, for one that is none."""
+    try:
+        return _floats(_whole(X[name]) if is_frame(X) else X[:, name])
+    except (KeyError, IndexError, TypeError, ValueError):
+        return _floats(numeric_column(X, name, role))  # the same, or a sentence about what is wrong
+
+
+def refused_rows(limits: Limits, temperature: Any, stamps: np.ndarray, values: Any) -> np.ndarray | None:
+    """Why each row is passed over, "" where it is not; None where all are believed."""
+    lacking = np.flatnonzero(~np.logical_and.reduce([np.isfinite(column) for column in values.values()]))
+    found = [*limits.reasons(values[temperature], lambda k: stamps[k].item()), (lacking, NO_TEMPERATURE)]
+    if not any(len(rows) for rows, _ in found):
+        return None
+    why = np.full(len(stamps), "", dtype=object)
+    for rows, reason in found:
+        why[rows] = reason
+    return why
+
+
+def checked_label(label: Any, column: Any) -> Any:
+    """The label of a sample's run; RecordError for one that is missing, and for a date out of reach."""
+    if type(label) is not str:
+        if pd.isna(label):
+            raise RecordError(f"The sample has no label of its run in {quoted(column)}. Label every sample.")
+        if out_of_reach(label):
+            raise RecordError(f"The label of the sample's run is {label!s:.60}. {BEYOND}")
+    return label
+
+
+def stretches(labels: pd.Series[Any] | None, n: int) -> list[tuple[int, int, Any]]:
+    """Stretches of rows of the same run: first row, row after the last, label."""
+    if labels is None:
+        return [(0, n, None)]
+    if labels.isna().any():
+        raise RecordError(f"Row {int(labels.isna().argmax())} has no label of its run. Label every row.")
+    codes, names = pd.factorize(labels)
+    check_dates(codes, names, "The column of the run's label")
+    edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), n]
+    return [(low, high, labels.iloc[low]) for low, high in pairwise(edges)]
+
+
+class LiveErrors:
+    """Standard uncertainties of corrected readings: those of `DynamicBiasRegressor.correct` with ``return_std=True``.
+
+    A model that has searched its time constants carries the lags of the whole spectrum beside its own.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+        Fitted.
+    """
+
+    def __init__(self, model: DynamicBiasRegressor):
+        self.joint = joint = model.joint_errors()
+        self._walk = ErrorWalk(model, joint, removed=True)
+        own, history = model.features_.effect_list(), model.features_.history_
+        more = [i for i, effect in enumerate(joint.effects) if all(effect is not each for each in own)]
+        self.effects = [*own, *(joint.effects[i] for i in more)]
+        """Effects of the model, and what its errors need beside them."""
+        ends = zip(history.end_states, joint.history.end_states, strict=True)
+        self.history: History = replace(
+            history, end_states=tuple([*states, *(wide[i] for i in more)] for states, wide in ends)
+        )
+        """The fitted record, with the states of all these effects."""
+        edges = np.cumsum([0, *(effect.n_columns() for effect in self.effects)])
+        place = {
+            id(effect): range(low, high) for effect, (low, high) in zip(self.effects, pairwise(edges), strict=True)
+        }
+        self._columns = [column for effect in joint.effects for column in place[id(effect)]]
+        self._mean_variances: dict[int, float] = {}
+
+    def variances(
+        self, columns: np.ndarray, seconds: np.ndarray, temperature: np.ndarray, bias: np.ndarray, key: int | None
+    ) -> np.ndarray:
+        """Variance of the bias (less what it shares with the noise), and of the noise over its usual one, shape (2, n).
+
+        `columns` are those of all `effects`, shape (n, p); `key` is the fitted segment that the rows belong to.
+        """
+        errors = self._walk.errors(columns[:, self._columns], seconds, temperature, bias, key)
+        return np.stack((errors.bias - 2 * errors.shared, errors.noise))
+
+    def u(self, variances: np.ndarray, count: int = 1) -> np.ndarray:
+        """Standard uncertainty of corrected readings, or of the mean of the last `count`, shape (n,).
+
+        The bias of a mean is taken to be as sure as that of its last reading.
+        """
+        noise = self.joint.noise.variance if count == 1 else self._mean_variance(count)
+        return np.asarray(np.sqrt(np.maximum(variances[0] + noise * variances[1], 0.0)))
+
+    def of_block(
+        self, variances: np.ndarray, corrected: np.ndarray, average: MovingAverage | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Standard uncertainties of a block's corrected readings, and of their moving averages, before these go on."""
+        variances[:, np.isnan(corrected)] = np.nan
+        of_mean = np.full(len(corrected), np.nan)
+        if average is not None:
+            counts = np.minimum(np.cumsum(np.isfinite(corrected)) + len(average.values), average.count)
+            for count in np.unique(counts).tolist():
+                of_mean[counts == count] = self.u(variances[:, counts == count], max(count, 1))
+        return self.u(variances), of_mean
+
+    def _mean_variance(self, count: int) -> float:
+        """Variance of the mean of the noise of so many readings a usual step apart."""
+        if count not in self._mean_variances:
+            noise = replace(self.joint.noise, size_seconds=np.zeros(0), sizes=np.zeros(0))
+            self._mean_variances[count] = sum(noise.of_mean(np.arange(count) * self.history.usual_step))
+        return self._mean_variances[count]
+
 
 Numbers = tuple[tuple[float, ...], ...]
 TOGETHER = 256

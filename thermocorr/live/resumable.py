@@ -7,8 +7,8 @@ from typing import Any, Self
 
 from ..estimators import DynamicBiasRegressor
 from .advance import Stream
-from .live_errors import LiveErrors
-from .smoothing import MovingAverage, Tracker
+from .clock import MovingAverage, Tracker
+from .filled import LiveErrors
 from .state import StreamPlace, StreamSettings, StreamState, from_json, to_json
 
 

@@ -1,4 +1,4 @@
-"""What a live corrector remembers between two samples, and its form in JSON."""
+"""State of a stream, and how it goes on from it."""
 
 from __future__ import annotations
 
@@ -24,10 +24,9 @@ from ..files.codec import (
     unpack,
 )
 from ..files.effect_nodes import EffectCodec, check_state
-from ..files.filling_nodes import numbers_or_nan
+from ..files.error_nodes import numbers_or_nan
 from ..records.grammar import LARGEST
-from .filled import LiveFilling, Numbers
-from .live_errors import LiveErrors
+from .filled import LiveErrors, LiveFilling, Numbers
 
 _MOST_CORRECTED = 1e300
 """Bound of corrected readings, which hold states times coefficients; sums of them are numbers."""

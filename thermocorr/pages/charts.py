@@ -1,4 +1,4 @@
-"""Charts as data: what the page's script draws with uPlot, and still lines for places without scripts."""
+"""Charts of a page, and the traces in them."""
 
 from __future__ import annotations
 
@@ -10,10 +10,247 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from ..equations.statistics import Moments
 from ..pictures.axes import FINE_TIMES, TIMES
-from ..records.quantities import SPANS
+from ..pictures.timeline import TimeLine
+from ..records.labels import is_state, state
+from ..records.numbers import SPANS, is_frame, numeric_reading
 from ..records.units import without_unit
 from .html import rendered, unit_text, units_of_axis
+
+MOST_POINTS = 85_000
+"""Points of one line. A record of so many rows is shown whole; of a longer one, the extremes of groups of rows."""
+
+AVERAGES = 400
+"""Stretches that the residual is averaged over, to show what its noise hides."""
+LEAST = 4
+"""Fewest rows of such a stretch."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Traces:
+    """Time series of a record, thinned out without hiding a spike."""
+
+    seconds: np.ndarray
+    """Place on the time line [s], shape (n,), never decreasing: time since the first row, unless runs overlap or the
+    record is mostly gaps, see `thermocorr.pictures.timeline.TimeLine`."""
+    columns: dict[str, np.ndarray]
+    """Temperature, reading, model, corrected, residual, and recorded columns asked for; NaN where unknown, and between
+    segments."""
+    rows_per_cell: int
+    """1: every row is there. Otherwise each cell of so many rows has two points: its extremes in their order in time,
+    at the times of its first and last row."""
+    n_rows: int
+    flags: dict[str, int]
+    """Number of rows that each flag of `DynamicBiasRegressor.flags` stands at."""
+    rms: float
+    """Rms residual of all rows, in the unit of the reading."""
+    average: tuple[np.ndarray, np.ndarray]
+    """Means of the residual over short stretches: first and last point of each, shape (m, 2), and mean, shape (m,)."""
+    average_rows: int
+    """Rows of such a stretch."""
+    corrected: Moments
+    """Number, mean and range of the corrected readings."""
+    readings: Moments
+    """Number, mean and range of the readings that are believed."""
+
+    @classmethod
+    def of(
+        cls, model: Any, X: Any, y: Any, timeline: TimeLine, beside: tuple[Any, ...] = (), most: int = MOST_POINTS
+    ) -> Traces:
+        """Run once through a record, block by block.
+
+        Parameters
+        ----------
+        model : DynamicBiasRegressor
+            Fitted.
+        X, y : as for `DynamicBiasRegressor.evaluate_blocks`
+        timeline : TimeLine
+            Of the record.
+        beside : tuple
+            Recorded columns to show beside what the model makes of the record.
+        most : int
+            Most points of a line.
+        """
+        cells = Extremes(most)
+        flags: dict[str, int] = {}
+        n_rows, known, squares = 0, 0, 0.0
+        corrected, readings = Moments(), Moments()
+        reading = numeric_reading(y, X)
+        for block, values, flagged in model.evaluated_blocks(X, y):
+            zero = block.record.times.between(block.record.first_stamp(), block.zero)
+            for name, count in flagged.counts().items():
+                flags[name] = flags.get(name, 0) + count
+            columns = {
+                "temperature": block.temperature,
+                "reading": model.believed(block, np.asarray(reading[block.rows], float)),
+            }
+            columns |= {name: values[name] for name in ("model", "corrected", "residual")}
+            corrected = corrected.merged(Moments.of(values["corrected"]))
+            readings = readings.merged(Moments.of(columns["reading"]))
+            columns |= {column_key(name): recorded(X, name, block.rows) for name in beside}
+            residual = values["residual"][np.isfinite(values["residual"])]
+            n_rows, known, squares = n_rows + len(block), known + len(residual), squares + float(residual @ residual)
+            cells.add(
+                block.segment,
+                block.seconds - zero + timeline.shifts[block.segment],
+                np.column_stack(list(columns.values())),
+            )
+        seconds, points = cells.points()
+        names = list(columns)
+        group = cells.group()
+        return cls(
+            seconds=seconds,
+            columns={name: points[:, i] for i, name in enumerate(names)},
+            rows_per_cell=cells.width,
+            n_rows=n_rows,
+            flags=flags,
+            rms=float(np.sqrt(squares / known)) if known else float("nan"),
+            average=cells.averages(names.index("residual"), group),
+            average_rows=group * cells.width,
+            corrected=corrected,
+            readings=readings,
+        )
+
+
+class Extremes:
+    """Extremes of groups of consecutive rows. Groups double when there are too many, so the memory is bounded."""
+
+    def __init__(self, most: int):
+        self.most = most
+        self.width = 1
+        """Rows of a cell (fewer at the end of a segment)."""
+        self.across = False
+        """Whether segments are so short and many that cells reach over them."""
+        self._parts: list[tuple[np.ndarray, ...]] = []
+        self._count = 0
+        self._segment = -1
+        self._rows = np.zeros(2, int)  # taken so far: of all, and of this segment
+
+    def add(self, segment: int, seconds: np.ndarray, values: np.ndarray) -> None:
+        """Take the next rows of a segment: times of shape (n,), values of shape (n, k)."""
+        if segment != self._segment:
+            self._segment, self._rows[1] = segment, 0
+        starts = np.arange(0, len(seconds), self.width)
+        low, high, falls = extremes(values, values, None, starts)
+        ends = np.append(starts[1:], len(seconds)) - 1
+        known = np.isfinite(values)
+        sums = [np.add.reduceat(part, starts, axis=0) for part in (np.where(known, values, 0.0), known.astype(float))]
+        rows = starts[:, None] + self._rows
+        self._parts.append(
+            (np.full(len(starts), segment), rows, seconds[starts], seconds[ends], low, high, falls, *sums)
+        )
+        self._rows += len(seconds)
+        self._count += len(starts)
+        if self._count > self._limit():
+            self._merge()
+        while self._count > self._limit():
+            self.width *= 2
+            self._merge()
+
+    def _limit(self) -> int:
+        return self.most if self.width == 1 else self.most // 2
+
+    def _merge(self) -> None:
+        """Merge cells that fit into one of `width` rows, inside segments as long as these have several cells."""
+        segment, rows, first, last, low, high, falls, *sums = self._joined()
+        self.across |= bool(2 * (np.count_nonzero(np.diff(segment)) + 1) > len(segment))
+        number = rows[:, 0 if self.across else 1] // self.width
+        changes = np.diff(number) != 0 if self.across else (np.diff(number) != 0) | (np.diff(segment) != 0)
+        starts = np.concatenate(([0], np.flatnonzero(changes) + 1))
+        ends = np.append(starts[1:], len(segment)) - 1
+        low, high, falls = extremes(low, high, falls, starts)
+        sums = [np.add.reduceat(part, starts, axis=0) for part in sums]
+        self._parts = [(segment[starts], rows[starts], first[starts], last[ends], low, high, falls, *sums)]
+        self._count = len(starts)
+
+    def points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times of shape (n,) and values of shape (n, k), with a row of NaN between segments."""
+        _, _, first, last, low, high, falls, *_ = self._joined()
+        if self.width == 1:
+            seconds, values, per = first, low, 1
+        else:
+            seconds = np.column_stack((first, last)).ravel()
+            pairs = np.stack((np.where(falls, high, low), np.where(falls, low, high)), axis=1)
+            values, per = pairs.reshape(-1, low.shape[1]), 2
+        breaks = np.flatnonzero(self._begins()[1:]) * per + per
+        gaps = np.full((len(breaks), values.shape[1]), np.nan)
+        return np.insert(seconds, breaks, seconds[breaks - 1]), np.insert(values, breaks, gaps, axis=0)
+
+    def group(self, most: int = AVERAGES) -> int:
+        """Cells of a stretch to average over."""
+        return max(-(-self._count // most), -(-LEAST // self.width))
+
+    def averages(self, column: int, group: int) -> tuple[np.ndarray, np.ndarray]:
+        """First and last point (as `points` counts them) and mean of stretches of `group` cells inside segments."""
+        *_, total, known = self._joined()
+        begins = np.flatnonzero(self._begins())
+        place = np.arange(len(total)) - np.repeat(begins, np.diff([*begins, len(total)]))
+        starts = np.flatnonzero(place % group == 0)
+        ends = np.append(starts[1:], len(total)) - 1
+        per = 1 if self.width == 1 else 2
+        gaps = np.cumsum(self._begins())[starts] - 1  # rows of NaN before each stretch
+        points = np.column_stack((starts * per, ends * per + per - 1)) + gaps[:, None]
+        sums, counts = (np.add.reduceat(part[:, column], starts) for part in (total, known))
+        return points[counts > 0], sums[counts > 0] / counts[counts > 0]
+
+    def _begins(self) -> np.ndarray:
+        """Whether a line begins at each cell."""
+        segment = self._joined()[0]
+        return np.concatenate(([True], (np.diff(segment) != 0) & (not self.across)))
+
+    def _joined(self) -> list[np.ndarray]:
+        """Segment, first rows (of all, of the segment), first and last time, low, high, whether it falls, sum and
+        number of known values of each cell.
+        """
+        self._parts = [tuple(np.concatenate(part) for part in zip(*self._parts, strict=True))]
+        return list(self._parts[0])
+
+
+def extremes(
+    low: np.ndarray, high: np.ndarray, falls: np.ndarray | None, starts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lowest and highest values of groups that begin at `starts`, and whether the highest comes first.
+
+    Parameters
+    ----------
+    low, high : array of shape (n, k)
+        The same array for single samples, or extremes of cells; NaN where unknown.
+    falls : array of shape (n, k), optional
+        Whether the highest of each cell came first.
+    starts : array of shape (m,)
+    """
+    n = len(low)
+    lowest, highest = np.fmin.reduceat(low, starts, axis=0), np.fmax.reduceat(high, starts, axis=0)
+    group = np.repeat(np.arange(len(starts)), np.diff([*starts, n]))
+    place = np.arange(n)[:, None]
+    at_low, at_high = (
+        np.minimum.reduceat(np.where(values == found[group], place, n), starts, axis=0)
+        for values, found in ((low, lowest), (high, highest))
+    )
+    order = at_high < at_low
+    if falls is not None:
+        inside = np.take_along_axis(falls, np.minimum(at_low, n - 1), axis=0)
+        order = np.where(at_high == at_low, inside, order)
+    return lowest, highest, order
+
+
+def recorded(X: Any, name: Any, rows: Any) -> np.ndarray:
+    """Some rows of a recorded column."""
+    if not is_frame(X):
+        return np.asarray(X[rows, name], float)
+    if is_state(X, name):
+        return np.asarray(state(X.iloc[rows], name))
+    column = X[name]
+    if hasattr(column, "iloc"):
+        return np.asarray(column.iloc[rows].to_numpy(dtype=float, na_value=np.nan))
+    return np.asarray(column[rows], float)
+
+
+def column_key(name: Any) -> str:
+    """Key of a recorded column, apart from those of the model's own."""
+    return f"column {name}"
+
 
 TIME_SPANS = {"units": list(SPANS.items()), "fine": FINE_TIMES, "coarse": TIMES}
 """Units of time spans, and where an axis of them has its ticks [s]."""

@@ -17,9 +17,9 @@ from ..pictures.added_noise import added_noise_shown
 from ..pictures.timeline import TimeLine
 from ..pictures.walk import Walk
 from ..records import Record
-from ..records.quantities import quantity_texts, span_text
+from ..records.numbers import quantity_texts, span_text
 from ..records.units import unit_of
-from .traces import MOST_POINTS, Traces, column_key
+from .charts import MOST_POINTS, Traces, column_key
 
 UPLOT = "1.6.32"
 """Version of the chart library in ``assets``."""

@@ -11,14 +11,15 @@ from typing import Any
 from markupsafe import Markup
 
 from ..estimators.variants import VariantComparison
-from ..pictures.intervals import stretches
+from ..pictures.axes import stretches
 from ..pictures.protocols import DiagnosisLike, RefinementLike
 from ..pictures.words import kept_sentence
-from . import chapters, figures
+from . import chapters as chapters
+from . import figures
+from .chapters import judged
 from .charts import Chart, places
 from .data import PageData
 from .html import Section, asset, rendered, script_data, section, with_signs
-from .sections import judged
 
 
 @dataclass(frozen=True, kw_only=True)

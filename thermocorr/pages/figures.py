@@ -12,7 +12,7 @@ from ..estimators.time_constants.resolution import CONFIDENCE_95
 from ..pictures import SpectrumDisplay
 from ..pictures.protocols import DiagnosisLike
 from ..pictures.timeline import TimeLine
-from ..records.quantities import SPANS, span_text, span_unit
+from ..records.numbers import SPANS, span_text, span_unit
 from ..records.units import difference_unit
 from .charts import Chart, ChartLine, Panel
 from .data import PageData

@@ -1,4 +1,4 @@
-"""Templates filled in: numbers as a person writes them, units with the signs of print, names made harmless.
+"""Pieces of HTML: numbers, names, what is shown in a notebook.
 
 Column and file names are their writers', so all text is escaped here, and nowhere else: every expression of a template
 is, unless it is `Markup`.
@@ -16,8 +16,8 @@ import numpy as np
 from markupsafe import Markup
 
 from ..pictures.words import MINUS, aspect_text, effect_text, interval_text, place_text
-from ..records.quantities import Scale, prefix_and_unit, prefixed, scale_of, span_text
-from ..records.text import printable
+from ..records.errors import printable
+from ..records.numbers import Scale, prefix_and_unit, prefixed, scale_of, span_text
 from ..records.units import without_unit
 
 _UNITS = {"degC": "°C", "degF": "°F", "ohm": "Ω", "u": "µ"}

@@ -6,7 +6,7 @@ from os import PathLike
 
 from ..files import write_file
 from ..pictures.protocols import DiagnosisLike, RefinementLike
-from .brief import brief_diagnosis, brief_refinement
+from .chapters import brief_diagnosis, brief_refinement
 from .document import Findings, page
 
 

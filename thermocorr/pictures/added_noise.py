@@ -8,8 +8,8 @@ import numpy as np
 
 from ..equations import allan_deviation
 from ..records import Log
-from ..records.quantities import quantity_texts, span_text
-from ..records.text import printable
+from ..records.errors import printable
+from ..records.numbers import quantity_texts, span_text
 from .allan_deviation import LOOKED_AT, AllanDisplay
 from .walk import Walk, regressor_of
 

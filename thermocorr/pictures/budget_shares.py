@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from ..estimators import Budget
-from ..records.quantities import scale_of
+from ..records.numbers import scale_of
 from .axes import BLUE, axes_grid, label_values, plain
 from .words import each_row
 

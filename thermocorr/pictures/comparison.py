@@ -11,9 +11,8 @@ from ..effects.thermal import column_text
 from ..equations import moving_average
 from ..estimators.variants import VariantComparison, compare_variants
 from ..records import Record
-from ..records.quantities import quantity_text, scale_of
-from .axes import BLACK, COLOURS, MARKED, axes_grid, draw_cells, dress_time, label_values, labelled, plain
-from .cells import cells_of
+from ..records.numbers import quantity_text, scale_of
+from .axes import BLACK, COLOURS, MARKED, axes_grid, cells_of, draw_cells, dress_time, label_values, labelled, plain
 from .timeline import TimeLine
 from .walk import without_times
 

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..records.quantities import quantity_text
-from .axes import COLOURS, axes_grid, draw_cells, dress_time, label_values, name_runs, plain
-from .cells import cells_of
+from ..records.numbers import quantity_text
+from .axes import COLOURS, axes_grid, cells_of, draw_cells, dress_time, label_values, name_runs, plain
 from .timeline import TimeLine
 from .walk import Walk
 

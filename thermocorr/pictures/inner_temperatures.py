@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..records.quantities import span_text
+from ..records.numbers import span_text
 from ..records.units import difference_unit
-from .axes import COLOURS, axes_grid, draw_cells, dress_time, label_values, legend_above, name_runs, plain
-from .cells import cells_of
+from .axes import COLOURS, axes_grid, cells_of, draw_cells, dress_time, label_values, legend_above, name_runs, plain
 from .timeline import TimeLine
 from .walk import Walk
 

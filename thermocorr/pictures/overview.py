@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..records.quantities import quantity_texts
+from ..records.numbers import quantity_texts
 from .axes import pyplot
 from .places import WhereDisplay
 from .protocols import DiagnosisLike, RefinementLike

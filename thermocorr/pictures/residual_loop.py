@@ -7,8 +7,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .axes import BLACK, MARKED, SEQUENTIAL, VERMILION, axes_grid, label_values, legend_above, plain
-from .cells import cells_of, places, with_breaks
+from .axes import (
+    BLACK,
+    MARKED,
+    SEQUENTIAL,
+    VERMILION,
+    axes_grid,
+    cells_of,
+    label_values,
+    legend_above,
+    places,
+    plain,
+    with_breaks,
+)
 from .timeline import TimeLine
 from .walk import Walk
 

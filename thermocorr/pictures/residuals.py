@@ -19,15 +19,16 @@ from .axes import (
     SHADE,
     VERMILION,
     axes_grid,
+    cells_of,
     draw_cells,
     dress_time,
     label_values,
     legend_above,
     name_runs,
     plain,
+    stretches,
+    with_breaks,
 )
-from .cells import cells_of, with_breaks
-from .intervals import stretches
 from .protocols import DiagnosisLike
 from .timeline import TimeLine
 from .walk import Walk

@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..records import Record
-from ..records.numbers import is_frame
-from ..records.quantities import SPANS, span_unit
+from ..records.numbers import SPANS, is_frame, span_unit
 
 EMPTY = 0.5
 """Share of the span without rows, above which long gaps are left out of the axis."""

@@ -12,9 +12,9 @@ import pandas as pd
 
 from ..effects import Disturbance
 from ..effects.wrap import as_effects
-from ..estimators.verdicts import VERDICTS
-from ..records.quantities import quantity_text, quantity_texts, span_text, span_texts
-from ..records.text import printable
+from ..estimators.tables import VERDICTS
+from ..records.errors import printable
+from ..records.numbers import quantity_text, quantity_texts, span_text, span_texts
 from .protocols import RefinementLike
 
 MINUS = "\u2212"

@@ -7,7 +7,7 @@ from .parquet import ParquetLog
 from .read import Layout, read_record
 from .record import BLOCK_ROWS, Block, Record
 from .segments import Segment, SegmentStart
-from .time_spans import seconds_of
+from .times import seconds_of
 
 __all__ = [
     "BLOCK_ROWS",

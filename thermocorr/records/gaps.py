@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..equations.lags import Structure
-from .quantities import span_text
+from .numbers import span_text
 from .record import Block, Record
 from .times import Floats
 

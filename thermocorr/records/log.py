@@ -1,4 +1,4 @@
-"""What a log must offer that is not held in memory: named columns that are read when they are sliced."""
+"""Logs that are read piece by piece, and records that stand for one."""
 
 from __future__ import annotations
 

@@ -1,11 +1,15 @@
-"""Columns and readings as numbers, from frames and arrays of any kind."""
+"""Numbers as people and programs write them: grammar, columns, quantities with units.
+
+For sentences, tables on a terminal, pages and pictures. Names of columns, frames, files and code keep their numbers.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import partial
+import math
+from collections.abc import Iterable, Mapping
+from functools import cache, partial
 from os import PathLike
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -13,9 +17,13 @@ from numpy.typing import NDArray
 from sklearn.utils import column_or_1d
 
 from .errors import RecordError, listing, quoted, times_word
-from .grammar import LARGEST, has_other_blanks, is_missing
+from .grammar import (
+    LARGEST,
+    has_other_blanks,
+    is_missing,
+)
+from .labels import is_state, state
 from .log import Log
-from .states import is_state, state
 from .types import Role, kind_of, require_role
 
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
@@ -227,3 +235,191 @@ def _float_or_infinity(value: Any) -> float:
         return np.inf
     except (TypeError, ValueError):
         return np.nan
+
+
+SPANS = {
+    "y": 365.25 * 86_400.0, "d": 86_400.0, "h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
+}  # fmt: skip
+"""Units of time spans, the longest first [s]."""
+_AXES = {"ms": 1.0, "s": 150.0, "min": 9000.0, "h": 4 * SPANS["d"], "d": 3 * SPANS["y"], "y": math.inf}
+"""Longest axis of time in each unit [s]."""
+_POWERS = {
+    "f": -15, "p": -12, "n": -9, "u": -6, "\u00b5": -6, "\u03bc": -6, "m": -3, "c": -2, "": 0, "h": 2, "k": 3, "M": 6,
+    "G": 9,
+}  # fmt: skip
+"""Prefixes that are understood, and their powers of ten."""
+_WRITTEN = {-15: "f", -12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+"""Prefixes that are written."""
+_LARGEST = {
+    "V": 6, "A": 6, "ohm": 9, "Ohm": 9, "\u03a9": 9, "S": 3, "F": 0, "H": 0, "Hz": 9, "W": 9, "J": 9, "Pa": 9, "bar": 3,
+    "N": 6, "T": 0, "m": 3, "g": 3, "s": 0, "rad": 0, "strain": 0, "Gal": 0,
+}  # fmt: skip
+"""Units that take prefixes, with the largest power of ten that people write with them."""
+_NO_PREFIX = ("pH",)
+"""What only looks as if it had a prefix."""
+_ENDS = ("", " ", "/", "*", "\u00b7")
+"""What may follow a unit with a prefix: m/s, but not m3 nor V^2."""
+_LEAST, _MOST = 0.1, 1e4
+"""A number between these reads well in the unit that it came in; smaller ones are written from `_LEAST` on as well."""
+_FAR = 1000.0
+"""So many of the unit of the shortest time span are written in a longer one."""
+UNKNOWN = "-"
+"""What stands for NaN."""
+_MORE = 4
+"""Digits at most that are added to tell numbers apart."""
+
+
+class Scale(NamedTuple):
+    """One unit for numbers that are compared."""
+
+    factor: float
+    """A number in the unit that it came in, times this, is a number in `unit`."""
+    unit: str
+
+    def text(self, value: float, digits: int = 3) -> str:
+        """The number in this unit, which follows it: ``0.97 mohm``."""
+        number = number_text(value * self.factor, digits)
+        return number if number == UNKNOWN else f"{number} {self.unit}".rstrip()
+
+
+class Prefixed(NamedTuple):
+    """A unit with one of the prefixes that it takes."""
+
+    power: int
+    """Power of ten that it is of the unit that numbers came in."""
+    unit: str
+    least: float
+    """Numbers in the unit that they came in are written in this one from here on."""
+
+
+def number_text(value: float, digits: int = 3) -> str:
+    """A number of so many significant digits, none before the point left out: 0.0651, 15.5, 84012; "-" for NaN."""
+    value = float(value) + 0.0  # no -0
+    if math.isnan(value):
+        return UNKNOWN
+    text = f"{value:.{digits}g}"
+    return f"{value:.0f}" if "e" in text and 1 <= abs(value) < 1e6 else text
+
+
+def quantity_text(value: float, unit: str = "", digits: int = 3) -> str:
+    """A quantity with the prefix that suits its size, if its unit takes prefixes: ``0.97 mohm``, ``31 uV``.
+
+    Examples
+    --------
+    >>> quantity_text(0.00097, "ohm"), quantity_text(3.1e-05, "V"), quantity_text(0.00097, "mV")
+    ('0.97 mohm', '31 uV', '0.97 uV')
+    >>> quantity_text(0.00097, "ppm"), quantity_text(1013.25, "hPa"), quantity_text(4.2e-6, "mV/K")
+    ('0.00097 ppm', '1013 hPa', '4.2 nV/K')
+    """
+    return scale_of([value], unit).text(value, digits)
+
+
+def quantity_texts(values: Iterable[float], unit: str = "", digits: int = 3) -> list[str]:
+    """Quantities that are compared: one prefix, and digits enough to tell apart those that differ.
+
+    Examples
+    --------
+    >>> quantity_texts([0.0014, 0.00013], "mV"), quantity_texts([5.0001, 5.0002], "ppm")
+    (['1.4 uV', '0.13 uV'], ['5.0001 ppm', '5.0002 ppm'])
+    """
+    given = [float(value) for value in values]
+    return _told_apart(given, scale_of(given, unit), digits)
+
+
+def scale_of(values: Any, unit: str) -> Scale:
+    """The unit for a column of a table, or any array of numbers: with the prefix that suits the median of the sizes.
+
+    Examples
+    --------
+    >>> scale_of([1.4e-3, 1.3e-4, 1.2e-4], "mV").unit, scale_of([1.4e-3, 1.3e-4], "K").unit
+    ('uV', 'K')
+    """
+    sizes = np.abs(np.asarray(values, float))
+    sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
+    steps = prefixed(unit)
+    if not steps or not len(sizes):
+        return Scale(1.0, unit)
+    size = float(np.median(sizes))
+    if _LEAST <= size < _MOST:
+        return Scale(1.0, unit)
+    chosen = [step for step in steps if size >= step.least][-1:] or steps[:1]
+    return Scale(float(f"1e{-chosen[0].power}"), chosen[0].unit)
+
+
+@cache
+def prefixed(unit: str) -> tuple[Prefixed, ...]:
+    """A unit with each prefix that it takes, the smallest first; empty for one that takes none."""
+    head, rest = _head(unit)
+    prefix, bare = prefix_and_unit(head)
+    if bare not in _LARGEST or rest[:1] not in _ENDS:
+        return ()
+    own = _POWERS[prefix]
+    powers = [power for power in _WRITTEN if power <= _LARGEST[bare]]
+    return tuple(
+        Prefixed(power - own, f"{_WRITTEN[power]}{bare}{rest}", float(f"1e{power - own - (power <= 0)}"))
+        for power in powers
+    )
+
+
+def prefix_and_unit(unit: str) -> tuple[str, str]:
+    """Prefix of a unit and the unit without it: ``("m", "V")``; "" and the unit itself where there is none."""
+    if unit not in _LARGEST and unit not in _NO_PREFIX and unit[:1] in _POWERS and unit[1:] in _LARGEST:
+        return unit[:1], unit[1:]
+    return "", unit
+
+
+def span_text(seconds: float, digits: int = 3) -> str:
+    """A time span [s] in the longest unit that it fills: 45 s, 2.5 min, 15.5 h, 3.2 d.
+
+    Examples
+    --------
+    >>> span_text(900), span_text(55_800), span_text(0.0002), span_text(0)
+    ('15 min', '15.5 h', '200 us', '0 s')
+    """
+    scale = _span_scale(seconds, digits)
+    rounded_up = 0.99 < abs(seconds) * scale.factor < 1  # 59.97 s are 60.0 s, a minute
+    return scale.text(math.copysign(1 / scale.factor, seconds) if rounded_up else seconds, digits)
+
+
+def span_texts(seconds: Iterable[float], digits: int = 3) -> list[str]:
+    """Time spans that are compared [s]: in the unit of the shortest, with digits enough to tell them apart.
+
+    Each has its own unit where they are too far apart for one.
+
+    Examples
+    --------
+    >>> span_texts([900, 55_800]), span_texts([3600, 3605]), span_texts([15, 1e6])
+    (['15 min', '930 min'], ['1 h', '1.001 h'], ['15 s', '11.6 d'])
+    """
+    given = [float(value) for value in seconds]
+    sizes = [abs(value) for value in given if math.isfinite(value) and value]
+    scale = _span_scale(min(sizes, default=0.0), digits)
+    if scale.factor * max(sizes, default=0.0) > _FAR:
+        return [span_text(value, digits) for value in given]
+    return _told_apart(given, scale, digits)
+
+
+def span_unit(longest: float) -> str:
+    """The unit for an axis of time that is so long [s]."""
+    return next((unit for unit, limit in _AXES.items() if longest <= limit), "s")
+
+
+def _span_scale(seconds: float, digits: int) -> Scale:
+    rounded = abs(float(f"{seconds:.{digits}g}"))
+    unit = next((unit for unit, size in SPANS.items() if rounded >= size), "ns" if rounded else "s")
+    unit = unit if math.isfinite(rounded) else "s"
+    return Scale(1 / SPANS[unit], unit)
+
+
+def _told_apart(values: list[float], scale: Scale, digits: int) -> list[str]:
+    """Numbers in one unit, with so many digits, or a few more, that those differ that are different."""
+    different = {value for value in values if math.isfinite(value)}
+    enough = (n for n in range(digits, digits + _MORE) if len({scale.text(v, n) for v in different}) == len(different))
+    digits = next(enough, digits)
+    return [scale.text(value, digits) for value in values]
+
+
+def _head(unit: str) -> tuple[str, str]:
+    """The part of a unit that a prefix stands before, and the rest: ``("mV", "/K")``."""
+    end = next((i for i, sign in enumerate(unit) if not (sign.isalpha() or sign == "%")), len(unit))
+    return unit[:end], unit[end:]

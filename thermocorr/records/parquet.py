@@ -1,4 +1,7 @@
-"""Logs in Parquet files, read row group by row group: a record may be larger than memory."""
+"""Logs in Parquet files, read column by column and row group by row group.
+
+What pyarrow does not read or write, or would do in another way, is left to pandas.
+"""
 
 from __future__ import annotations
 

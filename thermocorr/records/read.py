@@ -12,19 +12,15 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import RecordError, listing, quoted, times_word, warn
-from .indexes import index_times, no_times_text
 from .labels import factorized
 from .log import Log
-from .missing import missing_text, nothing_known_text
-from .numbers import is_frame, numeric_column
-from .quantities import span_text, span_texts
+from .numbers import is_frame, numeric_column, span_text, span_texts
 from .record import Record
 from .record_log import as_data
+from .screen import missing_text, nothing_known_text, reading_of
 from .segments import Segment, holes
-from .time_spans import seconds_of
-from .times import Times, steps_back_an_hour, summer_time_text, times_from
+from .times import Times, index_times, no_times_text, seconds_of, steps_back_an_hour, summer_time_text, times_from
 from .types import kind_of
-from .weighted import reading_of
 
 GAP_STEPS = 10.0
 """A step of more than so many usual ones is a gap, where there is no `max_gap`."""

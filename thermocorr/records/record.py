@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equations.spikes import CHUNK, Scanned, scan_stretch
+from ..equations.spikes import CHUNK, Scanned, Usual, scan_stretch
 from ..equations.statistics import Moments
-from ..equations.usual import Usual
 from .reach import where_read
 from .segments import Segment, SegmentStart, holes
 from .times import Floats, Rows, Times

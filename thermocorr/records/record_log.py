@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from .errors import RecordError, listing, quoted
 from .log import Log
-from .numbers import as_pandas, refuse_no_table
-from .quantities import span_text
+from .numbers import as_pandas, refuse_no_table, span_text
 from .record import Record
+from .screen import reading_of
 from .times import Times
-from .weighted import reading_of
 
 
 class RecordLog(Log):

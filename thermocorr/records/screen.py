@@ -1,4 +1,4 @@
-"""The screen: values that are not measurements are left out, and named.
+"""What is left out of a record: values that are no measurements, missing cells, weights of zero.
 
 A reading that is refused is not learned from. A temperature that is refused is passed over as if its row had not been
 recorded: the lags go straight across, and are not poisoned. What later rows are screened by is known at each row alone,
@@ -13,17 +13,84 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equations.spikes import ABSURD, ALL_CODES, CHUNK, Scanned
-from ..equations.usual import OVERLOAD, Usual, usual_of
-from .errors import RecordError, quoted, times_word
-from .other_units import OtherUnit, first_median, unit_told_by
+from ..equations.spikes import ABSURD, ALL_CODES, CHUNK, OVERLOAD, Scanned, Usual, usual_of
+from .errors import RecordError, listing, quoted, times_word
+from .numbers import numeric_reading
 from .record import Record, Refused
 from .times import Floats
+from .units import OtherUnit, first_median, unit_told_by
+
+_CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
+
+
+def missing_text(record: Record, missing: NDArray[np.intp]) -> str:
+    """How many rows lack a value, and of the first which columns and its time.
+
+    Parameters
+    ----------
+    record : Record
+    missing : array of shape (n,)
+        The rows, in time order; one at least.
+    """
+    row = record.row(int(missing[0]))
+    lacks = listing(name for name, values in record.columns.items() if np.isnan(values[row]))
+    at = "" if record.times.kind == "rows" else f" at {record.times.label(row)}"
+    have = "has" if len(missing) == 1 else "have"
+    return (
+        f"{times_word(len(missing), 'row')} of {record.n_rows} {have} a missing value, the first is row {row} "
+        f"({lacks}{at})"
+    )
+
+
+def nothing_known_text(record: Record) -> str:
+    """What is wrong with a record of which no row has all that is needed: the columns that are empty, if any are."""
+    n = record.n_rows
+    empty = [name for name in record.columns if _is_empty(record, name)]
+    where = f"in {listing(empty)}" if empty else f"in every needed column ({listing(record.columns)})"
+    lack = f"all {n} values are missing" if len(empty) == 1 else f"all {n} rows have a missing value"
+    check = (
+        "the column's name and the file it comes" if len(empty) == 1 else "the columns' names and the file they come"
+    )
+    return f"No row has a number {where}: {lack}. Check {check} from."
+
+
+def _is_empty(record: Record, name: object) -> bool:
+    values = record.columns[name]
+    return all(np.isnan(values[start : start + _CHUNK]).all() for start in range(0, record.n_rows, _CHUNK))
+
+
+@dataclass(frozen=True)
+class WeightedReading:
+    """Readings, and how much each counts in a fit: the y of whatever reads a record."""
+
+    y: Any
+    """As the user gave them."""
+    weight: Floats
+    """Shape (n_rows,); zero for a reading that is not learned from."""
+
+    @property
+    def name(self) -> Any:
+        """Name of the readings' column, where they have one."""
+        return self.y.columns[0] if hasattr(self.y, "columns") else getattr(self.y, "name", None)
+
+    @property
+    def attrs(self) -> dict[str, Any]:
+        """What is noted of the readings."""
+        return dict(getattr(self.y, "attrs", {}))
+
+
+def reading_of(y: Any, X: Any) -> tuple[NDArray[Any] | None, Floats | None]:
+    """Readings as numbers, those without weight left out, and their weights; None where there are none."""
+    if not isinstance(y, WeightedReading):
+        return None if y is None else numeric_reading(y, X), None
+    reading = numeric_reading(y.y, X)
+    return cast(Any, LeftOut(reading, np.flatnonzero(y.weight == 0))), y.weight
+
 
 SAMPLES, SAMPLE_ROWS = 16, 256
 """Stretches, and rows of each, from which a long record tells what is usual."""

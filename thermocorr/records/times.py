@@ -1,8 +1,10 @@
-"""Times of a record: from an index, a column or a sampling period to seconds."""
+"""Times of rows: dates, spans, seconds, row numbers; Unix times; spans as people write them."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from datetime import date
 from functools import cached_property
 from typing import Any, Literal
 
@@ -12,10 +14,204 @@ from numpy.typing import NDArray
 
 from ..equations.looks import are_apart, steps_between
 from .by_arrow import dates_by_arrow
-from .epochs import UNIX, refuse_no_seconds
-from .errors import RecordError
-from .grammar import LARGEST
+from .errors import RecordError, quoted
+from .grammar import LARGEST, number
 from .types import kind_of
+
+UNIX = (9.4e8, 2.6e9)
+"""Unix times in seconds, 1999 to 2052."""
+EPOCHS = {"ms": 1e3, "us": 1e6, "ns": 1e9}
+"""Unit of Unix times -> how many are a second."""
+LARGEST_SECONDS = 1e10
+"""Numbers from here on are no seconds of a log: 300 years."""
+SEVERAL = 3
+"""Times that are judged together at least: a single one, of a sample that just came, may be damaged."""
+
+
+def unix_unit(low: float, high: float) -> str | None:
+    """Unit of numbers between two limits that can only be Unix times, "s", "ms", "us" or "ns"; None for others.
+
+    Examples
+    --------
+    >>> unix_unit(1.7e12, 1.8e12), unix_unit(0.0, 1.7e12)
+    ('ms', None)
+    """
+    units = {"s": 1.0, **EPOCHS}
+    return next((unit for unit, n in units.items() if UNIX[0] * n <= low and high < UNIX[1] * n), None)
+
+
+def unix_time(cell: str, kind: str) -> tuple[str, Any]:
+    """Unit and time of a cell that is a Unix time in ms, us or ns by its size; ``("", cell)`` for any other.
+
+    Parameters
+    ----------
+    cell : str
+    kind : str
+        Kind of the times that are wanted, see `Times.kind`: seconds [s], or dates.
+    """
+    try:
+        count = number(cell, "the time")
+    except RecordError:  # a date
+        return "", cell
+    unit = unix_unit(count, count)
+    if unit not in EPOCHS:
+        return "", cell
+    if kind == "seconds":
+        return unit, count / EPOCHS[unit]
+    exact: Any = int(cell) if cell.isdecimal() else count
+    return unit, pd.Timestamp(exact, unit=unit, tz="UTC" if kind == "datetime with time zone" else None)
+
+
+def refuse_no_seconds(numbers: NDArray[np.float64], where: str, first_row: int = 0) -> None:
+    """Raise RecordError for times that are taken as seconds and can be none: Unix times in another unit, and others.
+
+    Parameters
+    ----------
+    numbers : array of shape (n_rows,)
+    where : str
+        What they are, in words.
+    first_row : int
+        Number of the first of them in its log.
+    """
+    if len(numbers) < SEVERAL:
+        return
+    begins = f"{where} is {numbers[0]:.0f} in row {first_row}, and so on:"
+    unit = unix_unit(float(numbers.min()), float(numbers.max()))
+    if unit in EPOCHS:
+        raise RecordError(
+            f"{begins} these are Unix times in {unit}, and numbers are taken as seconds. Make dates of them with "
+            f"pandas.to_datetime(..., unit={unit!r})."
+        )
+    if np.median(numbers) >= LARGEST_SECONDS:  # one damaged time is none of these
+        raise RecordError(
+            f"{begins} no seconds, and no Unix times of this century. Make dates, spans or seconds of them."
+        )
+
+
+def index_times(index: pd.Index) -> Times | None:
+    """Times of an index of dates, spans, periods (when they begin) or text in the forms of ISO 8601; None for others.
+
+    Raises RecordError for an index of times of which some are missing or unreadable, naming the first.
+    """
+    if isinstance(index, pd.PeriodIndex):
+        index = index.to_timestamp(how="start")
+    kind = "text" if isinstance(index, pd.MultiIndex) else kind_of(index)
+    if kind not in ("date", "span") and not (kind == "text" and len(index) and _is_date(index[0])):
+        return None
+    return times_from(index, "The index")
+
+
+def _is_date(label: object) -> bool:
+    """Whether a label of an index is a date, as such or in text; text of digits alone is none."""
+    if not isinstance(label, str | date):
+        return False
+    text = str(label).strip()
+    return not text.isdigit() and not pd.isna(date_of_text(text))
+
+
+def no_times_text(index: pd.Index | None) -> str:
+    """What an index without times holds, and what to make of it; "" for numbers of rows, and where there is none."""
+    if index is None or not len(index):
+        return ""
+    if isinstance(index, pd.MultiIndex):
+        return f"The index has {index.nlevels} levels: make columns of them with X.reset_index(). "
+    if kind_of(index) != "number":
+        return (
+            f"The index holds {quoted(index[0])} and so on, no dates in a form of ISO 8601: make dates of it with "
+            "pandas.to_datetime, if they are some. "
+        )
+    numbers = index.to_numpy(dtype=float, na_value=np.nan)
+    if (np.diff(numbers) == 1).all() and not numbers[0] % 1:
+        return ""
+    return (
+        f"The index holds numbers, {numbers[0]:.10g} to {numbers[-1]:.10g}, which are not taken as times: if they are "
+        "seconds, make a column of them, as with X.assign(seconds=X.index) and time='seconds'. "
+    )
+
+
+_LETTERS = {"d": "D", "w": "W", "H": "h", "S": "s"}
+"""Units of spans, of one letter, as they may be written and as every version of pandas has them."""
+_BARE = re.compile(r"[+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?")
+"""A number without a unit, which pandas would count in nanoseconds."""
+_COMMA = re.compile(r"[0-9],[0-9]")
+"""A decimal comma or one between thousands, which pandas would pass over: 1,5 h as 15 h."""
+_UNIT_LETTER = re.compile(r"(?<![^\W\d_])[dwHSTLUN](?![^\W\d_])")
+"""A unit of one letter that some version of pandas has warned of."""
+
+
+_DAY_SPAN = re.compile(r"(?<![0-9.,:])[0-9]{4}(?:[0-9]{4})?(?![0-9])|[0-9][./-][0-9]")
+"""What tells a date from a time of day: a year, or numbers with what parts days from months."""
+
+
+def date_of(value: Any) -> Any:
+    """A date as pandas reads it; NaT for none, and for text without a day, which pandas takes for a time of today."""
+    if isinstance(value, str) and not _DAY_SPAN.search(value):
+        return pd.NaT
+    try:
+        date = pd.Timestamp(value)
+        date.as_unit("ns")  # or it is out of reach
+        return date
+    except (ValueError, TypeError):
+        return pd.NaT
+
+
+def span_of(value: Any) -> Any:
+    """A time span as pandas reads it, in text ("1 d 2 h") or as an object; NaT for what says that there is none.
+
+    Text without a unit ("60") is a number of seconds, as a number is. A comma inside a number is refused, for it may
+    stand before decimals or between thousands. Units are days and weeks, hours and seconds in small letters and in
+    capitals: which of them are out of use differs between versions of pandas.
+
+    Raises ValueError or TypeError for what is no span.
+
+    Examples
+    --------
+    >>> span_of("1 d 2 H").total_seconds()
+    93600.0
+    >>> span_of("60").total_seconds()
+    60.0
+    """
+    if isinstance(value, str):
+        if _COMMA.search(value):
+            raise ValueError("a comma inside a number")
+        if _BARE.fullmatch(value.strip()):
+            return pd.Timedelta(float(value), unit="s")
+    if isinstance(value, str) and not value.strip().lstrip("+-").startswith("P"):  # ISO 8601 has capitals of its own
+        value = _UNIT_LETTER.sub(_known_unit, value)
+    return pd.Timedelta(value)
+
+
+def _known_unit(found: re.Match[str]) -> str:
+    """A unit of one letter as every version of pandas knows it."""
+    if found[0] not in _LETTERS:
+        raise ValueError(f"invalid unit abbreviation: {found[0]}")
+    return _LETTERS[found[0]]
+
+
+def seconds_of(value: Any, name: str) -> float:
+    """A time span in seconds: a number, or anything that pandas reads as a span ('15 min', Timedelta).
+
+    Raises ValueError in the words of scikit-learn's parameter checks.
+
+    Examples
+    --------
+    >>> seconds_of("15 min", "time_constant")
+    900.0
+    """
+    if isinstance(value, int | float | np.number) and not isinstance(value, bool | np.timedelta64):
+        seconds = float(value)
+    else:
+        try:
+            seconds = span_of(value).total_seconds()
+        except (ValueError, TypeError):
+            seconds = float("nan")
+    if not (np.isfinite(seconds) and seconds > 0):
+        raise ValueError(
+            f"The {name!r} parameter must be a positive time: seconds, or a span such as '15 min'. "
+            f"Got {value!r} instead."
+        )
+    return seconds
+
 
 Floats = NDArray[np.float64]
 Rows = slice | NDArray[np.intp]

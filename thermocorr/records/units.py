@@ -1,11 +1,14 @@
-"""Units of columns: from the data's own notes, or from the ends of column names."""
+"""Units of columns by their names, and values that look like another unit's."""
 
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import Any, NamedTuple
 
-from .quantities import prefix_and_unit
+import numpy as np
+
+from .numbers import prefix_and_unit
+from .record import Record
 
 _SUFFIXES = {
     "degC": "degC", "degF": "degF", "K": "K", "C": "degC", "ohm": "ohm", "kohm": "kohm", "V": "V", "mV": "mV",
@@ -168,3 +171,51 @@ def _behind_slash(text: str, name: str, behind: str) -> str:
     in_two = unit_of_text(text) or (last != name and (unit_of_text(last) or last in _SUFFIXES))
     letter = len(behind) == 1 and behind.isascii() and behind.isupper() and behind not in _KNOWN
     return "" if in_two or letter else unit
+
+
+MARGIN = 20.0
+"""So far beyond the fitted range, in the other unit, a temperature may still be one of it [K]."""
+FIRST_ROWS = 1 << 16
+"""Rows at most whose median tells the unit of a record."""
+ENOUGH = 5
+"""Temperatures that tell their unit together: fewer may be damaged ones, which are flagged."""
+_OFFSETS = ((273.15, "kelvin where degC was fitted"), (-273.15, "degC where kelvin was fitted"))
+
+
+class OtherUnit(NamedTuple):
+    """An open interval of temperatures that look like another unit."""
+
+    low: float
+    high: float
+    said: str
+    """Which unit: "kelvin where degC was fitted"."""
+
+
+def other_units(low: float, high: float) -> tuple[OtherUnit, ...]:
+    """What is no temperature for a model that was fitted from `low` to `high`, but would be one in another unit.
+
+    Degrees Fahrenheit are not told from degC by their size alone.
+
+    Examples
+    --------
+    >>> [(round(one.low, 2), round(one.high, 2), one.said) for one in other_units(20.0, 24.0)][0]
+    (271.15, 319.15, 'kelvin where degC was fitted')
+    """
+    span = high - low
+    found = []
+    for offset, said in _OFFSETS:
+        first, last = low - MARGIN + offset - span / 2, high + MARGIN + offset + span / 2
+        found += [OtherUnit(first, min(last, low - span), said), OtherUnit(max(first, high + span), last, said)]
+    return tuple(one for one in found if one.low < one.high)
+
+
+def unit_told_by(value: float, units: tuple[OtherUnit, ...]) -> str:
+    """Which other unit a temperature looks like; "" for none."""
+    return next((one.said for one in units if one.low < value < one.high), "")
+
+
+def first_median(record: Record, thermometer: Any) -> float:
+    """Median of a temperature over the first rows of a record, which tells its unit."""
+    first = record.segments[0]
+    rows = record.kept(first.start, min(first.stop, first.start + FIRST_ROWS))
+    return float(np.nanmedian(record.columns[thermometer][rows]))

@@ -16,8 +16,8 @@ import numpy as np
 
 from ...equations import TriangularFactor, solve_ridge
 from ..fitting import Swept, standard_errors
-from .columns import LagColumns
 from .crossvalidation import no_worse
+from .folds import LagColumns
 from .search import Factored
 
 DIFFERENCE = 1e-4

@@ -7,7 +7,7 @@ import pandas as pd
 
 from ...equations import RidgeSolution
 from ...records import Record
-from ...records.quantities import span_texts
+from ...records.numbers import span_texts
 from .search import Factored
 from .spectrum import GridRidge
 

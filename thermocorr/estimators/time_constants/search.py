@@ -1,4 +1,4 @@
-"""The search for time constants: one pass over the record, then every question is answered from small factors."""
+"""Search of time constants: what is asked for, the methods, and the one pass that serves all."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from ..cutting import equal_edges
 from ..features import DiffusiveFeatures
 from ..fitting import require_rows
 from ..reading import Reading, check_plausible
-from .columns import LagColumns
 from .crossvalidation import NEGLIGIBLE, CrossValidation, Set, count_sets, fewest
-from .folds import TimeFolds, folds_in_time
+from .folds import LagColumns, TimeFolds, folds_in_time
 from .remembered import Sweeps
 from .spectrum import (
     LARGEST_ALPHA,
+    MAX_COUNT,
     MIN_ROWS,
     N_BLOCKS,
     PENALTIES,
@@ -37,6 +37,55 @@ from .spectrum import (
     reference_of,
     spread,
 )
+
+
+def check_candidates(candidates: Any) -> None:
+    """Raise ValueError unless candidates are "auto", times, or lists of times."""
+    if isinstance(candidates, str) and candidates == "auto":
+        return
+    listed = not isinstance(candidates, str) and hasattr(candidates, "__len__")
+    if listed and len(candidates) == 0:
+        raise ValueError("The 'candidates' parameter is empty: name time constants to choose from, or 'auto'.")
+    if not listed or len({isinstance(item, str) or not hasattr(item, "__len__") for item in candidates}) > 1:
+        raise ValueError(
+            "The 'candidates' parameter must be 'auto', a list of times, or a list of lists of times. "
+            f"Got {candidates!r} instead."
+        )
+
+
+def check_alphas(alphas: Any) -> None:
+    """Raise ValueError unless alphas are "auto", or ridge penalties that are finite and not negative."""
+    if isinstance(alphas, str) and alphas == "auto":
+        return
+    try:
+        values = np.atleast_1d(np.asarray(alphas, float))
+    except (TypeError, ValueError):
+        values = np.zeros(0)
+    if values.ndim != 1 or not len(values) or not (np.isfinite(values) & (values >= 0)).all():
+        raise ValueError(
+            "The 'alphas' parameter must be 'auto' or ridge penalties that are finite and not negative. "
+            f"Got {alphas!r} instead."
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchMethod:
+    """A way to choose time constants."""
+
+    most: int | None = None
+    """Most time constants that it can take, whatever is asked for."""
+    refines: bool = True
+    """Whether ``refine="auto"`` moves the time constants that it took from a pool."""
+
+
+METHODS = {
+    "spectrum": SearchMethod(most=MAX_COUNT, refines=False),
+    "cross_validation": SearchMethod(),
+    "exhaustive": SearchMethod(),
+    "greedy": SearchMethod(),
+}
+"""Name of a method -> what it does."""
+
 
 FAST_SHARE = 1 / 200
 """Time constants up to this share of the record are fast: any stretch has seen many of their lives."""

@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 
 from ...records import Record, RecordError
-from ...records.quantities import quantity_texts, span_texts
-from ..aligned import no_flags
-from ..verdicts import VERDICTS
+from ...records.numbers import quantity_texts, span_texts
+from ..reading import no_flags
+from ..tables import VERDICTS
 from .declared import Reference, Sensor
 from .joint import JointErrors
-from .rows import ErrorWalk
-from .sensor_response import sensor_variance
+from .rows import ErrorWalk, sensor_variance
 from .signed import PARTS, Uncertainty
 
 OTHER = 2.0

@@ -8,9 +8,8 @@ import numpy as np
 
 from ...effects import StaticPolynomial
 from ...effects.thermal import ThermalLag
-from .basis import Basis
+from .basis import Basis, ScaledBasis
 from .restricted import BandSums
-from .scaled import ScaledBasis
 
 MOST_MOVED = 1.1
 """Standard deviation of the temperature inside a device, over that outside, above which it is none."""

@@ -1,4 +1,4 @@
-"""`Uncertainty`: corrected readings with everything that a metrologist puts under them."""
+"""Corrected readings with their uncertainties, and what is declared of sensor and reference."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ...records import Record
-from .asked_rows import asked_rows
-from .budget import Budget, BudgetLine, coverage_factor, effective_dof
+from .budget import Budget, BudgetLine, asked_rows, coverage_factor, effective_dof
 from .declared import Reference, Sensor
 from .joint import JointErrors
 from .rows import ErrorWalk

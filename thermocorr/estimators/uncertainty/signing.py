@@ -12,12 +12,11 @@ from sklearn.utils.validation import check_is_fitted
 
 from ...records.errors import warn
 from ..fitted import FittedModel
+from ..progress import one_blas_thread
 from ..run_levels import level_variance
-from ..threads import one_blas_thread
 from .assessed import too_short, uncertainty_of, why_incomplete
 from .declared import Reference, Sensor
-from .joint import UNKNOWN, JointErrors
-from .joint_fit import joint_errors
+from .joint import UNKNOWN, JointErrors, joint_errors
 from .rows import ErrorWalk
 from .signed import Uncertainty
 

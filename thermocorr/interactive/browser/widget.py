@@ -23,9 +23,8 @@ from ...foreign import ForeignTable
 from ...judgement import diagnose
 from ...records.numbers import as_pandas
 from ..acts import Add, Columns, Past
-from ..arrangement import AddedEffect, ModelSettings
+from ..arrangement import AddedEffect, ModelSettings, Roles
 from ..bench import Bench
-from ..roles import Roles
 from ..snapshots import snapshot
 from ..source import ReadLog
 from ..takeaway import KINDS, taken

@@ -16,13 +16,12 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from ...estimators.threads import one_blas_thread
+from ...estimators.progress import one_blas_thread
 from ...foreign import HowToRead
 from ...records import RecordError
-from ..arrangement import ModelSettings
+from ..arrangement import ModelSettings, guessed
 from ..bench import Bench
 from ..own_effects import effects_in
-from ..roles import guessed
 from ..session_file import past_node, reopened, with_past
 from ..snapshots import snapshot
 from ..source import built_in, opened
