@@ -41,7 +41,7 @@ def measured():
 @pytest.fixture
 def drawing():
     """Pictures are drawn without a window, and closed; skips where matplotlib is absent."""
-    matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed: pip install 'thermocorr[plot]'")
+    matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed: pip install '.[plot]'")
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 

@@ -12,7 +12,7 @@ from thermocorr.records import files as files
 from thermocorr.records import parquet as by_arrow
 from thermocorr.records.times import dates_once
 
-pytest.importorskip("pyarrow", reason="long CSV files are read by pyarrow: pip install 'thermocorr[parquet]'")
+pytest.importorskip("pyarrow", reason="long CSV files are read by pyarrow: pip install '.[parquet]'")
 pandas_3 = pytest.mark.skipif(int(pd.__version__.split(".")[0]) < 3, reason="pandas before 3 keeps text otherwise")
 
 ODD = (

@@ -50,7 +50,7 @@ def test_the_package_is_a_command_too():
 
 
 def test_parquet_and_runs(log, tmp_path, capsys):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     frame = pd.read_csv(log, parse_dates=["time"])
     frame["run"] = np.where(np.arange(len(frame)) < 700, "a", "b")
     frame.to_parquet(tmp_path / "log.parquet")

@@ -162,7 +162,7 @@ def split_in_time():
 @pytest.mark.parametrize("name", RUN)
 def test_it_runs(name):
     if name == "polars output":
-        pytest.importorskip("polars", reason="polars frames need polars: pip install 'thermocorr[test]'")
+        pytest.importorskip("polars", reason="polars frames need polars: pip install '.[test]'")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         result = RUN[name]()

@@ -73,7 +73,7 @@ def test_a_whole_log(lab, rows, tmp_path, capsys):
 
 
 def test_a_table_whose_index_has_no_name_has_its_times_in_a_column_time(lab, tmp_path, capsys):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     log = lab[2].assign(time=pd.to_datetime(lab[2]["time"])).set_index("time").rename_axis(None)
     log[600:].to_parquet(tmp_path / "log.parquet")
     assert correct(lab, tmp_path / "log.parquet") == 0

@@ -270,7 +270,7 @@ def test_logs_on_disk_give_the_same_numbers(fitted, kind, tmp_path):
     model, X, y = fitted
     expected = ResidualsDisplay.from_estimator(model, X, y).frame()
     if kind == "parquet":
-        pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+        pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
         X.assign(reading=y).to_parquet(tmp_path / "log.parquet", row_group_size=2500)
         log = ParquetLog(tmp_path / "log.parquet")
         options = {"temperature": "temperature"}

@@ -213,8 +213,8 @@ def test_search_comparison_and_diagnosis_take_polars_frames(lab, polars):
 @pytest.mark.parametrize("kind", ["pyarrow", "duckdb", "polars.lazy"])
 def test_tables_of_other_packages(lab, kind):
     X, y = lab
-    pytest.importorskip("narwhals", reason="narwhals is not installed: pip install 'thermocorr[frames]'")
-    package = pytest.importorskip(kind.split(".")[0], reason=f"{kind} is not installed: pip install 'thermocorr[test]'")
+    pytest.importorskip("narwhals", reason="narwhals is not installed: pip install '.[frames]'")
+    package = pytest.importorskip(kind.split(".")[0], reason=f"{kind} is not installed: pip install '.[test]'")
     frame = pd.DataFrame({"time": X.index, **{name: X[name].to_numpy() for name in X}, "reading": y.to_numpy()})
     frame.loc[5, "humidity"] = np.nan
     if kind == "pyarrow":
@@ -233,7 +233,7 @@ def test_tables_of_other_packages(lab, kind):
 
 
 def test_a_table_that_nobody_can_read_says_what_is_needed(lab, monkeypatch):
-    pyarrow = pytest.importorskip("pyarrow", reason="pyarrow is not installed: pip install 'thermocorr[parquet]'")
+    pyarrow = pytest.importorskip("pyarrow", reason="pyarrow is not installed: pip install '.[parquet]'")
     monkeypatch.setitem(sys.modules, "narwhals", None)
     with pytest.raises(RecordError, match=r"a table of pyarrow, for which the package narwhals is needed"):
         DynamicBiasRegressor(time="time").fit(pyarrow.table({"time": [1.0]}), lab[1])

@@ -73,7 +73,7 @@ def test_rows_without_times_are_counted_in_seconds():
 
 
 def test_decimals_of_parquet_are_the_nearest_numbers(tmp_path):
-    pa = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pa = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     from pyarrow import parquet
 
     values = [Decimal("0.1"), None, Decimal("123456789012345678.90123456789"), Decimal("-7.3")]
@@ -91,7 +91,7 @@ def test_decimals_of_parquet_are_the_nearest_numbers(tmp_path):
 
 @pytest.mark.parametrize("kind", ["binary", "dictionary"])
 def test_bytes_are_no_dates_whether_they_stand_once_or_often(kind, tmp_path):
-    pa = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pa = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     from pyarrow import parquet
 
     times = pa.array([b"2024-03-04 01:00", b"2024-03-04 01:01", b"2024-03-04 01:02"])

@@ -13,7 +13,7 @@ import pytest
 from thermocorr import RecordError, RecordWarning
 from thermocorr.datasets import _real, fetch_real_record, load_real_record
 
-pytest.importorskip("pooch", reason="records are fetched by pooch: pip install 'thermocorr[records]'")
+pytest.importorskip("pooch", reason="records are fetched by pooch: pip install '.[records]'")
 ROWS = "time,recharge_mm,head_m,river,swedish_temp\n2000-01-27,-0.2,8.57,-0.138,1\n2000-01-28,-0.1,,-0.167,-4\n"
 
 

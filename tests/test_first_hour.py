@@ -196,7 +196,7 @@ def test_numbers_too_large_for_seconds_are_refused(record):
 
 
 def test_unix_times_in_a_parquet_log_are_told_from_seconds(record, tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     X, y = with_unix_times(record, "ms")
     X.assign(reading=y).to_parquet(tmp_path / "log.parquet")
     log = ParquetLog(tmp_path / "log.parquet")

@@ -191,7 +191,7 @@ def test_rows_are_sorted_where_that_is_asked_for(written):
 
 
 def test_a_spreadsheet_is_read(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl", reason="spreadsheets need openpyxl: pip install 'thermocorr[excel]'")
+    openpyxl = pytest.importorskip("openpyxl", reason="spreadsheets need openpyxl: pip install '.[excel]'")
     book = openpyxl.Workbook()
     sheet = book.active
     sheet.append(["Log of room 5"])
@@ -218,7 +218,7 @@ def test_a_spreadsheet_is_read(tmp_path):
 
 
 def test_feather_is_read(tmp_path):
-    pytest.importorskip("pyarrow", reason="Feather needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Feather needs pyarrow: pip install '.[parquet]'")
     pd.DataFrame({"time": TIMES, "temperature": T, "reading": U}).to_feather(tmp_path / "log.feather")
     np.testing.assert_array_equal(understood(tmp_path / "log.feather")[1], T)
     (tmp_path / "log.feather").write_bytes(b"none")
@@ -371,7 +371,7 @@ def test_a_state_that_is_no_number_is_not_bridged(written):
 def test_a_file_that_unpacks_without_end_is_refused(written, monkeypatch, ending):
     monkeypatch.setattr("thermocorr.foreign.containers.MOST_UNPACKED", 100_000)
     if ending == "xlsx":
-        pytest.importorskip("openpyxl", reason="openpyxl is not installed: pip install 'thermocorr[excel]'")
+        pytest.importorskip("openpyxl", reason="openpyxl is not installed: pip install '.[excel]'")
     out = io.BytesIO()
     if ending == "csv.gz":
         out.write(gzip.compress(b"0" * 200_000))

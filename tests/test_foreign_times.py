@@ -185,7 +185,7 @@ def test_what_is_written_has_the_times_of_the_log_and_is_read_again(name, form, 
 @pytest.mark.parametrize("name", [None, "elapsed"])
 @pytest.mark.parametrize("spans", [False, True])
 def test_the_index_of_a_parquet_log_is_read_again(name, spans, tmp_path, capsys):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     record = make_record(1200, seed=2)[["temperature", "reading"]]
     index = record.index - record.index[0] if spans else record.index
     record.set_axis(index).rename_axis(name).to_parquet(tmp_path / "log.parquet")

@@ -19,7 +19,7 @@ from thermocorr.estimators.cutting import equal_edges
 from thermocorr.estimators.fitting import sweep_effects
 from thermocorr.records import Layout, read_record
 
-pytest.importorskip("numba", reason="the compiled pass needs numba: pip install 'thermocorr[fast]'")
+pytest.importorskip("numba", reason="the compiled pass needs numba: pip install '.[fast]'")
 TAUS = [60.0, 400.0, 3000.0]
 
 

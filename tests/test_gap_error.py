@@ -164,7 +164,7 @@ def test_it_is_said_how_many_readings_are_left_out():
 
 
 def test_a_log_on_disk_is_fitted_alike(tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     record = make_record(4000, gaps=6, seed=715).reset_index()
     record.to_parquet(tmp_path / "log.parquet")
     log = ParquetLog(tmp_path / "log.parquet")

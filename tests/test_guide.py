@@ -24,7 +24,7 @@ def test_page_prints_what_it_says(page, tmp_path, monkeypatch):
     text = page.read_text(encoding="utf-8")
     for mention, module in EXTRAS.items():
         if needs(text, mention):
-            pytest.importorskip(module, reason=f"the page needs {module}: pip install 'thermocorr[all]'")
+            pytest.importorskip(module, reason=f"the page needs {module}: pip install '.[all]'")
     monkeypatch.chdir(tmp_path)  # pages that write files write them here
     blocks = list(run(text))
     assert blocks, "a page of the guide shows no code"

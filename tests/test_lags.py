@@ -308,7 +308,7 @@ def test_gain_is_right_on_both_sides_of_the_series_threshold():
 
 def test_compiled_factors_are_exact_to_two_units_of_the_last_digit():
     """One step from a lag difference of 1 K is the decay, one with a change of 1 K less the gain."""
-    pytest.importorskip("numba", reason="compiled code needs numba: pip install 'thermocorr[fast]'")
+    pytest.importorskip("numba", reason="compiled code needs numba: pip install '.[fast]'")
     from thermocorr.equations.compiled import read_only
     from thermocorr.equations.lag_kernels import recursion
 
@@ -351,7 +351,7 @@ def test_decays_are_exponentials_that_end_in_exact_zeros():
 @STEPS
 def test_compiled_and_plain_recursion_agree(monkeypatch, regular, hold):
     """4 ulp of the largest lag difference a sample: the two may fuse multiplication and addition or not."""
-    pytest.importorskip("numba", reason="compiled code needs numba: pip install 'thermocorr[fast]'")
+    pytest.importorskip("numba", reason="compiled code needs numba: pip install '.[fast]'")
     from thermocorr.equations import lags
 
     T, steps, taus = room(5000), some_steps(5000, regular), np.array([1.0, 20.0, 300.0, 4e3, 5e4, 6e5, 7e6])

@@ -26,7 +26,7 @@ def record_with(effect, n=N, seed=91):
 
 @pytest.fixture
 def as_log(tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
 
     def write(X, y, name="log.parquet"):
         X.assign(reading=y).to_parquet(tmp_path / name, row_group_size=777)

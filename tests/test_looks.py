@@ -24,7 +24,7 @@ def look_at_all(values):
 def kernels(request):
     """Looks by compiled code, and without."""
     if request.param == "compiled":
-        pytest.importorskip("numba", reason="compiled code needs numba: pip install 'thermocorr[fast]'")
+        pytest.importorskip("numba", reason="compiled code needs numba: pip install '.[fast]'")
         look_at_all(np.ones(2))  # compiles
         look_at_all(np.ones(2, np.int64))
         yield

@@ -43,7 +43,7 @@ def test_devices_without_names_and_workers_that_are_none_are_refused(fleet):
     ("paths", "said"), [("no.parquet", "There is no file no.parquet"), (".", "is a folder"), ([], "needs a file")]
 )
 def test_a_parquet_log_of_no_file_is_refused_in_a_sentence(paths, said):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     with pytest.raises(RecordError, match=said):
         ParquetLog(paths)
 

@@ -45,7 +45,7 @@ def test_minus_signs_of_typesetters_are_minus_signs(sign, written, capsys):
 
 
 def test_a_sheet_may_have_dates_and_times_in_two_columns(tmp_path):
-    pytest.importorskip("openpyxl", reason="spreadsheets need openpyxl: pip install 'thermocorr[excel]'")
+    pytest.importorskip("openpyxl", reason="spreadsheets need openpyxl: pip install '.[excel]'")
     for date in (TIMES.date, TIMES.normalize()):
         sheet = pd.DataFrame({"Date": date, "Time": TIMES.time, "temperature": T, "reading": U})
         sheet.to_excel(tmp_path / "log.xlsx", index=False)

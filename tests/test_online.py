@@ -288,7 +288,7 @@ def test_bad_calls_say_what_is_wrong(default):
 
 
 def test_parquet_logs_and_transformers_live(default, tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     _, X, y = default
     X, y = X[:700], y[:700]
     model = DynamicBiasRegressor(time_constants=[300.0], effects=[SplineTransformer(3)]).fit(X[:600], y[:600])

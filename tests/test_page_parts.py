@@ -183,7 +183,7 @@ def test_a_page_says_where_the_correction_leaves_the_readings_or_adds_noise():
 
 
 def test_a_page_of_a_log_in_a_file_says_so_too(tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     record = make_record(4000, seed=1)
     model = DynamicBiasRegressor("temperature", ["30 s", "10 min"]).fit(record, record["reading"])
     hot = record.assign(temperature=record["temperature"] + 30.0)

@@ -12,7 +12,7 @@ import pytest
 from thermocorr import DynamicBiasRegressor, ParquetLog, RecordError, TimeConstantSearch
 from thermocorr.datasets import make_record
 
-pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
 
 
 @pytest.fixture(scope="module")

@@ -105,7 +105,7 @@ def test_columns_of_time_and_runs_codes_and_holes_are_averaged_too():
 
 
 def test_a_log_in_a_file_and_one_in_memory_decide_alike(tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     record = make_record(40_000, sampling_period=60.0, noise=NOISE, nonlinearity=0.1, device="slab", seed=2)
     record.to_parquet(tmp_path / "log.parquet", row_group_size=7_000)
     log = ParquetLog(tmp_path / "log.parquet")

@@ -48,7 +48,7 @@ def test_each_piece_of_work_is_told_once(log):
 
 
 def test_a_bar_is_drawn_in_a_terminal_and_counts_to_its_end(log, monkeypatch):
-    pytest.importorskip("tqdm", reason="bars are drawn by tqdm: pip install 'thermocorr[progress]'")
+    pytest.importorskip("tqdm", reason="bars are drawn by tqdm: pip install '.[progress]'")
     shown = Terminal()
     monkeypatch.setattr(sys, "stderr", shown)
     with told(True, 3) as tell:
@@ -62,13 +62,13 @@ def test_a_bar_is_drawn_in_a_terminal_and_counts_to_its_end(log, monkeypatch):
 
 
 def test_a_bar_is_silent_where_nobody_looks(log, capfd):
-    pytest.importorskip("tqdm", reason="bars are drawn by tqdm: pip install 'thermocorr[progress]'")
+    pytest.importorskip("tqdm", reason="bars are drawn by tqdm: pip install '.[progress]'")
     refine(MODEL, *log, progress=True, max_steps=1)
     assert capfd.readouterr() == ("", "")
 
 
 def test_an_interrupt_leaves_no_bar(log, monkeypatch):
-    pytest.importorskip("tqdm", reason="bars are drawn by tqdm: pip install 'thermocorr[progress]'")
+    pytest.importorskip("tqdm", reason="bars are drawn by tqdm: pip install '.[progress]'")
     shown = Terminal()
     monkeypatch.setattr(sys, "stderr", shown)
 

@@ -111,7 +111,7 @@ def test_smooth_and_straight_readings_were_not_filled_in(seed):
 
 
 def test_a_parquet_log_is_screened_as_a_frame_is(tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     X, y = record(0)
     once = y.clip(upper=y.quantile(0.98)).to_numpy()[np.arange(N) // 5 * 5]
     X.assign(reading=once).to_parquet(tmp_path / "log.parquet", row_group_size=777)

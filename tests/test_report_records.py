@@ -71,7 +71,7 @@ def test_runs_that_overlap_in_time_stand_one_after_the_other(browser, tmp_path):
 
 
 def test_a_log_in_a_file_is_read_block_by_block(tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     record = make_record(5000, seed=1)
     record.to_parquet(tmp_path / "log.parquet")
     log = ParquetLog(tmp_path / "log.parquet")

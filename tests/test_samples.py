@@ -131,7 +131,7 @@ def flat(state):
 @pytest.mark.parametrize("fault", ["no folder", "full disk"])
 def test_compiled_code_that_cannot_be_kept_is_compiled_all_the_same(fault, tmp_path, monkeypatch):
     """A read-only installation without a home, or a full disk: a speed of the next process is no error of this one."""
-    pytest.importorskip("numba", reason="compiled code needs numba: pip install 'thermocorr[fast]'")
+    pytest.importorskip("numba", reason="compiled code needs numba: pip install '.[fast]'")
     from numba.core import caching, config
 
     refused = []

@@ -253,7 +253,7 @@ def test_it_is_said_once_and_at_the_users_line(clean):
 
 
 def test_a_parquet_log_is_screened_as_a_frame_is(clean, tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     X, y, _ = spoiled(*clean)
     X.assign(reading=y).to_parquet(tmp_path / "log.parquet", row_group_size=777)
     log = ParquetLog(tmp_path / "log.parquet")

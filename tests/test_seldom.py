@@ -173,7 +173,7 @@ def test_parquet_without_its_reader_says_what_to_install(lab, tmp_path, monkeypa
 
 
 def test_a_table_is_not_followed_and_its_rows_stop_where_they_are_told(lab, tmp_path, capsys):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     pd.read_csv(lab / "log.csv").to_parquet(tmp_path / "log.parquet")
     assert correct(lab, tmp_path / "log.parquet", "--follow") == 2
     assert "is Parquet, which cannot be followed while it grows. Leave out --follow." in capsys.readouterr().err

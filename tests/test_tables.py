@@ -177,7 +177,7 @@ def test_the_table_of_types(values, kind, roles):
 
 
 def test_arrow_types_are_named_as_arrow_names_them():
-    pa = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pa = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     kinds = {
         "number": [pa.int8(), pa.uint64(), pa.float16(), pa.float32(), pa.float64(), pa.decimal128(9, 2), pa.null()],
         "switch": [pa.bool_()],
@@ -192,7 +192,7 @@ def test_arrow_types_are_named_as_arrow_names_them():
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
 def test_both_readers_of_parquet_agree(tmp_path, unit):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     frame = pd.DataFrame(
         {
             "t": pd.date_range("2024-01-01", periods=4, freq="1s").as_unit(unit),

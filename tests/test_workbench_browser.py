@@ -13,8 +13,8 @@ from visitors import running, until
 from thermocorr import DynamicBiasRegressor, diagnose, held_out_residuals
 from thermocorr.datasets import load_voltage_reference, make_record
 
-pytest.importorskip("starlette", reason="the workbench needs starlette: pip install 'thermocorr[workbench]'")
-pytest.importorskip("uvicorn", reason="the workbench needs uvicorn: pip install 'thermocorr[workbench]'")
+pytest.importorskip("starlette", reason="the workbench needs starlette: pip install '.[workbench]'")
+pytest.importorskip("uvicorn", reason="the workbench needs uvicorn: pip install '.[workbench]'")
 
 TAKEN = """
 const finished = arguments[arguments.length - 1];

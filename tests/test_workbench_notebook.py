@@ -109,7 +109,7 @@ def test_without_anywidget_the_diagnosis_is_returned(data, monkeypatch):
 
 
 def test_the_widget_has_everything_in_it(data):
-    pytest.importorskip("anywidget", reason="the widget needs anywidget: pip install 'thermocorr[jupyter]'")
+    pytest.importorskip("anywidget", reason="the widget needs anywidget: pip install '.[jupyter]'")
     widget = workbench(DynamicBiasRegressor("temperature", 4), *data)
     assert 'data-part="plot"' in widget.body and 'data-part="open"' not in widget.body
     assert "samples" not in widget.body and "cancel" not in widget.body  # what does nothing there is not there

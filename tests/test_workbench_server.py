@@ -16,8 +16,8 @@ from visitors import LONG, Client, News, running, settled, until, visitor
 
 from thermocorr.datasets import make_record
 
-pytest.importorskip("starlette", reason="the workbench needs starlette: pip install 'thermocorr[workbench]'")
-pytest.importorskip("uvicorn", reason="the workbench needs uvicorn: pip install 'thermocorr[workbench]'")
+pytest.importorskip("starlette", reason="the workbench needs starlette: pip install '.[workbench]'")
+pytest.importorskip("uvicorn", reason="the workbench needs uvicorn: pip install '.[workbench]'")
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and process groups of POSIX")
 
 

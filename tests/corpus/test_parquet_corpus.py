@@ -20,7 +20,7 @@ from thermocorr.records.read import Layout, read_record
 
 def parquet_of(tmp_path, rows=7, **columns):
     """A log in a Parquet file, columns of Arrow in place of its own: (path, `ParquetLog`)."""
-    pa = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'thermocorr[parquet]'")
+    pa = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
     from pyarrow import parquet
 
     from thermocorr import ParquetLog

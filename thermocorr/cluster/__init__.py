@@ -1,1 +1,1 @@
-"""Floor 4: one record over several processes, one model for each of many devices; needs Dask."""
+"""Floor 4: one model for each of many devices."""

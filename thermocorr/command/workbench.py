@@ -20,7 +20,7 @@ from .loading import (
     parse_time_constants,
 )
 
-NEEDS = "The workbench needs the packages starlette and uvicorn: pip install 'thermocorr[workbench]'."
+NEEDS = "The workbench needs the packages starlette and uvicorn: pip install starlette uvicorn."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -233,7 +233,7 @@ def fetch_real_record(
     try:
         import pooch  # type: ignore[import-untyped]  # it has no types
     except ImportError:
-        raise ImportError("Records are fetched by pooch: pip install 'thermocorr[records]'.") from None
+        raise ImportError("Records are fetched by pooch: pip install pooch.") from None
     if name not in _RECORDS:
         raise ValueError(f"There is no record {name!r}. The records are: {', '.join(_RECORDS)}.")
     root = Path(folder or os.environ.get(_VARIABLE) or pooch.os_cache("thermocorr"))

@@ -77,7 +77,7 @@ def _bar(total: int | None) -> Iterator[Callable[[str], None]]:
         from tqdm.auto import tqdm
     except ImportError:
         raise ImportError(
-            "A bar is drawn by tqdm, which is not installed: pip install 'thermocorr[progress]'. Or pass a function, "
+            "A bar is drawn by tqdm, which is not installed: pip install tqdm. Or pass a function, "
             "such as progress=print."
         ) from None
     notebook = "ipykernel" in sys.modules

@@ -97,7 +97,7 @@ def spreadsheet(path: Path, sheet: str | None) -> pd.DataFrame:
         import openpyxl  # type: ignore[import-untyped]  # it has no types
     except ImportError:
         raise RecordError(
-            f"{path} is a spreadsheet, and openpyxl is needed to read it: pip install 'thermocorr[excel]'."
+            f"{path} is a spreadsheet, and openpyxl is needed to read it: pip install openpyxl."
         ) from None
     try:
         with zipfile.ZipFile(path) as packed:
@@ -134,7 +134,7 @@ def feather(path: Path) -> pd.DataFrame:
     try:
         from pyarrow import feather as format_
     except ImportError:
-        raise RecordError(f"{path} is Feather. Install pyarrow: pip install 'thermocorr[parquet]'.") from None
+        raise RecordError(f"{path} is Feather. Install pyarrow: pip install pyarrow.") from None
     try:
         frame: Any = format_.read_feather(path)
     except (ValueError, OSError) as error:

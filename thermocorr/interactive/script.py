@@ -37,7 +37,7 @@ def notebook(source: ReadLog, found: Fitted, acts: tuple[Act, ...], own_file: st
     cells = [_cell("markdown", f"# {_title(source)}")]
     for chapter in chapters(source, found, acts, own_file):
         cells += [_cell("markdown", chapter.text), _cell("code", chapter.code)]
-    cells.append(_cell("code", 'diagnosis.plot(X)  # needs matplotlib: pip install "thermocorr[plot]"'))
+    cells.append(_cell("code", "diagnosis.plot(X)  # needs matplotlib: pip install matplotlib"))
     cells = [{**cell, "id": f"cell-{number}"} for number, cell in enumerate(cells)]
     metadata = {"generator": "thermocorr", "language_info": {"name": "python"}}
     return json.dumps({"nbformat": 4, "nbformat_minor": 5, "metadata": metadata, "cells": cells}, indent=1) + "\n"

@@ -155,7 +155,7 @@ def pyplot() -> Any:
     try:
         from matplotlib import pyplot as plt
     except ImportError:
-        raise ImportError("Drawing needs matplotlib: pip install 'thermocorr[plot]'.") from None
+        raise ImportError("Drawing needs matplotlib: pip install matplotlib.") from None
     return plt
 
 

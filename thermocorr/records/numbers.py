@@ -49,7 +49,7 @@ def as_pandas(X: Any) -> Any:
     except ImportError:
         raise RecordError(
             f"The data are a table of {package}, for which the package narwhals is needed: pip install "
-            "'thermocorr[frames]', or pass a pandas DataFrame."
+            "narwhals, or pass a pandas DataFrame."
         ) from None
     table: Any = narwhals.from_native(X, pass_through=True, allow_series=True)
     if isinstance(table, narwhals.LazyFrame):

@@ -239,7 +239,7 @@ def open_parquet(path: str | PathLike[str]) -> Any:
     try:
         from pyarrow import ArrowException, parquet
     except ImportError:
-        raise ImportError("Reading Parquet needs pyarrow: pip install 'thermocorr[parquet]'.") from None
+        raise ImportError("Reading Parquet needs pyarrow: pip install pyarrow.") from None
     try:
         return parquet.ParquetFile(path, memory_map=False)
     except OSError as error:
