@@ -334,3 +334,15 @@ def test_provenance_knows_the_record(tmp_path):
     numbers = [X.index.as_unit("ns").asi8.astype("<i8"), X["temperature"].astype("<f8"), X["humidity"].astype("<f8")]
     content = b"".join(np.asarray(values).tobytes() for values in numbers)
     assert kept["data"]["sha256"] == hashlib.sha256(content).hexdigest()
+
+
+def test_a_start_as_long_as_its_segment_survives_the_file(tmp_path):
+    """In a segment shorter than the longest decay, one as long as the segment stands for it."""
+    record = make_record(1500, runs=3, seed=2)
+    X, y = record[["temperature", "run"]], record["reading"]
+    model = DynamicBiasRegressor("temperature", run="run", time_constants=[600.0, "1 h"], initial_state="equilibrium",
+                                 effects=[InitialTransient(["20 h"])]).fit(X, y)  # fmt: skip
+    decays = next(effect for effect in model.features_.effect_list() if effect.kind == "initial_transient").decays_
+    assert not np.isin(np.concatenate(list(decays.values())), [20 * 3600.0]).all()
+    save_model(model, tmp_path / "m.json")
+    np.testing.assert_array_equal(load_model(tmp_path / "m.json").predict(X), model.predict(X))

@@ -40,7 +40,10 @@ def _times_of_segments(value: Any, where: str, effect: Any) -> None:
     if not isinstance(value, dict) or any(type(key) is not int or key < 0 for key in value):
         raise unexpected(where, "keys", "numbers of segments")
     for key, taus in value.items():
-        if not len(vector(taus, f"{where}[{key}]")) or not np.isin(taus, times).all():
+        taus = vector(taus, f"{where}[{key}]")
+        own = np.isin(taus, times)
+        as_long_as_segment = len(taus) > 0 and 0 < taus[-1] < times.max(initial=0.0)  # it stands for all longer ones
+        if not len(taus) or not own[:-1].all() or not (own[-1] or as_long_as_segment):
             raise unexpected(f"{where}[{key}]", "time constants", "some of those of the effect's parameters")
 
 
