@@ -35,6 +35,7 @@ from thermocorr import (
     SuspectsDisplay,
     VariantsDisplay,
     WhereDisplay,
+    compare_variants,
     diagnose,
     refine,
 )
@@ -97,7 +98,7 @@ def show(folder: Path, case: Case, judge: bool) -> None:
         "spectrum": lambda: SpectrumDisplay.from_estimator(model),
     }
     if name != "long":
-        makers["variants"] = lambda: VariantsDisplay.from_estimator(model, X, y)
+        makers["variants"] = lambda: VariantsDisplay.from_comparison(compare_variants(X, y, model=model))
     if found is not None:
         makers["where"] = lambda: WhereDisplay.from_diagnosis(found, X)
         makers["suspects"] = lambda: SuspectsDisplay.from_diagnosis(found)

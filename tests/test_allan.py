@@ -7,7 +7,7 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
-from thermocorr.equations import AllanStream, allan_deviation, regular_cells
+from thermocorr.equations import AllanStream, allan_deviation
 from thermocorr.equations.allan import edf_overlapping
 from thermocorr.pictures import AllanDisplay
 
@@ -99,6 +99,17 @@ def test_pieces_never_share_a_difference():
     alone = allan_deviation(values, 1.0)
     np.testing.assert_allclose(apart.deviation, alone.deviation, rtol=1e-6)
     np.testing.assert_array_equal(apart.n, 2 * alone.n)
+
+
+def regular_cells(seconds, values, cell):
+    """Means over regular cells of time, NaN where there is no reading; the first is centred on the first time."""
+    number = np.floor((seconds - seconds[0]) / cell + 0.5).astype(np.intp)
+    known = np.isfinite(values)
+    count = np.bincount(number[known], minlength=int(number[-1]) + 1)
+    offset = float(values[known][0]) if known.any() else 0.0
+    total = np.bincount(number[known], values[known] - offset, minlength=int(number[-1]) + 1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(count > 0, total / count + offset, np.nan)
 
 
 def test_irregular_times_are_averaged_into_cells():

@@ -13,7 +13,6 @@ from thermocorr import (
     ContributionsDisplay,
     DynamicBiasRegressor,
     InnerTemperaturesDisplay,
-    RecordError,
     ResidualLoopDisplay,
     ResidualsDisplay,
     SpectrumDisplay,
@@ -21,6 +20,7 @@ from thermocorr import (
     SuspectsDisplay,
     VariantsDisplay,
     WhereDisplay,
+    compare_variants,
 )
 from thermocorr.datasets import make_record
 from thermocorr.pictures.axes import label_log_values, label_values, pyplot
@@ -88,7 +88,7 @@ def test_every_kind_of_small_record_is_drawn(kind):
 @pytest.mark.parametrize("kind", ["dates", "overlapping runs"])
 def test_variants_of_small_records_are_drawn(kind):
     model, X, y = small(kind)
-    display = VariantsDisplay.from_estimator(model, X, y, n_blocks=2).plot()
+    display = VariantsDisplay.from_comparison(compare_variants(X, y, model=model, n_blocks=2)).plot()
     display.figure_.canvas.draw()
     assert display.axes_.shape == (5, 2)
     assert display.axes_[-1, 1].get_xlabel() == "temperature [degC]"
@@ -104,20 +104,6 @@ def test_short_records_are_kept_row_by_row():
     assert (frame["n"] == 1).all()
 
 
-def test_predictions_of_any_model_are_drawn():
-    time = pd.date_range("2024-05-31", periods=50, freq="1h", tz="Europe/Berlin")
-    measured = pd.Series(np.arange(50.0), name="output_mV")
-    display = ResidualsDisplay.from_predictions(time, measured, measured - 0.25).plot()
-    assert display.frame()["residual"].unique().tolist() == [0.25]
-    assert display.axes_[0].get_ylabel() == "output [mV]"
-    assert display.axes_[1].get_xlabel() == "time (Europe/Berlin)"
-    assert display.frame()["time"].iloc[0] == time[0]
-    with pytest.raises(RecordError, match="50 rows"):
-        ResidualsDisplay.from_predictions(time, [1.0], [2.0])
-    with pytest.raises(RecordError, match="backward at row 2"):
-        ResidualsDisplay.from_predictions([0.0, 2.0, 1.0], np.zeros(3), np.zeros(3))
-
-
 def test_nothing_to_show_is_said():
     empty = pd.DataFrame(columns=["aspect", "column", "time_constant", "low", "high", "unit", "share", "lift"])
     display = WhereDisplay(empty).plot()
@@ -128,7 +114,7 @@ def test_nothing_to_show_is_said():
 def test_smoothing_does_not_reach_over_the_joint_of_two_runs():
     model, X, y = small("gaps and runs")
     y = y + 100.0 * X["run"]
-    frame = VariantsDisplay.from_estimator(model, X, y, n_blocks=2).frame()
+    frame = VariantsDisplay.from_comparison(compare_variants(X, y, model=model, n_blocks=2)).frame()
     steps = frame["before correction"].diff()[frame["segment"].diff() == 0]
     assert steps.abs().max() < 5.0
 

@@ -84,7 +84,7 @@ def test_delays_have_bounds(tmp_path):
 
 
 def test_contributions_that_cancel_are_told(tmp_path):
-    model, _ = fitted(time_constants=[1e4, 1.02e4, 1.04e4])
+    model, _ = fitted(time_constants=[1e4, 1.0002e4, 1.0004e4])
     with pytest.warns(RecordWarning, match="cancel"):
         export_c(model, tmp_path)
 

@@ -1,4 +1,4 @@
-"""Looks at values and times: compiled and plain, against sums that are exact."""
+"""Looks at values and times, against sums that are exact."""
 
 from math import fsum
 
@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from thermocorr.equations import looks
 from thermocorr.equations.looks import are_apart, stay_within, steps_between, summed
 from thermocorr.equations.statistics import Moments
 
@@ -16,25 +15,6 @@ VALUES = hnp.arrays(float, st.integers(1, 200), elements=st.floats(-1e6, 1e6))
 TICKS = hnp.arrays(np.int64, st.integers(2, 100), elements=st.integers(-(2**60), 2**60))
 
 
-def look_at_all(values):
-    summed(values), stay_within(values, 1.0), are_apart(values, values[0]), steps_between(values, 1, np.empty(1))
-
-
-@pytest.fixture(params=["compiled", "plain"], scope="module")
-def kernels(request):
-    """Looks by compiled code, and without."""
-    if request.param == "compiled":
-        pytest.importorskip("numba", reason="compiled code needs numba: pip install '.[fast]'")
-        look_at_all(np.ones(2))  # compiles
-        look_at_all(np.ones(2, np.int64))
-        yield
-        return
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(looks, "_kernels", lambda: None)
-        yield
-
-
-@pytest.mark.usefixtures("kernels")
 @given(VALUES)
 def test_sums_are_those_of_exact_arithmetic(values):
     """To four units in the last digit of the largest value, each."""
@@ -46,7 +26,6 @@ def test_sums_are_those_of_exact_arithmetic(values):
     assert (found.low, found.high) == (values.min(), values.max())
 
 
-@pytest.mark.usefixtures("kernels")
 @given(VALUES, st.floats(0, 1e6), st.booleans())
 def test_a_step_is_seen_wherever_it_is(values, most, missing):
     if missing:
@@ -55,7 +34,6 @@ def test_a_step_is_seen_wherever_it_is(values, most, missing):
     assert stay_within(values, most) == expected
 
 
-@pytest.mark.usefixtures("kernels")
 @given(TICKS, st.sampled_from([1, 1000, 10**9]), st.booleans())
 def test_steps_are_those_of_numpy_to_the_bit(ticks, per_second, as_floats):
     ticks = ticks.astype(float) if as_floats else ticks
@@ -69,7 +47,6 @@ def test_steps_are_those_of_numpy_to_the_bit(ticks, per_second, as_floats):
     assert are_apart(ticks, ticks[1] - ticks[0]) == bool((np.diff(ticks) == ticks[1] - ticks[0]).all())
 
 
-@pytest.mark.usefixtures("kernels")
 def test_any_kind_of_array_is_looked_at():
     values = np.random.default_rng(0).normal(23, 1, 1000)
     fixed = values.copy()

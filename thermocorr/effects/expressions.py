@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -73,10 +72,6 @@ class Decays(Word):
 
 OF_TIME = ("seconds", "elapsed", "step", "angle")
 """Operators of inputs that only a clock tells."""
-_OPERATIONS: dict[str, Callable[..., Any]] = {
-    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "neg": operator.neg,
-    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
-}  # fmt: skip
 
 
 def _both(name: str) -> tuple[Any, Any]:
@@ -207,25 +202,6 @@ class Traced:
             if number in needed:
                 needed |= {arg.number for arg in self.nodes[number].arguments if isinstance(arg, Node)}
         return (self.nodes[number] for number in sorted(needed))
-
-    def of_inputs(self, node: Any) -> bool:
-        """Whether a value follows from the temperature and recorded columns at its own sample."""
-        return not {one.operator for one in self.below(node)} & {"word", *OF_TIME}
-
-    def value(self, node: Any, x: Signals) -> Any:
-        """What a value of inputs is to `x`: an array, for a block of rows."""
-        values: dict[int, Any] = {}
-        for one in self.below(node):
-            given = [values[arg.number] if isinstance(arg, Node) else arg for arg in one.arguments]
-            if one.operator in _OPERATIONS:
-                values[one.number] = _OPERATIONS[one.operator](*given)
-            elif one.operator == "**":
-                values[one.number] = given[0] ** one.detail
-            elif one.operator == "column":
-                values[one.number] = x[one.detail]
-            else:
-                values[one.number] = x.T if one.operator == "T" else getattr(x, one.operator)(*given)
-        return values[node.number] if isinstance(node, Node) else node
 
 
 def traced(effect: Any) -> Traced:

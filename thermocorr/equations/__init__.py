@@ -1,6 +1,6 @@
 """Floor 0: equations, on numpy and scipy alone. Start reading in `lags`."""
 
-from .allan import AllanDeviation, AllanStream, allan_deviation, regular_cells
+from .allan import AllanDeviation, AllanStream, allan_deviation
 from .lags import LagState, decay_and_gain, decays, equilibrium, lag_differences
 from .leastsquares import RidgeSolution, TriangularFactor, solve_ridge
 from .statistics import moving_average, reduction_db
@@ -18,6 +18,5 @@ __all__ = [
     "lag_differences",
     "moving_average",
     "reduction_db",
-    "regular_cells",
     "solve_ridge",
 ]

@@ -266,27 +266,6 @@ def edf_overlapping(n: int, m: int, exponent: int) -> float:
     return float(max(found, 1.0)) if np.isfinite(found) else 1.0
 
 
-def regular_cells(seconds: Floats, values: Floats, cell: float) -> Floats:
-    """Means over regular cells of time, NaN where a cell has no reading: the first cell is centred on the first time.
-
-    Parameters
-    ----------
-    seconds : array of shape (n,)
-        Increasing times [s].
-    values : array of shape (n,)
-        NaN where there is no reading.
-    cell : float
-        Length of a cell [s].
-    """
-    number = np.floor((seconds - seconds[0]) / cell + 0.5).astype(np.intp)
-    known = np.isfinite(values)
-    count = np.bincount(number[known], minlength=int(number[-1]) + 1)
-    offset = float(values[known][0]) if known.any() else 0.0
-    total = np.bincount(number[known], values[known] - offset, minlength=int(number[-1]) + 1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(count > 0, total / count + offset, np.nan)
-
-
 MOST_CELLS = 1 << 20
 """Cells that are held; a longer record is held in averages over 2, 4, 8, ... of them."""
 FINE = 16

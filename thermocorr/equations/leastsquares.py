@@ -1,4 +1,4 @@
-"""Least squares by merged triangular factors, eqs. (13) (32): plain, bordered, preconditioned.
+"""Least squares by merged triangular factors, eqs. (11)-(13) (30)-(32): plain, bordered, preconditioned.
 
 The paper solves ``(Q'Q + eps I)^-1 Q'U``; forming Q'Q squares the condition number, and with neighbouring time
 constants every digit is lost. Here the rows of ``[1 | Q | U]`` are swept, block by block, into one small triangle R

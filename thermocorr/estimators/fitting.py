@@ -262,19 +262,14 @@ class Swept:
 
 
 def reading_offset(record: Record) -> float:
-    """A reading from the record, near all the others; 0 where there is none."""
-    return a_reading(record) or 0.0
-
-
-def a_reading(record: Record) -> float | None:
-    """A reading from the first block that has any; None where none has."""
+    """A reading from the first block that has any, near all the others; 0 where there is none."""
     assert record.reading is not None
     for start in range(0, record.n_rows, BLOCK_ROWS):
         part = np.asarray(record.reading[start : start + BLOCK_ROWS], float)
         finite = part[np.isfinite(part)]
         if len(finite):
             return float(finite[len(finite) // 2])
-    return None
+    return 0.0
 
 
 def sweep_effects(

@@ -29,11 +29,6 @@ class Operations:
     def __mul__(self, times: int) -> Operations:
         return Operations(*(times * getattr(self, f.name) for f in fields(self)))
 
-    @property
-    def total(self) -> int:
-        """Operations of every kind together."""
-        return self.multiply_adds + self.adds + self.divisions + self.calls
-
     @classmethod
     def of(cls, products: int = 0, sums: int = 0, divisions: int = 0, calls: int = 0) -> Operations:
         """Operations of one statement: each product takes an addition with it, as long as there are any."""

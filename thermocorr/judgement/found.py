@@ -95,11 +95,6 @@ class Diagnosis(DiagnosisPage):
         return self.suspects[0].effect if self.n_causes else None
 
     @property
-    def colour(self) -> float:
-        """Variance over innovation variance of what all causes together leave: 1 for white noise."""
-        return self.left.colour
-
-    @property
     def ranking(self) -> pd.DataFrame:
         """`suspects` as a table: label, kind, column, parameters, standing, gain_db (blocks held out), later_db,
         p_value (of the whole family), share (of the structured variance), confusable_with (labels), sentence.

@@ -116,9 +116,7 @@ def to_json(
 
 
 _FIELDS = ("format", "model", "continues", "average", "track", "next_row", "placed", "state", "doubt")
-_OLDER: dict[str, Any] = {"filling": [], "filled_to": None, "filled_run": None, "behind_gap": [], "n_ended": 0}
-"""What states of earlier versions lack."""
-_STATE_FIELDS = tuple(name for name in StreamState.__dataclass_fields__ if name not in _OLDER)
+_STATE_FIELDS = tuple(StreamState.__dataclass_fields__)
 
 
 def from_json(
@@ -171,7 +169,7 @@ def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
 def _unpacked(
     node: Any, where: str, model: DynamicBiasRegressor, effects: Sequence[Effect], settings: StreamSettings
 ) -> StreamState:
-    node = {**_OLDER, **fields(node, where, _STATE_FIELDS, tuple(_OLDER))}
+    node = fields(node, where, _STATE_FIELDS)
     history, codec = model.features_.history_, EffectCodec()
 
     def stamp(key: str) -> Any:

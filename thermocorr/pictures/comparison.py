@@ -9,7 +9,7 @@ import pandas as pd
 
 from ..effects.thermal import column_text
 from ..equations import moving_average
-from ..estimators.variants import VariantComparison, compare_variants
+from ..estimators.variants import VariantComparison
 from ..records import Record
 from ..records.numbers import quantity_text, scale_of
 from .axes import BLACK, COLOURS, MARKED, axes_grid, cells_of, draw_cells, dress_time, label_values, labelled, plain
@@ -68,18 +68,6 @@ class VariantsDisplay:
             temperature=temperature,
             reading=(reading.name, reading.unit),
         )
-
-    @classmethod
-    def from_estimator(cls, model: Any, X: Any, y: Any, **options: Any) -> VariantsDisplay:
-        """Compare the variants of a model on a record first: fits four models, and twenty for the held-out figures.
-
-        Parameters
-        ----------
-        model : DynamicBiasRegressor
-            Fitted or not: where all options come from.
-        X, y, **options : see `compare_variants`
-        """
-        return cls.from_comparison(compare_variants(X, y, model=getattr(model, "best_estimator_", model), **options))
 
     def frame(self) -> pd.DataFrame:
         """The numbers drawn, smoothed: one row per cell of time; every row of the record up to 4000 rows.

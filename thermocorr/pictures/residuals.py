@@ -9,9 +9,6 @@ import numpy as np
 import pandas as pd
 
 from ..estimators.time_constants.resolution import CONFIDENCE_95
-from ..records import Record, RecordError, Segment
-from ..records.times import times_from
-from ..records.units import unit_of
 from .axes import (
     BLUE,
     GREEN,
@@ -39,21 +36,13 @@ NAMES = ("measured", "modelled", "residual")
 class ResidualsDisplay:
     """Measured, modelled and corrected readings over time, residuals below, failing stretches shaded.
 
-    Make it with `from_estimator` or `from_predictions`. Records of more than 4000 rows are drawn in 2000 cells of
+    Make it with `from_estimator`. Records of more than 4000 rows are drawn in 2000 cells of
     time: the mean as a line, lowest to highest value as a band, so that no spike is hidden.
 
     Attributes
     ----------
     ax_, axes_, figure_ : of matplotlib
         After `plot`: upper axes, both axes, figure.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from thermocorr import ResidualsDisplay
-    >>> display = ResidualsDisplay.from_predictions([0, 60, 120], [1.0, 2.0, 3.5], [1.0, 2.0, 3.0], unit="mV")
-    >>> display.frame()["residual"].tolist()
-    [0.0, 0.0, 0.5]
     """
 
     def __init__(
@@ -112,51 +101,11 @@ class ResidualsDisplay:
             noise_floor=floor,
         )
 
-    @classmethod
-    def from_predictions(
-        cls, time: Any, measured: Any, modelled: Any, *, name: Any = None, unit: str | None = None
-    ) -> ResidualsDisplay:
-        """Create it from readings and predictions of any model.
-
-        Parameters
-        ----------
-        time : index, Series or array of shape (n,)
-            Dates, time spans or seconds, increasing.
-        measured, modelled : array-like of shape (n,)
-            NaN where there is none.
-        name, unit : str, optional
-            Of the reading; by default what the Series `measured` says of itself.
-
-        Raises
-        ------
-        RecordError
-            For times or readings that cannot be used.
-        """
-        stamps = time if isinstance(time, pd.Index | pd.Series) else pd.Series(np.asarray(time))
-        times = times_from(stamps, "time")
-        name = getattr(measured, "name", None) if name is None else name
-        found = unit_of(name, measured) if unit is None else unit
-        values = [np.asarray(column, float) for column in (measured, modelled)]
-        if any(column.shape != (times.n,) for column in values):
-            raise RecordError(
-                f"time has {times.n} rows, measured and modelled have the shapes {values[0].shape} and "
-                f"{values[1].shape}. Give one reading and one prediction for each time."
-            )
-        record = Record(times, name, {}, (Segment(0, times.n),))
-        zone = getattr(getattr(stamps, "dtype", None), "tz", None)
-        timeline = TimeLine.of(record, zone)
-        seconds = times.seconds(slice(0, times.n), record.first_stamp())
-        if (np.diff(seconds) < 0).any():
-            raise RecordError(f"Time goes backward at row {int(np.argmax(np.diff(seconds) < 0)) + 1}. Sort the rows.")
-        rows = np.column_stack((*values, values[0] - values[1]))
-        cells = cells_of(timeline, NAMES, times.n, [(0, seconds, rows)])
-        return cls(cells, timeline, "reading" if name is None else str(name), found)
-
     def frame(self) -> pd.DataFrame:
         """The numbers drawn: one row per cell of time, every row of the record up to 4000 rows.
 
         Columns time (dates, else seconds since the first row), segment, seconds, n (rows in the cell), and of each of
-        measured, modelled, residual and corrected (not `from_predictions`; and ``u``, the standard uncertainty of a
+        measured, modelled, residual and corrected (and ``u``, the standard uncertainty of a
         reading, where it was asked for) its mean and its extremes ``_low`` and ``_high``.
         """
         return self.cells.copy()

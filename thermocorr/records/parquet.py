@@ -33,8 +33,6 @@ class ParquetLog(Log):
     ----------
     paths : path or sequence of paths
         Files with the same columns; one follows the other in time.
-    row_groups : sequence of int, optional
-        Take these row groups only, counted through all files.
 
     Examples
     --------
@@ -49,11 +47,8 @@ class ParquetLog(Log):
     0.2
     """
 
-    def __init__(
-        self, paths: str | PathLike[str] | Sequence[str | PathLike[str]], row_groups: Sequence[int] | None = None
-    ):
+    def __init__(self, paths: str | PathLike[str] | Sequence[str | PathLike[str]]):
         self.paths: list[str] = [str(paths)] if isinstance(paths, str | PathLike) else [str(path) for path in paths]
-        self.row_groups = None if row_groups is None else list(row_groups)
         if not self.paths:
             raise RecordError("A ParquetLog needs a file at least: its list of paths is empty.")
         self._files = [open_parquet(path) for path in self.paths]
@@ -64,8 +59,7 @@ class ParquetLog(Log):
                     f"{path} has the columns {listing(file.schema_arrow.names)}, and {self.paths[0]} has "
                     f"{listing(self._schema.names)}. Files of one log must have the same columns."
                 )
-        groups = [(file, i) for file in self._files for i in range(file.metadata.num_row_groups)]
-        self._groups = groups if row_groups is None else [groups[i] for i in row_groups]
+        self._groups = [(file, i) for file in self._files for i in range(file.metadata.num_row_groups)]
         rows = [file.metadata.row_group(i).num_rows for file, i in self._groups]
         self.edges: NDArray[np.intp] = np.cumsum([0, *rows])
         """First row of each row group, and the number of rows."""
@@ -74,7 +68,7 @@ class ParquetLog(Log):
         return int(self.edges[-1])
 
     def __reduce__(self) -> Any:
-        return type(self), (self.paths, self.row_groups)
+        return type(self), (self.paths,)
 
     @property
     def columns(self) -> list[str]:

@@ -348,10 +348,6 @@ class Record:
         """Time from the row before each stretch of rows to the row behind it [s], shape (n,)."""
         return self.times.steps(self.rows_at(np.column_stack((first - 1, behind)).ravel()))[1::2]
 
-    def told(self) -> Record:
-        """The record where all who hold parts of it know what is refused."""
-        return self
-
     def first_stamp(self) -> float:
         """Absolute time of the first row inside a segment."""
         return self.stamp(self.segments[0].start) if self.segments else 0

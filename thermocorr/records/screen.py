@@ -248,7 +248,7 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
                 record = without(record, what, reason, positions, max_gap)
     if record.refused:
         notes = tuple(_note(refused) for refused in record.refused)
-        record = replace(record, notes=(*record.notes, *notes)).told()
+        record = replace(record, notes=(*record.notes, *notes))
     elif not len(record.skipped):  # the rows that were looked at are those that are used
         for what, moments in left.items():
             record.know_moments(what, moments)

@@ -107,18 +107,6 @@ def without_unit(name: str, unit: str) -> str:
     return name.rsplit("_", 1)[0] if bare == name else bare
 
 
-def is_temperature(name: object, data: Any) -> bool:
-    """Whether a column is called like a temperature, or has the unit of one.
-
-    Examples
-    --------
-    >>> [is_temperature(name, None) for name in ("room", "oven_degC", "humidity_pct")]
-    [True, True, False]
-    """
-    unit = unit_of(name, data)
-    return unit in DEGREES or (not unit and TEMPERATURES.search(name_and_unit(str(name))[0].strip()) is not None)
-
-
 def unit_of_text(text: str) -> str:
     """The unit that a text is: ``"°C"`` is degC; "" for a text that is none.
 

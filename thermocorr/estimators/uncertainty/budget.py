@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -165,16 +164,6 @@ class Budget:
     def short(self) -> str:
         """Value and expanded uncertainty in its last digits: ``103.957 12(13) mV``."""
         return f"{concise(self.value, self.U)} {self.unit}".strip()
-
-    def to_html(self) -> str:
-        """The table as HTML; everything escaped."""
-        head = "".join(f"<th>{html.escape(name)}</th>" for name in COLUMNS)
-        rows = "".join(
-            "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in self._cells(line)) + "</tr>"
-            for line in self.lines
-        )
-        caption = html.escape(self.result())
-        return f"<table><caption>{caption}</caption><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
 
     def _cells(self, line: BudgetLine) -> tuple[str, ...]:
         total = self.u**2 or 1.0
