@@ -51,20 +51,6 @@ def test_one_body_gets_no_second_lag():
         assert effect.time_constants == [pytest.approx(3000.0, rel=0.1)]
 
 
-@pytest.mark.parametrize(("unit", "factor", "zero"), [("degC", 1.0, 0.0), ("degF", 1.8, 32.0), ("K", 1.0, 273.15)])
-def test_a_knee_near_freezing_point_is_freezing_point(unit, factor, zero):
-    """Where the record cannot tell the two apart; in the unit of the temperature's name."""
-    record = make_record(6000, sampling_period=600.0, setting="outdoor", noise=NOISE, seed=8)
-    T = record["temperature"] - record["temperature"].mean()
-    y = record["reading"] + 0.2 * np.maximum(T, 0.0)
-    name = f"air_temp_{unit}"
-    X = pd.DataFrame({name: factor * T + zero}, index=record.index)
-    near = Hinge(zero + 0.3 * factor)
-    model = DynamicBiasRegressor(name, effects=[near]).fit(X, y)
-    _, _, effect = worked_out(model, X, y, Errors.of(model, X, y), near, quiet)
-    assert effect.knee == zero
-
-
 def test_a_knee_elsewhere_stays_there():
     record = make_record(6000, sampling_period=600.0, setting="outdoor", noise=NOISE, seed=9)
     T = record["temperature"] - record["temperature"].mean()

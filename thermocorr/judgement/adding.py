@@ -19,7 +19,7 @@ from ..estimators.thermometers import Thermometers
 from ..records.history import ThinnedLog
 from ..records.numbers import quantity_texts
 from .levels import HELD_OUT_BLOCKS
-from .refinement_levels import FURTHER_HELP, HELPS, MOSTLY, SAME, SUPERFLUOUS
+from .refinement_levels import FURTHER_HELP, HELPS, MOSTLY, SAME
 
 
 @dataclass(frozen=True)
@@ -76,24 +76,15 @@ class Errors:
             return False
         return not effect.of_time_alone or (not worse > SAME and self.ratio(other) * SAME <= 1)
 
-    def least(self, other: Errors) -> Errors:
-        """Elementwise minimum."""
-        each = np.fmin(self.each, other.each)
-        return Errors(min(self.held_out, other.held_out), min(self.later, other.later), each)
-
     def text(self, unit: str, before: Errors) -> str:
         """Say the two errors beside those before, in one unit that suits them."""
         numbers = (self.held_out, before.held_out, self.later, before.later)
         now, then, later_now, later_then = quantity_texts(numbers, unit, 4)
         return f"{now} after {then} held out, {later_now} after {later_then} on later blocks"
 
-    def as_good_as(self, other: Errors) -> bool:
-        """Whether a simpler model is to be preferred."""
-        return self.held_out <= SUPERFLUOUS * other.held_out and not self.later > SUPERFLUOUS * other.later
 
-
-Extended = tuple[DynamicBiasRegressor, Errors, list[Effect]]
-"""A model with further effects, its errors, and these effects."""
+Extended = tuple[DynamicBiasRegressor, Errors, Effect]
+"""A model with one effect more, its errors, and this effect."""
 
 
 def _ratio(now: float, before: float) -> float:

@@ -30,14 +30,13 @@ from .dated import DATED
 from .family import ANYWHERE
 from .found import Diagnosis, FoundSuspect
 from .imitations import is_between_rows
-from .lacking import lacking, start_lacking
+from .lacking import lacking
 from .left import what_is_left
 from .left_levels import RANKED
 from .levels import GAIN
 from .pool import Pool
 from .residual import beyond_judgement, felt_in_gaps, quiet_share, residuals_of
 from .together import as_one
-from .ways import searched
 from .when import Interval, intervals
 from .where import where_it_fails
 
@@ -99,11 +98,12 @@ def diagnose(
         record = suspect_record(model, read, X, y, columns, [*base.effects, *base.slow])
         candidates = candidates_of(record, (*exclude, *DATED), suspects)
         pool = Pool(model, record, base, candidates, felt_in_gaps(model, read, base.slowest))
-        search, causes, last = searched(pool, [kind for kind in ANYWHERE if kind not in exclude])
-        missing = [cause for cause in map(_not_silently, causes) if not cause.tried.explanation.in_model]
+        search = Search(pool, [kind for kind in ANYWHERE if kind not in exclude])
+        causes, last = search.causes()
+        missing = [cause for cause in causes if not cause.tried.explanation.in_model]
         missing, traces = _apart(missing, pool)
         if not missing:
-            more = start_lacking(model, read, search, causes, exclude) or lacking(model, search, exclude)
+            more = lacking(model, search, exclude)
             missing, further = _apart(more, pool)
             traces += further
         missing.sort(key=_worth_to_the_user)
@@ -174,18 +174,6 @@ def _conclude(
         unit=model.reading_.unit,
         gather=lambda: PageData.of(model, seen, y, beside=tuple(n for n in beside if n in shown)),
     )
-
-
-def _not_silently(cause: Cause) -> Cause:
-    """A slow lag of the model as what it cannot be told from, where that is proven as well; else as it is.
-
-    The model has taken for a slow body what may as well be a drift: that it has it already is not to be passed over.
-    """
-    proven = [t for t in cause.alike if t.proven and not t.explanation.in_model and t.key[0] not in DATED]
-    if not cause.tried.explanation.in_model or cause.tried.explanation.is_start or not proven:
-        return cause
-    best = max(proven, key=lambda t: t.score)
-    return replace(cause, tried=best, alike=(cause.tried, *(t for t in cause.alike if t is not best)))
 
 
 def _as_likely_as_the_start(causes: Sequence[Cause]) -> tuple[str, ...]:

@@ -7,31 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from .choice import Cause, harms
-from .dated import MANY
-from .levels import GAIN, LATE, LEVEL, OUTWEIGHS
+from .choice import Cause
+from .levels import LEVEL
 from .likelihood import Comparison
 from .worth import HeldOut
-
-
-def first_proven(
-    judged: Comparison,
-    causes: list[Cause],
-    price: Callable[[int], float],
-    p_value: Callable[[float, Cause], float],
-) -> list[Cause]:
-    """The causes, where the first is proven, before or beside the others; none where it is not.
-
-    Of two products each makes the other look like noise: neither is proven before the other is taken in. `price` gives
-    what an explanation gains by chance, `p_value` the error probability of a gain in log likelihood by a cause.
-    """
-    if not causes or causes[0].tried.proven:
-        return causes
-    first, own = causes[0].tried, [cause.adopted for cause in causes]
-    gain = judged.level_with(own) - judged.level_with(own[1:])
-    score = gain - price(first.number)
-    tried = replace(first, score=score, full=score, p_value=p_value(gain, causes[0]))
-    return [replace(causes[0], tried=tried), *causes[1:]] if tried.proven else []
 
 
 def needed(judged: Comparison, causes: Sequence[Cause], p_value: Callable[[float, Cause], float]) -> list[Cause]:
@@ -56,35 +35,6 @@ def needed(judged: Comparison, causes: Sequence[Cause], p_value: Callable[[float
             break
         doubtful = [k for k in failed if k in kept] or list(kept)
     return [by_number[k] for k in kept]
-
-
-def still_helping(causes: Sequence[Cause], start: HeldOut, coarse: Sequence[np.ndarray]) -> list[int]:
-    """Which causes stay where all are weighed beside all others, numbers in `causes`.
-
-    What was taken in because it helped may do harm beside what was found after it: it stood for that. So may a recorded
-    column that was proven; it stays where it would be accused if it were found now (`harms`), and beside `LATE` others
-    where its evidence outweighs any harm. What depends on time alone was not taken in for its help. Parameters as of
-    `worth_beside`.
-    """
-    kept = list(range(len(causes)))
-    while len(kept) > 1:
-        weighed = worth_beside([causes[k] for k in kept], start, [coarse[k] for k in kept])
-        late = sum(cause.tried.key not in MANY for cause in weighed) > LATE
-        worths = {k: c.tried.worth.both for k, c in zip(kept, weighed, strict=True) if _stood_for_more(c, late)}
-        worst = min(worths, key=worths.__getitem__, default=None)
-        if worst is None:
-            break
-        kept.remove(worst)
-    return kept
-
-
-def _stood_for_more(cause: Cause, late: bool) -> bool:
-    """Whether a cause, with what it is worth beside all others, is no longer one."""
-    tried = cause.tried
-    if tried.proven:
-        spoilt = tried.key[1] is not None and tried.worth.both <= -GAIN and tried.score < OUTWEIGHS
-        return harms(tried) or (late and spoilt)
-    return tried.worth.both < GAIN and not tried.explanation.effect.of_time_alone
 
 
 def worth_beside(causes: Sequence[Cause], start: HeldOut, coarse: Sequence[np.ndarray]) -> list[Cause]:

@@ -10,8 +10,6 @@ from typing import Any
 import pandas as pd
 from sklearn.base import clone
 
-from ..effects import Covariate, Hinge, LaggedCovariate
-from ..effects.protocol import Effect
 from ..equations import reduction_db
 from ..estimators.progress import Progress, told
 from ..estimators.regressor import DynamicBiasRegressor
@@ -23,7 +21,6 @@ from ..records.numbers import number_text, scale_of
 from .adding import Errors, Extended, with_missing
 from .diagnosis import diagnose
 from .found import WIDTH, Diagnosis, FoundSuspect
-from .freezing import with_knee_at_freezing
 from .refinement_levels import CLEARLY_LESS, JOINTLY, TRIES
 from .shorter import shorter
 from .tuning import effects_of, fitted_with, tuned
@@ -35,7 +32,7 @@ class Refinement(RefinementPage):
     """What `refine` did, step by step. Prints as a table."""
 
     steps: pd.DataFrame
-    """One row a step: step, effect, change ("given", "added", "removed", "tuned"), rms (in sample), held_out_rms,
+    """One row a step: step, effect, change ("given", "added", "tuned"), rms (in sample), held_out_rms,
     later_rms (on blocks of the later half, each foretold from everything before it), db (held_out_rms against that of
     step 0 [dB], negative is good; printed as "held out [dB]"), verdict (of the diagnosis of that step's model). Step 0
     is the given model."""
@@ -95,14 +92,11 @@ def refine(
        held-out error by less than it lowers the later one.
     3. What the record cannot tell from a cause is tried as well: it takes its place if the errors are a tenth less, or
        if the cause is not kept.
-    4. If no cause is kept alone, the proven ones are tried together: one may spoil what another is worth.
-    5. If temperatures cross freezing point, and no cause is kept, or one of time alone or a product, a knee there takes
-       its place if the errors are a tenth less: it is expected before anything was measured.
-    6. A proven effect that acts late is worked out: its parameters are moved to where it explains most beside the
-       model's own lags, a knee is put at freezing point if the two errors rise by no more than 2 %, another time
-       constant is taken if they are a tenth less, and it gets further lags as long as each lowers them by 1 %.
-    7. An effect that a later one makes superfluous leaves again. At the end the effects' parameters are tuned together,
-       and kept so if the two errors, the lags of the temperature chosen anew, are less.
+    4. A proven effect that acts late is worked out: its parameters are moved to where it explains most beside the
+       model's own lags, another time constant is taken if the two errors are a tenth less, and it gets further lags as
+       long as each lowers them by 1 %.
+    5. At the end the effects' parameters are tuned together, and kept so if the two errors, the lags of the temperature
+       chosen anew, are less.
 
     Parameters
     ----------
@@ -183,17 +177,13 @@ def _refined(
     rows = [_step(0, "", "given", best, start, diagnoses[0])]
     try:
         for number in range(1, max_steps + 1):
-            longer = _extended(current, X, y, best, diagnoses[-1], wanted["exclude"], _at_step(number, say))
+            longer = _with_first_that_helps(current, X, y, best, diagnoses[-1], _at_step(number, say))
             if longer is None:
                 untried = False
                 break
-            extended, errors, named = longer
-            current, best, gone = _without_superfluous(extended, X, y, errors)
+            current, best, added = longer
             diagnoses.append(diagnose(current, X, y, **wanted))
-            rows.append(_step(number, named, "added", best, start, diagnoses[-1]))
-            for label in gone:
-                rows.append(_step(number, f"without {label}", "removed", best, start, diagnoses[-1]))
-        current, best = _simpler(current, X, y, best)
+            rows.append(_step(number, added.label(), "added", best, start, diagnoses[-1]))
         if len(diagnoses) > 1:
             say("tuning the effects' parameters together")
             moved = tuned(current, X, y, JOINTLY, range(len(effects_of(current))))
@@ -214,45 +204,15 @@ def _at_step(number: int, say: Callable[[str], None]) -> Callable[[str], None]:
     return lambda text: say(f"step {number}: {text}")
 
 
-def _extended(
-    model: DynamicBiasRegressor,
-    X: Any,
-    y: Any,
-    before: Errors,
-    found: Diagnosis,
-    exclude: Collection[str],
-    say: Callable[[str], None],
-) -> tuple[DynamicBiasRegressor, Errors, str] | None:
-    """The model with one cause more, or with all proven ones, its errors, and what was added; None where none helps.
-
-    Causes that do not help, that depend on time alone, and products may stand for a knee at freezing point.
-    """
-    kept = _with_causes(model, X, y, before, found, say)
-    vague = kept is None or all(effect.of_time_alone or effect.is_product for effect in kept[2])
-    if found.causes and vague and Hinge.kind not in exclude:
-        kept = with_knee_at_freezing(model, X, y, before, before if kept is None else kept[1], say) or kept
-    return None if kept is None else (*kept[:2], " and ".join(effect.label() for effect in kept[2]))
-
-
-def _with_causes(
+def _with_first_that_helps(
     model: DynamicBiasRegressor, X: Any, y: Any, before: Errors, found: Diagnosis, say: Callable[[str], None]
 ) -> Extended | None:
-    """The model with the first cause that helps, or with all proven ones: one may spoil what another is worth."""
+    """The model with the first cause that helps, worked out where it is proven; None where none helps."""
     for cause in worth_trying(found):
         kept = _with_cause(model, X, y, before, cause, found.unit, say)
         if kept is not None:
-            longer, errors, added = kept
-            if cause.standing == "proven":
-                longer, errors, added = worked_out(longer, X, y, errors, added, say)
-            return longer, errors, [added]
-    proven = [cause.effect for cause in found.causes if cause.standing == "proven"][:TRIES]
-    if len(proven) < 2:
-        return None
-    say(f"adding {' and '.join(effect.title() for effect in proven)}")
-    for effect in proven:
-        model = with_missing(model, effect).fit(X, y)
-    errors = Errors.of(model, X, y)
-    return (model, errors, proven) if all(errors.worth(effect, before) for effect in proven) else None
+            return worked_out(kept[0], X, y, *kept[1:], say) if cause.standing == "proven" else kept
+    return None
 
 
 def worth_trying(found: Diagnosis) -> list[FoundSuspect]:
@@ -268,13 +228,13 @@ def _with_cause(
     cause: FoundSuspect,
     unit: str,
     say: Callable[[str], None],
-) -> tuple[DynamicBiasRegressor, Errors, Effect] | None:
+) -> Extended | None:
     """The model with a cause, its errors, and what was added; None where data not learned from speak against it.
 
     What the record does not tell from the cause takes its place where these data clearly do; what depends on time alone
     only where the cause is not kept, for it promises nothing for later data.
     """
-    kept: tuple[DynamicBiasRegressor, Errors, Effect] | None = None
+    kept: Extended | None = None
     for effect in (cause.effect, *cause.confusable_with):
         say(f"adding {effect.title()}")
         extended = with_missing(model, effect).fit(X, y)
@@ -299,32 +259,3 @@ def _step(number: int, effect: str, change: str, errors: Errors, start: Errors, 
         "db": reduction_db(errors.held_out, start.held_out),
         "verdict": found.verdict,
     }
-
-
-def _without_superfluous(
-    model: DynamicBiasRegressor, X: Any, y: Any, errors: Errors
-) -> tuple[DynamicBiasRegressor, Errors, list[str]]:
-    """Take out effects, all but the last one added, that are not missed on data that were not learned from."""
-    gone: list[str] = []
-    effects = effects_of(model)
-    for effect in effects[:-1]:
-        fewer = fitted_with(model, [other for other in effects if other is not effect], X, y)
-        without = Errors.of(fewer, X, y)
-        if without.as_good_as(errors):
-            model, errors = fewer, errors.least(without)
-            effects = [other for other in effects if other is not effect]
-            gone.append(effect.label())
-    return model, errors, gone
-
-
-def _simpler(model: DynamicBiasRegressor, X: Any, y: Any, errors: Errors) -> tuple[DynamicBiasRegressor, Errors]:
-    """The model with lagged columns acting at once, where the lag is not missed on data that were not learned from."""
-    effects = effects_of(model)
-    for i, effect in enumerate(effects):
-        if isinstance(effect, LaggedCovariate):
-            plain = [*effects[:i], Covariate(effect.column, effect.power), *effects[i + 1 :]]
-            other = fitted_with(model, plain, X, y)
-            without = Errors.of(other, X, y)
-            if without.as_good_as(errors):
-                model, errors, effects = other, errors.least(without), plain
-    return model, errors

@@ -17,13 +17,6 @@ WIDELY = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)
 """Steps of the search around the parameters of an effect that was just added, chosen beside other lags."""
 MOVES = 8
 """Most moves of one length, of each effect."""
-FREEZING = {"degC": 0.0, "degF": 32.0, "K": 273.15}
-"""Temperature at which water changes the law of a device, or of the ground, by the unit of the temperature."""
-AS_FREEZING = 1.02
-"""Errors over those of the knee that was found, up to which a knee is taken to be freezing point: blocks of a record
-tell no less. Of soil at 5 cm it is 1.013, and 0.62 K on the rest instead of 0.72; of 25 cm, or less of it, 0.97."""
-ON_EITHER_SIDE = 0.05
-"""Share of the temperatures that must lie on either side of freezing point for a knee to be looked for there."""
 FURTHER_HELP = 0.99
 """Errors over those before, up to which an effect gets a further lag, or a proven one is kept that few blocks show."""
 FURTHER_LAGS = 3
@@ -32,13 +25,11 @@ OTHER_TIMES = (0.25, 0.4, 0.63, 1.6, 2.5, 4.0)
 """Factors on the time constant of an effect that was just added, at which its errors are compared: coarse, for the
 errors of a few blocks are."""
 CLEARLY_LESS = 0.9
-"""Errors over those before, up to which something else takes the place of what a diagnosis names: another time
-constant than the one that explains most, or a knee at freezing point. Of the room beside a resistor it is 0.67, and
-0.24 ppm on the rest instead of 0.37; with 0.99, soil had 0.65 K, not 0.61."""
+"""Errors over those before, up to which something else takes the place of what a diagnosis names, such as another time
+constant than the one that explains most. Of the room beside a resistor it is 0.67, and 0.24 ppm on the rest instead of
+0.37; with 0.99, soil had 0.65 K, not 0.61."""
 NEXT_LAG = 2.5
 """Ratio of neighbouring time constants that are tried as further lags of an effect: closer ones say nearly the same."""
-SUPERFLUOUS = 1.001
-"""Errors over those before, up to which a model with an effect less, or a plainer one, is preferred."""
 LOWER = 1 - 1e-4
 """Residual over the least so far below which moved parameters are kept."""
 JOINTLY = (0.1, 0.03)

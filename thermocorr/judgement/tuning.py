@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import numpy as np
 from sklearn.base import clone
 
-from ..effects import Hinge
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
-from .refinement_levels import FREEZING, LOWER
+from .refinement_levels import LOWER
 
 
 def effects_of(model: DynamicBiasRegressor) -> list[Effect]:
@@ -32,16 +30,6 @@ def held_fast(model: DynamicBiasRegressor) -> DynamicBiasRegressor:
     return copy.set_params(**model.chosen(), alpha=model.alpha_)
 
 
-def freezing(model: DynamicBiasRegressor) -> float:
-    """Freezing point in the unit of a fitted model's temperature; NaN where that is no unit of temperature."""
-    return FREEZING.get(model.reading_.temperature_unit, np.nan)
-
-
-def at_freezing(model: DynamicBiasRegressor, effect: Effect) -> bool:
-    """Whether an effect is a knee at freezing point, in the unit of a fitted model's temperature."""
-    return isinstance(effect, Hinge) and effect.knee == freezing(model)
-
-
 def tuned(
     model: DynamicBiasRegressor,
     X: Any,
@@ -53,8 +41,8 @@ def tuned(
 ) -> DynamicBiasRegressor:
     """A fitted model with parameters of some effects moved to the least residual, time constants of the lags held.
 
-    Each effect of `which` is moved at most `moves` times by each of `shares`, see `Effect.nearby`. A knee at freezing
-    point stays there. The model itself where its residual falls by nothing.
+    Each effect of `which` is moved at most `moves` times by each of `shares`, see `Effect.nearby`. The model itself
+    where its residual falls by nothing.
     """
     effects, start = effects_of(model), model.residual_std_
     best = held_fast(model).fit(X, y)
@@ -64,8 +52,6 @@ def tuned(
             before = least
             for i in which:
                 for near in effects[i].nearby(record, share):
-                    if at_freezing(model, effects[i]) and not at_freezing(model, near):
-                        continue
                     tried = [*effects[:i], near, *effects[i + 1 :]]
                     other = fitted_with(best, tried, X, y)
                     if other.residual_std_ < least * LOWER:

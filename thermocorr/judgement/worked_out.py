@@ -20,7 +20,6 @@ from ..effects.thermal import seconds_array
 from ..estimators.regressor import DynamicBiasRegressor
 from .adding import Errors, same_but_for_lags
 from .refinement_levels import (
-    AS_FREEZING,
     CLEARLY_LESS,
     FURTHER_HELP,
     FURTHER_LAGS,
@@ -30,7 +29,7 @@ from .refinement_levels import (
     OTHER_TIMES,
     WIDELY,
 )
-from .tuning import at_freezing, effects_of, fitted_with, freezing, held_fast, tuned
+from .tuning import effects_of, fitted_with, held_fast, tuned
 
 
 def worked_out(
@@ -62,9 +61,6 @@ def worked_out(
     better = Errors.of(moved, X, y)
     if better.better_than(errors):
         model, errors = moved, better
-    frozen = _freezing(model, X, y, place)
-    if frozen is not None and (same := Errors.of(frozen, X, y)).ratio(errors) <= AS_FREEZING:
-        model, errors = frozen, same
     model, errors = _timed(model, X, y, place, errors, say)
     longer = _with_further_lags(model, X, y, place, say)
     if longer is not None and (better := Errors.of(longer, X, y)).better_than(errors):
@@ -106,20 +102,6 @@ def _timed(
         if there.ratio(errors) <= best:
             found, best = (tried, there), there.ratio(errors)
     return found
-
-
-def _freezing(model: DynamicBiasRegressor, X: Any, y: Any, place: int) -> DynamicBiasRegressor | None:
-    """The model with a knee at freezing point instead, its lags tuned; None where that is no other knee, or beyond.
-
-    It is the one temperature at which a knee is expected before anything was measured.
-    """
-    effects, (low, high) = effects_of(model), model.temperature_range_
-    knee, zero = effects[place], freezing(model)
-    if not isinstance(knee, Hinge) or at_freezing(model, knee) or not low < zero < high:
-        return None
-    effects[place] = clone(knee).set_params(knee=zero)
-    frozen = fitted_with(model, effects, X, y)
-    return fitted_with(model, effects_of(tuned(frozen, X, y, WIDELY, [place], moves=MOVES)), X, y)
 
 
 def _with_further_lags(
