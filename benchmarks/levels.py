@@ -22,7 +22,9 @@ from null_records import NOISES
 
 from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.judgement import left_levels, levels, refinement_levels
+from thermocorr.judgement import levels as left_levels
+from thermocorr.judgement import levels as levels
+from thermocorr.judgement import levels as refinement_levels
 
 PLANTED = ("covariate", "lagged_covariate", "interaction", "drift", "step", "hysteresis", "hinge", "periodic",
            "sensitivity_drift", "log_ageing", "lag_products", "initial_transient")  # fmt: skip

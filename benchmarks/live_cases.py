@@ -31,7 +31,7 @@ from sklearn.preprocessing import SplineTransformer
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordWarning, save_model
 from thermocorr import effects as fx
-from thermocorr.command import correct
+from thermocorr.command import correct as correct
 from thermocorr.command.cli import main as command
 from thermocorr.records.files import read_table
 

@@ -39,7 +39,7 @@ ROOT = Path(__file__).parents[1]
 ROOMS = (
     "thermocorr/records", "thermocorr/files", "thermocorr/live/corrector.py", "thermocorr/live/advance.py",
     "thermocorr/live/state.py", "thermocorr/live/clock.py", "thermocorr/live/clock.py",
-    "thermocorr/command/correct.py", "thermocorr/command/log_rows.py", "thermocorr/command/results.py",
+    "thermocorr/command/correct.py", "thermocorr/command/log_rows.py", "thermocorr/command/correct.py",
     "thermocorr/command/lines.py", "thermocorr/command/stopping.py",
 )  # fmt: skip
 NEAR = 75.0

@@ -26,7 +26,7 @@ from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose
 from thermocorr.datasets import load_real_record
 from thermocorr.estimators.holdout import rms
 from thermocorr.judgement.adding import Errors, with_missing
-from thermocorr.judgement.refinement_levels import FURTHER_HELP, SAME
+from thermocorr.judgement.levels import FURTHER_HELP, SAME
 
 FEWEST_DB = 0.3
 """Help of what is not named, on later stretches and on blocks alike, from which it is tried."""

@@ -8,7 +8,7 @@ import pytest
 from sklearn.multioutput import MultiOutputRegressor
 
 from thermocorr import DynamicBiasRegressor, RecordError
-from thermocorr.cluster.channels import fit_channels
+from thermocorr.cluster.fleet import fit_channels
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate
 

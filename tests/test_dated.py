@@ -13,10 +13,9 @@ from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.effects import Disturbance, InitialTransient, ThermalLag
 from thermocorr.equations.noise import inverse_kernel
-from thermocorr.judgement.anywhere import filtered
+from thermocorr.judgement.anywhere import filtered, squares_of
 from thermocorr.judgement.cuts import change_gains, products_from
 from thermocorr.judgement.likelihood import Comparison
-from thermocorr.judgement.stretches import squares_of
 
 pytestmark = pytest.mark.newest
 

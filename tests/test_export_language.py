@@ -17,6 +17,8 @@ from thermocorr import firmware
 from thermocorr.effects import Covariate, Drift, Rate
 from thermocorr.firmware.export import export_to
 
+pytestmark = pytest.mark.newest
+
 ROWS = 1500
 TOLERANCE = 1e-12
 """Promised share of the range of the bias; what is added in another order than in Python moves it by some 1e-15."""

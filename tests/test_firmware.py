@@ -25,6 +25,8 @@ from thermocorr.effects import CATALOGUE, Covariate, Drift, Effect, LaggedCovari
 from thermocorr.firmware import export_c
 from thermocorr.firmware.statements import Operations
 
+pytestmark = pytest.mark.newest
+
 
 @pytest.fixture(scope="module")
 def simple():

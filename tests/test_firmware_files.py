@@ -34,6 +34,8 @@ from thermocorr.firmware import export_c
 from thermocorr.firmware.c99 import C99, comment, number
 from thermocorr.firmware.target import identifier
 
+pytestmark = pytest.mark.newest
+
 
 @pytest.fixture(scope="module")
 def simple():

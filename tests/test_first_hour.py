@@ -19,7 +19,7 @@ from thermocorr import (
 )
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.effects.moments import since_start
+from thermocorr.effects.grids import since_start
 from thermocorr.foreign import HowToRead, joined
 from thermocorr.interactive.arrangement import guessed
 from thermocorr.interactive.bench import Bench

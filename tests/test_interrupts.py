@@ -20,8 +20,8 @@ import thermocorr
 import thermocorr.command.correct as correcting
 from thermocorr.__main__ import start
 from thermocorr.command import cli
+from thermocorr.command.correct import Drafted
 from thermocorr.command.lines import FileLines, open_lines
-from thermocorr.command.results import Drafted
 from thermocorr.command.stopping import Endings, StopSignal, Terminated
 from thermocorr.files import OutputError, Outputs
 from thermocorr.files.writer import TEXT_MARK, Draft, uninterrupted

@@ -11,7 +11,7 @@ from scipy.linalg import toeplitz
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.equations.noise import Bands, fitted_parts
-from thermocorr.estimators.evenness import evenness
+from thermocorr.estimators.screening import evenness
 from thermocorr.judgement.anywhere import best_period, filtered, step_gains
 from thermocorr.judgement.likelihood import Comparison
 

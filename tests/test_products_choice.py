@@ -10,8 +10,8 @@ from sklearn.base import clone
 from thermocorr import DynamicBiasRegressor, ParquetLog, RecordWarning, compare_variants, load_model, save_model
 from thermocorr.datasets import make_record
 from thermocorr.estimators.holdout import fitted_to
-from thermocorr.estimators.time_constants.remembered import Sweeps
-from thermocorr.judgement.tuning import held_fast
+from thermocorr.estimators.time_constants.folds import Sweeps
+from thermocorr.judgement.worked_out import held_fast
 
 NOISE = 0.2
 

@@ -9,8 +9,8 @@ from sklearn.base import clone
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
 from thermocorr.estimators.holdout import fitted_to, time_blocks
-from thermocorr.estimators.time_constants import remembered
-from thermocorr.estimators.time_constants.remembered import Sweeps
+from thermocorr.estimators.time_constants import folds as remembered
+from thermocorr.estimators.time_constants.folds import Sweeps
 
 N = 6000
 

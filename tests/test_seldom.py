@@ -17,7 +17,8 @@ from thermocorr import (
     RecordError,
     save_model,
 )
-from thermocorr.command import cli, results
+from thermocorr.command import cli
+from thermocorr.command import correct as results
 from thermocorr.command import lines as lines
 from thermocorr.command import lines as table_lines
 from thermocorr.command.stopping import StopSignal

@@ -6,9 +6,8 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.effects import Drift
-from thermocorr.judgement.anywhere import filtered
+from thermocorr.judgement.anywhere import Shifts, filtered
 from thermocorr.judgement.likelihood import Comparison
-from thermocorr.judgement.shifts import Shifts
 
 
 def delayed(T, segment, rows):

@@ -8,8 +8,7 @@ from thermocorr import DynamicBiasRegressor, refine
 from thermocorr.datasets import make_record
 from thermocorr.effects import Hinge, LaggedCovariate
 from thermocorr.judgement.adding import Errors
-from thermocorr.judgement.tuning import effects_of
-from thermocorr.judgement.worked_out import worked_out
+from thermocorr.judgement.worked_out import effects_of, worked_out
 
 pytestmark = pytest.mark.newest
 

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from ..effects.events import Events
-from ..effects.moments import since_start
+from ..effects.grids import since_start
+from ..effects.steps import Events
 from ..estimators import DynamicBiasRegressor
 from ..estimators.fitting import masked_readings
 from ..files.result_files import result_columns

@@ -5,21 +5,18 @@ from typing import Any
 from .catalogue import CATALOGUE
 from .covariates import Covariate, Interaction, LaggedCovariate
 from .disturbance import Disturbance
-from .events import Events
 from .hinge import Hinge
 from .hysteresis import Hysteresis
-from .lead import Lead
+from .lead import Lead, ThermometerNoise
 from .modulation import LaggedModulation
 from .periodic import Periodic
 from .products import LagProducts
 from .protocol import Effect, EffectInfo
 from .rates import Delay, Rate
 from .saturation import SaturatingCovariate
-from .sensitivity_step import SensitivityStep
-from .several_steps import SeveralSteps
 from .signals import Signals
+from .steps import Events, SensitivityStep, SeveralSteps
 from .thermal import StaticPolynomial, ThermalLag
-from .thermometer_noise import ThermometerNoise
 from .time import Drift, LogAgeing, SensitivityDrift, Step
 from .transient import InitialTransient
 from .wrap import TransformerEffect

@@ -8,8 +8,7 @@ from typing import Any
 from sklearn.base import clone
 
 from ..records import Record
-from .grids import time_quantiles
-from .moments import MOMENT, moment_text, shown, since_start
+from .grids import MOMENT, moment_text, shown, since_start, time_quantiles
 from .protocol import SINCE_START, Effect, EffectInfo
 from .signals import Signals
 

@@ -1,12 +1,68 @@
-"""Ranges of parameters that make sense for a record: times, temperatures, means."""
+"""Grids of times and moments on which candidates are tried."""
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any
 
 import numpy as np
+import pandas as pd
+from sklearn.utils._param_validation import Interval
 
+from ..foreign.clocks import one_date
 from ..records import Record
+from ..records.times import date_of, span_of
+
+MOMENT: list[Any] = [Interval(Real, None, None, closed="neither"), str, pd.Timestamp, pd.Timedelta, np.datetime64]
+"""What a moment may be, in scikit-learn's words."""
+
+
+def since_start(time: Any, record: Record, name: str = "time", effect: str = "Step") -> float:
+    """A moment as seconds since the record began, its date in any form that logs have.
+
+    Raises ValueError for what is no moment of this record, and RecordError for a date that has two readings.
+    """
+    if isinstance(time, Real):
+        return float(time)
+    date = one_date(time) if isinstance(time, str) else None  # before spans: pandas takes 05.03.2024 10:00 for one
+    if date is None:
+        try:
+            return float(span_of(time).total_seconds())
+        except (ValueError, TypeError):
+            date = date_of(time)
+    kind = record.times.kind
+    since = record.since_1970()
+    if since is None or date is pd.NaT:
+        raise ValueError(
+            f"The {name!r} parameter of {effect} must be seconds since the record began, a span such as '3 days', or a "
+            f"date where the record has dates (this one has {kind}). Got {time!r} instead."
+        )
+    zoned = kind == "datetime with time zone"
+    if (date.tzinfo is not None) != zoned:
+        raise ValueError(
+            f"The {name!r} parameter of {effect} must be a date {'with' if zoned else 'without'} a time zone, as the "
+            f"record's times are. Got {time!r} instead."
+        )
+    date = date.tz_convert("UTC").tz_localize(None) if zoned else date
+    if kind == "seconds":  # Unix times
+        return float(date.timestamp() - since)
+    return record.times.between(date.as_unit("ns").value, record.first_stamp())
+
+
+def moment_text(seconds: float, record: Record) -> str:
+    """A moment in a column's name: a date where the record has dates, else seconds since it began."""
+    since = record.since_1970()
+    if since is not None:
+        zero = record.first_stamp() if record.times.kind != "seconds" else round(since) * 10**9
+        part = seconds if record.times.kind != "seconds" else seconds + since - round(since)
+        return str(pd.Timestamp(int(zero)) + pd.Timedelta(part, unit="s"))
+    return f"{seconds:.10g} s"
+
+
+def shown(moment: Any) -> str:
+    """A moment as it was given: seconds to ten digits, anything else as it is."""
+    return f"{float(moment):.10g} s" if isinstance(moment, Real) else str(moment)
+
 
 _SAMPLE = 20_000
 """Rows that are enough for quantiles."""

@@ -13,8 +13,7 @@ import numpy as np
 from sklearn.base import clone
 
 from ..records import Record, seconds_of
-from .grids import mean_seconds, time_grid, time_quantiles
-from .moments import MOMENT, moment_text, shown, since_start
+from .grids import MOMENT, mean_seconds, moment_text, shown, since_start, time_grid, time_quantiles
 from .protocol import SINCE_START, Effect, EffectInfo, time_text
 from .signals import BlockSignals, Signals
 from .thermal import column_text

@@ -23,7 +23,7 @@ from ..records.screen import LeftOut
 from ..records.segments import Flags
 from .features import DiffusiveFeatures
 from .fitting import standard_errors
-from .inner import Inner, inner_blocks
+from .flat import Inner, inner_blocks
 from .input_errors import SPOILT, FillingError, GapError, InputLaw, error_behind_gaps, law_of_inputs
 from .prior import Law, law_of
 from .progress import one_blas_thread

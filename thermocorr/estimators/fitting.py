@@ -15,7 +15,7 @@ from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..effects import InitialTransient
-from ..effects.moments import since_start
+from ..effects.grids import since_start
 from ..effects.protocol import Effect
 from ..effects.stream import Walked, own_starts, walk
 from ..equations import RidgeSolution, TriangularFactor, solve_ridge

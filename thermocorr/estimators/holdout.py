@@ -21,7 +21,7 @@ from .progress import Progress, told
 from .regressor import DynamicBiasRegressor
 from .run_levels import unlearned
 from .screening import believed_readings
-from .time_constants.remembered import Sweeps
+from .time_constants.folds import Sweeps
 
 MIN_BLOCK = 8
 """Rows below which a block of time says nothing."""

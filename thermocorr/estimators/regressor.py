@@ -26,8 +26,8 @@ from .prior import LawPrior, known_before
 from .progress import one_blas_thread, printed
 from .reading import Reading, check_corrected, check_plausible, like, no_flags
 from .run_levels import RunLevels, run_levels
-from .time_constants.remembered import Sweeps
-from .uncertainty.signing import SignedModel
+from .time_constants.folds import Sweeps
+from .uncertainty.assessed import SignedModel
 
 WASHOUT_TIME_CONSTANTS = 3.0
 """An unknown start is felt for this many of the longest time constant: 5 % of it is left then."""

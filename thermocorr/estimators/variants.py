@@ -22,7 +22,7 @@ from .holdout import fitted_to, residuals_of_blocks, rms, time_blocks
 from .progress import Progress, told
 from .regressor import DynamicBiasRegressor
 from .screening import believed_readings
-from .time_constants.remembered import Sweeps
+from .time_constants.folds import Sweeps
 
 _TITLES = {
     "std": "std",

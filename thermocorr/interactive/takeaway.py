@@ -1,23 +1,179 @@
-"""What can be taken away from the workbench, each written by the one writer of all files."""
+"""What is taken away from the workbench: scripts, notebooks, models, pages."""
 
 from __future__ import annotations
 
+import inspect
+import json
 import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from ..effects.protocol import Effect
+from ..effects.wrap import as_effects
 from ..files import Outputs, write_file
 from ..files.model_file import content_of
 from ..files.result_files import write_corrected
+from ..files.writer import TEXT_MARK
 from ..firmware.export import export_c
 from ..pages import Findings
 from ..pages.report import report_text
+from ..records.errors import printable
+from .acts import Act, Add, Mark
+from .arrangement import Arrangement
 from .bench import Bench
-from .learning import Fitted, quietly
-from .script import notebook, script
+from .learning import RUNS, Fitted, quietly
 from .session_file import session_text
+from .source import ReadLog
+from .trial_records import SAMPLES
+
+
+class Chapter(NamedTuple):
+    """A few lines of code, and what they are for."""
+
+    text: str
+    code: str
+
+
+def script(source: ReadLog, found: Fitted, acts: tuple[Act, ...], own_file: str = "") -> str:
+    """The session as a Python script."""
+    parts = [f"# {_title(source)}"]
+    for chapter in chapters(source, found, acts, own_file):
+        parts += ["", *(f"# {line}" for line in chapter.text.splitlines()), chapter.code]
+    return "\n".join([TEXT_MARK, *parts]) + "\n"
+
+
+def notebook(source: ReadLog, found: Fitted, acts: tuple[Act, ...], own_file: str = "") -> str:
+    """The session as a Jupyter notebook."""
+    cells = [_cell("markdown", f"# {_title(source)}")]
+    for chapter in chapters(source, found, acts, own_file):
+        cells += [_cell("markdown", chapter.text), _cell("code", chapter.code)]
+    cells.append(_cell("code", "diagnosis.plot(X)  # needs matplotlib: pip install matplotlib"))
+    cells = [{**cell, "id": f"cell-{number}"} for number, cell in enumerate(cells)]
+    metadata = {"generator": "thermocorr", "language_info": {"name": "python"}}
+    return json.dumps({"nbformat": 4, "nbformat_minor": 5, "metadata": metadata, "cells": cells}, indent=1) + "\n"
+
+
+def _cell(kind: str, text: str) -> dict[str, Any]:
+    if kind == "markdown":  # what a name holds is no markup
+        return {"cell_type": kind, "metadata": {}, "source": text.replace("&", "&amp;").replace("<", "&lt;")}
+    return {"cell_type": kind, "metadata": {}, "source": text, "outputs": [], "execution_count": None}
+
+
+def _title(source: ReadLog) -> str:
+    return f"The thermal bias of {_plain(source.name)}, as it was learned on the workbench."
+
+
+def chapters(source: ReadLog, found: Fitted, acts: tuple[Act, ...], own_file: str) -> list[Chapter]:
+    """What the script is made of."""
+    arrangement = found.arrangement
+    effects = [effect for _, effect in as_effects(found.model.effects)]
+    steps = [f"{number}. {_plain(act.sentence())}" for number, act in enumerate(acts, 1) if isinstance(act, Add | Mark)]
+    done = "\n".join(["The model, and what was done:", *steps]) if steps else "The model."
+    return [
+        Chapter("What it needs.", _imports(source, effects, own_file)),
+        Chapter("The log.", _log(source, arrangement)),
+        *([Chapter("Rows that were marked.", marks)] if (marks := _marks(arrangement)) else []),
+        Chapter(done, _model_text(found, effects)),
+        Chapter("How large the error is: in sample, and on blocks of time that the fit did not see.", _ERRORS),
+        Chapter("What is missing.", "diagnosis = diagnose(model, X, learned)\nprint(diagnosis)"),
+        Chapter(
+            "The corrected readings.", 'corrected = model.evaluate(X, y)\nprint(corrected["corrected"].describe())'
+        ),
+    ]
+
+
+_ERRORS = """residual = held_out_residuals(model, X, learned)
+print(f"in sample {model.residual_std_:.6g}, held out {np.sqrt(np.nanmean(residual**2)):.6g}")"""
+
+
+def _imports(source: ReadLog, effects: list[Effect], own_file: str) -> str:
+    names: dict[str, set[str]] = {}
+    own = set()
+    for effect in effects:
+        cls = type(effect)
+        if cls.__module__.startswith("thermocorr."):
+            names.setdefault(cls.__module__, set()).add(cls.__name__)
+        else:
+            own.add(cls.__name__)
+    if source.files:
+        names["thermocorr.foreign"] = {"HowToRead", "read_logs", *(["with_times"] if len(source.files) == 1 else [])}
+    elif source.name in SAMPLES:
+        names["thermocorr.datasets"] = {SAMPLES[source.name].loader}
+    lines = [*(["import runpy"] if own else []), "import warnings", "", "import numpy as np", ""]
+    lines.append("from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose, held_out_residuals")
+    lines += [f"from {module} import {', '.join(sorted(found))}" for module, found in sorted(names.items())]
+    if own:
+        lines += ["", f"own = runpy.run_path({own_file!r})", *(f"{name} = own[{name!r}]" for name in sorted(own))]
+    lines += ["", 'warnings.simplefilter("ignore", RecordWarning)  # what the workbench has said']
+    return "\n".join(lines)
+
+
+def _log(source: ReadLog, arrangement: Arrangement) -> str:
+    roles = arrangement.roles
+    assert roles is not None
+    if source.files:
+        how = ", ".join(f"{key}={value!r}" for key, value in source.node()["how"].items())
+        lines = [f"how = HowToRead({how})"]
+        joined = ", join=True" if source.join else ""
+        lines.append(f"table = read_logs({list(source.files)!r}, how{joined})")
+        if len(source.files) == 1:
+            lines.append(f"table = with_times(table, {roles.time!r}, how)")
+        lines.append("log = table.frame")
+    elif source.name in SAMPLES:
+        lines = [f"log = {SAMPLES[source.name].code()}"]
+    else:
+        lines = [
+            f"log = X.rename(columns=str).assign(**{{{roles.reading!r}: y}})  # X, y: as the workbench was given them"
+        ]
+    lines.append(f"X, y = log.drop(columns={[roles.reading, *roles.ignored]!r}), log[{roles.reading!r}]")
+    return "\n".join(lines)
+
+
+def _marks(arrangement: Arrangement) -> str:
+    lines = []
+    if arrangement.spikes:
+        lines += ["y = y.astype(float)", f"y.iloc[{list(arrangement.spikes)}] = np.nan  # spikes"]
+    if arrangement.own_runs:
+        roles = arrangement.roles
+        before = 'f"{run}, "' if roles and roles.run else '""'
+        runs = f"X[{roles.run!r}]" if roles and roles.run else "y"
+        lines += ["part = np.ones(len(X), int)"]
+        lines += [f"part[{a}:] += 1\npart[{b}:] += 1" for a, b in arrangement.own_runs]
+        lines.append(f'labels = [{before} + f"part {{number}}" for run, number in zip({runs}, part)]')
+        lines.append(f"X = X.assign(**{{{RUNS!r}: labels}})")
+    return "\n".join(lines)
+
+
+def _model_text(found: Fitted, effects: list[Effect]) -> str:
+    given, usual = found.model.get_params(deep=False), _usual(type(found.model))
+    apart = ("temperature", "time_constants", "degree", "effects")
+    lines = ["learned = y.astype(float)"]
+    lines += [f"learned.iloc[{start}:{stop}] = np.nan  # left out" for start, stop in found.arrangement.left_out]
+    lines += ["model = DynamicBiasRegressor("]
+    lines += [f"    {given[name]!r}," for name in apart[:3]]
+    lines += [f"    {name}={value!r}," for name, value in given.items() if name not in apart and value != usual[name]]
+    if effects:
+        lines += ["    effects=[", *(f"        {code(effect)}," for effect in effects), "    ],"]
+    lines += [")", "model.fit(X, learned)", "print(model.equation())"]
+    return "\n".join(lines)
+
+
+def code(effect: Effect) -> str:
+    """An effect as code, with every digit of the parameters that are not as usual."""
+    usual, given = _usual(type(effect)), effect.get_params(deep=False)
+    said = ", ".join(f"{name}={value!r}" for name, value in given.items() if repr(value) != repr(usual.get(name)))
+    return f"{type(effect).__name__}({said})"
+
+
+def _usual(cls: type) -> dict[str, Any]:
+    """Defaults of a class's parameters."""
+    return {name: parameter.default for name, parameter in inspect.signature(cls).parameters.items()}
+
+
+def _plain(text: str) -> str:
+    return printable(text)
 
 
 class Kind(NamedTuple):

@@ -18,8 +18,7 @@ from ..estimators.screening import believed_readings
 from ..estimators.thermometers import Thermometers
 from ..records.history import ThinnedLog
 from ..records.numbers import quantity_texts
-from .levels import HELD_OUT_BLOCKS
-from .refinement_levels import FURTHER_HELP, HELPS, MOSTLY, SAME
+from .levels import FURTHER_HELP, HELD_OUT_BLOCKS, HELPS, MOSTLY, SAME
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,8 @@
-"""A step at every row, and a wave of every period: what they would explain, all at once.
+"""Steps, waves and delays that are looked for at every row.
+
+Beside the lags of the base, what is left of a delayed temperature is sharp in the delay: its neighbours on a grid of
+delays explain a tenth of what the true one does. Moments with base and reading are cross correlations, by Fourier
+transforms; weighted squares are sums over bands of frequency, which stay the same whatever the noise and the base.
 
 Under a noise that the cosine transform makes diagonal, the step at row k has a closed form in the transform, and its
 moments with base and reading are sums from row k on. So all rows cost as much as a few columns; and so do all waves, by
@@ -7,13 +11,256 @@ Fourier transforms.
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.fft import next_fast_len, rfft
+import math
+from collections.abc import Callable, Collection
+from typing import NamedTuple
 
-from ..effects import Periodic
-from .levels import ALIVE, AROUND_WAVE, AS_USUAL, LEAST_OWN, LONG_WAVE, LOUDEST, MEDIAN_SQUARE, NYQUIST, ROWS_AROUND
+import numpy as np
+import pandas as pd
+from scipy import stats
+from scipy.fft import irfft, next_fast_len, rfft
+
+from ..effects import Delay, Disturbance, InitialTransient, Periodic, SensitivityStep, Step
+from ..effects.protocol import Effect
+from ..equations.noise import Kernel, inverse_kernel
+from .cuts import change_gains
+from .levels import (
+    ALIVE,
+    AROUND,
+    AROUND_WAVE,
+    AS_USUAL,
+    BETWEEN,
+    LATEST,
+    LEAST_OWN,
+    LEAST_RULE,
+    LENGTHS,
+    LEVEL,
+    LONG_WAVE,
+    LONGEST_STRETCH,
+    LOUDEST,
+    MEDIAN_SQUARE,
+    NYQUIST,
+    OUTSTANDING,
+    ROBUST,
+    ROWS_AROUND,
+    SHORTEST_STRETCH,
+    STRETCHES,
+)
 from .likelihood import Comparison
-from .pool import Pool
+from .pool import Explanation, Key, Pool, of_first_rows
+
+
+class Stretch(NamedTuple):
+    """Rows ``start:stop``, and what a shift of them gains in log likelihood."""
+
+    start: int
+    stop: int
+    gain: float
+
+
+def lengths_of(n: int) -> np.ndarray:
+    """Lengths in rows that are tried on a record of n rows, evenly in the logarithm."""
+    longest = int(LONGEST_STRETCH * n)
+    count = int(np.log(max(longest, 1) / SHORTEST_STRETCH) / np.log(LENGTHS)) + 1
+    return np.unique((SHORTEST_STRETCH * LENGTHS ** np.arange(count)).astype(int)) if count > 0 else np.zeros(0, int)
+
+
+def squares_of(longest: int, kernel: Kernel) -> np.ndarray:
+    """Sums over all pairs of rows of a stretch of the inverse covariance of the noise, for 0 to `longest` rows."""
+    white, sizes, r = kernel
+    L = np.arange(longest + 1.0)[:, None]
+    pairs = L * (1 + r) / (1 - r) - 2 * r * (1 - r**L) / (1 - r) ** 2  # of r^|i - j|, i and j in the stretch
+    return np.asarray(white * (L[:, 0] - pairs @ sizes))
+
+
+def damped(values: np.ndarray) -> np.ndarray:
+    """Values with those that stand out of the median around them brought near to it, shape (n,)."""
+    near = pd.Series(values).rolling(AROUND, center=True, min_periods=1).median().to_numpy()
+    apart = values - near
+    limit = OUTSTANDING * (ROBUST * float(np.median(np.abs(apart))) or float(np.std(apart)))
+    return np.asarray(near + np.clip(apart, -limit, limit))
+
+
+def best_stretch(judged: Comparison, theta: np.ndarray, weight: np.ndarray) -> Stretch | None:
+    """The stretch whose shift gains most under a given noise; None where chance may do as much.
+
+    A short stretch lies outside the base but for a share that is left out of account. Single readings that stand out
+    count less, or heavy tails of the noise would be short disturbances. `weight` is what rows are weighted with, shape
+    (n,).
+    """
+    lengths = lengths_of(judged.n)
+    if not len(lengths):
+        return None
+    bands = judged.bands
+    left = bands.forward(damped(bands.back(judged.left(theta)[:, None])[:, 0])[:, None])
+    rows = bands.back(left / bands.each_row(judged.S(theta))[:, None])[:, 0]
+    sums = np.concatenate(([0.0], np.cumsum(rows * weight)))
+    squares = np.concatenate(([0.0], np.cumsum(weight**2)))
+    of_length = squares_of(2 * int(lengths[-1]), inverse_kernel(theta, bands.times))
+    segment = judged.bands.segment
+
+    def gains(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
+        length = stop - start
+        own = of_length[length] * (squares[stop] - squares[start]) / length
+        return np.where(segment[start] == segment[stop - 1], 0.5 * (sums[stop] - sums[start]) ** 2 / own, 0.0)
+
+    best = Stretch(0, 0, 0.0)
+    for length in lengths.tolist():
+        start = np.arange(1, judged.n - length)
+        best = max(best, _best(start, start + length, gains), key=lambda stretch: stretch.gain)
+    reach = max(1, int((LENGTHS - 1) * (best.stop - best.start)))
+    start = np.arange(max(best.start - reach, 1), best.start + reach + 1)
+    stop = np.arange(best.stop - reach, min(best.stop + reach, judged.n - 1) + 1)
+    pairs = [part.ravel() for part in np.meshgrid(start[:: 1 + reach // 40], stop[:: 1 + reach // 40])]
+    long_enough = pairs[1] - pairs[0] >= SHORTEST_STRETCH
+    best = max(best, _best(pairs[0][long_enough], pairs[1][long_enough], gains), key=lambda stretch: stretch.gain)
+    return best if stats.chi2.sf(2 * best.gain, 1) * STRETCHES * judged.n <= LEVEL else None
+
+
+def _best(start: np.ndarray, stop: np.ndarray, gains: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Stretch:
+    each = gains(start, stop)
+    k = int(each.argmax())
+    return Stretch(int(start[k]), int(stop[k]), float(each[k]))
+
+
+_TOGETHER = 32
+"""Delays that are transformed at a time."""
+
+
+class Shifts:
+    """Delays of 1, 2, ... rows.
+
+    Parameters
+    ----------
+    judged : Comparison
+    T : array of shape (n,)
+        Temperature of each row [K].
+    segment : array of shape (n,)
+        Number of the segment of each row; before a segment began, the temperature was that of its first row.
+    weight : array of shape (n,)
+        What rows are weighted with.
+    """
+
+    def __init__(self, judged: Comparison, T: np.ndarray, segment: np.ndarray, weight: np.ndarray):
+        starts = np.flatnonzero(np.diff(segment, prepend=segment[0] - 1))
+        sizes = np.diff([*starts, len(T)])
+        self.most = int(LATEST * sizes.max())
+        """Longest delay [rows]."""
+        number = np.repeat(np.arange(len(starts)), sizes)
+        place = np.arange(len(T)) + self.most * (number + 1)  # a segment's end does not reach into the next
+        risen = T - T[starts][number]
+        even = np.zeros(next_fast_len(int(place[-1]) + 1 + self.most, real=True))
+        even[place] = risen
+        self.place, self.weight, self.size = place, weight, len(even)
+        self.T = rfft(even)
+        delays = np.arange(1, self.most + 1)
+        parts = [delays[k : k + _TOGETHER] for k in range(0, self.most, _TOGETHER)]
+        squares = [
+            judged.bands.sums(judged.bands.forward(((even[place - part[:, None]] - risen) * weight).T) ** 2)
+            for part in parts
+        ]
+        self.squares = np.concatenate([np.zeros((len(judged.zz), 0)), *squares], axis=1)
+        """Sums of squares of each delay's column in each band, shape (bands, most)."""
+
+    def gains(self, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Log likelihood that each delay gains under a given noise, shape (most,).
+
+        Where rows are left out as spikes, the result is an approximation. `rows` is what `anywhere.filtered` says.
+        """
+        moments = np.empty((self.most, rows.shape[1]))
+        for j, column in enumerate((rows * self.weight[:, None]).T):
+            even = np.zeros(self.size)
+            even[self.place] = column
+            together = irfft(rfft(even) * self.T.conj(), self.size)
+            moments[:, j] = together[1 : self.most + 1] - together[0]
+        full = self.squares.T @ (1 / judged.S(theta))
+        own = full - judged.taken(theta, moments[:, 1:])
+        alive = own > ALIVE**2 * full
+        return np.asarray(np.where(alive, 0.5 * moments[:, 0] ** 2 / np.where(alive, own, 1.0), 0.0))
+
+
+def delays(pool: Pool, shifts: Shifts, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -> list[Delay]:
+    """The delay of whole rows that gains most, and some to either side of it."""
+    delay = pool.lapse(1 + int(shifts.gains(judged, theta, rows).argmax()))
+    return [Delay(six_digits(delay + share * pool.spacing)) for share in BETWEEN]
+
+
+DATED = (Step.kind, SensitivityStep.kind, Disturbance.kind)
+"""Kinds that are looked for at every row, not on a grid of candidates."""
+MANY: tuple[Key, ...] = ((Step.kind, None), (Disturbance.kind, None))
+"""Kinds, and their columns, that may occur several times in a record."""
+
+
+def tries(n: int) -> dict[Key, int]:
+    """How many different moments or stretches each kind is tried at, on a record of n rows."""
+    return {(Step.kind, None): n, (SensitivityStep.kind, None): n, (Disturbance.kind, None): STRETCHES * n}
+
+
+def dated(
+    pool: Pool, judged: Comparison, theta: np.ndarray, rows: np.ndarray, kinds: Collection[str] = DATED
+) -> list[Explanation]:
+    """The best of each kind under a given noise; none where none gains anything.
+
+    `rows` is what `anywhere.filtered` says. Another law is left out where a step alone does as well.
+    """
+    found: list[Explanation] = []
+    either = Step.kind in kinds or SensitivityStep.kind in kinds
+    steps = step_gains(judged, theta, pool.rows.weight, rows) if either else np.zeros(1)
+    steps[:SHORTEST_STRETCH] = steps[max(judged.n - SHORTEST_STRETCH, 0) :] = 0.0  # a few first or last large readings
+    if Step.kind in kinds and steps.max() > 0:
+        found.append(_from(pool, Step, int(steps.argmax())))
+    if SensitivityStep.kind in kinds:
+        changes = change_gains(judged, theta, pool.rows.weight, pool.temperature, rows)
+        few = int(LEAST_RULE * judged.n)
+        changes[:few] = changes[judged.n - few :] = 0.0
+        if changes.max() > steps.max() + 0.5 * math.log(judged.n):
+            found.append(_from(pool, SensitivityStep, int(changes.argmax())))
+    if Disturbance.kind in kinds and (stretch := best_stretch(judged, theta, pool.rows.weight)) is not None:
+        effect = Disturbance(moment(pool, stretch.start), moment(pool, stretch.stop, ends=True))
+        effect.learn(pool.record)
+        start, end = effect.seconds_
+        inside = (pool.data.seconds >= start) & (pool.data.seconds < end)
+        found.append(Explanation(effect, pool.rows.weighed(inside.astype(float)[:, None])))
+    return found
+
+
+def lasting(pool: Pool, effect: Effect) -> bool:
+    """Whether an effect lasts for as many rows as the shortest that is looked for, however it was tuned.
+
+    A few large readings of heavy tails that follow on one another are no disturbance, the first ones no start, and they
+    or the last ones no step. True for other kinds.
+    """
+    if isinstance(effect, InitialTransient):
+        return not of_first_rows(effect, pool.spacing)
+    if isinstance(effect, Step):
+        before = np.count_nonzero(pool.data.seconds < effect.seconds_)
+        return bool(SHORTEST_STRETCH <= before <= len(pool.data.seconds) - SHORTEST_STRETCH)
+    if not isinstance(effect, Disturbance):
+        return True
+    start, end = effect.seconds_
+    rows = np.count_nonzero((pool.data.seconds >= start) & (pool.data.seconds < end))
+    return bool(rows >= SHORTEST_STRETCH)
+
+
+def moment(pool: Pool, row: int, ends: bool = False) -> float:
+    """Time between an averaged row and the one before it, since the record began [s].
+
+    Where a run begins that overlaps the one before it, half a step before its first row, or behind the other's last.
+    """
+    seconds = pool.data.seconds
+    if seconds[row - 1] < seconds[row]:
+        return float(np.mean(seconds[row - 1 : row + 1]))
+    at, beside = (row - 1, row - 2) if ends else (row, min(row + 1, len(seconds) - 1))
+    return float(seconds[at] + (seconds[at] - seconds[beside]) / 2)
+
+
+def _from(pool: Pool, kind: type[Step], row: int) -> Explanation:
+    """What begins between an averaged row and the one before it."""
+    effect = kind(moment(pool, row))
+    effect.learn(pool.record)
+    later = (pool.data.seconds >= effect.seconds_).astype(float)
+    columns = [later] if kind is Step else [later, later * pool.temperature]
+    return Explanation(effect, pool.rows.weighed(np.column_stack(columns)))
 
 
 def filtered(judged: Comparison, theta: np.ndarray) -> np.ndarray:

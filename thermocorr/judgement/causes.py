@@ -11,24 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from .alike import says_the_same
-from .choice import Cause, Tried, chosen, first_of_each, plainer_than, trifling
-from .copies import Copies
+from .choice import Cause, Tried, chosen, first_of_each, needed, plainer_than, says_the_same, trifling, worth_beside
+from .copies import Copies, Imitations
 from .family import ANYWHERE, Family
-from .imitations import Imitations
-from .levels import (
-    FINER,
-    GAIN,
-    LEAST_STRUCTURE,
-    LEVEL,
-    MOST,
-    ROUNDED_OFF,
-    SHARES,
-    TUNED,
-    WITHIN,
-)
+from .levels import FINER, GAIN, LEAST_STRUCTURE, LEVEL, MOST, ROUNDED_OFF, SHARES, TUNED, WITHIN
 from .nearby import moved
-from .needed import needed, worth_beside
 from .pool import Key, Pool
 from .worth import HeldOut, Worth
 

@@ -1,18 +1,25 @@
-"""Which explanation is the cause: what was found out about each, and the choice among them."""
+"""Which of several explanations is the cause, and what it cannot be told from."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..effects import Periodic
 from ..records import Record
 from ..records.history import Thinned
-from .levels import CLEAR, GAIN, LEVEL, NEAR, SPEAKS, STRONG, TIE, TRIFLE, TRIFLING_HELP
+from .levels import ALIKE, CLEAR, GAIN, LEVEL, NEAR, SPEAKS, STRONG, TIE, TRIFLE, TRIFLING_HELP
+from .likelihood import Comparison
 from .pool import Explanation, Key
-from .worth import Worth
+from .worth import HeldOut, Worth
+
+
+def says_the_same(judged: Comparison, best: Tried, rivals: Sequence[Tried]) -> list[Tried]:
+    """Rivals of other kinds that could make most of what the best one makes of the reading."""
+    return [t for t in rivals if t.key != best.key and judged.overlap(best.number, t.number) > ALIKE]
+
 
 WAVE: Key = (Periodic.kind, None)
 
@@ -150,3 +157,40 @@ def harms(t: Tried) -> bool:
     if t.key[1] is None or max(t.worth.later, t.worth.blocks) >= 0:
         return False
     return t.score < STRONG and (t.explanation.effect.is_product or t.worth.mean <= -GAIN)
+
+
+def needed(judged: Comparison, causes: Sequence[Cause], p_value: Callable[[float, Cause], float]) -> list[Cause]:
+    """The causes that are still proven beside all others that are kept.
+
+    `p_value` gives the error probability of a gain in log likelihood by a cause. Slow lags of
+    the model that only help make no proven cause superfluous: the likelihood does not speak for them.
+    """
+    causes = [cause for cause in causes if cause.tried.proven or not cause.tried.explanation.in_model]
+    by_number = {cause.adopted: cause for cause in causes}
+    kept = list(by_number)
+    doubtful = list(kept)
+    while doubtful:
+        level = judged.level_with(kept)
+        others = {k: [other for other in kept if other != k] for k in doubtful if by_number[k].tried.proven}
+        gains = {k: level - judged.level_with(beside) for k, beside in others.items()}
+        p_values = {k: p_value(gain, by_number[k]) for k, gain in gains.items()}
+        failed = [k for k, p in p_values.items() if p > LEVEL]
+        if failed:  # one at a time: where two say the same, neither is needed beside the other
+            kept.remove(max(failed, key=p_values.__getitem__))
+        elif len(doubtful) == len(kept):
+            break
+        doubtful = [k for k in failed if k in kept] or list(kept)
+    return [by_number[k] for k in kept]
+
+
+def worth_beside(causes: Sequence[Cause], start: HeldOut, coarse: Sequence[np.ndarray]) -> list[Cause]:
+    """The causes with what each is worth beside all others, rather than beside those that were found before it.
+
+    `start` is the base of the start; `coarse` holds the columns of each cause as data not learned from are judged on.
+    """
+    weighed = []
+    for k, cause in enumerate(causes):
+        others = [columns for i, columns in enumerate(coarse) if i != k]
+        held = start.with_columns(np.column_stack(others)) if others else start
+        weighed.append(replace(cause, tried=replace(cause.tried, worth=held.worth([coarse[k]])[0])))
+    return weighed

@@ -22,22 +22,18 @@ from ..pictures.words import effect_text
 from ..records import Record
 from ..records.numbers import is_frame
 from ..records.record_log import as_data
-from .base import ThermalBase
+from .anywhere import DATED
 from .candidates import as_fitted, candidates_of, given_effects, record_of, suspect_record
 from .causes import Search
 from .choice import Cause, Tried, first_of_each
-from .dated import DATED
+from .copies import is_between_rows
 from .family import ANYWHERE
-from .found import Diagnosis, FoundSuspect
-from .imitations import is_between_rows
+from .found import Diagnosis, FoundSuspect, Interval, as_one, intervals
 from .lacking import lacking
 from .left import what_is_left
-from .left_levels import RANKED
-from .levels import GAIN
+from .levels import GAIN, RANKED
 from .pool import Pool
-from .residual import beyond_judgement, felt_in_gaps, quiet_share, residuals_of
-from .together import as_one
-from .when import Interval, intervals
+from .residual import ThermalBase, beyond_judgement, felt_in_gaps, quiet_share, residuals_of
 from .where import where_it_fails
 
 

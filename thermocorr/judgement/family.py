@@ -12,14 +12,12 @@ from scipy.special import chdtrc
 
 from ..effects import Delay, Effect, Periodic
 from ..records import seconds_of
-from .anywhere import filtered, louder, waves
+from .anywhere import DATED, Shifts, dated, delays, filtered, louder, tries, waves
 from .blocks import said
 from .choice import WAVE, Tried
-from .dated import DATED, dated, tries
 from .levels import DIFFERENT, IN_GAPS, LEVEL, LOOKS, OF_PRODUCTS, SCATTER, TIE
 from .likelihood import Comparison, Fit
 from .pool import Explanation, Key, Pool
-from .shifts import Shifts, delays
 from .worth import Worth
 
 ANYWHERE = (*DATED, Periodic.kind, Delay.kind)

@@ -1,22 +1,152 @@
-"""What a diagnosis found, as objects and numbers; sentences are made where they are shown."""
+"""Causes as the reader sees them: several that are one, when they happened, what was found."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from sklearn.base import clone
 
+from ..effects import Disturbance, Periodic, SeveralSteps, Step
 from ..effects.protocol import Effect
+from ..equations.noise import Kernel, inverse_kernel
 from ..estimators.tables import VERDICTS
 from ..pages import DiagnosisPage, PageData
 from ..pictures.words import each_row, effect_text, left_sentences, suspect_sentence, worst_sentence
+from ..records import Record, seconds_of
 from ..records.errors import printable
 from ..records.numbers import quantity_texts
+from .anywhere import DATED
+from .choice import Cause
+from .cuts import products_from
 from .left import Left
-from .levels import LEVEL
+from .levels import HARMONICS, LEVEL, MOMENTS, SEVERAL
+from .likelihood import Comparison, solved
+from .pool import Pool
+
+
+def as_one(found: Sequence[FoundSuspect], record: Record) -> list[FoundSuspect]:
+    """The causes, those that are one in the place of the first of them."""
+    return _waves(_steps(list(found)), record)
+
+
+def _steps(found: list[FoundSuspect]) -> list[FoundSuspect]:
+    """Many steps and disturbances as one cause, several steps."""
+    steps = [cause for cause in found if cause.effect.kind in (Step.kind, Disturbance.kind)]
+    if len(steps) < SEVERAL:
+        return found
+    ends = [cause.effect.get_params().get(name) for cause in steps for name in ("time", "start", "end")]
+    effect = SeveralSteps(sorted({time for time in ends if time is not None}))
+    return _joined(found, steps, replace(steps[0], effect=effect, confusable_with=(), in_model=False))
+
+
+def _waves(found: list[FoundSuspect], record: Record) -> list[FoundSuspect]:
+    """A wave and those of its harmonics that were found by themselves as one cause."""
+    apart = 1 / (2 * record.longest_read())  # frequencies that the record tells from one another
+    waves = [cause for cause in found if isinstance(cause.effect, Periodic)]
+    waves.sort(key=lambda cause: -_period(cause))
+    while waves:
+        slowest, *waves = waves
+        overtones = {id(wave): _harmonic(slowest, wave, apart) for wave in waves}
+        if any(overtones.values()):
+            own = [cause for cause in found if cause is slowest or overtones.get(id(cause), 0)]
+            highest = max(overtones.get(id(cause), 1) * cause.effect.harmonics for cause in own)
+            wave = replace(slowest, effect=clone(slowest.effect).set_params(harmonics=highest))
+            found = _joined(found, own, wave)
+            waves = [wave for wave in waves if not overtones[id(wave)]]
+    return found
+
+
+def _harmonic(slowest: FoundSuspect, wave: FoundSuspect, apart: float) -> int:
+    """Which multiple of a wave's frequency another one has, as far as the record can tell; 0 for none."""
+    multiple = round(_period(slowest) / _period(wave))
+    off = abs(1 / _period(wave) - multiple / _period(slowest))
+    return multiple if 1 < multiple <= HARMONICS and off < apart else 0
+
+
+def _period(wave: FoundSuspect) -> float:
+    return seconds_of(wave.effect.period, "period")
+
+
+def _joined(found: Sequence[FoundSuspect], own: Sequence[FoundSuspect], one: FoundSuspect) -> list[FoundSuspect]:
+    """The causes with some of them as one, in the place of the first."""
+    together = replace(
+        one,
+        standing="proven",
+        share=min(sum(cause.share for cause in own), 1.0),
+        gain_db=sum(cause.gain_db for cause in own),  # each was judged beside those before it
+        later_db=sum(cause.later_db for cause in own),
+        p_value=max(cause.p_value for cause in own),
+        when=tuple(sorted(interval for cause in own for interval in cause.when)),
+    )
+    ours = {id(cause) for cause in own}
+    return [together if cause is own[0] else cause for cause in found if cause is own[0] or id(cause) not in ours]
+
+
+Interval = tuple[float, float]
+
+
+def intervals(pool: Pool, judged: Comparison, causes: Sequence[Cause]) -> list[tuple[Interval, ...]]:
+    """Intervals (95 %) of the moments of each cause [s] since the record began; none for causes without a moment.
+
+    A moment may lie wherever the likelihood falls by no more than `MOMENTS`, the coefficients held. That is the
+    quantile of its fall at the true moment, (1 - exp(-fall))^2 <= 95 %, for jumps that are small beside the noise of a
+    sample (Siegmund, Int. Stat. Rev. 56, 1988); a large jump is known better, to the sample.
+    """
+    with_moments = [k for k, cause in enumerate(causes) if cause.tried.key[0] in DATED]
+    found: list[tuple[Interval, ...]] = [() for _ in causes]
+    seconds = pool.data.seconds
+    if not with_moments or np.any(np.diff(seconds) <= 0):  # runs that overlap: a time has several places
+        return found
+    heights, left = _heights(judged, [causes[k] for k in with_moments])
+    kernel = inverse_kernel(judged.base.theta, judged.bands.times)
+    for k, height in zip(with_moments, heights, strict=True):
+        effect = causes[k].tried.explanation.effect
+        shift = pool.rows.weight * (height[0] + (height[1] * pool.temperature if len(height) > 1 else 0.0))
+        ends = effect.seconds_ if isinstance(effect.seconds_, list) else [effect.seconds_]
+        found[k] = tuple(
+            _interval(shift * sign, left, int(np.searchsorted(seconds, end)), kernel, seconds)
+            for end, sign in zip(ends, (1.0, -1.0), strict=False)
+        )
+    return found
+
+
+def _heights(judged: Comparison, causes: Sequence[Cause]) -> tuple[list[np.ndarray], np.ndarray]:
+    """Coefficients of columns that begin at a moment, and what all causes leave, times the noise's inverse covariance.
+
+    The adopted columns are mixtures with the base; here the plain ones stand in their places.
+    """
+    plain = [judged.bands.forward(cause.tried.explanation.columns) for cause in causes]
+    mixed = [np.arange(judged.Q.shape[1])[judged.causes[cause.adopted]] for cause in causes]
+    columns = np.column_stack([np.delete(judged.Q, np.concatenate(mixed), axis=1), *plain])
+    W = 1 / judged.bands.each_row(judged.S(judged.base.theta))
+    coef = solved(columns.T @ (columns * W[:, None]), columns.T @ (W * judged.z))
+    left = judged.bands.back(((judged.z - columns @ coef) * W)[:, None])[:, 0]
+    edges = np.cumsum([0, *(part.shape[1] for part in plain)]) + columns.shape[1] - sum(p.shape[1] for p in plain)
+    return [coef[a:b] for a, b in pairwise(edges)], left
+
+
+def _interval(shift: np.ndarray, left: np.ndarray, row: int, kernel: Kernel, seconds: np.ndarray) -> Interval:
+    """Where a shift that begins at a row may begin: times of the rows before and after."""
+    reach, n = len(shift) // 4, len(shift)
+    before, after = slice(max(row - reach, 1), row), slice(row, min(row + reach, n - 1))
+    earlier = _falls(shift[before][::-1], -left[before][::-1], kernel) <= MOMENTS
+    later = _falls(shift[after], left[after], kernel) <= MOMENTS
+    low = row - 1 - int(np.flatnonzero(earlier).max(initial=-1))
+    high = row + 1 + int(np.flatnonzero(later).max(initial=-1))
+    return float(seconds[max(low - 1, 0)]), float(seconds[min(high, n - 1)])
+
+
+def _falls(shift: np.ndarray, left: np.ndarray, kernel: Kernel) -> np.ndarray:
+    """How far the likelihood falls as the first one, two, ... rows lose their shift."""
+    own = products_from(shift[::-1, None], kernel, mirrored=False)[::-1, 0, 0]
+    return np.asarray(np.cumsum(shift * left) + 0.5 * own)
+
 
 WIDTH = 110
 """Characters in a line of a printed diagnosis."""

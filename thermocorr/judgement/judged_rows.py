@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.sparse import block_diag
 
 from ..equations.spikes import spikes
-from ..estimators.evenness import evenness
+from ..estimators.screening import evenness
 from .blocks import Averages
 from .directions import orthonormal
 from .levels import FAR, FEW, FEW_HELD, GROUPS, HELD, MANY_STARTS, ROBUST, ROUNDING, START_HELD

@@ -10,15 +10,23 @@ import numpy as np
 import pandas as pd
 
 from ..effects import InitialTransient
-from ..estimators.evenness import BURST
 from ..estimators.holdout import rms
+from ..estimators.screening import BURST
 from ..records.screen import CLIPPED, FILLED_IN, REPEAT
 from .causes import Search
-from .filtered import filter_memory
-from .imitations import together
-from .left_levels import DRIFT_TO_NOISE, DRIFT_TO_STEP, NINE_TENTHS, PROVABLE, RANKED, TAILS, TO_A_DECADE, WANDERS
-from .levels import OF_THERMOMETER
-from .likelihood import Comparison
+from .copies import together
+from .levels import (
+    DRIFT_TO_NOISE,
+    DRIFT_TO_STEP,
+    NINE_TENTHS,
+    OF_THERMOMETER,
+    PROVABLE,
+    RANKED,
+    TAILS,
+    TO_A_DECADE,
+    WANDERS,
+)
+from .likelihood import Comparison, filter_memory
 from .pool import Pool
 from .residual import quiet_rows
 

@@ -1,4 +1,4 @@
-"""Every threshold of the search for causes: what it means and where it comes from.
+"""Thresholds of the judgement.
 
 Those of what is left are in `left_levels`, those of a refinement in `refinement_levels`.
 
@@ -8,6 +8,88 @@ noise), `benchmarks/planted_on_real.py` (known effects on measured backgrounds) 
 """
 
 from __future__ import annotations
+
+# What is left
+
+PROVABLE = 12.0
+"""Log likelihood that a drift or step gains on the average where it is proven half of the time: the level, for a family
+of seven hundred tests (chi-square, one degree of freedom)."""
+DRIFT_TO_STEP, DRIFT_TO_NOISE = 7.0, 3.0
+"""The smallest drift that could be told, over the smallest step and over a reading's noise, from which drifts hide in
+what the model has. In ordinary records the smallest drift is two to four steps, in few steps of a chamber up to 26."""
+TO_A_DECADE = 8
+"""Points that a spectrum has to a factor of ten in frequency."""
+RANKED = 10
+"""Suspects that are listed at most, causes among them."""
+FILTER_LENGTH, FILTER_SHARE, FILTER_WHITE, HARDLY_A_FILTER, FILTER_TAILS = 15.0, 0.6, 0.1, 2.0, (2.4, 4.5)
+"""Memory of a filter's noise at most [samples]; its share of what wanders; white noise beside it, of all, at most,
+unless it remembers for so few samples; fourth moments between which what is left, and its steps, are Gaussian."""
+BELOW_FILTER, FEWEST_BELOW, FLAT = 3.0, 15, 4.0
+"""Memories of a filter in the period, over two pi, beyond which its noise is white; rows there at least; log likelihood
+of what wanders there, over white noise, from which more is left."""
+TAILS, NINE_TENTHS = 3.0, 1.645
+"""Rms of the residual over its usual size (nine tenths of Gaussian noise are below 1.645), from which a few readings
+make most of it. Student's t with three degrees has 1.2, one reading in thirty of sixty times the size 10."""
+WANDERS = 0.1
+"""Standard deviation of the wandering noise over that of one sample, below which it is not reported."""
+
+# Where it fails
+
+TIME_BINS, VALUE_BINS, HOUR_BINS = 20, 10, 12
+"""Stretches of time, ranges of a condition (deciles), and parts of a day that the residual is looked at in."""
+DAYS = 4.0
+"""Length of a record from which hours of the day are conditions: each has come often enough not to be a date."""
+STATES = 4
+"""Different values of a column up to which each is a condition of its own: a switch, a mode."""
+END_ROWS = 1 << 15
+"""Rows at the beginning and at the end of a record that tell how many values a column has."""
+TIME_WEIGHT = 0.85
+"""Weight of stretches of time in the order: a slow residual is large somewhere by chance; what recurs says more."""
+COLUMN_WEIGHT = 0.8
+"""Weight of recorded columns in the order: a temperature or an hour is less easily right by chance."""
+PLACES_BEYOND = 3.0
+"""Error beyond the noise, in standard deviations of what noise alone shows. Below this, no place is shown."""
+FEWEST_WITHIN = 3
+"""Averages in a place below which nothing is said of it: their rms could be that of a single one."""
+BAND = 4.0
+"""Highest over lowest frequency of a band of the residual that is looked at."""
+FEWEST_AVERAGES = 64
+"""Averages below which no bands of frequency are looked at: there would be two, a factor of four each."""
+
+
+HELPS = 0.9995
+"""Held-out error over what it was before, up to which an effect is kept where later data cannot tell."""
+SAME = 1.002
+"""Ratio of errors on later data within which two models are considered equal there: a step in the last block of
+a record helps nothing that comes later."""
+MOSTLY = 2.0
+"""Blocks, held out or later, whose error falls, over those in which it rises, from which an effect that is not of time
+alone is kept. What the two errors together favour and this count refuses (products, most of all) raised the error of
+the readings afterwards by 1.75 dB on the average of seven effects; see `benchmarks/refine_rules.py`."""
+TRIES = 4
+"""Causes that are tried in a step, the one worth most on data not learned from first; each costs eleven fits."""
+WIDELY = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)
+"""Steps of the search around the parameters of an effect that was just added, chosen beside other lags."""
+MOVES = 8
+"""Most moves of one length, of each effect."""
+FURTHER_HELP = 0.99
+"""Errors over those before, up to which an effect gets a further lag, or a proven one is kept that few blocks show."""
+FURTHER_LAGS = 3
+"""Lags that an effect may get beside the first, each only where data that it was not learned from are better for it."""
+OTHER_TIMES = (0.25, 0.4, 0.63, 1.6, 2.5, 4.0)
+"""Factors on the time constant of an effect that was just added, at which its errors are compared: coarse, for the
+errors of a few blocks are."""
+CLEARLY_LESS = 0.9
+"""Errors over those before, up to which something else takes the place of what a diagnosis names, such as another time
+constant than the one that explains most. Of the room beside a resistor it is 0.67, and 0.24 ppm on the rest instead of
+0.37; with 0.99, soil had 0.65 K, not 0.61."""
+NEXT_LAG = 2.5
+"""Ratio of neighbouring time constants that are tried as further lags of an effect: closer ones say nearly the same."""
+LOWER = 1 - 1e-4
+"""Residual over the least so far below which moved parameters are kept."""
+JOINTLY = (0.1, 0.03)
+"""Steps of the joint search around the parameters of the effects at the end."""
+
 
 # What is looked at
 
@@ -197,7 +279,7 @@ DIFFERENT = 12
 """Most tests that the candidates of one kind and column count for: neighbours on a grid say nearly the same."""
 MOMENTS = 3.68
 """Fall of the log likelihood up to which a step, another law or a disturbance may begin at another moment: 95 %, see
-`thermocorr.judgement.when`."""
+`thermocorr.judgement.found`."""
 IN_GAPS = 0.15
 """Share of the log likelihood that what nobody saw in gaps may make, which one effect may gain by it: 0.14 at most of
 leads, hinges and hystereses where nothing was hidden, in 20 records with gaps or regular dead times."""

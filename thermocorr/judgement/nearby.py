@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .dated import lasting
+from .anywhere import lasting
 from .levels import NO_MORE
 from .likelihood import Comparison
 from .pool import Explanation, Pool

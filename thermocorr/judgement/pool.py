@@ -19,12 +19,12 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.thermometers import resolution_of, thermometer_errors
 from ..records import Record, RecordError
 from ..records.history import Thinned
-from .base import ThermalBase
 from .blocks import Averages, averaged, averaged_columns, spans, sums_of
 from .directions import orthonormal, visible
 from .judged_rows import JudgedRows
 from .levels import BATCH, COARSE, FEWEST, FINE, MOST_EMPTY, SHORTEST_START, START_TOLD
 from .likelihood import Comparison
+from .residual import ThermalBase
 from .starts import OwnStart, starts_of
 
 Key = tuple[str, Any]

@@ -21,10 +21,9 @@ from ..records.numbers import number_text, scale_of
 from .adding import Errors, Extended, with_missing
 from .diagnosis import diagnose
 from .found import WIDTH, Diagnosis, FoundSuspect
-from .refinement_levels import CLEARLY_LESS, JOINTLY, TRIES
+from .levels import CLEARLY_LESS, JOINTLY, TRIES
 from .shorter import shorter
-from .tuning import effects_of, fitted_with, tuned
-from .worked_out import worked_out
+from .worked_out import effects_of, fitted_with, tuned, worked_out
 
 
 @dataclass(frozen=True, repr=False)

@@ -14,10 +14,9 @@ from ..effects.wrap import as_effects
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records.history import Thinned, ThinnedLog
 from ..records.record_log import as_data
-from .base import ThermalBase
 from .candidates import given_effects, record_of, suspect_record
 from .levels import MOST_TRIED
-from .residual import residuals_of
+from .residual import ThermalBase, residuals_of
 
 
 @dataclass(frozen=True)

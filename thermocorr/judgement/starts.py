@@ -10,7 +10,7 @@ from sklearn.base import clone
 from ..effects import InitialTransient
 from ..effects.protocol import Effect
 from ..equations import decays
-from ..estimators.inner import lags_of
+from ..estimators.flat import lags_of
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Block, Record
 from .levels import BEYOND, FEW_STARTS, MANY_STARTS, STARTS

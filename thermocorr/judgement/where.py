@@ -17,7 +17,7 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record
 from ..records.units import difference_unit
 from .blocks import Averages, averaged
-from .left_levels import (
+from .levels import (
     BAND,
     COLUMN_WEIGHT,
     DAYS,

@@ -13,7 +13,7 @@ import pandas as pd
 from .._version import __version__
 from ..effects.thermal import column_text
 from ..pictures import AllanDisplay, ContributionsDisplay, ResidualLoopDisplay, StepResponseDisplay
-from ..pictures.added_noise import added_noise_shown
+from ..pictures.allan_deviation import added_noise_shown
 from ..pictures.timeline import TimeLine
 from ..pictures.walk import Walk
 from ..records import Record

@@ -3,15 +3,11 @@
 from .allan_deviation import AllanDisplay
 from .budget_shares import BudgetDisplay
 from .comparison import VariantsDisplay
-from .contributions import ContributionsDisplay
-from .inner_temperatures import InnerTemperaturesDisplay
-from .overview import plot_diagnosis, plot_refinement
-from .places import WhereDisplay
+from .contributions import ContributionsDisplay, InnerTemperaturesDisplay
 from .residual_loop import ResidualLoopDisplay
 from .residuals import ResidualsDisplay
 from .step_response import StepResponseDisplay
-from .steps import RefinementDisplay
-from .suspects import SuspectsDisplay
+from .suspects import RefinementDisplay, SuspectsDisplay, WhereDisplay, plot_diagnosis, plot_refinement
 from .time_constant_spectrum import SpectrumDisplay
 
 __all__ = [

@@ -1,15 +1,233 @@
-"""`SuspectsDisplay`: the effects under suspicion, ranked."""
+"""Pictures of a diagnosis and of a refinement: suspects, places, steps, and all of them on one page."""
 
 from __future__ import annotations
 
 import textwrap
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from .axes import BLUE, axes_grid, plain
-from .protocols import DiagnosisLike
-from .words import each_row, probability_text, wrapped
+from ..records.numbers import quantity_texts
+from ..records.units import unit_of
+from .axes import (
+    BLUE,
+    GREEN,
+    GREY,
+    VERMILION,
+    axes_grid,
+    label_log_values,
+    label_values,
+    labelled,
+    legend_above,
+    plain,
+    pyplot,
+)
+from .protocols import DiagnosisLike, RefinementLike
+from .words import aspect_text, each_row, ends_text, probability_text, wrapped
+
+STRIPS = 9
+"""Conditions that are drawn."""
+HIGHEST = 4.0
+"""Lift at which the colours end."""
+WIDEST_PLACES = 24
+"""Letters of a condition's name on one line."""
+LABELLED = 12
+"""In a strip of at most so many tiles, each tile says its share."""
+
+
+class WhereDisplay:
+    """Where a model fails: one strip per condition, its intervals from low to high, the worst condition on top.
+
+    Numbers are shares of the error beyond the noise [%]; colours compare them with the share of the samples: dark is
+    where the model fails more than elsewhere.
+
+    Attributes
+    ----------
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`.
+    """
+
+    def __init__(self, where: pd.DataFrame, units: dict[str, str] | None = None):
+        self.where = where
+        self.units = units or {}
+
+    @classmethod
+    def from_diagnosis(cls, diagnosis: DiagnosisLike, X: Any = None) -> WhereDisplay:
+        """Create it from what `diagnose` found; `X`, the record, tells the units of its columns."""
+        units = {} if X is None else {str(name): unit_of(name, X) for name in getattr(X, "columns", ())}
+        return cls(diagnosis.where, units)
+
+    def frame(self) -> pd.DataFrame:
+        """`Diagnosis.where` with the aspect in words, as `condition`; the worst place first."""
+        return self.where.assign(condition=[aspect_text(row) for row in each_row(self.where)])
+
+    def plot(self, ax: Any = None) -> WhereDisplay:
+        """Draw in `ax`, or in a new figure."""
+        frame = self.frame()
+        bands = frame[frame["aspect"] == "frequency"]  # another view of the same error, not a place where it is
+        strips = [strip for _, strip in frame.drop(bands.index).groupby(["aspect", "condition"], sort=False)][:STRIPS]
+        strips += [bands] if len(bands) else []
+        axes = axes_grid(ax, size=(9.0, 1.3 + 0.52 * max(len(strips), 1)))[0]
+        only = axes[0]
+        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
+        if not strips:
+            only.text(0.5, 0.5, "No error beyond the noise.", ha="center", va="center", transform=only.transAxes)
+            only.set_axis_off()
+            return self
+        only.set_ylim(len(strips) - 0.5, -0.5)
+        only.set_xlim(0, 1)
+        for row, strip in enumerate(strips):
+            self._strip(only, row, strip.sort_values("low"))
+        names = [wrapped(self._name(strip.iloc[0]), WIDEST_PLACES) for strip in strips]
+        only.set_yticks(range(len(strips)), names, fontsize=8 if any("\n" in name for name in names) else None)
+        only.tick_params(left=False, bottom=False, labelbottom=False)
+        only.spines[:].set_visible(False)
+        only.set_title(
+            "Where the model fails: share of the error beyond the noise [%], intervals low to high",
+            loc="left",
+            fontsize=10,
+        )
+        self._colour_bar(only)
+        return self
+
+    def _strip(self, ax: Any, row: int, strip: pd.DataFrame) -> None:
+        from matplotlib import colormaps
+
+        width = 1.0 / len(strip)
+        worst = int(np.argmax(strip["share"] - strip["n"] / strip["n"].sum()))
+        if strip["aspect"].iloc[0] == "frequency":
+            worst = int(np.argmax(strip["share"]))
+        for i, tile in enumerate(each_row(strip)):
+            strength = float(np.clip(tile.lift / HIGHEST, 0.0, 1.0))
+            colour = colormaps["YlOrBr"](0.05 + 0.85 * strength)
+            ax.add_patch(_tile(i * width, row - 0.28, width, 0.42, colour))
+            if len(strip) <= LABELLED or i == worst:
+                ax.text(
+                    (i + 0.5) * width,
+                    row - 0.07,
+                    f"{100 * tile.share:.0f}",
+                    ha="center",
+                    va="center",
+                    fontsize=8,
+                    fontweight="bold" if i == worst else "normal",
+                    color="white" if strength > 0.6 else "0.15",
+                )
+        span = float(strip["high"].max() - strip["low"].min())
+        words = [ends_text(row, span) for row in each_row(strip)]
+        for side, x, text in (("left", 0.0, words[0][0]), ("right", 1.0, words[-1][1])):
+            ax.text(x, row + 0.17, text, ha=side, va="top", fontsize=7, color="0.35")
+        place = float(np.clip((worst + 0.5) * width, 0.3, 0.7))
+        low, high = words[worst]
+        text = f"worst: {low}" if low == high else f"worst: {low} to {high}"
+        ax.text(place, row + 0.17, text, ha="center", va="top", fontsize=7, color="0.15")
+
+    def _name(self, place: Any) -> str:
+        """An aspect with its unit."""
+        if place.aspect == "frequency":
+            return "period"
+        if place.aspect in ("column", "temperature"):
+            return labelled(place.condition, self.units.get(place.condition, ""))
+        return str(place.condition)
+
+    def _colour_bar(self, ax: Any) -> None:
+        from matplotlib import colormaps
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import ListedColormap, Normalize
+
+        colours = ListedColormap(colormaps["YlOrBr"](np.linspace(0.05, 0.9, 256)))
+        bar = ax.figure.colorbar(
+            ScalarMappable(Normalize(0, HIGHEST), colours), ax=ax, pad=0.02, aspect=25, extend="max"
+        )
+        bar.set_label("error share / sample share", fontsize=8)
+        bar.set_ticks([0, 1, 2, 3, 4])
+
+
+def _tile(x: float, y: float, width: float, height: float, colour: Any) -> Any:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((x, y), width, height, facecolor=colour, edgecolor="white", lw=1.0)
+
+
+WIDE = 5.0
+"""Largest over smallest error, above which the axis is logarithmic."""
+
+
+class RefinementDisplay:
+    """Error of the model after each step of `refine`, in sample, held out and on later blocks, down to the noise floor.
+
+    Attributes
+    ----------
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`.
+    """
+
+    def __init__(self, steps: pd.DataFrame, noise_floor: float, unit: str, verdict: str):
+        self.steps = steps
+        self.noise_floor = noise_floor
+        self.unit = unit
+        self.verdict = verdict
+
+    @classmethod
+    def from_refinement(cls, refinement: RefinementLike) -> RefinementDisplay:
+        """Create it from what `refine` did."""
+        last = refinement.diagnoses[-1]
+        return cls(refinement.steps, last.noise_floor, last.unit, last.verdict)
+
+    def frame(self) -> pd.DataFrame:
+        """Step, effect, change, rms (in sample), held_out_rms, later_rms, db, verdict, noise_floor."""
+        return self.steps.assign(noise_floor=self.noise_floor)
+
+    def plot(self, ax: Any = None) -> RefinementDisplay:
+        """Draw in `ax`, or in a new figure."""
+        n = len(self.steps)
+        axes = axes_grid(ax, size=(max(5.0, 2.2 + 1.6 * n), 4.2))[0]
+        only = axes[0]
+        x = np.arange(n)
+        only.plot(x, self.steps["held_out_rms"], "o-", color=VERMILION, label="held out", zorder=3)
+        later = self.steps["later_rms"]
+        if later.notna().any():
+            only.plot(x, later, "^:", color=GREEN, ms=5, label="later blocks", zorder=3)
+        only.plot(x, self.steps["rms"], "s-", color=BLUE, ms=5, label="in sample", zorder=3)
+        only.axhline(self.noise_floor, color=GREY, ls="--", lw=1.2, label="noise floor")
+        values = np.array([*self.steps["held_out_rms"], *later, *self.steps["rms"], self.noise_floor])
+        values = values[np.isfinite(values) & (values > 0)]
+        if len(values) and values.max() > WIDE * values.min():
+            only.set_yscale("log")
+            label_log_values(only.yaxis, "rms error", self.unit)
+        else:
+            only.set_ylim(0.0, 1.15 * float(values.max(initial=0.0)) or 1.0)
+            label_values(only.yaxis, "rms error", self.unit)
+        only.set_xticks(x, [wrapped(_name(step), 16) for step in each_row(self.steps)], fontsize=9)
+        only.set_xlim(-0.4, n - 0.6)
+        for i, step in enumerate(each_row(self.steps)):
+            if i:
+                above = _free_above(step, only.get_yscale() == "log")
+                only.annotate(
+                    f"{step.db:+.1f} dB", (i, step.held_out_rms), xytext=(0, 9 if above else -9),
+                    textcoords="offset points", ha="center", va="bottom" if above else "top", fontsize=8,
+                    color=VERMILION, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0}, zorder=5,
+                )  # fmt: skip
+        plain(only)
+        only.grid(False, axis="x")
+        legend_above(only)
+        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
+        return self
+
+
+def _free_above(step: Any, logarithmic: bool) -> bool:
+    """Whether there is more room for a label above the error on held-out blocks than below it."""
+    errors = np.array([step.held_out_rms, step.rms, step.later_rms])
+    with np.errstate(divide="ignore"):
+        places = np.log(errors) if logarithmic else errors
+    apart = places[1:] - places[0]
+    return bool(apart[apart > 0].min(initial=np.inf) >= -apart[apart <= 0].max(initial=-np.inf))
+
+
+def _name(step: Any) -> str:
+    """A step below its place on the axis."""
+    return f"+ {step.effect}" if step.change == "added" else step.effect or "given model"
+
 
 SHOWN = 8
 LONGEST_TEXT = 58
@@ -88,3 +306,27 @@ class SuspectsDisplay:
             f"gain on blocks of time not learned from [dB]\nblue: named (proven at p <= {self.level:g}, or helpful)"
         )
         return self
+
+
+def plot_diagnosis(diagnosis: DiagnosisLike, X: Any = None) -> Any:
+    """Draw suspects above, places of failure below; returns the figure. `X`, the record, tells units of columns."""
+    figure = pyplot().figure(figsize=(9.5, 8.0), layout="constrained")
+    upper, lower = figure.subplots(2, 1, height_ratios=(1, 1.2))
+    SuspectsDisplay.from_diagnosis(diagnosis).plot(upper)
+    WhereDisplay.from_diagnosis(diagnosis, X).plot(lower)
+    residual, floor = quantity_texts((diagnosis.residual_rms, diagnosis.noise_floor), diagnosis.unit)
+    figure.suptitle(
+        f"Residual {residual}, noise floor {floor}: "
+        f"{diagnosis.explainable:.0%} of the residual variance could still be explained",
+        fontsize=11,
+    )
+    return figure
+
+
+def plot_refinement(refinement: RefinementLike) -> Any:
+    """Draw the steps above, what is suspected after the last one below; returns the figure."""
+    figure = pyplot().figure(figsize=(9.5, 8.0), layout="constrained")
+    upper, lower = figure.subplots(2, 1)
+    RefinementDisplay.from_refinement(refinement).plot(upper)
+    SuspectsDisplay.from_diagnosis(refinement.diagnoses[-1]).plot(lower)
+    return figure

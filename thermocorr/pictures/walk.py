@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..effects.thermal import column_text
-from ..estimators.inner import Inner
+from ..estimators.flat import Inner
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.tables import distinct
 from ..estimators.time_constant_search import TimeConstantSearch

@@ -20,8 +20,7 @@ from ..features import DiffusiveFeatures
 from ..fitting import require_rows
 from ..reading import Reading, check_plausible
 from .crossvalidation import NEGLIGIBLE, CrossValidation, Set, count_sets, fewest
-from .folds import LagColumns, TimeFolds, folds_in_time
-from .remembered import Sweeps
+from .folds import LagColumns, Sweeps, TimeFolds, folds_in_time
 from .spectrum import (
     LARGEST_ALPHA,
     MAX_COUNT,

@@ -21,8 +21,8 @@ from ...effects.thermal import ThermalLag
 from ...equations import TriangularFactor
 from ...equations.noise import spans
 from ...records import History
-from ..evenness import evenness
 from ..fused import Binned, binned_columns
+from ..screening import evenness
 from ..time_constants.folds import MOST_SEGMENTS
 from .restricted import Within
 
