@@ -29,7 +29,7 @@ from .choice import Cause, Tried, first_of_each
 from .copies import is_between_rows
 from .family import ANYWHERE
 from .found import Diagnosis, FoundSuspect, Interval, as_one, intervals
-from .lacking import lacking
+from .lacking import lacking, start_lacking
 from .left import what_is_left
 from .levels import GAIN, RANKED
 from .pool import Pool
@@ -96,10 +96,10 @@ def diagnose(
         pool = Pool(model, record, base, candidates, felt_in_gaps(model, read, base.slowest))
         search = Search(pool, [kind for kind in ANYWHERE if kind not in exclude])
         causes, last = search.causes()
-        missing = [cause for cause in causes if not cause.tried.explanation.in_model]
+        missing = [cause for cause in map(_not_silently, causes) if not cause.tried.explanation.in_model]
         missing, traces = _apart(missing, pool)
         if not missing:
-            more = lacking(model, search, exclude)
+            more = start_lacking(model, read, search, causes, exclude) or lacking(model, search, exclude)
             missing, further = _apart(more, pool)
             traces += further
         missing.sort(key=_worth_to_the_user)
@@ -170,6 +170,18 @@ def _conclude(
         unit=model.reading_.unit,
         gather=lambda: PageData.of(model, seen, y, beside=tuple(n for n in beside if n in shown)),
     )
+
+
+def _not_silently(cause: Cause) -> Cause:
+    """A slow lag of the model as what it cannot be told from, where that is proven as well; else as it is.
+
+    The model has taken for a slow body what may as well be a drift: that it has it already is not to be passed over.
+    """
+    proven = [t for t in cause.alike if t.proven and not t.explanation.in_model and t.key[0] not in DATED]
+    if not cause.tried.explanation.in_model or cause.tried.explanation.is_start or not proven:
+        return cause
+    best = max(proven, key=lambda t: t.score)
+    return replace(cause, tried=best, alike=(cause.tried, *(t for t in cause.alike if t is not best)))
 
 
 def _as_likely_as_the_start(causes: Sequence[Cause]) -> tuple[str, ...]:

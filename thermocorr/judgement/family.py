@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Sequence
+from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -62,6 +63,13 @@ class Family:
         self.tests = {key: max(self.n_tests, LOOKS * size) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
 
+    def beside(self, judged: Comparison) -> Family:
+        """A copy of the family where another comparison, which holds the same explanations, adopts them."""
+        other = copy(self)
+        other.judged, other.tried, other.coarse = judged, list(self.tried), list(self.coarse)
+        other.best = set(self.best)
+        return other
+
     def add(self, explanations: Sequence[Explanation]) -> list[int]:
         """Further explanations; returns their numbers."""
         self.judged.add([explanation.columns for explanation in explanations])
@@ -89,6 +97,11 @@ class Family:
                 unmade.update((said(effect), effect) for effect in delays(pool, self.shifts, judged, theta, rows))
         self.add([*begun.values(), *pool.of(list(unmade.values()))])
 
+    def add_dated(self, kinds: Sequence[str]) -> list[int]:
+        """The best moments of some kinds under the noise that stands; returns their numbers."""
+        theta = self.judged.base.theta
+        return self.add(dated(self.pool, self.judged, theta, filtered(self.judged, theta), kinds))
+
     @cached_property
     def shifts(self) -> Shifts:
         """The temperature at every delay."""
@@ -113,6 +126,11 @@ class Family:
     def price(self, i: int) -> float:
         """What an explanation's columns, tuned parameters and the choice of them gain by chance (Schwarz 1978)."""
         return self.price_of_columns(self.judged.width(i)) + self.price_of_tuning(i)
+
+    def price_in_base(self, i: int, adopted: int) -> float:
+        """The `price` that an explanation had before the base took it in, as the cause of that number."""
+        columns = self.judged.causes[adopted]
+        return self.price_of_columns(columns.stop - columns.start) + self.price_of_tuning(i)
 
     def price_of_columns(self, width: int) -> float:
         """What so many columns gain by chance."""
@@ -159,6 +177,8 @@ class Family:
             explanation=self.tried[i],
             number=i,
             score=gain - price,
+            full=full - price,
+            as_law=full - price,
             p_value=chance,
             worth=worth,
             scatter=scatter,

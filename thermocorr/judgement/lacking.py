@@ -1,4 +1,4 @@
-"""What the model's own lags lack: a lag, a delay, a rate or a lead, judged beside them alone.
+"""What the model's own lags lack: a lag, a delay, a rate or a lead, judged beside them alone; so with its decays.
 
 Other causes are judged beside many lags, so that a poor thermal part makes none of them look guilty. Where none was
 found, the many lags make room for the model's few, and what these leave is looked at. Beside a cause that is missing,
@@ -7,7 +7,8 @@ the model's lags made up for it as well as they could: they would be found wanti
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 from sklearn.base import clone
@@ -15,11 +16,15 @@ from sklearn.base import clone
 from ..effects import CATALOGUE, InitialTransient
 from ..effects.protocol import Effect
 from ..estimators.regressor import DynamicBiasRegressor
+from ..records import Record
 from .blocks import averaged_columns
 from .causes import Search
 from .choice import Cause, first_of_each
-from .levels import FINE, GAIN, OF_MUCH, SIZEABLE, TIE
+from .directions import orthonormal
+from .levels import FINE, GAIN, OF_MUCH, SIZEABLE, START_TOLD, TIE
 from .pool import Pool
+from .residual import residuals_of
+from .starts import OwnStart
 
 
 def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str]) -> list[Cause]:
@@ -44,6 +49,44 @@ def lacking(model: DynamicBiasRegressor, search: Search, exclude: Collection[str
     if share < OF_MUCH and max(t.worth.both for t in near) < GAIN:
         return []
     return [Cause(tried=best, alike=alike, others=others, share=share, size=beside.size(best))]
+
+
+def start_lacking(
+    model: DynamicBiasRegressor, read: Record, search: Search, causes: Sequence[Cause], exclude: Collection[str]
+) -> list[Cause]:
+    """At most one cause: a start that was taken for the model's, where the model's decays miss much of it.
+
+    A search holds decays up to a share of the record for the model's, whether it has as slow ones or not. `read` is the
+    record as the model reads it, whose residual must be larger than the noise by what is worth a word.
+    """
+    pool = search.pool
+    starts = [cause.tried for cause in causes if cause.tried.explanation.is_start]
+    taken = [t for t in starts if isinstance(t.explanation.effect, InitialTransient)]
+    own = [effect for effect in model.features_.effect_list() if isinstance(effect, InitialTransient)]
+    if not taken or InitialTransient.kind in exclude:
+        return []
+    decays: list[Effect] = [OwnStart(effect, which=slice(1), beyond=1.0) for effect in own]
+    for effect in decays:
+        effect.learn(pool.record)
+    held = [orthonormal(part, START_TOLD) for part in averaged_columns(pool.record, decays, FINE)]
+    thin = np.column_stack([_own_lags(model, pool), *map(pool.rows.weighed, held)])
+    missed = [replace(each, in_model=False) for each in pool.unmade([clone(t.explanation.effect) for t in taken])]
+    beside = Search(pool.beside(thin, missed), anywhere=())
+    small = _small(pool) / 2
+    tried = [t for t in beside.look() if not t.explanation.in_model and t.proven]
+    tried = [t for t in tried if t.score > small or t.worth.both >= GAIN]
+    if not tried or _beyond_noise(model, read, search) < SIZEABLE:
+        return []
+    share, size = beside.share(tried[0]), beside.size(tried[0])
+    return [Cause(tried=tried[0], alike=(), others=(), share=share, size=size)]
+
+
+def _beyond_noise(model: DynamicBiasRegressor, read: Record, search: Search) -> float:
+    """Rms of the model's residual beyond the noise of one sample, over that noise."""
+    counts = float(np.median(search.pool.data.counts))
+    noise = search.judged.unit * float(np.sqrt(search.judged.innovation * counts))
+    rms = residuals_of(model, read, search.pool.record)[1]
+    return float(np.sqrt(max(rms**2 - noise**2, 0.0)) / noise)
 
 
 def _own_lags(model: DynamicBiasRegressor, pool: Pool) -> np.ndarray:

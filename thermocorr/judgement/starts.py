@@ -27,13 +27,17 @@ class OwnStart(Effect):
         Time constant [s] beyond which a decay competes with drift and ageing instead.
     which : slice
         Of which segments.
+    beyond : float
+        How far they reach beyond, as a factor.
     """
 
     kind = "own_start"
     of_time_alone = True
 
-    def __init__(self, transient: InitialTransient, slowest: float = np.inf, which: slice = slice(None)):
-        self.transient, self.slowest, self.which = transient, slowest, which
+    def __init__(
+        self, transient: InitialTransient, slowest: float = np.inf, which: slice = slice(None), beyond: float = BEYOND
+    ):
+        self.transient, self.slowest, self.which, self.beyond = transient, slowest, which, beyond
 
     def learn(self, record: Record) -> None:
         """Find the decays of each segment that has any in the model."""
@@ -41,7 +45,9 @@ class OwnStart(Effect):
         self.transient_.learn(record)
         number = STARTS if len(record.segments) > MANY_STARTS else FEW_STARTS
         self.transient_.decays_ = {
-            key: np.geomspace(own.min() / BEYOND, max(min(own.max() * BEYOND, self.slowest), own.min()), number)
+            key: np.geomspace(
+                own.min() / self.beyond, max(min(own.max() * self.beyond, self.slowest), own.min()), number
+            )
             for key, own in self.transient_.decays_.items()
             if key in range(len(record.segments))[self.which]
         }
