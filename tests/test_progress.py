@@ -84,7 +84,7 @@ def test_an_interrupt_leaves_no_bar(log, monkeypatch):
 def test_without_the_package_the_way_out_is_said(log, monkeypatch):
     monkeypatch.setitem(sys.modules, "tqdm", None)
     monkeypatch.setitem(sys.modules, "tqdm.auto", None)
-    with pytest.raises(ImportError, match=r"pip install 'thermocorr\[progress\]'"):
+    with pytest.raises(ImportError, match=r"pip install tqdm"):
         held_out_residuals(MODEL, *log, progress=True)
     held_out_residuals(MODEL, *log, n_blocks=2, progress=False)
 

@@ -19,8 +19,14 @@ N = 6000
 def swept(monkeypatch):
     """Counts the sweeps of searches."""
     calls = []
-    plain = remembered.sweep_effects
-    monkeypatch.setattr(remembered, "sweep_effects", lambda *given: calls.append(given) or plain(*given))
+    plain, chunks = remembered.sweep_effects, Sweeps.chunks
+
+    def counted(self, *given):
+        with monkeypatch.context() as inside:
+            inside.setattr(remembered, "sweep_effects", lambda *swept: calls.append(swept) or plain(*swept))
+            return chunks(self, *given)
+
+    monkeypatch.setattr(Sweeps, "chunks", counted)
     return calls
 
 

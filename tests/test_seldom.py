@@ -169,7 +169,7 @@ def test_a_table_that_cannot_be_read_is_said(lab, monkeypatch):
 def test_parquet_without_its_reader_says_what_to_install(lab, tmp_path, monkeypatch):
     (tmp_path / "log.parquet").write_bytes(b"PAR1")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(RecordError, match=r"log\.parquet is Parquet.*pip install 'thermocorr\[parquet\]'"):
+    with pytest.raises(RecordError, match=r"log\.parquet is Parquet.*pip install pyarrow"):
         read_table(tmp_path / "log.parquet")
 
 

@@ -34,7 +34,7 @@ def effect_of(node, kind):
 
 
 FORGED = {
-    "decays of another body": ("initial_transient", "decays_", {"$dict": [[0, {"$array": [77.0]}]]}, "some of those"),
+    "decays of a longer body": ("initial_transient", "decays_", {"$dict": [[0, {"$array": [7e7]}]]}, "some of those"),
     "decays of no body": ("initial_transient", "decays_", {"$dict": [[0, {"$array": []}]]}, "some of those"),
     "decays before all": (
         "initial_transient",
