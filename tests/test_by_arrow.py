@@ -8,8 +8,7 @@ import pandas as pd
 import pytest
 
 from thermocorr import RecordError
-from thermocorr.records import by_arrow
-from thermocorr.records import files as files
+from thermocorr.records import by_arrow, files
 from thermocorr.records.times import dates_once
 
 pytest.importorskip("pyarrow", reason="long CSV files are read by pyarrow: pip install '.[parquet]'")

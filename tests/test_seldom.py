@@ -25,7 +25,7 @@ from thermocorr.command.stopping import StopSignal
 from thermocorr.files import AppendedFile, OutputError, Outputs, write_file
 from thermocorr.files import writer as drafts
 from thermocorr.files.writer import TEXT_MARK
-from thermocorr.records import files as files
+from thermocorr.records import files
 from thermocorr.records.files import read_table
 
 OURS = f"{TEXT_MARK}\nold\n"

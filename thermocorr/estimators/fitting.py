@@ -279,9 +279,8 @@ def sweep_effects(
 
     What the decays of `starts` hold is taken out of all columns, segment by segment, and in each stretch apart.
 
-    A record that is spread over several processes, or shares its columns with others, has a method of this name, which
-    is called instead. Columns made of
-    a recorded one that never changes beyond its rounding are zero.
+    A record that shares its columns with others has a method of this name, which is called instead. Columns made of a
+    recorded one that never changes beyond its rounding are zero.
     """
     swept = (
         _by_itself(record, effects, edges, starts)

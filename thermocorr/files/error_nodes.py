@@ -123,7 +123,7 @@ def pack_gaps(gaps: Gaps) -> dict[str, Any]:
 
 
 def unpack_gaps(node: Any, where: str, columns: Collection[Any]) -> Gaps | None:
-    """What `pack_gaps` made, every number checked, for these columns; None for a file of an earlier version."""
+    """What `pack_gaps` made, every number checked, for these columns; None where there was nothing to pack."""
     if node is None:
         return None
     node = fields(node, where, ("least", "lags", "columns"))

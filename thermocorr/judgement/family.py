@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Sequence
-from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -63,13 +62,6 @@ class Family:
         self.tests = {key: max(self.n_tests, LOOKS * size) for key, size in self.sizes.items()}
         """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
 
-    def beside(self, judged: Comparison) -> Family:
-        """A copy of the family where another comparison, which holds the same explanations, adopts them."""
-        other = copy(self)
-        other.judged, other.tried, other.coarse = judged, list(self.tried), list(self.coarse)
-        other.best = set(self.best)
-        return other
-
     def add(self, explanations: Sequence[Explanation]) -> list[int]:
         """Further explanations; returns their numbers."""
         self.judged.add([explanation.columns for explanation in explanations])
@@ -126,11 +118,6 @@ class Family:
     def price(self, i: int) -> float:
         """What an explanation's columns, tuned parameters and the choice of them gain by chance (Schwarz 1978)."""
         return self.price_of_columns(self.judged.width(i)) + self.price_of_tuning(i)
-
-    def price_in_base(self, i: int, adopted: int) -> float:
-        """The `price` that an explanation had before the base took it in, as the cause of that number."""
-        columns = self.judged.causes[adopted]
-        return self.price_of_columns(columns.stop - columns.start) + self.price_of_tuning(i)
 
     def price_of_columns(self, width: int) -> float:
         """What so many columns gain by chance."""

@@ -156,7 +156,7 @@ class SignedModel(FittedModel):
 
     @property
     def knows_noise(self) -> bool:
-        """Whether the model can tell uncertainties: not if it was fitted on several processes or beside a fleet."""
+        """Whether the model can tell uncertainties: not if it was fitted with weights or with a fleet as prior."""
         return hasattr(self, "joint_errors_") or getattr(getattr(self, "_swept", None), "binned", None) is not None
 
     def slim(self, history_rows: int = 100) -> Any:

@@ -151,9 +151,8 @@ def _mean_correlation(steps: np.ndarray, correlation_time: float) -> float:
 
 
 UNKNOWN = (
-    "This model does not know the noise of the record it was fitted to: it was read from an old file, or fitted on "
-    "several processes, with a fleet as its prior, or to readings that count differently. Fit it again with "
-    "DynamicBiasRegressor.fit, to a record of its own, to have uncertainties."
+    "This model does not know the noise of the record it was fitted to: it was fitted with a fleet as its prior, or to "
+    "readings with weights. Fit it again, to a record of its own without weights, to have uncertainties."
 )
 
 
