@@ -182,7 +182,7 @@ def test_uncertainty_with_weights_is_refused(device):
     X, y, _, _, _ = device
     weight = np.where(np.arange(len(X)) % 2, 1.0, 25.0)
     model = DynamicBiasRegressor(**MODEL).fit(X, y, sample_weight=weight)
-    with pytest.raises(ValueError, match="readings that count differently"):
+    with pytest.raises(ValueError, match="readings with weights"):
         model.correct(X, y, return_std=True)
 
 
