@@ -350,13 +350,8 @@ class ChannelRecord(Record):
 class ChannelTable:
     """Columns and readings of all channels, and what was computed for several of them at once.
 
-    Parameters
-    ----------
-    X : DataFrame
-    Y : dict of name to Series
-        Readings.
-    screen : bool
-        Whether the models leave out readings that are none.
+    `X` (DataFrame). `Y` (dict of name to Series): Readings. `screen` (bool): Whether the models leave out readings
+    that are none.
     """
 
     def __init__(self, X: pd.DataFrame, Y: dict[Any, pd.Series], screen: bool):

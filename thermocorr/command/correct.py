@@ -183,11 +183,7 @@ class Drafted(Results):
 class WrittenRows:
     """Rows of a file of results, as long as a log repeats them one after the other.
 
-    Parameters
-    ----------
-    path : path
-    width : int
-        Columns of the log, which stand before the results.
+    `path` (path). `width` (int): Columns of the log, which stand before the results.
     """
 
     def __init__(self, path: str, width: int):

@@ -71,15 +71,8 @@ class FileLines(Lines):
 
     A file that is cut or replaced (a log that rotates) is read from its beginning again.
 
-    Parameters
-    ----------
-    path : Path
-    follow : bool
-        Wait for more at the end.
-    idle : float, optional
-        End after so long without a new line [s]; never by default.
-    stop : StopSignal
-        Ends the lines.
+    `path` (Path). `follow` (bool): Wait for more at the end. `idle` (float, optional): End after so long without a
+    new line [s]; never by default. `stop` (StopSignal): Ends the lines.
     """
 
     def __init__(self, path: Path, follow: bool, idle: float | None, stop: StopSignal):
@@ -128,12 +121,7 @@ class FileLines(Lines):
 class PipeLines(Lines):
     """Lines of a pipe. Told to stop, it still gives what it has read, to the end of the last line.
 
-    Parameters
-    ----------
-    descriptor : int
-    idle, stop : see `FileLines`
-    own : bool
-        Close it at the end.
+    `descriptor` (int). `idle`, `stop` (see `FileLines`). `own` (bool): Close it at the end.
     """
 
     def __init__(self, descriptor: int, idle: float | None, stop: StopSignal, own: bool = False):
@@ -229,14 +217,8 @@ def _replaced(file: BinaryIO, path: Path) -> bool:
 class TableLines(Lines):
     """Rows of a table that is no plain CSV, such as Parquet, as lines of plain CSV, every digit of them.
 
-    Parameters
-    ----------
-    path : Path
-    stop : StopSignal
-    how : HowToRead, optional
-        What the user says of the file.
-    time : str, optional
-        The column of times; by default the first that is called like one.
+    `path` (Path). `stop` (StopSignal). `how` (HowToRead, optional): What the user says of the file. `time` (str,
+    optional): The column of times; by default the first that is called like one.
     """
 
     def __init__(self, path: Path, stop: StopSignal, how: HowToRead | None = None, time: str | None = None):
@@ -298,10 +280,7 @@ def _written(column: pd.Series[Any]) -> pd.Series[Any]:
 class TranslatedLines(Lines):
     """Lines of a foreign log that grows, as plain CSV.
 
-    Parameters
-    ----------
-    lines : FileLines
-    translator : LineTranslator
+    `lines` (FileLines). `translator` (LineTranslator).
     """
 
     def __init__(self, lines: FileLines, translator: LineTranslator):

@@ -39,9 +39,7 @@ MANY = 0.1
 class RowTrust:
     """Looks at the rows of a log as they are corrected.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor
+    `model` (DynamicBiasRegressor).
     """
 
     def __init__(self, model: DynamicBiasRegressor):
@@ -60,13 +58,8 @@ class RowTrust:
     def read_from(self, reading: str, columns: Mapping[Any, str], units: Mapping[str, str]) -> None:
         """Say which columns of the log are read; RecordError where they are in another unit than the fitted ones.
 
-        Parameters
-        ----------
-        reading : str
-        columns : mapping
-            Column of each thermometer that goes by another name than in the fitted record.
-        units : mapping
-            Units of columns that stand elsewhere than in their names.
+        `reading` (str). `columns` (mapping): Column of each thermometer that goes by another name than in the fitted
+        record. `units` (mapping): Units of columns that stand elsewhere than in their names.
         """
         self._called = dict(columns)
         fitted = self.model.reading_
@@ -145,19 +138,11 @@ class LogRow(NamedTuple):
 class LogRows:
     """Reads the rows of a log for a corrector, and corrects them.
 
-    Parameters
-    ----------
-    live : OnlineCorrector
-    options : Namespace
-        Of the command: `temperature`, `reading`, `time` name columns.
-    complain : callable
-        Takes a sentence about a line.
-    time_name : str, optional
-        Column of the times where none is named.
-    place : callable
-        What the line of a number, the header's being the first, is called in its file, see `Lines.place`.
-    units : mapping, optional
-        Units of columns that stand elsewhere than in the header, see `Lines.units`.
+    `live` (OnlineCorrector). `options` (Namespace): Of the command: `temperature`, `reading`, `time` name columns.
+    `complain` (callable): Takes a sentence about a line. `time_name` (str, optional): Column of the times where none
+    is named. `place` (callable): What the line of a number, the header's being the first, is called in its file, see
+    `Lines.place`. `units` (mapping, optional): Units of columns that stand elsewhere than in the header, see
+    `Lines.units`.
     """
 
     def __init__(

@@ -42,23 +42,11 @@ def compose_reading(
 ) -> tuple[Array, dict[str, Array]]:
     """Add up a reading and keep its parts.
 
-    Parameters
-    ----------
-    device : ndarray of shape (n,)
-        Thermal bias of the device.
-    contributions : mapping of str to ndarray of shape (n,)
-        Further effects that a thermal model does not know; each becomes a column of the truth.
-    noise : ndarray of shape (n,)
-        White noise.
-    base : float, default=0.0
-        The unbiased reading U0.
-
-    Returns
-    -------
-    reading : ndarray of shape (n,)
-        What the logger keeps.
-    truth : dict of str to ndarray
-        "noise_free", "device", one entry per contribution, "noise"; noise_free + noise is the reading.
+    `device` (ndarray of shape (n,)): Thermal bias of the device. `contributions` (mapping of str to ndarray of shape
+    (n,)): Further effects that a thermal model does not know; each becomes a column of the truth. `noise` (ndarray of
+    shape (n,)): White noise. `base` (float, default=0.0): The unbiased reading U0. Returns reading (ndarray of shape
+    (n,)): what the logger keeps. Returns truth (dict of str to ndarray): "noise_free", "device", one entry per
+    contribution, "noise"; noise_free + noise is the reading.
     """
     noise_free = base + device + sum(contributions.values(), np.zeros_like(device))
     return noise_free + noise, {"noise_free": noise_free, "device": device, **contributions, "noise": noise}

@@ -20,21 +20,10 @@ Array = NDArray[np.float64]
 def modal_differences(rates: Array, steps: Array, changes: Array, start: Array) -> Array:
     """Propagate every mode exactly over steps in which the air temperature changes linearly.
 
-    Parameters
-    ----------
-    rates : ndarray of shape (m,)
-        Rates of the modes [1/s].
-    steps : ndarray of shape (n,)
-        Lengths of the steps [s].
-    changes : ndarray of shape (n,)
-        Change of the air temperature over each step [K].
-    start : ndarray of shape (m,)
-        Mode minus air temperature before the first step [K].
-
-    Returns
-    -------
-    differences : ndarray of shape (n, m)
-        `differences[k, j]` is mode j minus air temperature after step k [K].
+    `rates` (ndarray of shape (m,)): Rates of the modes [1/s]. `steps` (ndarray of shape (n,)): Lengths of the steps
+    [s]. `changes` (ndarray of shape (n,)): Change of the air temperature over each step [K]. `start` (ndarray of
+    shape (m,)): Mode minus air temperature before the first step [K]. Returns differences (ndarray of shape (n, m)):
+    `differences[k, j]` is mode j minus air temperature after step k [K].
     """
     regular = steps.size > 0 and np.ptp(steps) <= 1e-12 * steps[0]
     exponent = np.outer(steps[:1] if regular else steps, rates)

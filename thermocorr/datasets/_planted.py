@@ -22,13 +22,8 @@ from ._heat import Array
 def of_own_columns(effect: Any, runs: Sequence[Run], rng: np.random.Generator) -> list[Array]:
     """Sum of an effect's columns, each of the same size and of either sign, at every sample of each run.
 
-    Parameters
-    ----------
-    effect : Effect
-        It learns the runs as it learns a record.
-    runs : sequence of Run
-    rng : Generator
-        Draws the signs.
+    `effect` (Effect): It learns the runs as it learns a record. `runs` (sequence of Run). `rng` (Generator): Draws
+    the signs.
     """
     frames = [
         pd.DataFrame({**run.columns, "began": run.began + run.time, "number": number})

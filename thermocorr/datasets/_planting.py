@@ -141,22 +141,10 @@ def plant(
 ) -> tuple[list[dict[str, Array]], dict[str, dict[str, Any]]]:
     """Contributions of all planted effects.
 
-    Parameters
-    ----------
-    plantings : sequence of Planting
-    runs : sequence of Run
-    step : float
-        Sampling period [s].
-    noise : float
-        Standard deviation of the white noise, in which strengths are counted.
-    seed : int
-
-    Returns
-    -------
-    contributions : list of dict of str to ndarray
-        For each run, label -> contribution at every sample, gaps filled.
-    truth : dict
-        Label -> kind, parameters, strength, coefficient (what multiplies the plain formula), rms.
+    `plantings` (sequence of Planting). `runs` (sequence of Run). `step` (float): Sampling period [s]. `noise`
+    (float): Standard deviation of the white noise, in which strengths are counted. `seed` (int). Returns
+    contributions (list of dict of str to ndarray): for each run, label -> contribution at every sample, gaps filled.
+    Returns truth (dict): label -> kind, parameters, strength, coefficient (what multiplies the plain formula), rms.
     """
     contributions: list[dict[str, Array]] = [{} for _ in runs]
     truth: dict[str, dict[str, Any]] = {}

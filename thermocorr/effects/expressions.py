@@ -207,10 +207,7 @@ class Traced:
 def traced(effect: Any) -> Traced:
     """The expression that a learned effect's `signals` says.
 
-    Raises
-    ------
-    TraceError
-        For an effect that computes its `columns` by Python of its own.
+    Raises TraceError for an effect that computes its `columns` by Python of its own.
     """
     if not effect.says_signals():
         raise TraceError("its columns are Python code of its own")

@@ -130,11 +130,7 @@ def parted(state: Any) -> list[Any]:
 class BlockSignals(Signals):
     """A block of rows: values are arrays of shape (n,).
 
-    Parameters
-    ----------
-    block : Block
-    state : object
-        What `state` gave after the block before; None where a segment begins.
+    `block` (Block). `state` (object): What `state` gave after the block before; None where a segment begins.
     """
 
     exp, log1p, sin, cos = np.exp, np.log1p, np.sin, np.cos  # type: ignore[assignment]  # ufuncs can be called

@@ -50,20 +50,10 @@ def walk(
 ) -> Iterator[Walked]:
     """Columns of all effects, block by block in time order.
 
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Learned effects.
-    record : Record
-        What to walk through.
-    zero, starts : see `Record.blocks`
-        How the record hangs on the fitted one.
-    states : dict of segment number -> list of states
-        Where to start; segments that are not in it start afresh.
-    size : int
-        Rows of a block.
-    extra : int
-        Free columns to leave behind the effects' own.
+    `effects` (sequence of Effect): Learned effects. `record` (Record): What to walk through. `zero`, `starts` (see
+    `Record.blocks`): How the record hangs on the fitted one. `states` (dict of segment number -> list of states):
+    Where to start; segments that are not in it start afresh. `size` (int): Rows of a block. `extra` (int): Free
+    columns to leave behind the effects' own.
     """
     widths = [effect.n_columns() for effect in effects]
     width = sum(widths)
@@ -166,14 +156,8 @@ class Stepper:
 def stepper_of(effect: Effect, times: Times, zero: float, temperature_name: object) -> Stepper:
     """The stepper of a learned effect.
 
-    Parameters
-    ----------
-    effect : Effect
-    times : Times
-        Of the fitted record: what a stamp means.
-    zero : float
-        Stamp of the first fitted row.
-    temperature_name : str or int
+    `effect` (Effect). `times` (Times): Of the fitted record: what a stamp means. `zero` (float): Stamp of the first
+    fitted row. `temperature_name` (str or int).
     """
     try:
         expression = traced(effect)

@@ -243,14 +243,8 @@ def noise_exponent(averages: Sequence[Floats]) -> int:
 def edf_overlapping(n: int, m: int, exponent: int) -> float:
     """Equivalent degrees of freedom of the overlapping Allan variance, Riley (2008) section 5.4.1, table 5.
 
-    Parameters
-    ----------
-    n : int
-        Phases: readings plus one.
-    m : int
-        Readings of one average.
-    exponent : int
-        2 white, 1 flicker phase noise; 0 white, -1 flicker, -2 random-walk noise of the readings.
+    `n` (int): Phases: readings plus one. `m` (int): Readings of one average. `exponent` (int): 2 white, 1 flicker
+    phase noise; 0 white, -1 flicker, -2 random-walk noise of the readings.
     """
     if exponent == 2:
         found = (n + 1) * (n - 2 * m) / (2 * (n - m))

@@ -296,13 +296,8 @@ one function to compile.
 class Pass:
     """The pass over some rows, from the same bodies as often as it is asked for.
 
-    Parameters
-    ----------
-    rows : Rows
-    bodies : Bodies
-        Before the rows; not written to.
-    n_summed : int
-        How many of the last columns are summed up over the bins; 0 for all.
+    `rows` (Rows). `bodies` (Bodies): Before the rows; not written to. `n_summed` (int): How many of the last columns
+    are summed up over the bins; 0 for all.
     """
 
     def __init__(self, rows: Rows, bodies: Bodies, n_summed: int):

@@ -212,14 +212,8 @@ def _solved(change: Floats, steps: Floats, time_constants: Floats, first: Floats
 def followed_error(covariance: Floats, step: float, time_constants: Floats) -> Floats:
     """Covariance of an input's error and of what the lags feel of it, a step later: dl/dt = (d - l)/tau, eq. (17).
 
-    Parameters
-    ----------
-    covariance : array of shape (1 + J, 1 + J)
-        Of the error d of the input, which stays as it is, and of the errors l of the lagged ones.
-    step : float
-        [s].
-    time_constants : array of shape (J,)
-        [s].
+    `covariance` (array of shape (1 + J, 1 + J)): Of the error d of the input, which stays as it is, and of the errors
+    l of the lagged ones. `step` (float): [s]. `time_constants` (array of shape (J,)): [s].
     """
     decay = np.exp(-step / time_constants)
     move = np.diag(np.concatenate(([1.0], decay)))
@@ -235,14 +229,8 @@ def bridge_error(structure: Structure, length: float, time_constants: Floats) ->
     ``g(s, t) = (D(s) + D(t) - D(|s - t|)) / 2`` (Yaglom, Correlation Theory of Stationary and Related Random Functions,
     1987, sec. 23); a lag feels ``integral b(t) exp(-(h - t)/tau) / tau dt``, eq. (17).
 
-    Parameters
-    ----------
-    structure : callable
-        D: mean square of the quantity's changes over times [s], its structure function.
-    length : float
-        h [s].
-    time_constants : array of shape (J,)
-        [s].
+    `structure` (callable): D: mean square of the quantity's changes over times [s], its structure function. `length`
+    (float): h [s]. `time_constants` (array of shape (J,)): [s].
     """
     finest = min(FINEST * length, float(time_constants.min()) / 4)
     edges = length - np.concatenate((np.geomspace(length, finest, CELLS), [0.0]))  # fast lags feel the end alone

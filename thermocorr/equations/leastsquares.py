@@ -397,10 +397,7 @@ class Crossed(NamedTuple):
 class Preconditioned:
     """Cross products of rows of q columns, stretch by stretch, in the coordinates of the rows before.
 
-    Parameters
-    ----------
-    n_columns : int
-        q.
+    `n_columns` (int): q.
     """
 
     def __init__(self, n_columns: int) -> None:
@@ -422,13 +419,9 @@ class Preconditioned:
     def take(self, first: int, crossed: Callable[[Floats, Floats, float], Floats]) -> list[Crossed]:
         """Take parts of rows in by their cross products; an empty list, and nothing is taken, where these will not do.
 
-        Parameters
-        ----------
-        first : int
-            How many of the first columns are zero in all rows.
-        crossed : callable
-            Given R of the other columns, one over its diagonal and `LARGEST`, upper triangles of B, shape (parts,
-            q - first, q - first); it may stop where a diagonal element becomes larger, for nothing is taken then.
+        `first` (int): How many of the first columns are zero in all rows. `crossed` (callable): Given R of the other
+        columns, one over its diagonal and `LARGEST`, upper triangles of B, shape (parts, q - first, q - first); it
+        may stop where a diagonal element becomes larger, for nothing is taken then.
         """
         if self.knows_nothing:
             return []

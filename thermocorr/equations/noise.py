@@ -159,16 +159,9 @@ def times_down_from(longest: float) -> np.ndarray:
 def fitted_parts(parts: np.ndarray, share: np.ndarray, power: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Variances of the parts of the noise that make Whittle's likelihood largest, for many records at once.
 
-    Parameters
-    ----------
-    parts : array of shape (bands, parts)
-        `Bands.parts`.
-    share : array of shape (bands,)
-        Rows of each band less what a model has taken of them: degrees of freedom.
-    power : array of shape (bands, records)
-        Sum of squares in each band.
-    start : array of shape (parts, records)
-        Variances to begin with.
+    `parts` (array of shape (bands, parts)): `Bands.parts`. `share` (array of shape (bands,)): Rows of each band less
+    what a model has taken of them: degrees of freedom. `power` (array of shape (bands, records)): Sum of squares in
+    each band. `start` (array of shape (parts, records)): Variances to begin with.
     """
     theta = np.maximum(start, SMALLEST)
     for _ in range(ROUNDS):
@@ -187,12 +180,8 @@ def spans(segment: np.ndarray, seconds: np.ndarray, runs: Sequence[object]) -> n
 
     A pause is short beside what lies before or after it, or beside the whole; between runs none is.
 
-    Parameters
-    ----------
-    segment, seconds : arrays of shape (n,)
-        Number of the segment and time [s] of each row, in the order of time within segments.
-    runs : sequence
-        Label of the run of each segment, in the order of `segment`.
+    `segment`, `seconds` (arrays of shape (n,)): Number of the segment and time [s] of each row, in the order of time
+    within segments. `runs` (sequence): Label of the run of each segment, in the order of `segment`.
     """
     edges = np.flatnonzero(np.diff(segment, prepend=-1))
     first, last = seconds[edges], seconds[[*(edges[1:] - 1), -1]]
@@ -220,12 +209,8 @@ def inverse_kernel(theta: np.ndarray, times: np.ndarray) -> Kernel:
     s = 1 - cos(angle), each part is a/(b + s), so that the power is a rank-one matrix's resolvent, and its inverse
     follows by Sherman & Morrison (Ann. Math. Statist. 21, 1950).
 
-    Parameters
-    ----------
-    theta : array of shape (1 + parts,)
-        Variances, the white part first.
-    times : array of shape (parts,)
-        Correlation times of the other parts, `Bands.times` [rows].
+    `theta` (array of shape (1 + parts,)): Variances, the white part first. `times` (array of shape (parts,)):
+    Correlation times of the other parts, `Bands.times` [rows].
     """
     kept = np.exp(-1 / times)
     white = max(float(theta[0]), 1e-6 * float(np.sum(theta)))
@@ -288,10 +273,7 @@ SAME_SCALE = 1.25
 def made_from(column: Floats, reading: Floats) -> bool:
     """Whether a column was made from the reading.
 
-    Parameters
-    ----------
-    column, reading : arrays of shape (n,)
-        In the order of time; rows in which either is missing are passed over.
+    `column`, `reading` (arrays of shape (n,)): In the order of time; rows in which either is missing are passed over.
 
     Examples
     --------
@@ -314,10 +296,7 @@ def made_from(column: Floats, reading: Floats) -> bool:
 def shows_the_same(column: Floats, reading: Floats) -> bool:
     """Whether a column shows the numbers that the reading shows, as a second meter on the same source does.
 
-    Parameters
-    ----------
-    column, reading : arrays of shape (n,)
-        Rows in which either is missing are passed over.
+    `column`, `reading` (arrays of shape (n,)): Rows in which either is missing are passed over.
 
     Examples
     --------

@@ -13,17 +13,8 @@ def shifted(values: NDArray[np.float64], first: float, n: int) -> NDArray[np.flo
 
     Before all rows stands the value of the first, behind all that of the last.
 
-    Parameters
-    ----------
-    values : array of shape (m,), m > 0
-        At rows 0, 1, ..., m - 1.
-    first : float
-        May lie between two rows, and before or behind all.
-    n : int
-
-    Returns
-    -------
-    array of shape (n,)
+    `values` (array of shape (m,), m > 0): At rows 0, 1, ..., m - 1. `first` (float): May lie between two rows, and
+    before or behind all. `n` (int). Returns array of shape (n,).
 
     Examples
     --------

@@ -479,10 +479,7 @@ def repeated(values: Floats) -> Booleans:
 def is_repeated(values: Floats) -> bool:
     """Whether readings are written down more than once each.
 
-    Parameters
-    ----------
-    values : array of shape (n,)
-        Consecutive readings, NaN where there is none, or rows were not looked at.
+    `values` (array of shape (n,)): Consecutive readings, NaN where there is none, or rows were not looked at.
 
     Examples
     --------
@@ -526,10 +523,7 @@ def _off_lines(values: Floats) -> Floats:
 def filled_in(values: Floats) -> float:
     """How near to the line between its neighbours a reading stands that was filled in; NaN where none were.
 
-    Parameters
-    ----------
-    values : array of shape (n,)
-        Consecutive readings, NaN where there is none, or rows were not looked at.
+    `values` (array of shape (n,)): Consecutive readings, NaN where there is none, or rows were not looked at.
 
     Examples
     --------
@@ -598,10 +592,7 @@ def _evenly(rows: NDArray[np.intp]) -> bool:
 def ends_of_range(values: Floats) -> tuple[float, ...]:
     """The largest or smallest of the readings, where it is met far more often than any other: they are clipped there.
 
-    Parameters
-    ----------
-    values : array of shape (n,)
-        Consecutive readings, NaN where there is none, or rows were not looked at.
+    `values` (array of shape (n,)): Consecutive readings, NaN where there is none, or rows were not looked at.
 
     Examples
     --------

@@ -56,16 +56,10 @@ def fold_of(
 ) -> Fold:
     """Eliminate the free columns and set up one fold.
 
-    Parameters
-    ----------
-    learned, tested : TriangularFactor
-        Factors of ``[free | candidates | reading]`` over the rows to learn from and to test on.
-    n_free : int
-        Columns in every set, the 1 first; alpha acts on them too, except on the 1 (as in `solve_ridge`).
-    alpha : float
-        Ridge penalty on coefficients times their columns' standard deviation over the learned rows, eq. (13).
-    dead : sequence of int
-        Columns that this fold must not use.
+    `learned`, `tested` (TriangularFactor): Factors of ``[free | candidates | reading]`` over the rows to learn from
+    and to test on. `n_free` (int): Columns in every set, the 1 first; alpha acts on them too, except on the 1 (as in
+    `solve_ridge`). `alpha` (float): Ridge penalty on coefficients times their columns' standard deviation over the
+    learned rows, eq. (13). `dead` (sequence of int): Columns that this fold must not use.
     """
     r = learned.r.copy()
     r[:, list(dead)] = 0.0
@@ -96,15 +90,8 @@ def solve_free(r: Floats, n_free: int, right: Floats) -> Floats:
 def set_errors(folds: Sequence[Fold], sets: Integers) -> Floats:
     """Mean squared test error of every set in every fold.
 
-    Parameters
-    ----------
-    folds : sequence of Fold
-    sets : int array of shape (n_sets, k)
-        Columns of each set; -1 fills up.
-
-    Returns
-    -------
-    array of shape (n_sets, n_folds)
+    `folds` (sequence of Fold). `sets` (int array of shape (n_sets, k)): Columns of each set; -1 fills up. Returns
+    array of shape (n_sets, n_folds).
     """
     squares = np.empty((len(folds), len(sets)))
     left = _squares_in_batches if not sets.shape[1] else _compiled_squares() or _squares_in_batches
@@ -209,18 +196,9 @@ class _Level:
 def all_set_errors(fold: Fold, groups: Integers, max_count: int) -> Iterator[tuple[Integers, Floats]]:
     """Mean squared test errors of all sets of 1 to `max_count` groups of columns.
 
-    Parameters
-    ----------
-    fold : Fold
-    groups : int array of shape (n_groups, g)
-        Columns that enter together; -1 fills up.
-    max_count : int
-
-    Yields
-    ------
-    sets : int array of shape (n_sets, size)
-        Groups, increasing. Each set comes once.
-    errors : array of shape (n_sets,)
+    `fold` (Fold). `groups` (int array of shape (n_groups, g)): Columns that enter together; -1 fills up. `max_count`
+    (int). Yields sets (int array of shape (n_sets, size)): groups, increasing. Each set comes once. Yields errors
+    (array of shape (n_sets,)).
     """
     n = len(groups)
     root = _Level(

@@ -49,11 +49,7 @@ def beside_products(plain: DiffusiveFeatures) -> DiffusiveFeatures:
 def with_products_or_without(plain: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings) -> TimeConstantChoice:
     """The choice of time constants for a model of lags, or, where it is clearly better, for one with their products.
 
-    Parameters
-    ----------
-    plain : DiffusiveFeatures
-        The model without lags and products.
-    X, y, settings : see `search`
+    `plain` (DiffusiveFeatures): The model without lags and products. `X`, `y`, `settings` (see `search`).
     """
     found = search(plain, X, y, settings)
     if not products_help(plain, X, y, found, settings):

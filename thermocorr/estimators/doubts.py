@@ -55,13 +55,8 @@ def cancelling(effects: Sequence[Effect], solution: RidgeSolution, reading: Read
     Each contribution counts with its rms over the fitted rows. Powers of T - T0 count with their standard deviation:
     how far T0 stands from the record is the user's choice.
 
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Learned; their columns in the order of those of `solution`.
-    solution : RidgeSolution
-    reading : Reading
-        Of the fitted record.
+    `effects` (sequence of Effect): Learned; their columns in the order of those of `solution`. `solution`
+    (RidgeSolution). `reading` (Reading): Of the fitted record.
     """
     names = [name for effect in effects for name in effect.names()]
     of_choice = [isinstance(effect, StaticPolynomial) for effect in effects for _ in effect.names()]
@@ -80,14 +75,8 @@ def cancelling(effects: Sequence[Effect], solution: RidgeSolution, reading: Read
 def doubts_of(model: Any, record: Record, solution: RidgeSolution, prior: LawPrior | None) -> list[str]:
     """What the user of a fitted model should know.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor
-    record : Record
-        What it was fitted to.
-    solution : RidgeSolution
-    prior : LawPrior, optional
-        What other devices told of this one.
+    `model` (DynamicBiasRegressor). `record` (Record): What it was fitted to. `solution` (RidgeSolution). `prior`
+    (LawPrior, optional): What other devices told of this one.
     """
     said = [model.run_levels_.note] if model.run_levels_.note else []
     if prior is not None:

@@ -79,14 +79,9 @@ class StandIn:
     ) -> Filled:
         """Fill consecutive rows of one segment.
 
-        Parameters
-        ----------
-        given : mapping of column to array of shape (n,)
-            NaN where a cell is missing.
-        steps : array of shape (n,)
-            Time since the row before [s]; the first counts where there is a `state`.
-        state : array, optional
-            Of the rows before; None where a segment begins.
+        `given` (mapping of column to array of shape (n,)): NaN where a cell is missing. `steps` (array of shape
+        (n,)): Time since the row before [s]; the first counts where there is a `state`. `state` (array, optional): Of
+        the rows before; None where a segment begins.
         """
         measured = np.asarray(given[self.column], float)
         before = np.full(self.width, np.nan) if state is None else state
@@ -312,16 +307,10 @@ def filling_of(
 ) -> Filling:
     """Stand-ins for a record's columns, learned from it.
 
-    Parameters
-    ----------
-    record : Record
-        Rows that lack something are passed over.
-    thermometers : sequence of columns
-        Where there are several, each is estimated from the others unless a rule says otherwise.
-    rules : mapping of column to rule
-        One of `RULES`, or one and the length of a hole up to which it is filled, or does not end the segment.
-    screen : Screen, optional
-        What is refused of the first thermometer; where there is one, that of the others is found.
+    `record` (Record): Rows that lack something are passed over. `thermometers` (sequence of columns): Where there are
+    several, each is estimated from the others unless a rule says otherwise. `rules` (mapping of column to rule): One
+    of `RULES`, or one and the length of a hole up to which it is filled, or does not end the segment. `screen`
+    (Screen, optional): What is refused of the first thermometer; where there is one, that of the others is found.
     """
     limits: dict[Any, Limits] = {}
     if screen is not None:
@@ -353,14 +342,8 @@ def _screened(record: Record, name: Any) -> tuple[Record, Limits]:
 def learned_beside(full: Record, known: Record, notes: Sequence[str]) -> Record:
     """A filled record to learn from: without the readings beside filled cells.
 
-    Parameters
-    ----------
-    full : Record
-        Filled.
-    known : Record
-        Its rows that lack nothing, with the readings that are believed.
-    notes : sequence of str
-        What was said of those that are not.
+    `full` (Record): Filled. `known` (Record): Its rows that lack nothing, with the readings that are believed.
+    `notes` (sequence of str): What was said of those that are not.
     """
     beside = np.zeros(full.n_rows, bool)
     said = []

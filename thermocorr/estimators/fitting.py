@@ -107,20 +107,9 @@ _DAY = 86400.0
 def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weights: Mapping[str, Any]) -> Any:
     """The readings to learn from: NaN where they are masked, with weights where some are given.
 
-    Parameters
-    ----------
-    X, y, mask : see `DynamicBiasRegressor.fit`
-    layout : Layout
-        Where things stand in X.
-    weights : mapping
-        Further arguments of `fit`: ``sample_weight``, or none.
-
-    Raises
-    ------
-    TypeError
-        For any other argument.
-    RecordError
-        For masks and weights that do not fit the record.
+    `X`, `y`, `mask` (see `DynamicBiasRegressor.fit`). `layout` (Layout): Where things stand in X. `weights`
+    (mapping): Further arguments of `fit`: ``sample_weight``, or none. Raises TypeError for any other argument. Raises
+    RecordError for masks and weights that do not fit the record.
     """
     unknown = set(weights) - {"sample_weight"}
     if unknown:

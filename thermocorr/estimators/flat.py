@@ -109,17 +109,8 @@ def inner_blocks(model: Any, steps: Iterator[Walked]) -> Iterator[Inner]:
     The start of a part follows from its two coefficients, psi_0j = nu_j / mu_j: where mu_j is small beside its standard
     error, it is as uncertain as their ratio.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor
-        Fitted, with lags of the temperature.
-    steps : iterator of Walked
-        Of all effects of the model.
-
-    Raises
-    ------
-    ValueError
-        For a model without lags: a static model knows of nothing inside.
+    `model` (DynamicBiasRegressor): Fitted, with lags of the temperature. `steps` (iterator of Walked): Of all effects
+    of the model. Raises ValueError for a model without lags: a static model knows of nothing inside.
     """
     taus, lags = lags_of(model)
     if not len(taus):

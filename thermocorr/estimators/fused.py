@@ -168,11 +168,8 @@ _NO_COLUMNS = np.zeros(0)
 class FusedColumns:
     """Columns of ``[1 | Q | U]``: which of them the pass makes, and in which order it has them all.
 
-    Parameters
-    ----------
-    effects : sequence of Effect
-    starts : InitialTransient, optional
-        Decays that are taken out of all columns, and get none; `effects` have none then.
+    `effects` (sequence of Effect). `starts` (InitialTransient, optional): Decays that are taken out of all columns,
+    and get none; `effects` have none then.
     """
 
     def __init__(self, effects: Sequence[Effect], starts: InitialTransient | None):
@@ -253,13 +250,8 @@ class _OfSegment(NamedTuple):
 class FusedFactors(Sequence[TriangularFactor]):
     """Factors of ``[1 | Q | U]``, one for each stretch, made of cross products when they are asked for.
 
-    Parameters
-    ----------
-    width : int
-        Columns of ``[1 | Q | U]``.
-    n_stretches : int
-    shared : sequence of int
-        Numbers of the columns that all segments share.
+    `width` (int): Columns of ``[1 | Q | U]``. `n_stretches` (int). `shared` (sequence of int): Numbers of the columns
+    that all segments share.
     """
 
     def __init__(self, width: int, n_stretches: int, shared: Sequence[int]):
@@ -341,14 +333,8 @@ _NOTHING = np.zeros(0)
 class FusedSweep:
     """One pass through a record that is being fitted.
 
-    Parameters
-    ----------
-    record : Record
-    columns : FusedColumns
-    edges : array of int
-        Positions in time order that cut the record into stretches, ends included.
-    offset : float
-        Subtracted from every reading.
+    `record` (Record). `columns` (FusedColumns). `edges` (array of int): Positions in time order that cut the record
+    into stretches, ends included. `offset` (float): Subtracted from every reading.
     """
 
     def __init__(self, record: Record, columns: FusedColumns, edges: np.ndarray, offset: float):

@@ -58,16 +58,9 @@ def law_of_inputs(
 ) -> list[InputLaw]:
     """How the bias depends on each of some columns.
 
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Learned.
-    coef : array of shape (n_columns,)
-    temperature : column
-        The ambient temperature.
-    columns : sequence of columns
-    deviation : float
-        Standard deviation of the residuals, beside which late errors are forgotten.
+    `effects` (sequence of Effect): Learned. `coef` (array of shape (n_columns,)). `temperature` (column): The ambient
+    temperature. `columns` (sequence of columns). `deviation` (float): Standard deviation of the residuals, beside
+    which late errors are forgotten.
     """
     edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
     parts = [(effect, coef[low:high]) for effect, low, high in zip(effects, edges, edges[1:], strict=False)]
@@ -112,10 +105,7 @@ the variance there by a tenth."""
 class FillingError:
     """Propagates the errors of filled cells through a model's static law and lags.
 
-    Parameters
-    ----------
-    laws : sequence of InputLaw
-        Of the columns that may be filled.
+    `laws` (sequence of InputLaw): Of the columns that may be filled.
     """
 
     def __init__(self, laws: Sequence[InputLaw]):
@@ -130,22 +120,12 @@ class FillingError:
     ) -> tuple[np.ndarray, list[np.ndarray]]:
         """Standard deviation of the bias by cells filled in consecutive rows, or before them.
 
-        Parameters
-        ----------
-        values : mapping of column to array of shape (n,)
-            Filled; NaN where a cell is missing all the same.
-        errors : mapping of column to array of shape (n,)
-            Standard deviation of each filled cell, NaN for others.
-        steps : array of shape (n,)
-            Time since the row before [s].
-        states : sequence of arrays, optional
-            Covariance of each column's error and of what its lags feel of it, after the rows before; None for none.
-
-        Returns
-        -------
-        error : array of shape (n,)
-            0 where no filled cell is felt; infinite where it cannot be told.
-        states : list of arrays
+        `values` (mapping of column to array of shape (n,)): Filled; NaN where a cell is missing all the same.
+        `errors` (mapping of column to array of shape (n,)): Standard deviation of each filled cell, NaN for others.
+        `steps` (array of shape (n,)): Time since the row before [s]. `states` (sequence of arrays, optional):
+        Covariance of each column's error and of what its lags feel of it, after the rows before; None for none.
+        Returns error (array of shape (n,)): 0 where no filled cell is felt; infinite where it cannot be told. Returns
+        states (list of arrays).
         """
         total, after = np.zeros(len(steps)), []
         for i, law in enumerate(self.laws):
@@ -209,10 +189,7 @@ class Fading:
     What is felt is forgotten when the bias would move by no more than `InputLaw.least` if all lags erred together by
     their standard deviations: ``sum_j |w_j| sqrt(C_jj) <= least``. A row, a block and a whole record ask alike.
 
-    Parameters
-    ----------
-    law : InputLaw
-        How the bias depends on the column.
+    `law` (InputLaw): How the bias depends on the column.
     """
 
     def __init__(self, law: InputLaw):
@@ -263,16 +240,9 @@ class Fading:
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """Variance of the bias in consecutive rows, and what is felt after the last of them.
 
-        Parameters
-        ----------
-        elapsed : array of shape (n,)
-            Time since the row before these [s].
-        gaps : array of shape (m,)
-            Numbers of the rows behind a gap.
-        bridges : array of shape (m, J (J + 1)/2)
-            What each gap adds.
-        felt : row, optional
-            After the row before these; None for nothing.
+        `elapsed` (array of shape (n,)): Time since the row before these [s]. `gaps` (array of shape (m,)): Numbers of
+        the rows behind a gap. `bridges` (array of shape (m, J (J + 1)/2)): What each gap adds. `felt` (row,
+        optional): After the row before these; None for nothing.
         """
         first, begun, rows = gaps, elapsed[gaps], bridges
         if felt is not None and gaps[:1].tolist() == [0]:
@@ -328,12 +298,7 @@ MANY = 0.1
 class GapError:
     """Propagates what happened in gaps through a model's lags.
 
-    Parameters
-    ----------
-    laws : sequence of InputLaw
-        Of the columns that the device feels late.
-    gaps : Gaps
-        How these wander.
+    `laws` (sequence of InputLaw): Of the columns that the device feels late. `gaps` (Gaps): How these wander.
     """
 
     def __init__(self, laws: Sequence[InputLaw], gaps: Gaps):
@@ -347,18 +312,8 @@ class GapError:
     def of_rows(self, steps: np.ndarray, felt: Felt = ()) -> tuple[np.ndarray, Felt]:
         """Variance of the bias in consecutive rows by the gaps between them, and before.
 
-        Parameters
-        ----------
-        steps : array of shape (n,)
-            Time since the row before [s].
-        felt : Felt
-            After the row before; () for nothing.
-
-        Returns
-        -------
-        variance : array of shape (n,)
-        felt : Felt
-            After the last row.
+        `steps` (array of shape (n,)): Time since the row before [s]. `felt` (Felt): After the row before; () for
+        nothing. Returns variance (array of shape (n,)). Returns felt (Felt): after the last row.
         """
         gaps = np.flatnonzero(steps > self.least)
         if not len(gaps) and not felt:
@@ -432,20 +387,10 @@ class GapError:
 def error_behind_gaps(record: Record, laws: Iterable[InputLaw], limit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Standard deviation of the bias by what happened in the gaps of a record that a model is fitted to.
 
-    Parameters
-    ----------
-    record : Record
-    laws : iterable of InputLaw
-        Of the columns that the device feels late; looked at where there are gaps.
-    limit : float
-        What need not be told, in the unit of the reading.
-
-    Returns
-    -------
-    rows : array of shape (n,)
-        Those of the user's rows in which it is above the limit, in time order.
-    error : array of shape (n,)
-        In the unit of the reading.
+    `record` (Record). `laws` (iterable of InputLaw): Of the columns that the device feels late; looked at where there
+    are gaps. `limit` (float): What need not be told, in the unit of the reading. Returns rows (array of shape (n,)):
+    those of the user's rows in which it is above the limit, in time order. Returns error (array of shape (n,)): in
+    the unit of the reading.
     """
     least = least_gap(record, record.usual_step())
     longest = longest_gap(record, least)
@@ -510,20 +455,11 @@ def felt_between_rows(model: Any, record: Record) -> BetweenRows:
     leaves no trace in any row, such as a heating that begins and ends between two, adds to it, and is not seen here;
     nor is what happens in gaps, see `thermocorr.estimators.input_errors`.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor
-        Fitted. Products of its lags are left out.
-    record : Record
-        As the model reads it.
-
-    Returns
-    -------
-    BetweenRows
-        ``curve`` is no more than the rms rise of the curve at the gain that the reading has on the whole (its
-        standard deviation over that of the temperature): a body feels what is quick less than what is slow, whatever
-        lags that stand for something else make of it. Both are 0.0 for a model without lags, or one that takes the
-        temperature for a staircase (hold).
+    `model` (DynamicBiasRegressor): Fitted. Products of its lags are left out. `record` (Record): As the model reads
+    it. Returns BetweenRows: ``curve`` is no more than the rms rise of the curve at the gain that the reading has on
+    the whole (its standard deviation over that of the temperature): a body feels what is quick less than what is
+    slow, whatever lags that stand for something else make of it. Both are 0.0 for a model without lags, or one that
+    takes the temperature for a staircase (hold).
     """
     effects = model.features_.effect_list()
     starts = np.cumsum([0, *(effect.n_columns() for effect in effects)])

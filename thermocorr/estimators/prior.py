@@ -335,12 +335,8 @@ def law_of(
 def _drawn_from(estimates: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of the devices' coefficients, shape (p,) and (p, p).
 
-    Parameters
-    ----------
-    estimates : array of shape (n, p)
-        Coefficients of each device, on a common scale.
-    information : array of shape (n, p, p)
-        Inverse of the covariance of each device's own estimate.
+    `estimates` (array of shape (n, p)): Coefficients of each device, on a common scale. `information` (array of shape
+    (n, p, p)): Inverse of the covariance of each device's own estimate.
     """
     mean = estimates.mean(axis=0)
     least = (LIKE_ONE_ANOTHER * np.abs(mean).max()) ** 2 * np.eye(len(mean))

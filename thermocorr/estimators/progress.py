@@ -44,18 +44,9 @@ def printed(verbose: int) -> Callable[[str], None]:
 def told(progress: Progress, total: int | None = None) -> Iterator[Callable[[str], None]]:
     """A function that takes a line of text before each piece of work, and passes on what is done.
 
-    Parameters
-    ----------
-    progress : callable, bool or None
-    total : int, optional
-        Pieces of work; without it a bar shows the time that has passed alone.
-
-    Raises
-    ------
-    ValueError
-        For something else.
-    ImportError
-        For a bar without the package that draws it.
+    `progress` (callable, bool or None). `total` (int, optional): Pieces of work; without it a bar shows the time that
+    has passed alone. Raises ValueError for something else. Raises ImportError for a bar without the package that
+    draws it.
     """
     if callable(progress):
         yield progress

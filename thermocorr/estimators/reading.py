@@ -100,12 +100,8 @@ _IN_DEGC: dict[str, tuple[Callable[[float], float], Callable[[float], float]]] =
 def check_record(fitted: Reading, X: Any, record: Record) -> None:
     """Refuse the temperature of a record in another unit than the fitted one: by their units, and by their values.
 
-    Parameters
-    ----------
-    fitted : Reading
-    X : DataFrame, array or Record
-        What the record was read from, which may name units (``X.attrs["units"]``).
-    record : Record
+    `fitted` (Reading). `X` (DataFrame, array or Record): What the record was read from, which may name units
+    (``X.attrs["units"]``). `record` (Record).
     """
     name, median = record.temperature_name, first_median(record, record.temperature_name)
     check_temperature(fitted, str(name), str(name), unit_of(name, X), median)
@@ -129,20 +125,10 @@ def check_temperature(fitted: Reading, name: str, fitted_name: str, unit: str, m
     and a RecordWarning says what was taken wrong. Where values do not tell, nothing is assumed. The unit that they were
     taken for is refused only where the fitted ones are ambient temperatures in degF alone: others are merely colder.
 
-    Parameters
-    ----------
-    fitted : Reading
-    name, fitted_name : str
-        The column, and the fitted one.
-    unit : str
-        What the data state; "" where they state none, which is refused by nothing.
-    median : float, optional
-        Of several temperatures; None where too few have come, and only stated units can be compared.
-
-    Raises
-    ------
-    RecordError
-        Where the units differ, and where nobody can tell.
+    `fitted` (Reading). `name`, `fitted_name` (str): The column, and the fitted one. `unit` (str): What the data
+    state; "" where they state none, which is refused by nothing. `median` (float, optional): Of several temperatures;
+    None where too few have come, and only stated units can be compared. Raises RecordError where the units differ,
+    and where nobody can tell.
     """
     if fitted.unit_named:
         check_unit("temperature", name, fitted_name, unit, fitted.temperature_unit)
@@ -281,19 +267,9 @@ def check_reading_unit(fitted: Reading, y: Any, X: Any) -> None:
 def check_unit(role: str, name: str, fitted: str, unit: str | None = None, fitted_unit: str | None = None) -> None:
     """Refuse a column in another unit than the fitted column has, where both units are written.
 
-    Parameters
-    ----------
-    role : str
-        What the column is: "reading", "temperature".
-    name, fitted : str
-        Names of the column and of the fitted one.
-    unit, fitted_unit : str, optional
-        Their units, "" where nobody knows; those in their names by default.
-
-    Raises
-    ------
-    RecordError
-        Where the units differ.
+    `role` (str): What the column is: "reading", "temperature". `name`, `fitted` (str): Names of the column and of the
+    fitted one. `unit`, `fitted_unit` (str, optional): Their units, "" where nobody knows; those in their names by
+    default. Raises RecordError where the units differ.
     """
     unit = unit_of(name, None) if unit is None else unit
     fitted_unit = unit_of(fitted, None) if fitted_unit is None else fitted_unit
@@ -332,15 +308,9 @@ def check_corrected(fitted: Reading, corrected: np.ndarray, given: Any, expected
     Readings are those given, and the fitted ones (mean +- 10 standard deviations); far is more than the width of that
     range beyond it. Where nothing is far, this is two looks at the corrected readings.
 
-    Parameters
-    ----------
-    fitted : Reading
-    corrected : array of shape (n_rows,)
-        NaN where there is none.
-    given : array-like of shape (n_rows,)
-        Readings before the correction.
-    expected : tuple of float
-        Levels that corrected readings may have for a reason of their own.
+    `fitted` (Reading). `corrected` (array of shape (n_rows,)): NaN where there is none. `given` (array-like of shape
+    (n_rows,)): Readings before the correction. `expected` (tuple of float): Levels that corrected readings may have
+    for a reason of their own.
     """
     usual = USUAL_STDS * fitted.std
     levels = (fitted.mean - usual, fitted.mean + usual, *expected)

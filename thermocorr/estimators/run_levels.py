@@ -58,19 +58,9 @@ class RunLevels(NamedTuple):
 def run_levels(features: DiffusiveFeatures, record: Record, always: bool) -> RunLevels:
     """Whether runs have levels of their own, and where these begin.
 
-    Parameters
-    ----------
-    features : DiffusiveFeatures
-        Learned on the record: static law and further effects, without lags.
-    record : Record
-        With readings.
-    always : bool
-        Do not ask the record.
-
-    Raises
-    ------
-    RecordError
-        Where runs overlap in time and are to have levels of their own: a model holds one at a time.
+    `features` (DiffusiveFeatures): Learned on the record: static law and further effects, without lags. `record`
+    (Record): With readings. `always` (bool): Do not ask the record. Raises RecordError where runs overlap in time and
+    are to have levels of their own: a model holds one at a time.
     """
     runs = [run for run in _runs(record) if run.has_readings]
     if len(runs) < 2:
@@ -144,13 +134,8 @@ def _known(record: Record, start: int, stop: int) -> bool:
 def unlearned(model: Any, X: Any, known: np.ndarray) -> np.ndarray:
     """Rows of runs whose level a model cannot know, as it has no reading of them; shape (n_rows,), booleans.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor
-        Fitted; where its runs have one level, there are no such rows.
-    X : as for its `fit`
-    known : array of shape (n_rows,)
-        Readings that are learned from, NaN elsewhere.
+    `model` (DynamicBiasRegressor): Fitted; where its runs have one level, there are no such rows. `X` (as for its
+    `fit`). `known` (array of shape (n_rows,)): Readings that are learned from, NaN elsewhere.
     """
     if not model.run_levels_.times:
         return np.zeros(len(known), bool)

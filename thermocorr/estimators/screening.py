@@ -62,16 +62,8 @@ def _nearby(values: np.ndarray, rows: int = NEARBY) -> np.ndarray:
 def believed_readings(model: Any, X: Any, y: Any) -> np.ndarray:
     """The readings as a model with these settings would learn them from the whole record.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor
-        Fitted or not; with ``screen=False`` all readings are believed.
-    X, y : as for `DynamicBiasRegressor.fit`
-
-    Returns
-    -------
-    array of shape (n_rows,)
-        NaN where there is none, or a refused one.
+    `model` (DynamicBiasRegressor): Fitted or not; with ``screen=False`` all readings are believed. `X`, `y` (as for
+    `DynamicBiasRegressor.fit`). Returns array of shape (n_rows,): NaN where there is none, or a refused one.
     """
     reading = np.array(numeric_reading(y, X), float)
     if model.screen:

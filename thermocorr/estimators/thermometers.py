@@ -127,15 +127,8 @@ class Thermometers(NamedTuple):
     def split(self, time_constants: Any) -> tuple[Any, dict[Any, Any]]:
         """Time constants of the first thermometer, and of each further one.
 
-        Parameters
-        ----------
-        time_constants : sequence, or mapping of column to sequence
-            A sequence holds for every thermometer; one that a mapping leaves out acts at once.
-
-        Raises
-        ------
-        ValueError
-            For a column that is no thermometer.
+        `time_constants` (sequence, or mapping of column to sequence): A sequence holds for every thermometer; one
+        that a mapping leaves out acts at once. Raises ValueError for a column that is no thermometer.
         """
         if not isinstance(time_constants, Mapping):
             return time_constants, dict.fromkeys(self.further, time_constants)

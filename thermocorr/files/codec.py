@@ -54,19 +54,9 @@ class ModelFileError(ValueError):
 def pack(value: Any, where: str, effect: Callable[[Any, str], Any] | None = None) -> Any:
     """A value as JSON: numbers with all their digits, everything that JSON does not know under a ``$`` name.
 
-    Parameters
-    ----------
-    value : object
-        None, bool, number, text, list, tuple, dict, numeric array, time span, date, or a state of the lags or a delay.
-    where : str
-        What the value is, for the message.
-    effect : callable, optional
-        Packs what is none of these.
-
-    Raises
-    ------
-    ModelFileError
-        For a value that has no safe form in a file.
+    `value` (object): None, bool, number, text, list, tuple, dict, numeric array, time span, date, or a state of the
+    lags or a delay. `where` (str): What the value is, for the message. `effect` (callable, optional): Packs what is
+    none of these. Raises ModelFileError for a value that has no safe form in a file.
     """
     if isinstance(value, np.generic) and not isinstance(value, np.datetime64 | np.timedelta64):
         value = value.item()
@@ -306,12 +296,7 @@ def vector(
 def read_bytes(path: str | PathLike[str]) -> bytes:
     """What stands in a file of moderate size; pipes and devices are refused, which might never end.
 
-    Raises
-    ------
-    ModelFileError
-        For what is no regular file, or too large.
-    OSError
-        For what cannot be read.
+    Raises ModelFileError for what is no regular file, or too large. Raises OSError for what cannot be read.
     """
     status = Path(path).stat()
     if not stat.S_ISREG(status.st_mode):

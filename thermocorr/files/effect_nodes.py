@@ -86,10 +86,8 @@ class ImportNotAllowedError(ModelFileError):
 class EffectCodec:
     """Effects to JSON and back.
 
-    Parameters
-    ----------
-    allow_imports : collection of str
-        Import paths of effects that are not in the catalogue and may be loaded, such as "mypackage.effects.FanNoise".
+    `allow_imports` (collection of str): Import paths of effects that are not in the catalogue and may be loaded, such
+    as "mypackage.effects.FanNoise".
     """
 
     def __init__(self, allow_imports: Collection[str] = ()):

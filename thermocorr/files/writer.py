@@ -210,12 +210,8 @@ class Outputs:
     whatever goes wrong before, nothing has changed. Renaming follows links, and keeps mode and owner. (A process that
     is killed between two renamings leaves whole files, some of them new.)
 
-    Parameters
-    ----------
-    inputs : paths
-        Files that are read: none of them may be written.
-    force : bool, default False
-        Overwrite files that thermocorr did not write.
+    `inputs` (paths): Files that are read: none of them may be written. `force` (bool, default False): Overwrite files
+    that thermocorr did not write.
 
     Examples
     --------
@@ -248,11 +244,8 @@ class Outputs:
     def claim(self, path: Name) -> Path:
         """Say early that a file will be written: its folder is made, and all reasons against it are raised now.
 
-        Raises
-        ------
-        OutputError
-            For an input or another output under whatever name, a file without thermocorr's mark (unless forced), a
-            folder in its place, a place that cannot be written to.
+        Raises OutputError for an input or another output under whatever name, a file without thermocorr's mark
+        (unless forced), a folder in its place, a place that cannot be written to.
         """
         path = Path(path)
         with _said(path):
@@ -451,11 +444,7 @@ def _read(descriptor: int, start: int, count: int) -> bytes:
 class AppendedFile:
     """Whole rows, one after the other; what a full disk cuts short is taken away again.
 
-    Parameters
-    ----------
-    path : path
-    descriptor : int
-        Of the open file. It is locked: two processes do not write one file.
+    `path` (path). `descriptor` (int): Of the open file. It is locked: two processes do not write one file.
     """
 
     def __init__(self, path: Name, descriptor: int):

@@ -223,11 +223,7 @@ def refuse(effects: Sequence[Effect], language: str) -> None:
 class Composer:
     """Writes effects into a program, those that follow others later.
 
-    Parameters
-    ----------
-    program : Program
-    unit : str
-        Of the reading.
+    `program` (Program). `unit` (str): Of the reading.
     """
 
     def __init__(self, program: Program, unit: str):

@@ -49,18 +49,11 @@ def reference_bias(
 ) -> tuple[np.ndarray, float]:
     """Bias of each sample, shape (n,), and what its parts reach without their signs, both in the unit of the reading.
 
-    Parameters
-    ----------
-    target : Target
-        Says whether the samples follow the fitted record.
-    parts : sequence of (effect, coefficients, state)
-        Effects that `correct` removes, the coefficients of their columns, and their states before the first sample.
-    temperature : array of shape (n,)
-    columns : dict of column name -> array of shape (n,)
-    seconds : array of shape (n,)
-        Time since the first fitted row [s].
-    steps : array of shape (n,)
-        Time since the sample before [s]; the first since the last fitted row, where the samples follow.
+    `target` (Target): Says whether the samples follow the fitted record. `parts` (sequence of (effect, coefficients,
+    state)): Effects that `correct` removes, the coefficients of their columns, and their states before the first
+    sample. `temperature` (array of shape (n,)). `columns` (dict of column name -> array of shape (n,)). `seconds`
+    (array of shape (n,)): Time since the first fitted row [s]. `steps` (array of shape (n,)): Time since the sample
+    before [s]; the first since the last fitted row, where the samples follow.
     """
     elapsed = seconds - seconds[0]
     key = None

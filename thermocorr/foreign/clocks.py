@@ -133,19 +133,10 @@ class Understood(NamedTuple):
 def understood(values: pd.Series[Any], form: str | None = None, zone: str | None = None) -> Understood:
     """Times of a column as dates, spans or seconds.
 
-    Parameters
-    ----------
-    values : Series of shape (n,)
-        Text, numbers or dates.
-    form : str, optional
-        A format of `strptime`, or "excel", "labview", "unix", "unix ms", "unix us", "unix ns", "seconds".
-    zone : str, optional
-        Time zone of local times, such as "Europe/Berlin": they become UTC.
-
-    Raises
-    ------
-    RecordError
-        For dates that have two readings, and those that have none.
+    `values` (Series of shape (n,)): Text, numbers or dates. `form` (str, optional): A format of `strptime`, or
+    "excel", "labview", "unix", "unix ms", "unix us", "unix ns", "seconds". `zone` (str, optional): Time zone of local
+    times, such as "Europe/Berlin": they become UTC. Raises RecordError for dates that have two readings, and those
+    that have none.
     """
     if kind_of(values) == "text" and is_number(first_cell(values)):
         text: Any = values.astype("string").str.strip()
@@ -313,10 +304,7 @@ def _forms(cell: str) -> tuple[str, ...]:
 def one_date(text: str) -> Any:
     """A date that a user writes, in any form that logs have; None for what has none of them, such as ISO 8601.
 
-    Raises
-    ------
-    RecordError
-        For a date that has two readings, and one that has none.
+    Raises RecordError for a date that has two readings, and one that has none.
 
     Examples
     --------

@@ -28,18 +28,8 @@ FEWEST_ROWS = 2
 class LineTranslator:
     """Turns the lines of a log into plain CSV, in the way that its first lines are written.
 
-    Parameters
-    ----------
-    path : Path
-        The log, which has its header and some rows already.
-    how : HowToRead
-    time : callable
-        Finds the column of times among names; None where there is none.
-
-    Raises
-    ------
-    RecordError
-        Where the first lines do not tell.
+    `path` (Path): The log, which has its header and some rows already. `how` (HowToRead). `time` (callable): Finds
+    the column of times among names; None where there is none. Raises RecordError where the first lines do not tell.
     """
 
     def __init__(self, path: Path, how: HowToRead, time: Callable[[tuple[str, ...]], str | None]):

@@ -32,15 +32,8 @@ from .values import nearly_numbers
 def read_log(path: str | Path, how: HowToRead | None = None) -> ForeignTable:
     """Read a log: text with any separator, spreadsheets, Parquet, Feather, packed by gz or zip or not.
 
-    Parameters
-    ----------
-    path : path
-    how : HowToRead, optional
-
-    Raises
-    ------
-    RecordError
-        For a file that is missing, empty, or no table; one sentence that says what to pass.
+    `path` (path). `how` (HowToRead, optional). Raises RecordError for a file that is missing, empty, or no table; one
+    sentence that says what to pass.
     """
     path, how = existing_file(path), how or HowToRead()
     ending = path.suffix.lower()

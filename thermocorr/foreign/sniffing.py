@@ -245,17 +245,8 @@ class Looked(NamedTuple):
 def sniff(lines: Sequence[str], separator: str | None = None, decimal: str | None = None) -> Dialect | None:
     """The dialect of a file; None where its lines are no table.
 
-    Parameters
-    ----------
-    lines : sequence of str
-        The first lines, `SAMPLE` of them or all.
-    separator, decimal : str, optional
-        Where the user says them.
-
-    Raises
-    ------
-    RecordError
-        Where numbers have decimal points and decimal commas.
+    `lines` (sequence of str): The first lines, `SAMPLE` of them or all. `separator`, `decimal` (str, optional): Where
+    the user says them. Raises RecordError where numbers have decimal points and decimal commas.
     """
     if max(map(len, lines), default=0) > LONGEST:
         return None

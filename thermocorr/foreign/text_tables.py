@@ -42,19 +42,8 @@ MOST_COLUMNS = 10_000
 def text_table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...] = ()) -> ForeignTable:
     """The table in the content of a file.
 
-    Parameters
-    ----------
-    content : bytes
-    path : Path
-        What it is called in messages.
-    how : HowToRead
-    said : tuple of str
-        What was understood before.
-
-    Raises
-    ------
-    RecordError
-        For what is no table.
+    `content` (bytes). `path` (Path): What it is called in messages. `how` (HowToRead). `said` (tuple of str): What
+    was understood before. Raises RecordError for what is no table.
     """
     header = content[: content.find(b"\n") + 1 or len(content)]
     columns = max(header.count(mark) for mark in (b",", b";", b"\t", b"|"))

@@ -34,17 +34,9 @@ CLOCKS = ("time", "clock", "zeit", "uhrzeit", "time of day", "heure", "hora")
 def with_times(table: ForeignTable, column: str | None, how: HowToRead) -> ForeignTable:
     """The log with its times as dates, spans or seconds; text in the forms of ISO 8601 stays as it came.
 
-    Parameters
-    ----------
-    table : ForeignTable
-    column : str, optional
-        The column of times; without one only `HowToRead.sort` could be asked for, which needs one.
-    how : HowToRead
-
-    Raises
-    ------
-    RecordError
-        For times that can be read in two ways, and those that cannot be read.
+    `table` (ForeignTable). `column` (str, optional): The column of times; without one only `HowToRead.sort` could be
+    asked for, which needs one. `how` (HowToRead). Raises RecordError for times that can be read in two ways, and
+    those that cannot be read.
     """
     if column is None:
         if how.time_format or how.timezone or how.sort:
@@ -89,12 +81,8 @@ def in_seconds(frame: pd.DataFrame, column: str) -> Understood | None:
 def unit_of_times(column: str, units: Mapping[str, str]) -> str:
     """The unit of times that are numbers, one of `SPANS`; "" for seconds, and where nobody says it.
 
-    Parameters
-    ----------
-    column : str
-        Name of the times, which may end with their unit: ``time_ms``, ``elapsed hours``, ``Stunden``.
-    units : mapping
-        Units that the file gives elsewhere, by names of columns.
+    `column` (str): Name of the times, which may end with their unit: ``time_ms``, ``elapsed hours``, ``Stunden``.
+    `units` (mapping): Units that the file gives elsewhere, by names of columns.
     """
     unit = units.get(column) or unit_of(column, None) or _unit_in_name(column)
     return unit if unit in SPANS and unit != "s" else ""

@@ -74,11 +74,7 @@ def guessed(
 ) -> Roles | None:
     """Roles from names and units, those that are given as they are; None where a person must choose.
 
-    Parameters
-    ----------
-    frame : DataFrame
-    temperature, reading, time, run : str, optional
-        Columns whose role the user knows.
+    `frame` (DataFrame). `temperature`, `reading`, `time`, `run` (str, optional): Columns whose role the user knows.
     """
     time = guessed_time(frame, (temperature, reading, run)) if time is None else time
     run = guessed_run(frame, reading) if run is None else run

@@ -40,20 +40,10 @@ Chore = tuple[str, Callable[[], None]]
 class Bench:
     """One log under work. Everything is done by `perform` and, in between, by `next_chore`.
 
-    Parameters
-    ----------
-    source : Source
-    store : Store
-        Where curves are put.
-    roles : Roles, optional
-        None asks the user.
-    settings : Settings
-    own : sequence of classes of effects
-        Suspects of the user's own.
-    own_file : str
-        The file that they are from.
-    base : DynamicBiasRegressor, optional
-        The model whose settings count where `ModelSettings` has none.
+    `source` (Source). `store` (Store): Where curves are put. `roles` (Roles, optional): None asks the user.
+    `settings` (Settings). `own` (sequence of classes of effects): Suspects of the user's own. `own_file` (str): The
+    file that they are from. `base` (DynamicBiasRegressor, optional): The model whose settings count where
+    `ModelSettings` has none.
     """
 
     def __init__(
@@ -134,15 +124,8 @@ class Bench:
     def perform(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Do what is asked; nothing has changed where it raises.
 
-        Parameters
-        ----------
-        asked : dict
-            ``do``: columns, shape, add, mark, undo, redo, drop, judge, preview or fit; with what these need.
-
-        Raises
-        ------
-        ValueError
-            For what cannot be done: its sentence is for the user.
+        `asked` (dict): ``do``: columns, shape, add, mark, undo, redo, drop, judge, preview or fit; with what these
+        need. Raises ValueError for what cannot be done: its sentence is for the user.
         """
         doers = {
             "columns": self._columns, "shape": self._shape, "add": self._add, "mark": self._mark, "undo": self._undo,

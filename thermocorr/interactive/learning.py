@@ -143,10 +143,7 @@ def fitted(
 ) -> Fitted:
     """Fit an arrangement, and write its curves to the store.
 
-    Raises
-    ------
-    RecordError, ValueError
-        What the fit says of unusable data and settings.
+    Raises RecordError, ValueError: what the fit says of unusable data and settings.
     """
     data = data_of(source, arrangement)
     with warnings.catch_warnings(record=True) as caught:

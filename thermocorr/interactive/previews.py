@@ -22,10 +22,8 @@ AFTER, TAKEN = "preview after", "preview taken"
 def preview_of(found: Fitted, effect: Effect, store: Store) -> dict[str, Any]:
     """Fit the model with one effect more, its time constants held, and put its curves beside those there are.
 
-    Returns
-    -------
-    dict
-        curves (names in the store), before and after (rms residual of the rows that are learned from), label.
+    Returns dict: curves (names in the store), before and after (rms residual of the rows that are learned from),
+    label.
     """
     extended = with_missing(found.model, effect)
     if not isinstance(effect, ThermalLag):

@@ -85,12 +85,8 @@ def is_session(path: str | Path) -> bool:
 def reopened(path: str | Path, store: Store, own: Sequence[type[Effect]] = (), own_file: str = "") -> Bench:
     """The bench of a session file, at its last step, not yet fitted.
 
-    Raises
-    ------
-    ModelFileError
-        For a file that is damaged, or no session.
-    RecordError
-        Where the log has gone, or is another one than it was.
+    Raises ModelFileError for a file that is damaged, or no session. Raises RecordError where the log has gone, or is
+    another one than it was.
     """
     try:
         node = fields(parse(read_bytes(path)), "$", ("format", "version", "log", "settings", "past", "model"))

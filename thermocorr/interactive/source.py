@@ -75,19 +75,9 @@ def opened(
 ) -> ReadLog:
     """Read a log.
 
-    Parameters
-    ----------
-    paths : sequence of paths
-    how : HowToRead, optional
-    join : bool
-        Join several files by their times.
-    names : sequence of str
-        What the files are called where they came from, if that is not here.
-
-    Raises
-    ------
-    RecordError
-        For files that cannot be read.
+    `paths` (sequence of paths). `how` (HowToRead, optional). `join` (bool): Join several files by their times.
+    `names` (sequence of str): What the files are called where they came from, if that is not here. Raises RecordError
+    for files that cannot be read.
     """
     how, digest = how or HowToRead(), fingerprint(paths)
     with warnings.catch_warnings(record=True) as caught:

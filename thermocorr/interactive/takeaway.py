@@ -188,12 +188,8 @@ class Kind(NamedTuple):
 def taken(bench: Bench, kind: str, folder: Path) -> Path:
     """Write one of `KINDS` to a new folder inside of a folder; whoever took it away removes that.
 
-    Raises
-    ------
-    ValueError
-        For a kind that there is not, and where there is no model yet.
-    OutputError
-        Where it cannot be written.
+    Raises ValueError for a kind that there is not, and where there is no model yet. Raises OutputError where it
+    cannot be written.
     """
     if kind not in KINDS:
         raise ValueError(f"{kind!r} cannot be taken away. There are: {', '.join(KINDS)}.")

@@ -121,18 +121,10 @@ class Tiles:
     ) -> Piece:
         """Curves between two places.
 
-        Parameters
-        ----------
-        place, begins : str
-            Names, in the store, of the places of all rows (never decreasing) and of the rows at which segments begin.
-        curves : sequence of str
-            Names of what is to be drawn.
-        low, high : float
-            From where to where; a row more at either side is taken, so that lines reach the edge.
-        n : int
-            Pixels.
-        averaged : sequence of str
-            Names of curves whose means over stretches are wanted too.
+        `place`, `begins` (str): Names, in the store, of the places of all rows (never decreasing) and of the rows at
+        which segments begin. `curves` (sequence of str): Names of what is to be drawn. `low`, `high` (float): From
+        where to where; a row more at either side is taken, so that lines reach the edge. `n` (int): Pixels.
+        `averaged` (sequence of str): Names of curves whose means over stretches are wanted too.
         """
         x = self.store.get(place)
         first = max(int(np.searchsorted(x, low, "left")) - 1, 0)
@@ -194,10 +186,8 @@ class Tiles:
     def cloud(self, across: str, up: str) -> dict[str, np.ndarray]:
         """One curve over another: some points, and the mean in bins of equal width of all rows.
 
-        Returns
-        -------
-        dict of arrays
-            x, y (points); center, mean, error (of the mean, as if values were independent), count (bins with rows).
+        Returns dict of arrays: x, y (points); center, mean, error (of the mean, as if values were independent), count
+        (bins with rows).
         """
         x, y = self.store.get(across), self.store.get(up)
         known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))

@@ -130,15 +130,9 @@ _TOGETHER = 32
 class Shifts:
     """Delays of 1, 2, ... rows.
 
-    Parameters
-    ----------
-    judged : Comparison
-    T : array of shape (n,)
-        Temperature of each row [K].
-    segment : array of shape (n,)
-        Number of the segment of each row; before a segment began, the temperature was that of its first row.
-    weight : array of shape (n,)
-        What rows are weighted with.
+    `judged` (Comparison). `T` (array of shape (n,)): Temperature of each row [K]. `segment` (array of shape (n,)):
+    Number of the segment of each row; before a segment began, the temperature was that of its first row. `weight`
+    (array of shape (n,)): What rows are weighted with.
     """
 
     def __init__(self, judged: Comparison, T: np.ndarray, segment: np.ndarray, weight: np.ndarray):

@@ -55,13 +55,8 @@ from .worth import HeldOut, Worth
 class Search:
     """Finds causes one after the other.
 
-    Parameters
-    ----------
-    pool : Pool
-    anywhere : collection of str
-        Kinds that are looked for at every row, period or delay.
-    small : float
-        Twice the log likelihood up to which what a better thermal part could do without is too small for a word.
+    `pool` (Pool). `anywhere` (collection of str): Kinds that are looked for at every row, period or delay. `small`
+    (float): Twice the log likelihood up to which what a better thermal part could do without is too small for a word.
     """
 
     def __init__(self, pool: Pool, anywhere: Collection[str] = ANYWHERE, small: float = 0.0):

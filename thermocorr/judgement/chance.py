@@ -17,16 +17,9 @@ class HelpOfNoise:
 
     Help is measured for each kind and column by what the noise usually gives it (Westfall & Young 1993).
 
-    Parameters
-    ----------
-    pool : Pool
-    judged : Comparison
-        Its noise is drawn from, with a fixed seed.
-    held : HeldOut
-        The base that help is beside.
-    tried : sequence of Explanation
-    coarse : sequence of array
-        Their columns, as data not learned from are judged on.
+    `pool` (Pool). `judged` (Comparison): Its noise is drawn from, with a fixed seed. `held` (HeldOut): The base that
+    help is beside. `tried` (sequence of Explanation). `coarse` (sequence of array): Their columns, as data not
+    learned from are judged on.
     """
 
     def __init__(

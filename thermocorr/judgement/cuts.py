@@ -17,18 +17,9 @@ from .likelihood import Comparison
 def products_from(columns: np.ndarray, kernel: Kernel, mirrored: bool = True) -> np.ndarray:
     """Products ``columns[k:]' C^-1 columns[k:]`` at each row k of one span, C the covariance of the noise.
 
-    Parameters
-    ----------
-    columns : array of shape (n, c)
-    kernel : Kernel
-        Inverse covariance of the noise.
-    mirrored : bool
-        Beyond its ends the span goes on as in a mirror, as the cosine transform has it. False: it is a part of a
-        longer one.
-
-    Returns
-    -------
-    array of shape (n, c, c)
+    `columns` (array of shape (n, c)). `kernel` (Kernel): Inverse covariance of the noise. `mirrored` (bool): Beyond
+    its ends the span goes on as in a mirror, as the cosine transform has it. False: it is a part of a longer one.
+    Returns array of shape (n, c, c).
     """
     white, sizes, ratios = kernel
     n = len(columns)
@@ -72,14 +63,9 @@ def change_gains(
 ) -> np.ndarray:
     """Log likelihood that another offset and sensitivity from each row on gain under a given noise, shape (n,).
 
-    Parameters
-    ----------
-    judged : Comparison
-    theta : array of shape (parts,)
-    weight, temperature : arrays of shape (n,)
-        What rows are weighted with, and the temperature less its mean.
-    rows : array of shape (n, 1 + p)
-        What `anywhere.filtered` says.
+    `judged` (Comparison). `theta` (array of shape (parts,)). `weight`, `temperature` (arrays of shape (n,)): What
+    rows are weighted with, and the temperature less its mean. `rows` (array of shape (n, 1 + p)): What
+    `anywhere.filtered` says.
     """
     bent = temperature / max(float(np.std(temperature)), 1e-300) * weight
     columns = np.column_stack((weight, bent))

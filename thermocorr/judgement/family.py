@@ -27,15 +27,9 @@ ANYWHERE = (*DATED, Periodic.kind, Delay.kind)
 class Family:
     """The explanations that are compared; each has the number that it has in the comparison.
 
-    Parameters
-    ----------
-    pool : Pool
-    judged : Comparison
-        Gets the columns of every explanation.
-    anywhere : collection of str
-        Kinds that are looked for at every row, period or delay.
-    small : float
-        Twice the log likelihood up to which what a better thermal part could do without is too small for a word.
+    `pool` (Pool). `judged` (Comparison): Gets the columns of every explanation. `anywhere` (collection of str): Kinds
+    that are looked for at every row, period or delay. `small` (float): Twice the log likelihood up to which what a
+    better thermal part could do without is too small for a word.
     """
 
     def __init__(self, pool: Pool, judged: Comparison, anywhere: Collection[str], small: float):

@@ -19,12 +19,8 @@ from .levels import FAR, FEW, FEW_HELD, GROUPS, HELD, MANY_STARTS, ROBUST, ROUND
 class Starts:
     """The directions that start-up decays hold, segment by segment.
 
-    Parameters
-    ----------
-    columns : array of shape (n, k)
-        Decays of each row's own segment.
-    segment : array of shape (n,)
-        Number of each row's segment.
+    `columns` (array of shape (n, k)): Decays of each row's own segment. `segment` (array of shape (n,)): Number of
+    each row's segment.
     """
 
     def __init__(self, columns: np.ndarray, segment: np.ndarray):
@@ -62,15 +58,9 @@ class Starts:
 class JudgedRows:
     """What averaged rows are worth, and what is done to every column before it is compared.
 
-    Parameters
-    ----------
-    data : Averages
-    decays : sequence of arrays of shape (n, k)
-        Start-up decays, see `starts_of`.
-    base : sequence of arrays of shape (n, k)
-        Columns that are judged beside: spikes and noise are those of what they leave.
-    span : array of shape (n,)
-        Number of the span over which noise goes on.
+    `data` (Averages). `decays` (sequence of arrays of shape (n, k)): Start-up decays, see `starts_of`. `base`
+    (sequence of arrays of shape (n, k)): Columns that are judged beside: spikes and noise are those of what they
+    leave. `span` (array of shape (n,)): Number of the span over which noise goes on.
     """
 
     def __init__(self, data: Averages, decays: Sequence[np.ndarray], base: Sequence[np.ndarray], span: np.ndarray):

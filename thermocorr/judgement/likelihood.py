@@ -41,11 +41,7 @@ def filter_memory(judged: Comparison, steps: float) -> float:
     A filter leaves no white noise beside it; an unknown cause that comes and goes as quickly has the instrument's, if
     that is not far below it. What is switched has two levels, or rare large steps, where a filter's noise is Gaussian.
 
-    Parameters
-    ----------
-    judged : Comparison
-    steps : float
-        Samples of the record in each of its rows.
+    `judged` (Comparison). `steps` (float): Samples of the record in each of its rows.
     """
     theta, times = judged.base.theta, judged.bands.times
     fast = np.where(steps * times <= FILTER_LENGTH, theta[1:], 0.0)
@@ -105,18 +101,9 @@ class BaseProducts:
     def solved(self, W: np.ndarray, beside: Sequence[ExplanationColumns | None]) -> tuple[list[np.ndarray], np.ndarray]:
         """Least squares of the reading on the base with each of some explanations, each under its own weights.
 
-        Parameters
-        ----------
-        W : array of shape (J, bands)
-        beside : sequence of length J
-            None is the base alone.
-
-        Returns
-        -------
-        coefs : list of J arrays
-            Of the base's columns and the explanation's.
-        power : array of shape (bands, J)
-            Sums of squares that they leave in each band.
+        `W` (array of shape (J, bands)). `beside` (sequence of length J): None is the base alone. Returns coefs (list
+        of J arrays): of the base's columns and the explanation's. Returns power (array of shape (bands, J)): sums of
+        squares that they leave in each band.
         """
         p = self.Qz.shape[1]
         A, b = weighted(W, self.QQ), W @ self.Qz
@@ -138,17 +125,9 @@ class BaseProducts:
     def taken(self, W: np.ndarray, founds: Sequence[ExplanationColumns]) -> tuple[np.ndarray, np.ndarray]:
         """Weighted sums of squares of the reading that explanations take away beside the base.
 
-        Parameters
-        ----------
-        W : array of shape (J, bands)
-        founds : sequence of length K > 0
-
-        Returns
-        -------
-        taken : array of shape (J, K)
-            0 where the base holds one of an explanation's columns.
-        left : array of shape (J,)
-            What the base alone leaves.
+        `W` (array of shape (J, bands)). `founds` (sequence of length K > 0). Returns taken (array of shape (J, K)): 0
+        where the base holds one of an explanation's columns. Returns left (array of shape (J,)): what the base alone
+        leaves.
         """
         widths = np.array([found.own.shape[1] for found in founds])
         starts, single = np.cumsum(widths) - widths, np.flatnonzero(widths == 1)
@@ -235,14 +214,9 @@ class Fit:
 class Comparison:
     """A base of columns, and explanations to be taken in beside it.
 
-    Parameters
-    ----------
-    reading : array of shape (n,)
-    base : array of shape (n, p)
-    segment : array of shape (n,)
-        Number of the segment of each row. The noise of different segments is independent.
-    lost : array of shape (n, k), optional
-        Orthonormal directions that reading and columns have lost before: they are degrees of freedom no more.
+    `reading` (array of shape (n,)). `base` (array of shape (n, p)). `segment` (array of shape (n,)): Number of the
+    segment of each row. The noise of different segments is independent. `lost` (array of shape (n, k), optional):
+    Orthonormal directions that reading and columns have lost before: they are degrees of freedom no more.
     """
 
     def __init__(self, reading: np.ndarray, base: np.ndarray, segment: np.ndarray, lost: np.ndarray | None = None):

@@ -57,14 +57,8 @@ def _slowest(record: Record) -> float:
 def residuals_of(model: DynamicBiasRegressor, read: Record, judged: Record) -> tuple[np.ndarray, float]:
     """Residual of each row of the judged record, NaN where there is none, and the rms residual of single readings.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor
-        Fitted.
-    read : Record
-        The user's record with its readings, see `record_of`.
-    judged : Record
-        What `suspect_record` made of it.
+    `model` (DynamicBiasRegressor): Fitted. `read` (Record): The user's record with its readings, see `record_of`.
+    `judged` (Record): What `suspect_record` made of it.
     """
     if isinstance(judged, Thinned) and not isinstance(read, Thinned):
         return _averages(model, read, judged)

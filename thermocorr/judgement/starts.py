@@ -19,16 +19,9 @@ from .levels import BEYOND, FEW_STARTS, MANY_STARTS, STARTS
 class OwnStart(Effect):
     """Start-up decays, eq. (18), each segment's in the same columns: from a model's fastest to its slowest, and beyond.
 
-    Parameters
-    ----------
-    transient : InitialTransient
-        The model's decays.
-    slowest : float
-        Time constant [s] beyond which a decay competes with drift and ageing instead.
-    which : slice
-        Of which segments.
-    beyond : float
-        How far they reach beyond, as a factor.
+    `transient` (InitialTransient): The model's decays. `slowest` (float): Time constant [s] beyond which a decay
+    competes with drift and ageing instead. `which` (slice): Of which segments. `beyond` (float): How far they reach
+    beyond, as a factor.
     """
 
     kind = "own_start"
@@ -68,12 +61,8 @@ class Before(Effect):
     Of another temperature until then, that is the sum of their decays, eq. (18), times the coefficients of the lags. Of
     one that was rising, the slow parts keep more: with rank 2, so many times more as they are slower.
 
-    Parameters
-    ----------
-    time_constants, coefficients : array of shape (J,)
-        Of the lags [s].
-    rank : int
-        1 or 2, the number of columns.
+    `time_constants`, `coefficients` (array of shape (J,)): Of the lags [s]. `rank` (int): 1 or 2, the number of
+    columns.
     """
 
     kind = "own_start"

@@ -41,18 +41,10 @@ def where_it_fails(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Under which conditions a model fails, and at which averaging times: `Diagnosis.where` and `Diagnosis.allan`.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor
-        Fitted.
-    record : Record
-        With the recorded columns that are conditions.
-    residual : array of shape (n_rows,)
-        Measured less modelled reading; NaN where unknown.
-    rms : float
-        Rms residual of single readings; where the rows of the record are averages, theirs is less.
-    floor : float
-        Standard deviation of the noise of one sample.
+    `model` (DynamicBiasRegressor): Fitted. `record` (Record): With the recorded columns that are conditions.
+    `residual` (array of shape (n_rows,)): Measured less modelled reading; NaN where unknown. `rms` (float): Rms
+    residual of single readings; where the rows of the record are averages, theirs is less. `floor` (float): Standard
+    deviation of the noise of one sample.
     """
     lag, recorded = largest_lag(model), [name for name in record.columns if name != record.temperature_name]
     effects: list[Effect] = [Rate(), *([] if lag is None else [ThermalLag([lag])]), *(Covariate(c) for c in recorded)]

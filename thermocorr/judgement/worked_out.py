@@ -76,22 +76,9 @@ def worked_out(
 ) -> tuple[DynamicBiasRegressor, Errors, Effect]:
     """Work out an effect that a fitted model has got, as long as data that it was not learned from are better for it.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor
-        Fitted.
-    X, y : as for `DynamicBiasRegressor.fit`
-    errors : Errors
-        Of the model.
-    added : Effect
-        What has no lags of its own stays as it is.
-    say : callable
-        Called with a line of text before each step.
-
-    Returns
-    -------
-    model, errors, added
-        Those given where nothing is better.
+    `model` (DynamicBiasRegressor): Fitted. `X`, `y` (as for `DynamicBiasRegressor.fit`). `errors` (Errors): Of the
+    model. `added` (Effect): What has no lags of its own stays as it is. `say` (callable): Called with a line of text
+    before each step. Returns model, errors, added: those given where nothing is better.
     """
     place = next((i for i, effect in enumerate(effects_of(model)) if _is_of(effect, added)), None)
     if place is None:

@@ -47,12 +47,8 @@ class Worth:
 class HeldOut:
     """A base, and what columns beside it are worth.
 
-    Parameters
-    ----------
-    readings : array of shape (n, records)
-        The reading, or many drawn ones.
-    base : array of shape (n, p)
-        Column 0 is the constant.
+    `readings` (array of shape (n, records)): The reading, or many drawn ones. `base` (array of shape (n, p)): Column
+    0 is the constant.
     """
 
     def __init__(self, readings: np.ndarray, base: np.ndarray):

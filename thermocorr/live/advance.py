@@ -45,13 +45,8 @@ class Advanced(NamedTuple):
 class Stream:
     """Where a stream stands, and how it goes on.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor
-    continues : bool
-        Whether the stream may continue or repeat the fitted record.
-    errors : LiveErrors, optional
-        Where uncertainties are asked for.
+    `model` (DynamicBiasRegressor). `continues` (bool): Whether the stream may continue or repeat the fitted record.
+    `errors` (LiveErrors, optional): Where uncertainties are asked for.
     """
 
     def __init__(self, model: DynamicBiasRegressor, continues: bool, errors: LiveErrors | None = None):

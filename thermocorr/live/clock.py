@@ -72,12 +72,7 @@ def _window_sums(values: np.ndarray, count: int) -> np.ndarray:
 class Tracker:
     """Mean under an exponential weight of the time since: ``u += (1 - exp(-dt/tau)) (value - u)``.
 
-    Parameters
-    ----------
-    time_constant : float or time span
-        tau [s].
-    start : float
-        u before the first value.
+    `time_constant` (float or time span): tau [s]. `start` (float): u before the first value.
     """
 
     def __init__(self, time_constant: Any, start: float):

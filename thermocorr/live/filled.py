@@ -175,10 +175,7 @@ class LiveErrors:
 
     A model that has searched its time constants carries the lags of the whole spectrum beside its own.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor
-        Fitted.
+    `model` (DynamicBiasRegressor): Fitted.
     """
 
     def __init__(self, model: DynamicBiasRegressor):
@@ -250,11 +247,7 @@ class LiveFilling:
 
     It counts every sample whose time goes on, those that lack all thermometers too: a stream passes over these.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor
-    continues : bool
-        Whether the stream may continue the fitted record.
+    `model` (DynamicBiasRegressor). `continues` (bool): Whether the stream may continue the fitted record.
     """
 
     def __init__(self, model: DynamicBiasRegressor, continues: bool):
@@ -325,11 +318,8 @@ class LiveFilling:
     def rows(self, stamps: np.ndarray, run: Any, values: dict[Any, np.ndarray], clock: Clock) -> np.ndarray:
         """Fill missing cells of the next samples of one run, in place.
 
-        Returns
-        -------
-        array of shape (n, 3)
-            Standard deviation of the bias by filled cells, 0 where none is felt; 1 where one of the row's own is; and
-            how many segments have been ended by holes so far, `n_ended`.
+        Returns array of shape (n, 3): standard deviation of the bias by filled cells, 0 where none is felt; 1 where
+        one of the row's own is; and how many segments have been ended by holes so far, `n_ended`.
         """
         self._catch_up(clock)
         result = np.zeros((len(stamps), 3))

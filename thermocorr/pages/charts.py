@@ -60,17 +60,9 @@ class Traces:
     ) -> Traces:
         """Run once through a record, block by block.
 
-        Parameters
-        ----------
-        model : DynamicBiasRegressor
-            Fitted.
-        X, y : as for `DynamicBiasRegressor.evaluate_blocks`
-        timeline : TimeLine
-            Of the record.
-        beside : tuple
-            Recorded columns to show beside what the model makes of the record.
-        most : int
-            Most points of a line.
+        `model` (DynamicBiasRegressor): Fitted. `X`, `y` (as for `DynamicBiasRegressor.evaluate_blocks`). `timeline`
+        (TimeLine): Of the record. `beside` (tuple): Recorded columns to show beside what the model makes of the
+        record. `most` (int): Most points of a line.
         """
         cells = Extremes(most)
         flags: dict[str, int] = {}
@@ -212,13 +204,9 @@ def extremes(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Lowest and highest values of groups that begin at `starts`, and whether the highest comes first.
 
-    Parameters
-    ----------
-    low, high : array of shape (n, k)
-        The same array for single samples, or extremes of cells; NaN where unknown.
-    falls : array of shape (n, k), optional
-        Whether the highest of each cell came first.
-    starts : array of shape (m,)
+    `low`, `high` (array of shape (n, k)): The same array for single samples, or extremes of cells; NaN where unknown.
+    `falls` (array of shape (n, k), optional): Whether the highest of each cell came first. `starts` (array of shape
+    (m,)).
     """
     n = len(low)
     lowest, highest = np.fmin.reduceat(low, starts, axis=0), np.fmax.reduceat(high, starts, axis=0)
@@ -385,11 +373,7 @@ def packed_times(x: np.ndarray | str) -> dict[str, Any]:
 def still(values: np.ndarray, floor: float) -> Markup:
     """A line without a script: extremes of a few hundred groups of rows, as SVG in the colour of the text.
 
-    Parameters
-    ----------
-    values : array of shape (n,)
-    floor : float
-        Dashed lines at plus and minus this.
+    `values` (array of shape (n,)). `floor` (float): Dashed lines at plus and minus this.
     """
     width, height = 640, 90
     parts = np.array_split(np.asarray(values, float), min(width // 2, len(values)))

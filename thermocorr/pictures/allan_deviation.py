@@ -24,12 +24,8 @@ their noise."""
 def added_noise(model: Any, X: Any, y: Any) -> str:
     """A sentence on the averaging times at which a correction adds noise, and the column that does it; "" for none.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor
-        Fitted; or a search with a ``best_estimator_``.
-    X, y : as for `DynamicBiasRegressor.evaluate`
-        A frame or an array.
+    `model` (DynamicBiasRegressor): Fitted; or a search with a ``best_estimator_``. `X`, `y` (as for
+    `DynamicBiasRegressor.evaluate`): A frame or an array.
 
     Examples
     --------

@@ -45,14 +45,8 @@ N_CELLS = 2000
 class Cells:
     """Values that arrive in time order, block by block, and what is kept of them.
 
-    Parameters
-    ----------
-    timeline : TimeLine
-    names : sequence of str
-        Names of the values.
-    n_rows : int
-        Rows that will come.
-    n_cells : int
+    `timeline` (TimeLine). `names` (sequence of str): Names of the values. `n_rows` (int): Rows that will come.
+    `n_cells` (int).
     """
 
     def __init__(self, timeline: TimeLine, names: Sequence[str], n_rows: int, n_cells: int = N_CELLS):

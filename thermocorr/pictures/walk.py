@@ -36,10 +36,8 @@ class SegmentRows(NamedTuple):
 class Walk:
     """A model on a record: its time line, and its rows block by block.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor, or a fitted search with a ``best_estimator_``
-    X, y : as for `DynamicBiasRegressor.evaluate_blocks`; y may be left out
+    `model` (DynamicBiasRegressor, or a fitted search with a ``best_estimator_``). `X`, `y` (as for
+    `DynamicBiasRegressor.evaluate_blocks`; y may be left out).
     """
 
     def __init__(self, model: Any, X: Any, y: Any = None):

@@ -26,19 +26,9 @@ def table_by_arrow(content: bytes, start: int, end: int, head: pd.DataFrame, mis
     Of what type a column is has been told by pandas, from the first of them. Where one of its cells is not of that
     type, or pyarrow takes for a number what pandas does not, there is none.
 
-    Parameters
-    ----------
-    content : bytes
-    start, end : int
-        Where the rows begin and end: whole lines in UTF-8, with as many fields in each as `head` has columns.
-    head : DataFrame
-        The first of them, as pandas reads them.
-    missing : list of str
-        What stands in a cell without a value.
-
-    Returns
-    -------
-    DataFrame, or None where pandas has to read them.
+    `content` (bytes). `start`, `end` (int): Where the rows begin and end: whole lines in UTF-8, with as many fields
+    in each as `head` has columns. `head` (DataFrame): The first of them, as pandas reads them. `missing` (list of
+    str): What stands in a cell without a value. Returns DataFrame, or None where pandas has to read them.
     """
     try:
         import pyarrow as pa

@@ -21,12 +21,8 @@ def printable(text: object, kept: str = "") -> str:
     and separators of lines and paragraphs become the escapes that Python writes for them. All else stays: blanks of
     any width, accents, every script.
 
-    Parameters
-    ----------
-    text : object
-        Whatever names a column, a unit or a run; ``str`` of it is taken.
-    kept : str
-        Characters of those kinds that stay as they are.
+    `text` (object): Whatever names a column, a unit or a run; ``str`` of it is taken. `kept` (str): Characters of
+    those kinds that stay as they are.
 
     Examples
     --------

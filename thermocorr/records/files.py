@@ -108,28 +108,10 @@ def miscounted(found: int, wanted: int) -> str:
 def check_lines(content: bytes, n_columns: int, start: int, line: int = 2) -> tuple[int, int]:
     """Check every line behind the header of a whole file.
 
-    Parameters
-    ----------
-    content : bytes
-        The file.
-    n_columns : int
-        Fields of the header.
-    start : int
-        Where the line behind the header begins.
-    line : int
-        Its number in the file.
-
-    Returns
-    -------
-    rows : int
-        Lines with fields; empty ones do not count.
-    end : int
-        Where the last whole line ends: a line that the file breaks off in is left out.
-
-    Raises
-    ------
-    RecordError
-        For the first line that is no row of the table.
+    `content` (bytes): The file. `n_columns` (int): Fields of the header. `start` (int): Where the line behind the
+    header begins. `line` (int): Its number in the file. Returns rows (int): lines with fields; empty ones do not
+    count. Returns end (int): where the last whole line ends: a line that the file breaks off in is left out. Raises
+    RecordError for the first line that is no row of the table.
     """
     end = max(content.rfind(b"\n") + 1, start)
     rows = 0
@@ -263,18 +245,9 @@ def _read_csv(path: Path) -> pd.DataFrame:
 def csv_table(content: bytes, path: Path, names: list[str] | None = None, line: int = 1) -> pd.DataFrame:
     """Read plain CSV: commas, decimal points, UTF-8.
 
-    Parameters
-    ----------
-    content : bytes
-        The file, or what it was translated to.
-    path : Path
-        What it is called in messages.
-    names : list of str, optional
-        Of the columns, where `content` begins behind its header.
-    line : int
-        The number of its first line in the file.
-
-    Raises RecordError for the first line that is no row of the table.
+    `content` (bytes): The file, or what it was translated to. `path` (Path): What it is called in messages. `names`
+    (list of str, optional): Of the columns, where `content` begins behind its header. `line` (int): The number of its
+    first line in the file. Raises RecordError for the first line that is no row of the table.
     """
     if not content or content.isspace():
         if names is not None:

@@ -49,20 +49,10 @@ def has_other_blanks(text: str) -> bool:
 def number(text: str, what: str, switch: bool = False) -> float:
     """The number in a cell; NaN where there is none.
 
-    Parameters
-    ----------
-    text : str
-        Digits of ASCII with a decimal point, an exponent after e or E, blanks around them: ``-1.5e-3``; or a word for
-        no value, one of `NO_VALUE`.
-    what : str
-        What the cell holds, for the message.
-    switch : bool, default False
-        Read true and false as 1 and 0: recorded columns may be switches, temperatures and readings may not.
-
-    Raises
-    ------
-    RecordError
-        For anything else, infinities, and numbers beyond `LARGEST`.
+    `text` (str): Digits of ASCII with a decimal point, an exponent after e or E, blanks around them: ``-1.5e-3``; or
+    a word for no value, one of `NO_VALUE`. `what` (str): What the cell holds, for the message. `switch` (bool,
+    default False): Read true and false as 1 and 0: recorded columns may be switches, temperatures and readings may
+    not. Raises RecordError for anything else, infinities, and numbers beyond `LARGEST`.
     """
     cell = text.strip(_BLANKS)
     if _NUMBER.fullmatch(cell):

@@ -70,20 +70,10 @@ class Thinned(Record):
 def thinned(record: Record, columns: Mapping[Any, Any], most: int) -> tuple[Record, dict[Any, float]]:
     """A record in memory, of at most about `most` rows.
 
-    Parameters
-    ----------
-    record : Record
-    columns : mapping of name to column
-        Further columns beside the record's own; missing and absurd numbers are left out of their averages.
-    most : int
-        Up to so many rows the record stays as it is.
-
-    Returns
-    -------
-    record : Record
-        A `Thinned` one where it is longer.
-    sound : dict
-        Share of each further column that is neither missing nor absurd; 0 for one that never changes.
+    `record` (Record). `columns` (mapping of name to column): Further columns beside the record's own; missing and
+    absurd numbers are left out of their averages. `most` (int): Up to so many rows the record stays as it is. Returns
+    record (Record): a `Thinned` one where it is longer. Returns sound (dict): share of each further column that is
+    neither missing nor absurd; 0 for one that never changes.
     """
     width = max(1, -(-record.n_used // most))
     if width == 1:

@@ -17,13 +17,8 @@ def where_read(reading: Any, n: int, rows: Callable[[int, int], Any]) -> tuple[i
 
     A week of readings may stand beside a year of temperature: by the year, all of it would be one moment.
 
-    Parameters
-    ----------
-    reading : array of shape (n,), or None
-    n : int
-        Rows.
-    rows : callable
-        The user's rows of a stretch in the order of time, from its start and stop.
+    `reading` (array of shape (n,), or None). `n` (int): Rows. `rows` (callable): The user's rows of a stretch in the
+    order of time, from its start and stop.
     """
     if reading is None:
         return 0, n

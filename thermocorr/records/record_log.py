@@ -19,11 +19,7 @@ from .times import Times
 class RecordLog(Log):
     """A record as the X of estimators: its times, segments and rows passed over are those that were found once.
 
-    Parameters
-    ----------
-    record : Record
-    attrs : mapping, optional
-        What is noted of its columns, such as their units.
+    `record` (Record). `attrs` (mapping, optional): What is noted of its columns, such as their units.
     """
 
     def __init__(self, record: Record, attrs: Mapping[str, Any] | None = None):

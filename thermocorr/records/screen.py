@@ -31,11 +31,7 @@ _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of th
 def missing_text(record: Record, missing: NDArray[np.intp]) -> str:
     """How many rows lack a value, and of the first which columns and its time.
 
-    Parameters
-    ----------
-    record : Record
-    missing : array of shape (n,)
-        The rows, in time order; one at least.
+    `record` (Record). `missing` (array of shape (n,)): The rows, in time order; one at least.
     """
     row = record.row(int(missing[0]))
     lacks = listing(name for name, values in record.columns.items() if np.isnan(values[row]))

@@ -43,12 +43,7 @@ def holes(places: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]
 class Flags:
     """One flag for each of many rows.
 
-    Parameters
-    ----------
-    n : int
-        Rows.
-    flag : str
-        That of all of them, to begin with.
+    `n` (int): Rows. `flag` (str): That of all of them, to begin with.
     """
 
     def __init__(self, n: int, flag: str = ""):

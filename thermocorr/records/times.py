@@ -43,11 +43,7 @@ def unix_unit(low: float, high: float) -> str | None:
 def unix_time(cell: str, kind: str) -> tuple[str, Any]:
     """Unit and time of a cell that is a Unix time in ms, us or ns by its size; ``("", cell)`` for any other.
 
-    Parameters
-    ----------
-    cell : str
-    kind : str
-        Kind of the times that are wanted, see `Times.kind`: seconds [s], or dates.
+    `cell` (str). `kind` (str): Kind of the times that are wanted, see `Times.kind`: seconds [s], or dates.
     """
     try:
         count = number(cell, "the time")
@@ -65,13 +61,8 @@ def unix_time(cell: str, kind: str) -> tuple[str, Any]:
 def refuse_no_seconds(numbers: NDArray[np.float64], where: str, first_row: int = 0) -> None:
     """Raise RecordError for times that are taken as seconds and can be none: Unix times in another unit, and others.
 
-    Parameters
-    ----------
-    numbers : array of shape (n_rows,)
-    where : str
-        What they are, in words.
-    first_row : int
-        Number of the first of them in its log.
+    `numbers` (array of shape (n_rows,)). `where` (str): What they are, in words. `first_row` (int): Number of the
+    first of them in its log.
     """
     if len(numbers) < SEVERAL:
         return
@@ -389,10 +380,7 @@ PUT_BACK = (3600.0, 1800.0)
 def steps_back_an_hour(back: float, usual: float) -> bool:
     """Whether local times step back because summer time ends: by an hour less the step between rows, or by an hour.
 
-    Parameters
-    ----------
-    back, usual : float
-        The step back, positive, and the usual step between rows [s].
+    `back`, `usual` (float): The step back, positive, and the usual step between rows [s].
     """
     return any(
         back == hour - usual or (hour - 1.5 * usual <= back <= hour + 0.5 * usual and usual <= hour / 4)

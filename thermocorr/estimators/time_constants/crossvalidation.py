@@ -30,17 +30,9 @@ NEGLIGIBLE = 5e-4
 class CrossValidation:
     """Errors of sets of grid members, each computed once.
 
-    Parameters
-    ----------
-    chunks : list of TriangularFactor
-        Factors of the stretches that `folds` is made of.
-    folds : TimeFolds
-    layout : GridLayout
-        Which column is what.
-    dead : list of lists of int
-        ``dead[f]`` are columns that fold f must not use.
-    scoring : str
-        One of `SCORINGS`.
+    `chunks` (list of TriangularFactor): Factors of the stretches that `folds` is made of. `folds` (TimeFolds).
+    `layout` (GridLayout): Which column is what. `dead` (list of lists of int): ``dead[f]`` are columns that fold f
+    must not use. `scoring` (str): One of `SCORINGS`.
     """
 
     def __init__(

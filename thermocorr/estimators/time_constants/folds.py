@@ -228,16 +228,11 @@ class TimeFolds:
 def folds_in_time(record: Record, cv: Any = 5) -> TimeFolds:
     """Cut a record for cross-validation.
 
-    Parameters
-    ----------
-    record : Record
-    cv : int, splitter or iterable of (train, test) rows
-        An int is forward chaining with that many tests, the rows of ``TimeSeriesSplit(cv)`` (of the part that has
-        readings, where these hold less than half of the record). A splitter of
-        scikit-learn is given the runs' labels as groups. Its folds must be made of whole stretches of time.
-
-    With an int, learned rows within 1 % of the longest segment of a test are left out, and tested rows that close
-    behind the start of a run of which nothing was learned.
+    `record` (Record). `cv` (int, splitter or iterable of (train, test) rows): An int is forward chaining with that
+    many tests, the rows of ``TimeSeriesSplit(cv)`` (of the part that has readings, where these hold less than half of
+    the record). A splitter of scikit-learn is given the runs' labels as groups. Its folds must be made of whole
+    stretches of time. `With an int`, `learned rows within 1 % of the longest segment of a test are left out`, `and
+    tested rows that close`. `behind the start of a run of which nothing was learned.`.
     """
     if isinstance(cv, Integral) and not isinstance(cv, bool):
         gap = round(WASHOUT_SHARE * record.longest_read() / record.usual_step())

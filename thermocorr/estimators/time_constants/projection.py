@@ -97,14 +97,8 @@ class Sensitivity:
 def sensitivity(base: Factored, time_constants: np.ndarray, alpha: float) -> Sensitivity:
     """Factors of a model and of its sensitivities to its lags' time constants, in one pass.
 
-    Parameters
-    ----------
-    base : Factored
-        The record, its static part and its folds.
-    time_constants : array of shape (J,)
-        [s].
-    alpha : float
-        Ridge penalty.
+    `base` (Factored): The record, its static part and its folds. `time_constants` (array of shape (J,)): [s]. `alpha`
+    (float): Ridge penalty.
     """
     record, n_lags = base.record, len(time_constants)
     columns = LagColumns.of(base.features, record, time_constants)
@@ -165,12 +159,8 @@ def refined(base: Factored, time_constants: np.ndarray, alpha: float, scoring: s
     becomes superfluous: it leaves, the others are moved again, as long as the loss on the tested stretches does not
     grow (see `no_worse`).
 
-    Returns
-    -------
-    sensitivity : Sensitivity
-        Of the refined model.
-    losses : array of shape (n_folds,)
-        Its loss in each fold.
+    Returns sensitivity (Sensitivity): of the refined model. Returns losses (array of shape (n_folds,)): its loss in
+    each fold.
     """
     start = sensitivity(base, time_constants, alpha)
     moved = moved_to_best(start, alpha)

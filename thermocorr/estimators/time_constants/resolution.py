@@ -21,15 +21,11 @@ OPPOSED = 0.1
 def spectrum_table(factored: Factored, reference: GridRidge) -> pd.DataFrame:
     """Diffusive spectrum mu(tau) over the grid, and what the record could see of each time constant.
 
-    Returns
-    -------
-    DataFrame with columns
-        time_constant [s], of the lags of the (first) thermometer;
-        coefficient: mu(tau) of the reference model (ridge over the whole grid), reading per K;
-        excitation [K]: rms of the lag difference, the static law and further effects taken out;
-        smallest_coefficient: coefficient of twice its standard error, were this the only lag and the residuals white;
-        alike_next: correlation with the next longer time constant, after the same projection: near 1 where the record
-        cannot tell the two apart.
+    Returns DataFrame with columns: time_constant [s], of the lags of the (first) thermometer; coefficient: mu(tau) of
+    the reference model (ridge over the whole grid), reading per K; excitation [K]: rms of the lag difference, the
+    static law and further effects taken out; smallest_coefficient: coefficient of twice its standard error, were this
+    the only lag and the residuals white; alike_next: correlation with the next longer time constant, after the same
+    projection: near 1 where the record cannot tell the two apart.
     """
     layout, whole = factored.layout, factored.whole
     grid = layout.grid[layout.owner == 0]
@@ -69,15 +65,9 @@ def unresolved(
 ) -> list[str]:
     """Sentences on time constants that the record cannot determine; empty where all is well.
 
-    Parameters
-    ----------
-    time_constants : array of shape (J,)
-        Of a fitted model [s], increasing.
-    record : Record
-    solution : RidgeSolution
-        Columns are `n_static` static ones, then the lags.
-    noise : float
-        Standard deviation of the residuals.
+    `time_constants` (array of shape (J,)): Of a fitted model [s], increasing. `record` (Record). `solution`
+    (RidgeSolution): Columns are `n_static` static ones, then the lags. `noise` (float): Standard deviation of the
+    residuals.
     """
     step, span = record.usual_step(), record.longest_read()
     said = []

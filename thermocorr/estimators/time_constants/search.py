@@ -197,12 +197,8 @@ class TimeConstantChoice:
 def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings) -> TimeConstantChoice:
     """Search time constants for a record.
 
-    Parameters
-    ----------
-    features : DiffusiveFeatures
-        The model without lags: static law and further effects, which stand in every set.
-    X, y : as for `DynamicBiasRegressor.fit`
-    settings : SearchSettings
+    `features` (DiffusiveFeatures): The model without lags: static law and further effects, which stand in every set.
+    `X`, `y` (as for `DynamicBiasRegressor.fit`). `settings` (SearchSettings).
     """
     grid_given = not isinstance(settings.candidates, str)
     record, reading = learned(features, X, y)

@@ -118,12 +118,8 @@ def spread(grid: np.ndarray, span: float, count: int) -> np.ndarray:
 def reference_of(blocks: Sequence[TriangularFactor], layout: GridLayout) -> GridRidge:
     """Choose penalty and ceiling by forecasting; fit the whole grid with them.
 
-    Parameters
-    ----------
-    blocks : sequence of TriangularFactor
-        Blocks of about equal length in time order.
-    layout : GridLayout
-        Which column is what.
+    `blocks` (sequence of TriangularFactor): Blocks of about equal length in time order. `layout` (GridLayout): Which
+    column is what.
     """
     errors = forecast_errors(blocks, layout)
     if not len(errors):  # readings in few places: forecast from one to the next

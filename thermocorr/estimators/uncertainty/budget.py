@@ -17,19 +17,9 @@ def asked_rows(rows: Any, n: int, index: pd.Index | None) -> np.ndarray:
 
     Integers are places, counted from 0, in slices too; anything else is a label of the index.
 
-    Parameters
-    ----------
-    rows : None, int, slice, label, or sequence of int, bool or labels
-        None: all.
-    n : int
-        Rows there are.
-    index : Index or None
-        Their labels.
-
-    Raises
-    ------
-    ValueError
-        For what names no row; the message says what was given, and what there is.
+    `rows` (None, int, slice, label, or sequence of int, bool or labels): None: all. `n` (int): Rows there are.
+    `index` (Index or None): Their labels. Raises ValueError for what names no row; the message says what was given,
+    and what there is.
     """
     try:
         found = _found(rows, n, index)
@@ -185,12 +175,8 @@ def effective_dof(
 ) -> np.ndarray | float:
     """Degrees of freedom of a sum of variances, GUM (G.2b); those of one cause are added before.
 
-    Parameters
-    ----------
-    variances : sequence of float or of arrays of shape (n,)
-    dofs : sequence of float
-    causes : sequence of str, optional
-        By default each has its own.
+    `variances` (sequence of float or of arrays of shape (n,)). `dofs` (sequence of float). `causes` (sequence of str,
+    optional): By default each has its own.
     """
     together: dict[str, list[Any]] = {}
     for i, (variance, dof) in enumerate(zip(variances, dofs, strict=True)):

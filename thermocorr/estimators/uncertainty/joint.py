@@ -197,12 +197,7 @@ class JointErrors:
     def combined(self, columns: np.ndarray, value: np.ndarray) -> np.ndarray:
         """Standard errors of what the fit says, of linear combinations of the columns, shape (k,).
 
-        Parameters
-        ----------
-        columns : array of shape (k, p)
-            Of `effects`.
-        value : array of shape (k,)
-            The same by the fit.
+        `columns` (array of shape (k, p)): Of `effects`. `value` (array of shape (k,)): The same by the fit.
         """
         variance = np.sum((columns @ self.half[1:]) ** 2, axis=1) + (columns @ self.coef[1:] - value) ** 2
         return np.asarray(np.sqrt(variance + self.representation))
@@ -260,10 +255,7 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
     The slowest bodies may be the device's in a short record; in one that wanders they would take the noise upon
     themselves. Bases with them and without are averaged, each by how likely it makes the record.
 
-    Raises
-    ------
-    ValueError
-        Where the record was not averaged.
+    Raises ValueError where the record was not averaged.
     """
     if swept.binned is None:
         raise ValueError(UNKNOWN)

@@ -87,28 +87,13 @@ class Restricted:
 class BandSums:
     """Sums of a record in bands of frequency, and what they say under any noise.
 
-    Parameters
-    ----------
-    columns : array of shape (n, p)
-        Of about unit length each.
-    reading : array of shape (n,)
-    span : array of shape (n,)
-        Number of the span of each row; the noise of different spans is independent.
-    groups : sequence of arrays of shape (p,)
-        Each the inverse variances, up to a common scale, of coefficients that are drawn alike; 0 for the others.
-    within : Within, optional
-        Beside bins of several rows.
-
-    Attributes
-    ----------
-    theta : ndarray of shape (parts,)
-        Variances of the parts of the noise, white first, by the turns so far.
-    times : ndarray of shape (parts - 1,)
-        Correlation times of the wandering parts [rows].
-    scales : ndarray of shape (groups,)
-        Prior variances of the groups.
-    fast : float
-        Variance of rows within their bins.
+    `columns` (array of shape (n, p)): Of about unit length each. `reading` (array of shape (n,)). `span` (array of
+    shape (n,)): Number of the span of each row; the noise of different spans is independent. `groups` (sequence of
+    arrays of shape (p,)): Each the inverse variances, up to a common scale, of coefficients that are drawn alike; 0
+    for the others. `within` (Within, optional): Beside bins of several rows. `theta` (ndarray of shape (parts,)):
+    Variances of the parts of the noise, white first, by the turns so far. `times` (ndarray of shape (parts - 1,)):
+    Correlation times of the wandering parts [rows]. `scales` (ndarray of shape (groups,)): Prior variances of the
+    groups. `fast` (float): Variance of rows within their bins.
     """
 
     def __init__(
@@ -254,10 +239,7 @@ class AveragedModels:
 
     A kind is one part, or a mix of all of them whose variances go with a power of their correlation time.
 
-    Parameters
-    ----------
-    parts : array of shape (bands, parts)
-        Powers of the parts, white first.
+    `parts` (array of shape (bands, parts)): Powers of the parts, white first.
     """
 
     def __init__(self, parts: np.ndarray):

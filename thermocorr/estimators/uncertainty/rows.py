@@ -117,14 +117,8 @@ class RowErrors:
 class ErrorWalk:
     """Walks through a record with a model and its joint errors.
 
-    Parameters
-    ----------
-    model : DynamicBiasRegressor
-        Fitted.
-    joint : JointErrors
-        Of that model.
-    removed : bool
-        Errors of the bias that `correct` removes; else of the modelled reading, U0 and all effects.
+    `model` (DynamicBiasRegressor): Fitted. `joint` (JointErrors): Of that model. `removed` (bool): Errors of the bias
+    that `correct` removes; else of the modelled reading, U0 and all effects.
     """
 
     def __init__(self, model: Any, joint: JointErrors, removed: bool):
@@ -164,16 +158,9 @@ class ErrorWalk:
     ) -> RowErrors:
         """Errors of rows from their columns, shape (n, p), of the effects of the joint errors.
 
-        Parameters
-        ----------
-        columns : array of shape (n, p)
-        seconds : array of shape (n,)
-            Since the fitted record began [s].
-        temperature : array of shape (n,)
-        value : array of shape (n,)
-            What the model gives.
-        key : int or None
-            Fitted segment that the rows belong to.
+        `columns` (array of shape (n, p)). `seconds` (array of shape (n,)): Since the fitted record began [s].
+        `temperature` (array of shape (n,)). `value` (array of shape (n,)): What the model gives. `key` (int or None):
+        Fitted segment that the rows belong to.
         """
         joint, beyond = self.joint, self.joint.beyond
         low, high = self.model.temperature_range_

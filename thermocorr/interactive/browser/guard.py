@@ -34,10 +34,7 @@ class Guard:
     script can read and no other site can send. Names other than 127.0.0.1 and localhost are refused, so that a foreign
     name that leads here (DNS rebinding) reaches nothing.
 
-    Parameters
-    ----------
-    app : ASGI application
-    port : int
+    `app` (ASGI application). `port` (int).
     """
 
     def __init__(self, app: ASGIApp, port: int):

@@ -39,9 +39,7 @@ class Changed(NotDone):
 class Hub:
     """One workbench, on the server's side.
 
-    Parameters
-    ----------
-    opening : Opening
+    `opening` (Opening).
     """
 
     def __init__(self, opening: Opening):
@@ -72,10 +70,7 @@ class Hub:
     def start(self, method: str = "spawn") -> None:
         """Start the process, or start it anew from the steps that stood.
 
-        Parameters
-        ----------
-        method : {"spawn", "fork"}
-            Forking is quick, as all modules are loaded; it needs a process without threads.
+        `method` ({"spawn", "fork"}): Forking is quick, as all modules are loaded; it needs a process without threads.
         """
         context: Any = multiprocessing.get_context(method)
         self._pipe, other = context.Pipe()

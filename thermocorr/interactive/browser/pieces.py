@@ -36,19 +36,10 @@ class Known(Protocol):
 def piece_of(known: Known, asked: Mapping[str, str]) -> dict[str, Any]:
     """Some curves between two places on the axis.
 
-    Parameters
-    ----------
-    known : Known
-    asked : mapping of str to str
-        key (of the arrangement), curves (JSON: a list of names; "mean residual" is the residual averaged over
-        stretches), low and high (on the axis, whose ``zero`` and ``scale`` are given too), n (pixels).
-
-    Raises
-    ------
-    NoSuchCurve
-        For a curve, or an arrangement, that is not there.
-    ValueError
-        For limits that are no numbers.
+    `known` (Known). `asked` (mapping of str to str): key (of the arrangement), curves (JSON: a list of names; "mean
+    residual" is the residual averaged over stretches), low and high (on the axis, whose ``zero`` and ``scale`` are
+    given too), n (pixels). Raises NoSuchCurve for a curve, or an arrangement, that is not there. Raises ValueError
+    for limits that are no numbers.
     """
     curves = _curves(known, asked)
     scale, zero = _number(asked, "scale", 1.0) or 1.0, _number(asked, "zero", 0.0)

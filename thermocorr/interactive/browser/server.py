@@ -56,9 +56,7 @@ class TooLarge(ValueError):
 class Workbench:
     """The routes of a workbench.
 
-    Parameters
-    ----------
-    hub : Hub
+    `hub` (Hub).
     """
 
     def __init__(self, hub: Hub):
@@ -236,15 +234,8 @@ def _failed(sentence: str, status: int) -> Response:
 def run(opening: Opening, *, port: int = 0, keep: bool = False, ready: Callable[[str], None]) -> None:
     """Serve until the last page has closed, or a signal ends it.
 
-    Parameters
-    ----------
-    opening : Opening
-    port : int
-        0 takes a free one.
-    keep : bool
-        Go on when the last page has closed.
-    ready : callable
-        Called with the address when there is something to be seen.
+    `opening` (Opening). `port` (int): 0 takes a free one. `keep` (bool): Go on when the last page has closed. `ready`
+    (callable): Called with the address when there is something to be seen.
     """
     with socket.socket() as listening:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -116,11 +116,7 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
 class Desk:
     """What a notebook's screen asks and is told, whatever carries the messages.
 
-    Parameters
-    ----------
-    bench : Bench
-    tell : callable
-        Sends a message to the screen.
+    `bench` (Bench). `tell` (callable): Sends a message to the screen.
     """
 
     def __init__(self, bench: Bench, tell: Any):

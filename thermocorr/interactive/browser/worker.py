@@ -111,14 +111,10 @@ class Interruptible:
 class Worker:
     """The loop of the process.
 
-    Parameters
-    ----------
-    pipe : Connection
-        To the server. What comes: ("do", number, asked), ("take", number, kind), ("open", number, Opening) and
-        ("cancel",). What goes: ("snapshot", dict, curves, charts, past), ("progress", text), ("done", number, result)
-        and ("failed", number, sentence).
-    folder : str
-        Where curves and what is taken away are put; removed at the end.
+    `pipe` (Connection): To the server. What comes: ("do", number, asked), ("take", number, kind), ("open", number,
+    Opening) and ("cancel",). What goes: ("snapshot", dict, curves, charts, past), ("progress", text), ("done",
+    number, result) and ("failed", number, sentence). `folder` (str): Where curves and what is taken away are put;
+    removed at the end.
     """
 
     def __init__(self, pipe: Connection, folder: str):
@@ -225,13 +221,8 @@ class Worker:
 def serve(pipe: Connection, folder: str, opening: Opening, not_its_own: Connection | None = None) -> None:
     """What the process runs.
 
-    Parameters
-    ----------
-    pipe : Connection
-    folder : str
-    opening : Opening
-    not_its_own : Connection, optional
-        The server's end of the pipe, which a forked process must close to see that the server has gone.
+    `pipe` (Connection). `folder` (str). `opening` (Opening). `not_its_own` (Connection, optional): The server's end
+    of the pipe, which a forked process must close to see that the server has gone.
     """
     for name in ("SIGTERM", "SIGHUP", "SIGQUIT"):  # it ends with the server, which removes what it wrote
         if hasattr(signal, name):
