@@ -9,7 +9,7 @@ import pytest
 from sklearn.linear_model import Ridge
 from sklearn.preprocessing import StandardScaler
 
-from thermocorr.equations import TriangularFactor, lag_differences, subsets
+from thermocorr.equations import TriangularFactor, lag_differences
 from thermocorr.equations.subsets import fold_of, set_errors
 
 N, CUT = 6000, 4000
@@ -35,11 +35,8 @@ def by_hand(Q, y, alpha):
     return np.mean((y[CUT:] - model.predict(scaler.transform(Q[CUT:]))) ** 2)
 
 
-@pytest.mark.parametrize("plain", [False, True])
 @pytest.mark.parametrize("alpha", [1e-8, 1.0, 300.0])
-def test_errors_of_sets_are_those_of_ridge(data, alpha, plain, monkeypatch):
-    if plain:
-        monkeypatch.setattr(subsets, "_compiled_squares", lambda: None)
+def test_errors_of_sets_are_those_of_ridge(data, alpha):
     Q, y = data
     fold = fold_of(factor(Q[:CUT], y[:CUT]), factor(Q[CUT:], y[CUT:]), 3, alpha)
     for size in (0, 1, 3, 6):
@@ -49,10 +46,7 @@ def test_errors_of_sets_are_those_of_ridge(data, alpha, plain, monkeypatch):
         np.testing.assert_allclose(errors, expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("plain", [False, True])
-def test_columns_that_depend_on_others_or_are_dead_change_nothing(data, plain, monkeypatch):
-    if plain:
-        monkeypatch.setattr(subsets, "_compiled_squares", lambda: None)
+def test_columns_that_depend_on_others_or_are_dead_change_nothing(data):
     Q, y = data
     Q = np.column_stack((Q, Q[:, 3] + Q[:, 4], np.zeros(N)))
     learned, tested = factor(Q[:CUT], y[:CUT]), factor(Q[CUT:], y[CUT:])

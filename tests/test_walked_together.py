@@ -7,28 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from effect_records import EXAMPLES, NAMES, learned, log, read, whole
-from examples import examples
-from hypothesis import given
-from hypothesis import strategies as st
 from sklearn.base import clone
 
 from thermocorr.effects import Covariate, Delay, Hinge, LaggedCovariate, LagProducts, ThermalLag
 from thermocorr.effects.covariates import ColumnLags
 from thermocorr.effects.signals import BlockSignals, DelayState
 from thermocorr.effects.stream import own_starts
-from thermocorr.equations.shifted import shifted
 from thermocorr.judgement import blocks
-
-
-@examples(200)
-@given(
-    values=st.lists(st.floats(-100, 100), min_size=1, max_size=9),
-    first=st.one_of(st.integers(-30, 30), st.floats(-30, 30)),
-    n=st.integers(1, 12),
-)
-def test_values_between_rows_are_those_of_straight_lines(values, first, n):
-    expected = np.interp(first + np.arange(n), np.arange(len(values)), values)
-    np.testing.assert_allclose(shifted(np.array(values), first, n), expected, rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize("holes", [(), (150,)], ids=["one segment", "two"])

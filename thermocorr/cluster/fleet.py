@@ -1,10 +1,9 @@
-"""One model for each of many devices, or of several channels beside one temperature."""
+"""One model for each of many devices."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, fields, replace
 from numbers import Integral
 from typing import Any
 
@@ -13,21 +12,14 @@ import pandas as pd
 from joblib import Parallel, delayed
 from sklearn.base import clone
 
-from ..effects.protocol import Effect
-from ..effects.stream import own_starts, walk
-from ..estimators.cutting import block_rows
 from ..estimators.features import DiffusiveFeatures
-from ..estimators.fitting import Swept, decays_first, reading_offset, sweep_readings
 from ..estimators.prior import LawPrior
 from ..estimators.progress import Progress, one_blas_thread, told
 from ..estimators.regressor import DynamicBiasRegressor
-from ..estimators.time_constants.folds import digest
 from ..estimators.time_constants.search import SearchSettings, factors_of, final_alpha, learned, reference_spectrum
 from ..estimators.time_constants.spectrum import POOL_SIZE, Projected, log_grid, project
-from ..records import Layout, Log, ParquetLog, Record, RecordError, read_record
-from ..records.errors import listing, quoted, warn
-from ..records.numbers import as_pandas, numeric_reading
-from ..records.screen import screened
+from ..records import ParquetLog, RecordError
+from ..records.errors import listing, quoted
 
 Part = Any
 """What a device's record is given as: a `ParquetLog` or a DataFrame."""
@@ -110,7 +102,7 @@ def fit_fleet(
         raise RecordError("The fleet has no devices.")
     parts = []
     for name, device in devices.items():
-        with _Named(name, device):
+        with _Named(name):
             is_path = isinstance(device, str) or hasattr(device, "__fspath__")
             parts.append(ParquetLog(device) if is_path else device)
     if shared_time_constants and isinstance(model.temperature, list):
@@ -195,7 +187,7 @@ def _each(
 def _fit(
     part: Part, name: Any, reading: str, model: DynamicBiasRegressor, history_rows: int | None
 ) -> DynamicBiasRegressor:
-    with _Named(name, part):
+    with _Named(name):
         own: DynamicBiasRegressor = clone(model)
         own.fit(part, _reading(part, reading))
     return own if history_rows is None else own.slim(history_rows)
@@ -203,7 +195,7 @@ def _fit(
 
 def _span(part: Part, name: Any, reading: str, model: DynamicBiasRegressor) -> tuple[float, float]:
     """Usual step and length of a device's record [s]."""
-    with _Named(name, part):
+    with _Named(name):
         record = _plain(model).learn(part, _reading(part, reading))
         return record.usual_step(), record.longest_read()
 
@@ -212,7 +204,7 @@ def _spectrum(
     part: Part, name: Any, reading: str, model: DynamicBiasRegressor, grid: np.ndarray
 ) -> tuple[Projected, float]:
     """What `project` needs of a device, and its ridge penalty."""
-    with _Named(name, part), one_blas_thread():
+    with _Named(name), one_blas_thread():
         settings = SearchSettings(candidates=grid)
         own = clone(model)
         y = _reading(part, reading)
@@ -229,177 +221,14 @@ def _plain(model: DynamicBiasRegressor) -> DiffusiveFeatures:
 
 
 class _Named:
-    """Puts the name of a device, or of what else a part is, before an error."""
+    """Puts the name of a device before an error."""
 
-    def __init__(self, name: Any, part: Part):
-        self.name, self.word = name, getattr(part, "word", "Device")
+    def __init__(self, name: Any):
+        self.name = name
 
     def __enter__(self) -> None:
         pass
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         if isinstance(error, RecordError):
-            raise RecordError(f"{self.word} {self.name!r}: {error}") from None
-
-
-READING = "the reading of this channel"
-"""Name under which a channel gives its reading."""
-
-
-def fit_channels(
-    X: Any, Y: Any, model: DynamicBiasRegressor | None = None, *, shared_time_constants: bool = False
-) -> Fleet:
-    """Fit one model for each column of readings, recorded beside the same temperature.
-
-    Each model is the one that ``model.fit(X, Y[name])`` gives. Columns of the model that several channels ask for are
-    made, and swept into factors, for all of them at once: those from which time constants are chosen above all.
-
-    Parameters
-    ----------
-    X : DataFrame
-        As for `DynamicBiasRegressor.fit`.
-    Y : DataFrame, or array of shape (n_rows, n_channels)
-        Readings; NaN where there is none. Channels that lack the same rows share most.
-    model : DynamicBiasRegressor, optional
-        Cloned for each channel.
-    shared_time_constants : bool
-        Choose one set of time constants for all channels, see `fit_fleet`.
-
-    Returns
-    -------
-    Fleet
-        A dict of channel (column of Y, or its number) to fitted `DynamicBiasRegressor`.
-
-    Raises
-    ------
-    RecordError
-        For a record that cannot be used; the message names the channel.
-
-    Examples
-    --------
-    >>> from thermocorr import DynamicBiasRegressor
-    >>> from thermocorr.cluster.fleet import fit_channels
-    >>> from thermocorr.datasets import make_record
-    >>> record = make_record(2000, seed=1)
-    >>> readings = record[["reading"]].assign(doubled=2 * record["reading"])
-    >>> models = fit_channels(record[["temperature"]], readings, DynamicBiasRegressor("temperature"))
-    >>> bool(abs(models["doubled"].coef_ - 2 * models["reading"].coef_).max() < 1e-6)
-    True
-    """
-    X, Y = as_pandas(X), as_pandas(Y)
-    if not isinstance(X, pd.DataFrame):
-        raise TypeError(f"X must be a DataFrame, whose columns have names. Got {type(X).__name__}.")
-    if not isinstance(Y, pd.DataFrame):
-        Y = np.asarray(Y)
-        if Y.ndim != 2 or len(Y) != len(X):
-            raise RecordError(f"X has {len(X)} rows, Y the shape {Y.shape}. Each row needs a reading of each channel.")
-        Y = pd.DataFrame(Y, index=X.index)
-    model = DynamicBiasRegressor() if model is None else model
-    table = ChannelTable(X, {name: Y[name] for name in Y.columns}, bool(model.screen))
-    channels = {name: Channel(table, name) for name in Y.columns}
-    return fit_fleet(1, channels, READING, model, shared_time_constants=shared_time_constants)
-
-
-class Channel(Log):
-    """One reading of a table, beside the columns that all readings share."""
-
-    word = "Channel"
-
-    def __init__(self, table: ChannelTable, name: Any):
-        self.table, self.name = table, name
-
-    @property
-    def columns(self) -> list[str]:
-        """Names of the shared columns."""
-        return list(self.table.X.columns)
-
-    @property
-    def attrs(self) -> dict[str, Any]:
-        """What is noted of the shared columns."""
-        return {str(name): value for name, value in self.table.X.attrs.items()}
-
-    def __len__(self) -> int:
-        return len(self.table.X)
-
-    def __getitem__(self, name: Any) -> Any:
-        return self.table.Y[self.name] if isinstance(name, str) and name == READING else self.table.X[name].to_numpy()
-
-    def to_record(self, layout: Any, y: Any, needed: Any) -> Record:
-        """The validated record with this channel's reading."""
-        record = self.table.record(layout, tuple(needed))
-        reading = None if y is None else numeric_reading(y, self.table.X)
-        return ChannelRecord(
-            **{each.name: getattr(record, each.name) for each in fields(Record) if each.name != "reading"},
-            reading=reading,
-            channel=self,
-        )
-
-
-@dataclass(frozen=True)
-class ChannelRecord(Record):
-    """A record whose columns others have too."""
-
-    channel: Channel | None = field(default=None, repr=False)
-
-    def sweep_effects(self, effects: Sequence[Effect], edges: np.ndarray) -> Swept:
-        """Factors of this channel, see `thermocorr.estimators.fitting.sweep_effects`."""
-        assert self.channel is not None
-        return self.channel.table.swept(self, effects, edges)
-
-
-class ChannelTable:
-    """Columns and readings of all channels, and what was computed for several of them at once.
-
-    `X` (DataFrame). `Y` (dict of name to Series): Readings. `screen` (bool): Whether the models leave out readings
-    that are none.
-    """
-
-    def __init__(self, X: pd.DataFrame, Y: dict[Any, pd.Series], screen: bool):
-        self.X, self.Y, self.screen = X, Y, screen
-        self._records: dict[tuple[Layout, tuple[Any, ...]], Record] = {}
-        self._believed: dict[Any, np.ndarray] = {}
-        self._asked: dict[bytes, Any] = {}
-        self._swept: dict[tuple[bytes, Any], Swept] = {}
-
-    def record(self, layout: Layout, needed: tuple[Any, ...]) -> Record:
-        """The shared columns, validated once."""
-        if (layout, needed) not in self._records:
-            found = read_record(self.X, layout, needed=needed, quiet=True)
-            for note in () if self._records else found.notes:
-                warn(note)
-            self._records[layout, needed] = found
-        return self._records[layout, needed]
-
-    def swept(self, record: ChannelRecord, effects: Sequence[Effect], edges: np.ndarray) -> Swept:
-        """Factors for one channel; where a second one asks for the same columns, for all that have the same rows."""
-        assert record.channel is not None and record.reading is not None
-        own = record.channel.name
-        self._believed[own] = np.asarray(record.reading[:], float)
-        known = np.isfinite(self._believed[own])
-        key = digest([(type(effect), vars(effect)) for effect in effects], edges, record.skipped, known)
-        if (key, own) in self._swept:
-            return self._swept.pop((key, own))
-        names = [own]
-        if self._asked.setdefault(key, own) != own:
-            others = (name for name in self.Y if name not in (own, self._asked[key]))
-            names += [name for name in others if self._alike(name, record, known)]
-        order, columns = decays_first(effects)
-        walked = [effects[i] for i in order]
-        steps = walk(walked, record, starts=own_starts(record), size=block_rows(record.n_used), extra=1 + len(names))
-        readings = [self._believed[name] for name in names]
-        offsets = [reading_offset(replace(record, reading=reading)) for reading in readings]
-        found = sweep_readings(record, readings, steps, edges, offsets)
-        for name, swept in zip(names, found, strict=True):
-            self._swept[key, name] = swept.ordered(order, columns)
-        return self._swept.pop((key, own))
-
-    def _alike(self, name: Any, record: Record, known: np.ndarray) -> bool:
-        """Whether a channel has readings in the same rows, once those that are none are left out."""
-        if name not in self._believed:
-            try:
-                plain = replace(record, reading=numeric_reading(self.Y[name], self.X), refused=(), notes=())
-                believed = screened(plain)[0] if self.screen else plain
-            except RecordError:  # said when its turn comes
-                return False
-            self._believed[name] = np.asarray(believed.reading[:], float)  # type: ignore[index]  # it was given
-        return np.array_equal(np.isfinite(self._believed[name]), known)
+            raise RecordError(f"Device {self.name!r}: {error}") from None

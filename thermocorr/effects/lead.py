@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..equations import LagState, lag_differences
-from ..equations.shifted import shifted
 from ..records import Block, Record, seconds_of
 from ..records.numbers import span_text
 from .grids import time_grid
@@ -159,12 +158,8 @@ class Lead(Effect):
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """Temperature of later less that of now, and its lags [K]; looks beyond the block, to its segment's end."""
         rows = rows_until(block, self.lead_)
-        T, step = temperatures(block, rows), block.record.times.step_of(rows)
-        if step is None:
-            later = np.interp(block.elapsed + self.lead_, elapsed(block, rows), T)
-        else:
-            later = shifted(T, self.lead_ / step, len(block))
-        ahead = later - block.temperature
+        T = temperatures(block, rows)
+        ahead = np.interp(block.elapsed + self.lead_, elapsed(block, rows), T) - block.temperature
         if not len(self.time_constants_):
             return ahead, None
         known_until, until = elapsed(block, last_of(rows))[0], segment_end(block)

@@ -12,7 +12,7 @@ from sklearn.base import BaseEstimator, clone
 
 from ..records import Block, Record, seconds_of
 from .expressions import words_of
-from .signals import BlockSignals, Signals, TurnedSignals
+from .signals import BlockSignals, Signals
 
 SINCE_START = "s since the start"
 """Unit of a parameter that is a moment of the record, for which a date will do as well."""
@@ -244,7 +244,7 @@ class Effect(ParametersOnce):
         """What `columns` gives, but for rounding, one by one: numbers, or arrays of shape (n,) to be read only."""
         width = self.n_columns()
         if self.says_signals():
-            x, usual = TurnedSignals(block, state), ((), (len(block),))
+            x, usual = BlockSignals(block, state), ((), (len(block),))
             said = [np.asarray(column, float) for column in self._said(x, width)]
             return [c if c.shape in usual else np.broadcast_to(c, len(block)) for c in said], x.state()
         columns, state = self.columns(block, state)

@@ -18,14 +18,9 @@ from numpy.typing import NDArray
 from ..equations import decays, lag_differences
 from ..equations.compiled import play
 from ..equations.lags import FELT
-from ..equations.shifted import shifted
 from ..records import Block
 
 Numbers = Sequence[float] | np.ndarray
-_TURNED = 256
-"""Rows whose waves are turned on from that of the first."""
-_SAME = 1e-9
-"""Share of a step by which steps may differ and be one."""
 
 
 class DelayState(NamedTuple):
@@ -200,9 +195,6 @@ class BlockSignals(Signals):
             known = DelayState(np.concatenate((before.elapsed, now)), np.concatenate((before.temperature, value)))
         oldest = max(np.searchsorted(known.elapsed, now[-1] - delay, side="right") - 1, 0)
         self._after.append(DelayState(known.elapsed[oldest:].copy(), known.temperature[oldest:].copy()))
-        step = self.block.even_step
-        if step is not None and (before is None or _goes_on(before.elapsed, now[0], step)):
-            return shifted(known.temperature, len(known.elapsed) - len(now) - delay / step, len(now))
         return np.interp(now - delay, *known)  # left of all samples: the first value
 
     def decays(self, of_segments: Mapping[int, Numbers]) -> list[Any]:
@@ -211,25 +203,6 @@ class BlockSignals(Signals):
         for key, taus in of_segments.items():
             columns += own if own and key == self.block.segment_key else [0.0] * len(taus)
         return columns
-
-
-class TurnedSignals(BlockSignals):
-    """A block of rows whose waves are turned on from row to row: quicker, but their last digits depend on the block."""
-
-    def wave(self, period: float) -> tuple[Any, Any]:
-        step, n = self.block.even_step, len(self.block)
-        if step is None:
-            return super().wave(period)
-        fine = 2.0 * math.pi / period * step * np.arange(_TURNED)
-        coarse = self._angle(period, self.block.seconds_at(np.arange(0, n, _TURNED)))
-        (s, c), (a, b) = ((np.sin(angle), np.cos(angle)) for angle in (fine, coarse))
-        waves = np.outer(a, c) + np.outer(b, s), np.outer(b, c) - np.outer(a, s)  # addition theorem
-        return waves[0].ravel()[:n], waves[1].ravel()[:n]
-
-
-def _goes_on(before: NDArray[Any], first: float, step: float) -> bool:
-    """Whether rows up to the `first` of a block lie a step apart [s]; those before may be of another record."""
-    return bool((np.abs(np.diff(before, append=first) - step) <= _SAME * step).all())
 
 
 def felt_decays(block: Block, of_segments: Mapping[int, Numbers]) -> NDArray[Any]:

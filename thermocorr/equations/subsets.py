@@ -11,16 +11,13 @@ Sets that share their first members share the work: `all_set_errors` walks the t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from .compiled import is_compiled, jitted
 from .leastsquares import Floats, TriangularFactor, triangle
 
 Integers = NDArray[np.intp]
@@ -94,9 +91,8 @@ def set_errors(folds: Sequence[Fold], sets: Integers) -> Floats:
     array of shape (n_sets, n_folds).
     """
     squares = np.empty((len(folds), len(sets)))
-    left = _squares_in_batches if not sets.shape[1] else _compiled_squares() or _squares_in_batches
     for fold, out in zip(folds, squares, strict=True):
-        left(fold.learned, fold.tested, sets, out)
+        _squares_in_batches(fold.learned, fold.tested, sets, out)
         out /= fold.n_tested
     return squares.T
 
@@ -110,44 +106,6 @@ def _squares_in_batches(learned: Floats, tested: Floats, sets: Integers, out: Fl
         for j in range(sets.shape[1]):
             _eliminate(a[:, j], a[:, j + 1 :], z[:, j], z[:, j + 1 :])
         out[start : start + size] = np.einsum("bm,bm->b", z[:, -1], z[:, -1])
-
-
-@cache
-def _compiled_squares() -> Callable[[Floats, Floats, Integers, Floats], None] | None:
-    """Function that does the same set by set, in a seventh of the time; None without numba."""
-    found: Callable[..., None] | None = None
-    if is_compiled():  # sums may be taken in any order: several products side by side
-        found = jitted(cache=True, fastmath={"contract", "reassoc"})(_squares_left)
-    return found
-
-
-def _squares_left(learned: Any, tested: Any, sets: Any, out: Any) -> None:
-    n_sets, k = sets.shape
-    m, width = learned.shape[1], learned.shape[1] + tested.shape[1]
-    columns = np.empty((k + 1, width))
-    for s in range(n_sets):
-        for j in range(k + 1):
-            member = sets[s, j] if j < k else -2  # the reading
-            for i in range(m):
-                columns[j, i] = learned[member, i]
-            for i in range(m, width):
-                columns[j, i] = tested[member, i - m]
-        for j in range(k):
-            square = 0.0
-            for i in range(m):
-                square += columns[j, i] * columns[j, i]
-            if square > _DEPENDENT:
-                for later in range(j + 1, k + 1):
-                    share = 0.0
-                    for i in range(m):
-                        share += columns[j, i] * columns[later, i]
-                    share /= square
-                    for i in range(width):
-                        columns[later, i] -= share * columns[j, i]
-        left = 0.0
-        for i in range(m, width):
-            left += columns[k, i] * columns[k, i]
-        out[s] = left
 
 
 def _eliminate(a: Floats, later_a: Floats, z: Floats, later_z: Floats) -> None:

@@ -268,32 +268,14 @@ def sweep_effects(
 
     What the decays of `starts` hold is taken out of all columns, segment by segment, and in each stretch apart.
 
-    A record that shares its columns with others has a method of this name, which is called instead. Columns made of a
-    recorded one that never changes beyond its rounding are zero.
+    Columns made of a recorded one that never changes beyond its rounding are zero.
     """
-    swept = (
-        _by_itself(record, effects, edges, starts)
-        if hasattr(record, "sweep_effects")
-        else _swept(record, effects, edges, starts)
-    )
+    swept = _swept(record, effects, edges, starts)
     flat = {id(effect) for effect in flat_effects(record, effects)}
     if not flat:
         return swept
     silent = [id(effect) in flat for effect in effects for _ in effect.names()]
     return swept.without((1 + np.flatnonzero(silent)).tolist())
-
-
-def _by_itself(record: Any, effects: Sequence[Effect], edges: np.ndarray, starts: InitialTransient | None) -> Swept:
-    """Factors that a record makes itself, less what the decays of `starts` hold."""
-    if starts is None:
-        given: Swept = record.sweep_effects(effects, edges)
-        return given
-    swept, n = record.sweep_effects([starts, *effects], edges), starts.n_columns()
-    chunks = []
-    for chunk in swept.chunks:
-        felt = [column for column in range(1, n + 1) if chunk.r[:, column].any()]
-        chunks.append(chunk.select([*felt, 0, *range(n + 1, chunk.r.shape[1])]).behind(len(felt)))
-    return Swept(chunks, [states[1:] for states in swept.end_states], swept.reading_offset)
 
 
 def _swept(
@@ -338,30 +320,15 @@ def sweep(
     `offset`. Rows without a reading are left out; others count by their weight, where they have one.
     """
     assert record.reading is not None
-    return sweep_readings(record, [record.reading], steps, edges, [offset], starts)[0]
-
-
-def sweep_readings(
-    record: Record,
-    readings: Sequence[np.ndarray],
-    steps: Iterator[Walked],
-    edges: np.ndarray,
-    offsets: Sequence[float],
-    starts: InitialTransient | None = None,
-) -> list[Swept]:
-    """Sweep several readings that are known in the same rows; `steps` walks with one free column more for each."""
-    n_readings = len(readings)
+    binning = Binning(record)
     chunks: list[TriangularFactor] = []
     ends: list[list[Any]] = []
     begun: dict[tuple[int, int], TriangularFactor] = {}
-    binnings = [Binning(record) for _ in readings]
     for step in steps:
         block, rows = step.block, step.columns
-        for k, (values, offset, binning) in enumerate(zip(readings, offsets, binnings, strict=True), -n_readings):
-            reading = np.asarray(values[block.rows], float) - offset
-            binning.take(block, rows[:, : -1 - n_readings], reading)
-            rows[:, k] = reading
-        rows[:, -1 - n_readings] = 1.0
+        reading = np.asarray(record.reading[block.rows], float) - offset
+        binning.take(block, rows[:, :-2], reading)
+        rows[:, -2], rows[:, -1] = 1.0, reading
         if block.stop == record.segments[block.segment].stop:
             ends.append(list(step.states))
         if not chunks:
@@ -379,13 +346,7 @@ def sweep_readings(
                 begun.setdefault((chunk, block.segment), TriangularFactor(rows.shape[1])).update(piece)
     for (chunk, _), factor in begun.items():
         chunks[chunk].merge(factor.behind(factor.r.shape[1] - chunks[chunk].r.shape[1]))
-    if n_readings == 1:
-        return [Swept(chunks, ends, offsets[0], binnings[0].binned())]
-    shared = range(chunks[0].r.shape[1] - n_readings)
-    return [
-        Swept([chunk.select([*shared, len(shared) + k]) for chunk in chunks], ends, offset, binning.binned())
-        for k, (offset, binning) in enumerate(zip(offsets, binnings, strict=True))
-    ]
+    return Swept(chunks, ends, offset, binning.binned())
 
 
 def require_rows(n_readings: int, n_columns: int, what: str = "model") -> None:

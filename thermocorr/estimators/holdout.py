@@ -21,7 +21,6 @@ from .progress import Progress, told
 from .regressor import DynamicBiasRegressor
 from .run_levels import unlearned
 from .screening import believed_readings
-from .time_constants.folds import Sweeps
 
 MIN_BLOCK = 8
 """Rows below which a block of time says nothing."""
@@ -36,15 +35,6 @@ def time_blocks(reading: np.ndarray, n_blocks: int) -> list[slice]:
     n_rows = stop - first
     count = min(n_blocks, max(n_rows // MIN_BLOCK, 2))
     return [slice(first + low, first + high) for low, high in pairwise(n_rows * k // count for k in range(count + 1))]
-
-
-def fitted_to(model: Any, X: Any, y: Any, sweeps: Sweeps) -> Any:
-    """A copy fitted to some of a record's readings, beside other such fits that leave out others."""
-    clone_of = model.settled()
-    clone_of.sweeps = sweeps
-    fitted = clone_of.fit(X, y)
-    del fitted.sweeps
-    return fitted
 
 
 @said_once()
@@ -83,13 +73,13 @@ def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5, progres
     check_int("held_out_residuals", "n_blocks", n_blocks, 2)
     reading = believed_readings(model, X, y)
     with told(progress, len(time_blocks(reading, n_blocks))) as tell:
-        return residuals_of_blocks(model, X, reading, n_blocks, Sweeps(), tell)
+        return residuals_of_blocks(model, X, reading, n_blocks, tell)
 
 
 def residuals_of_blocks(
-    model: Any, X: Any, reading: np.ndarray, n_blocks: int, sweeps: Sweeps, tell: Callable[[str], None]
+    model: Any, X: Any, reading: np.ndarray, n_blocks: int, tell: Callable[[str], None]
 ) -> np.ndarray:
-    """`held_out_residuals` of believed readings; `sweeps` knows what other fits to the record have swept."""
+    """`held_out_residuals` of believed readings."""
     result = np.full(len(reading), np.nan)
     blocks = time_blocks(reading, n_blocks)
     for number, block in enumerate(blocks):
@@ -98,7 +88,7 @@ def residuals_of_blocks(
         known[block] = np.nan
         if np.isfinite(known).any():
             try:
-                fitted = fitted_to(model, X, known, sweeps)
+                fitted = model.settled().fit(X, known)
             except RecordError as error:
                 counts = " of ".join(f"{np.isfinite(values).sum()}" for values in (known, reading))
                 raise RecordError(
@@ -320,18 +310,18 @@ def _missed(
     tell: Callable[[int], None] = lambda number: None,
 ) -> list[np.ndarray]:
     """What models of the known readings miss in the block behind these; NaN where these are too few."""
-    missed, sweeps = [], Sweeps()
-    for number, (known, block) in reversed(list(enumerate(later, 1))):  # a longer record knows what shorter ones ask
+    missed = []
+    for number, (known, block) in enumerate(later, 1):
         tell(number)
-        missed.append(_missed_in(model, X, known, reading, block, sweeps))
-    return missed[::-1]
+        missed.append(_missed_in(model, X, known, reading, block))
+    return missed
 
 
 def _missed_in(
-    model: DynamicBiasRegressor, X: Any, known: np.ndarray, reading: np.ndarray, block: np.ndarray, sweeps: Sweeps
+    model: DynamicBiasRegressor, X: Any, known: np.ndarray, reading: np.ndarray, block: np.ndarray
 ) -> np.ndarray:
     try:
-        fitted: DynamicBiasRegressor = fitted_to(model, X, known, sweeps)
+        fitted: DynamicBiasRegressor = model.settled().fit(X, known)
         missed = np.asarray(reading[block] - fitted.predict(X)[block])
         missed[unlearned(model, X, known)[block] | _after_events(fitted, X, known, block)] = np.nan
         return missed

@@ -26,7 +26,6 @@ from .prior import LawPrior, known_before
 from .progress import one_blas_thread, printed
 from .reading import Reading, check_corrected, check_plausible, like, no_flags
 from .run_levels import RunLevels, run_levels
-from .time_constants.folds import Sweeps
 from .uncertainty.assessed import SignedModel
 
 WASHOUT_TIME_CONSTANTS = 3.0
@@ -163,9 +162,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.fill = fill
         self.prior = prior
         self.verbose = verbose
-
-    sweeps: Sweeps | None = None
-    """What searches in the same record have swept, for fits to most of its readings; None: nobody else searches."""
 
     __metadata_request__fit = {"sample_weight": None}
 

@@ -18,11 +18,10 @@ from ..records.checks import check_int
 from ..records.errors import printable, said_once
 from ..records.numbers import Scale, number_text, scale_of
 from .choosing import count_to_choose
-from .holdout import fitted_to, residuals_of_blocks, rms, time_blocks
+from .holdout import residuals_of_blocks, rms, time_blocks
 from .progress import Progress, told
 from .regressor import DynamicBiasRegressor
 from .screening import believed_readings
-from .time_constants.folds import Sweeps
 
 _TITLES = {
     "std": "std",
@@ -187,10 +186,9 @@ def compare_variants(
         "dynamic linear": clone(dynamic).set_params(degree=1, products=False),
         "dynamic nonlinear": clone(dynamic).set_params(degree=degree, products=False),
     }
-    sweeps = {name: Sweeps() for name in variants}
     if products == "auto" and count_to_choose(dynamic.time_constants) != 0:
         tried = clone(dynamic).set_params(degree=degree, products=products)
-        products = fitted_to(tried, X, y, sweeps["dynamic nonlinear"]).products_
+        products = tried.settled().fit(X, y).products_
     if products not in ("auto", False):
         variants["dynamic nonlinear with products"] = clone(dynamic).set_params(degree=degree, products=products)
     reading = believed_readings(dynamic, X, y)
@@ -201,10 +199,9 @@ def compare_variants(
     with told(progress, len(variants) * (1 + len(blocks))) as tell:
         for name, variant in variants.items():
             tell(f"{name}: fitting")
-            swept = sweeps.get(name, Sweeps())
-            fitted[name] = fitted_to(variant, X, y, swept)
+            fitted[name] = variant.settled().fit(X, y)
             inside[name] = np.asarray(fitted[name].residuals(X, y))
-            outside[name] = residuals_of_blocks(variant, X, reading, n_blocks, swept, partial(_tell, tell, name))
+            outside[name] = residuals_of_blocks(variant, X, reading, n_blocks, partial(_tell, tell, name))
     record = read_record(X, fitted["static linear"].features_.layout(), y=y, quiet=True)
     smooth = _Smoothing(record, blocks, window)
     raw = reading - np.nanmean(reading)

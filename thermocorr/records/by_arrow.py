@@ -1,6 +1,6 @@
-"""Plain CSV and dates by pyarrow, where it is installed: faster than by pandas, and nothing is read differently.
+"""Dates, and CSV that is written, by pyarrow where it is installed: faster than by pandas, and nothing differs.
 
-What pyarrow does not read or write, or would do in another way, is left to pandas.
+What pyarrow does not do, or would do in another way, is left to pandas.
 """
 
 from __future__ import annotations
@@ -18,54 +18,6 @@ ROWS_WRITTEN = 250_000
 """Rows that are made to text at a time."""
 MANY = 10_000
 """Dates, or rows to be written, from which it is worth loading pyarrow."""
-
-
-def table_by_arrow(content: bytes, start: int, end: int, head: pd.DataFrame, missing: list[str]) -> pd.DataFrame | None:
-    """The rows in a part of a file.
-
-    Of what type a column is has been told by pandas, from the first of them. Where one of its cells is not of that
-    type, or pyarrow takes for a number what pandas does not, there is none.
-
-    `content` (bytes). `start`, `end` (int): Where the rows begin and end: whole lines in UTF-8, with as many fields
-    in each as `head` has columns. `head` (DataFrame): The first of them, as pandas reads them. `missing` (list of
-    str): What stands in a cell without a value. Returns DataFrame, or None where pandas has to read them.
-    """
-    try:
-        import pyarrow as pa
-        from pyarrow import csv
-    except ImportError:
-        return None
-    types: dict[Any, Any] = {np.dtype(np.int64): pa.int64(), np.dtype(np.float64): pa.float64()}
-    if isinstance(_TEXT, pd.StringDtype):
-        types[_TEXT] = pa.string()
-    if not all(dtype in types for dtype in head.dtypes):
-        return None
-    if any(dtype == np.int64 for dtype in head.dtypes) and (b"0x" in content or b"0X" in content):
-        return None  # 0x1A is text to pandas
-    empty = [str(name) for name in head if head[name].isna().all()]
-    try:
-        table = csv.read_csv(
-            pa.py_buffer(memoryview(content)[start:end]),
-            read_options=csv.ReadOptions(use_threads=False, column_names=list(head.columns)),
-            convert_options=csv.ConvertOptions(
-                check_utf8=False,
-                column_types={
-                    name: pa.null() if name in empty else types[dtype] for name, dtype in head.dtypes.items()
-                },
-                null_values=missing,
-                strings_can_be_null=True,
-            ),
-        )
-    except pa.ArrowException:
-        return None
-    gaps = {name: column.null_count for name, column in zip(table.column_names, table.columns, strict=True)}
-    mapped: Any = {pa.string(): _TEXT}.get
-    frame: pd.DataFrame = table.to_pandas(types_mapper=mapped, use_threads=False, self_destruct=True)
-    frame[empty] = np.nan
-    numbers = frame.select_dtypes("float64")
-    if any(np.count_nonzero(np.isnan(numbers[name])) != gaps[name] for name in numbers):  # NAN is text to pandas
-        return None
-    return frame
 
 
 def dates_by_arrow(text: pd.Series[Any]) -> pd.Series[Any] | None:

@@ -17,7 +17,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .by_arrow import table_by_arrow
 from .errors import RecordError, listing, quoted, warn
 from .grammar import MISSING
 from .parquet import open_parquet
@@ -194,10 +193,6 @@ TIME_NAMES = (
     "datum und uhrzeit", "date and time", "ts",
 )  # fmt: skip
 """Columns that are taken as times where none is named, the first that is there."""
-HEAD = 1 << 16
-"""Bytes that tell of what type columns are."""
-LONG = 1 << 21
-"""Bytes from which it is worth loading a faster reader."""
 _NONE = sorted(MISSING)
 EVERY_DIGIT: dict[str, Any] = (
     {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
@@ -268,24 +263,13 @@ def csv_table(content: bytes, path: Path, names: list[str] | None = None, line: 
         raise RecordError(f"{path} has columns without a name, and others called {listing(names)}. Name them all.")
     if not rows:
         return pd.DataFrame(columns=names)
-    frame = _rows(content, start, end, names)
+    frame = _cells(content, start, end, names)
     infinite = [name for name in names if frame[name].dtype.kind == "f" and np.isinf(frame[name]).any()]
     if infinite:  # more than a number can hold, or a word for it: cells that stay as they stand
         frame[infinite] = _cells(content, start, end, names, infinite)
     if len(frame) != rows:  # two readers that disagree: trust neither
         raise RecordError(f"{path} cannot be read as a table: {rows} lines gave {len(frame)} rows.")
     return frame
-
-
-def _rows(content: bytes, start: int, end: int, names: list[str]) -> pd.DataFrame:
-    """The lines of a part of a file as a table, the fastest way."""
-    if end - start > LONG:
-        behind = content.find(b"\n", start + HEAD) + 1
-        head = _cells(content[start:behind], 0, behind - start, names)
-        frame = table_by_arrow(content, start, end, head, _NONE)
-        if frame is not None:
-            return frame
-    return _cells(content, start, end, names)
 
 
 def _cells(content: bytes, start: int, end: int, names: list[str], as_text: list[str] | None = None) -> pd.DataFrame:

@@ -118,7 +118,7 @@ def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
         if y.shape[1] != 1:
             raise RecordError(
                 f"y has {y.shape[1]} columns ({listing(y.columns)}). Pass one, such as y[{y.columns[0]!r}], or fit a "
-                "model for each with thermocorr.cluster.fleet.fit_channels(X, y)."
+                "model for each."
             )
         y = y.iloc[:, 0]
     check_same_rows(y, X, "y")

@@ -20,7 +20,7 @@ from ..features import DiffusiveFeatures
 from ..fitting import require_rows
 from ..reading import Reading, check_plausible
 from .crossvalidation import NEGLIGIBLE, CrossValidation, Set, count_sets, fewest
-from .folds import LagColumns, Sweeps, TimeFolds, folds_in_time
+from .folds import LagColumns, TimeFolds, folds_in_time
 from .spectrum import (
     LARGEST_ALPHA,
     MAX_COUNT,
@@ -118,8 +118,6 @@ class SearchSettings:
     scoring: str = "neg_root_mean_squared_error"
     n_jobs: int | None = None
     say: Callable[[str], None] = lambda text: None
-    sweeps: Sweeps | None = None
-    """What earlier searches in the same record have swept."""
 
 
 class CandidateRow(NamedTuple):
@@ -412,10 +410,7 @@ def factors_of(
     columns = LagColumns.of(features, record, grid)
     folds = folds_in_time(record, settings.cv)
     effects = [*features.effect_list(), columns.lag, *columns.further, columns.transient]
-    if settings.sweeps is None:
-        chunks = list(columns.swept(record, effects, folds.edges).chunks)
-    else:
-        chunks = settings.sweeps.chunks(record, effects, folds.edges, columns.taken_out)
+    chunks = list(columns.swept(record, effects, folds.edges).chunks)
     return Factored(record=record, reading=reading, features=features, columns=columns, chunks=chunks, folds=folds)
 
 
