@@ -169,7 +169,7 @@ def searches(n: int, sets: int, quick: bool) -> Line:
     chosen = [tuple(np.sort(rng.choice(pool, 6, replace=False))) for _ in range(1000)]
     search = TimeConstantSearch(
         DynamicBiasRegressor(degree=1, initial_state="equilibrium"), chosen, alphas=[1e-6], cv=TimeSeriesSplit(5),
-        refit=False, rule="best",
+        refit=False,
     )  # fmt: skip
     grid = GridSearchCV(
         make_pipeline(Lags(), Ridge(1e-6, solver="cholesky")), {"lags__time_constants": chosen[:sets]},

@@ -189,7 +189,7 @@ def test_contributions_are_those_of_the_model(fitted):
 def test_spectrum_of_a_search_and_of_a_model(fitted):
     """The layered package: a minute-scale body and one of an hour and a half; a given set has no spectrum."""
     model, X, y = fitted
-    search = TimeConstantSearch(method="cross_validation", max_count=3).fit(X[["temperature"]], y)
+    search = TimeConstantSearch(method="cross_validation", count=3).fit(X[["temperature"]], y)
     display = SpectrumDisplay.from_estimator(search)
     table = model.coef_table()
     assert display.frame()["low"].tolist() == search.time_constants_["low"].tolist()

@@ -18,7 +18,6 @@ from .fitting import learned_readings
 from .progress import one_blas_thread
 from .regressor import DynamicBiasRegressor
 from .thermometers import Thermometers
-from .time_constants.crossvalidation import SCORINGS
 from .time_constants.projection import refined, sensitivity
 from .time_constants.resolution import interval_table, spectrum_table
 from .time_constants.search import (
@@ -46,43 +45,31 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     candidates : "auto", sequence of times, or sequence of such sequences, default "auto"
         A pool to choose from, in seconds or spans such as "15 min"; or the very sets to compare. "auto" is a pool of 24
         from two sampling steps to the length of the record, evenly spread in the logarithm, and one of half a step.
-    method : {"spectrum", "cross_validation", "exhaustive", "greedy"}, default "spectrum"
+    method : {"spectrum", "cross_validation"}, default "spectrum"
         "spectrum" fits the whole pool with a ridge penalty chosen by forecasting and takes the few time constants
         that span its modelled reading: the most reliable on measured records (`benchmarks/real_records.py`).
-        "cross_validation" takes the set with the least error on held-out stretches: all sets where there are at most
-        20 000 ("exhaustive"), forward steps with exchanges beyond ("greedy"). Best where the device has a few
-        distinct time constants and these are what you want to know. Ignored where sets are given.
+        "cross_validation" takes the fewest with no more than one standard error above the least error on held-out
+        stretches: of all sets where there are at most 20 000, of forward steps with exchanges beyond. It moves them
+        between the pool's by variable projection. Best where the device has a few distinct time constants and these
+        are what you want to know. Where sets are given, it chooses among these.
     count : int, optional
-        Number of time constants; None chooses it.
-    max_count : int, default 6
-        Most time constants that cross-validation tries.
+        Number of time constants; None chooses it, up to 6 by cross-validation.
     alphas : "auto" or sequence of float, default "auto"
         Ridge penalties to choose from, in `DynamicBiasRegressor`'s sense; "auto" is 0, 1e-8, 1e-6 and 1e-4 per
         reading. "spectrum" chooses its own.
     cv : int, splitter or iterable, default 5
         An int is forward chaining as in ``TimeSeriesSplit``, with 1 % of the record left out before each test.
         Splitters get the runs as groups; their folds must be whole stretches of time. The lags run on through all rows.
-    rule : {"one_standard_error", "best"}, default "one_standard_error"
-        How cross-validation chooses the number of time constants.
-    refine : bool or "auto", default "auto"
-        Move the time constants between the grid's by variable projection, and leave out those that become superfluous.
-        "auto" does so after cross-validation over a pool.
-    scoring : {"neg_root_mean_squared_error", "neg_mean_squared_error"}, default "neg_root_mean_squared_error"
-        What `best_score_` and `cv_results_` are; `score` is R2 as that of any regressor.
     refit : bool, default True
         Fit `best_estimator_`.
-    n_jobs : int, optional
-        Threads for an exhaustive search.
-    verbose : int, default 0
-        1 prints progress.
 
     Attributes
     ----------
     cv_results_ : dict of arrays
-        As in scikit-learn: params, param_time_constants, param_alpha, split0_test_score, ..., mean_test_score,
-        std_test_score, rank_test_score. An exhaustive search keeps the 200 best sets of each size.
+        As in scikit-learn: params, param_time_constants, param_alpha, split0_test_score (negative root mean squared
+        error), ..., mean_test_score, std_test_score, rank_test_score. Of all sets of a pool, the 200 best of each size.
     best_index_ : int
-        Row of the choice in `cv_results_`: the rule decides, not the score alone.
+        Row of the choice in `cv_results_`, which is the fewest time constants that are no worse, not the best score.
     best_params_ : dict
         ``time_constants`` (tuple, [s]) and ``alpha``, ready for ``DynamicBiasRegressor(**best_params_)``.
     best_score_ : float
@@ -110,13 +97,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     _parameter_constraints: dict[str, Any] = {
         "method": [StrOptions(set(METHODS))],
         "count": [Interval(Integral, 1, None, closed="left"), None],
-        "max_count": [Interval(Integral, 1, None, closed="left")],
-        "rule": [StrOptions({"one_standard_error", "best"})],
-        "refine": ["boolean", StrOptions({"auto"})],
-        "scoring": [StrOptions(set(SCORINGS))],
         "refit": ["boolean"],
-        "n_jobs": [Integral, None],
-        "verbose": ["verbose"],
     }
 
     def __init__(
@@ -126,29 +107,17 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         *,
         method: str = "spectrum",
         count: int | None = None,
-        max_count: int = 6,
         alphas: Any = "auto",
         cv: Any = 5,
-        rule: str = "one_standard_error",
-        refine: bool | str = "auto",
-        scoring: str = "neg_root_mean_squared_error",
         refit: bool = True,
-        n_jobs: int | None = None,
-        verbose: int = 0,
     ):
         self.estimator = estimator
         self.candidates = candidates
         self.method = method
         self.count = count
-        self.max_count = max_count
         self.alphas = alphas
         self.cv = cv
-        self.rule = rule
-        self.refine = refine
-        self.scoring = scoring
         self.refit = refit
-        self.n_jobs = n_jobs
-        self.verbose = verbose
 
     __metadata_request__fit = {"sample_weight": None}
 
@@ -179,7 +148,8 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         learned = learned_readings(X, y, model.unfitted_features(()).layout(), mask, weights)
         with one_blas_thread():
             model.learn_levels(X, learned)
-            choice = search(model.unfitted_features(()), X, learned, self._settings())
+            settings = SearchSettings(self.candidates, self.method, self.count, self.alphas, self.cv)
+            choice = search(model.unfitted_features(()), X, learned, settings)
             self._conclude(choice)
         self.search_time_ = time.perf_counter() - started
         if self.refit:
@@ -206,20 +176,6 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         best: DynamicBiasRegressor = self.best_estimator_
         return best
 
-    def _settings(self) -> SearchSettings:
-        return SearchSettings(
-            candidates=self.candidates,
-            method=self.method,
-            count=self.count,
-            max_count=min(self.max_count, METHODS[self.method].most or self.max_count),
-            alphas=self.alphas,
-            cv=self.cv,
-            rule=self.rule,
-            scoring=self.scoring,
-            n_jobs=self.n_jobs,
-            say=print if self.verbose else lambda text: None,
-        )
-
     def _conclude(self, choice: TimeConstantChoice) -> None:
         """Refine, and set out the results."""
         factored, chosen = choice.factored, choice.chosen
@@ -229,11 +185,10 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         times = [tuple([grid[i] for i in line.members]) for line in tried]
         best = next(i for i, line in enumerate(tried) if line is chosen or _same(line, chosen))
         pooled = isinstance(self.candidates, str) or np.ndim(self.candidates[0]) == 0
-        refine = self.refine is True or (self.refine == "auto" and pooled and METHODS[self.method].refines)
         if len(choice.time_constants) == 0:
             final = None
-        elif refine:
-            final, losses = refined(factored, choice.time_constants, choice.alpha, self.scoring)
+        elif pooled and self.method == "cross_validation":
+            final, losses = refined(factored, choice.time_constants, choice.alpha)
             tried.append(CandidateRow((), choice.alpha, losses))
             times.append(tuple(final.time_constants.tolist()))
             best = len(tried) - 1

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from math import comb
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from ...equations import TriangularFactor
 from ...equations.subsets import Fold, all_set_errors, fold_of, set_errors
@@ -16,11 +15,6 @@ from .folds import Sides, TimeFolds
 from .spectrum import GridLayout, grown
 
 Set = tuple[int, ...]
-SCORINGS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-    "neg_root_mean_squared_error": np.sqrt,
-    "neg_mean_squared_error": np.asarray,
-}
-"""scikit-learn's names of the scores, and what they make of a fold's mean squared error."""
 KEPT = 200
 """Sets of each size whose errors are kept from an exhaustive search."""
 NEGLIGIBLE = 5e-4
@@ -32,7 +26,7 @@ class CrossValidation:
 
     `chunks` (list of TriangularFactor): Factors of the stretches that `folds` is made of. `folds` (TimeFolds).
     `layout` (GridLayout): Which column is what. `dead` (list of lists of int): ``dead[f]`` are columns that fold f
-    must not use. `scoring` (str): One of `SCORINGS`.
+    must not use.
     """
 
     def __init__(
@@ -41,12 +35,10 @@ class CrossValidation:
         folds: TimeFolds,
         layout: GridLayout,
         dead: Sequence[Sequence[int]],
-        scoring: str,
     ):
         self.chunks, self.folds, self.layout, self.dead = chunks, folds, layout, dead
-        self.loss_of = SCORINGS[scoring]
         self.losses: dict[tuple[float, Set], np.ndarray] = {}
-        """Loss in each fold of every (penalty, set) tried so far."""
+        """Root mean squared error in each fold of every (penalty, set) tried so far."""
         self._prepared: dict[float, list[Fold]] = {}
         width = max((len(layout.columns([i])) for i in range(len(layout.grid))), default=1)
         self.groups = np.full((len(layout.grid), width), -1)
@@ -67,7 +59,7 @@ class CrossValidation:
                 new.setdefault(len(members), []).append(members)
         for count, group in new.items():
             columns = self.groups[np.array(group, np.intp).reshape(len(group), count)].reshape(len(group), -1)
-            losses = self.loss_of(set_errors(self.prepared(alpha), columns))
+            losses = np.sqrt(set_errors(self.prepared(alpha), columns))
             self.losses.update(((alpha, members), loss) for members, loss in zip(group, losses, strict=True))
 
     @cached_property
@@ -82,7 +74,7 @@ class CrossValidation:
             self._prepared[alpha] = [fold_of(s.learned, s.tested, n_free, alpha, self.dead[s.fold]) for s in self.sides]
         return self._prepared[alpha]
 
-    def greedy(self, candidates: Sequence[int], max_count: int, alpha: float, say: Callable[[str], None]) -> list[Set]:
+    def greedy(self, candidates: Sequence[int], max_count: int, alpha: float) -> list[Set]:
         """Best set found of each size: forward steps, each followed by exchanges."""
 
         def best(sets: set[Set]) -> tuple[Set, float]:
@@ -91,32 +83,29 @@ class CrossValidation:
             return ordered[int(losses.argmin())], float(losses.min())
 
         path: list[Set] = []
-        for size in range(1, min(max_count, len(candidates)) + 1):
+        for _ in range(1, min(max_count, len(candidates)) + 1):
             path.append(grown(path[-1] if path else (), candidates, best))
-            say(f"{size} of {max_count} time constants: error {self.losses[alpha, path[-1]].mean():.6g}")
         return path
 
-    def exhaustive(
-        self, candidates: Sequence[int], max_count: int, alpha: float, say: Callable[[str], None], n_jobs: int | None
-    ) -> list[Set]:
+    def exhaustive(self, candidates: Sequence[int], max_count: int, alpha: float) -> list[Set]:
         """Best set of each size among all sets; the errors of the `KEPT` best of each are kept."""
         members = np.array(candidates)
         groups = self.groups[members]
         max_count = min(max_count, len(members))
 
-        def one(number: int, fold: Fold) -> tuple[list[np.ndarray], list[np.ndarray]]:
-            by_size: list[list[Any]] = [[] for _ in range(max_count)]
-            for sets, errors in all_set_errors(fold, groups, max_count):
-                by_size[sets.shape[1] - 1].append((sets, errors))
-            say(f"fold {number + 1}: {sum(comb(len(members), k + 1) for k in range(max_count))} sets done")
-            first = [np.concatenate([sets for sets, _ in parts]) for parts in by_size] if number == 0 else []
-            return first, [np.concatenate([errors for _, errors in parts]) for parts in by_size]
-
-        jobs = (delayed(one)(number, fold) for number, fold in enumerate(self.prepared(alpha)))
-        results = Parallel(n_jobs=n_jobs, prefer="threads")(jobs)
+        made: list[list[Any]] = [[] for _ in range(max_count)]
+        errors: list[list[np.ndarray]] = [[] for _ in range(max_count)]
+        for number, fold in enumerate(self.prepared(alpha)):
+            found: list[list[np.ndarray]] = [[] for _ in range(max_count)]
+            for sets, losses in all_set_errors(fold, groups, max_count):
+                found[sets.shape[1] - 1].append(losses)
+                if number == 0:
+                    made[sets.shape[1] - 1].append(sets)
+            for own, parts in zip(errors, found, strict=True):
+                own.append(np.concatenate(parts))
         path: list[Set] = []
-        for size, sets in enumerate(results[0][0]):
-            losses = self.loss_of(np.array([errors[size] for _, errors in results]).T)
+        for size, sets in enumerate(map(np.concatenate, made)):
+            losses = np.sqrt(np.array(errors[size]).T)
             order = np.argsort(losses.mean(axis=1), kind="stable")[:KEPT]
             for i in order:
                 self.losses[alpha, tuple(members[sets[i]].tolist())] = losses[i]
@@ -140,9 +129,7 @@ def no_worse(losses: np.ndarray, best: np.ndarray) -> bool:
     return float(difference.mean()) <= max(error, NEGLIGIBLE * float(best.mean()))
 
 
-def fewest(losses: Sequence[np.ndarray], rule: str) -> int:
-    """Which of the best sets of growing size to take: the one with the least mean loss, or the first no worse."""
+def fewest(losses: Sequence[np.ndarray]) -> int:
+    """Which of the best sets of growing size to take: the first that is no worse than the one with the least loss."""
     best = int(np.argmin([float(loss.mean()) for loss in losses]))
-    if rule == "best":
-        return best
     return next(i for i, loss in enumerate(losses) if i == best or no_worse(loss, losses[best]))

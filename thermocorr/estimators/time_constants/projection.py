@@ -152,7 +152,7 @@ def moved_to_best(here: Sensitivity, alpha: float) -> Sensitivity:
     return here
 
 
-def refined(base: Factored, time_constants: np.ndarray, alpha: float, scoring: str) -> tuple[Sensitivity, np.ndarray]:
+def refined(base: Factored, time_constants: np.ndarray, alpha: float) -> tuple[Sensitivity, np.ndarray]:
     """Refine time constants, then leave out those that the folds do not miss.
 
     Time constants that were spread over two neighbours of the grid meet when they are free to move, and one of them
@@ -164,22 +164,22 @@ def refined(base: Factored, time_constants: np.ndarray, alpha: float, scoring: s
     """
     start = sensitivity(base, time_constants, alpha)
     moved = moved_to_best(start, alpha)
-    before, after = _losses(start, alpha, scoring), _losses(moved, alpha, scoring)
+    before, after = _losses(start, alpha), _losses(moved, alpha)
     best, losses = (start, before) if before.mean() < after.mean() else (moved, after)
     while len(best.time_constants) > 1:
-        cross = best.model.cross_validation(scoring)
+        cross = best.model.cross_validation()
         everything = range(len(best.time_constants))
         sets = [tuple(i for i in everything if i != left_out) for left_out in everything]
         kept = sets[int(cross.score_sets(sets, alpha).mean(axis=1).argmin())]
         fewer = moved_to_best(sensitivity(base, best.time_constants[list(kept)], alpha), alpha)
-        fewer_losses = _losses(fewer, alpha, scoring)
+        fewer_losses = _losses(fewer, alpha)
         if not no_worse(fewer_losses, losses):
             break
         best, losses = fewer, fewer_losses
     return best, losses
 
 
-def _losses(model: Sensitivity, alpha: float, scoring: str) -> np.ndarray:
+def _losses(model: Sensitivity, alpha: float) -> np.ndarray:
     everything = tuple(range(len(model.time_constants)))
-    losses: np.ndarray = model.model.cross_validation(scoring).score_sets([everything], alpha)[0]
+    losses: np.ndarray = model.model.cross_validation().score_sets([everything], alpha)[0]
     return losses

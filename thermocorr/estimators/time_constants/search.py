@@ -23,7 +23,6 @@ from .crossvalidation import NEGLIGIBLE, CrossValidation, Set, count_sets, fewes
 from .folds import LagColumns, TimeFolds, folds_in_time
 from .spectrum import (
     LARGEST_ALPHA,
-    MAX_COUNT,
     MIN_ROWS,
     N_BLOCKS,
     PENALTIES,
@@ -67,25 +66,9 @@ def check_alphas(alphas: Any) -> None:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class SearchMethod:
-    """A way to choose time constants."""
-
-    most: int | None = None
-    """Most time constants that it can take, whatever is asked for."""
-    refines: bool = True
-    """Whether ``refine="auto"`` moves the time constants that it took from a pool."""
-
-
-METHODS = {
-    "spectrum": SearchMethod(most=MAX_COUNT, refines=False),
-    "cross_validation": SearchMethod(),
-    "exhaustive": SearchMethod(),
-    "greedy": SearchMethod(),
-}
-"""Name of a method -> what it does."""
-
-
+METHODS = ("spectrum", "cross_validation")
+MOST_TRIED = 6
+"""Most time constants that cross-validation tries."""
 FAST_SHARE = 1 / 200
 """Time constants up to this share of the record are fast: any stretch has seen many of their lives."""
 MOST_FAST = 3
@@ -99,7 +82,7 @@ WORTH = 0.01
 eight measured records explains 0.1 %, 1.2 %, 3 %, and 5 to 50 %: only the first leaves, and the errors on later data
 change by less than 0.3 % (`benchmarks/real_records.py`)."""
 EXHAUSTIVE_LIMIT = 20_000
-"""Up to this many sets, "cross_validation" tries them all; beyond, forward steps with exchanges."""
+"""Up to this many sets, cross-validation tries them all; beyond, forward steps with exchanges."""
 ALPHAS_PER_ROW = (0.0, 1e-8, 1e-6, 1e-4)
 """Ridge penalties that are tried when none are given, per reading."""
 
@@ -111,12 +94,8 @@ class SearchSettings:
     candidates: Any = "auto"
     method: str = "spectrum"
     count: int | None = None
-    max_count: int = 6
     alphas: Any = "auto"
     cv: Any = 5
-    rule: str = "one_standard_error"
-    scoring: str = "neg_root_mean_squared_error"
-    n_jobs: int | None = None
     say: Callable[[str], None] = lambda text: None
 
 
@@ -156,10 +135,10 @@ class Factored:
         """What `project` needs."""
         return Projected(self.whole, self.layout, reference)
 
-    def cross_validation(self, scoring: str) -> CrossValidation:
+    def cross_validation(self) -> CrossValidation:
         """Errors of sets in the folds."""
         dead = self.columns.dead(self.record, self.folds)
-        return CrossValidation(self.chunks, self.folds, self.layout, dead, scoring)
+        return CrossValidation(self.chunks, self.folds, self.layout, dead)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,7 +195,7 @@ def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings
     else:
         grid = log_grid(record.usual_step(), span, POOL_SIZE)
     factored = factors_of(features, record, reading, grid, settings)
-    cross = factored.cross_validation(settings.scoring)
+    cross = factored.cross_validation()
     if not cross.sides:
         raise RecordError(
             rows_apart(record)
@@ -313,24 +292,18 @@ def _by_cross_validation(
         sets = [tuple(islice(members, len(times))) for times in explicit]
         for alpha in alphas:
             cross.try_sets(sets, alpha)
-            settings.say(f"alpha {alpha:.4g}: {len(sets)} sets done")
         best = _best_of_each_size(cross, sets, alphas)
     else:
         candidates = list(range(len(grid)))
-        most = settings.count or settings.max_count
-        method = settings.method
-        if method == "cross_validation":
-            method = "exhaustive" if count_sets(len(grid), most) <= EXHAUSTIVE_LIMIT else "greedy"
-        if method == "exhaustive":
-            path = cross.exhaustive(candidates, most, alphas[0], settings.say, settings.n_jobs)
-        else:
-            path = cross.greedy(candidates, most, alphas[0], settings.say)
+        most = settings.count or MOST_TRIED
+        exhaustive = count_sets(len(grid), most) <= EXHAUSTIVE_LIMIT
+        path = (cross.exhaustive if exhaustive else cross.greedy)(candidates, most, alphas[0])
         if settings.count is not None:
             path = path[-1:]
         for alpha in alphas[1:]:
             cross.score_sets(path, alpha)
         best = _best_of_each_size(cross, path, alphas)
-    chosen = best[fewest([line.losses for line in best], settings.rule)]
+    chosen = best[fewest([line.losses for line in best])]
     tried = [CandidateRow(members, alpha, losses) for (alpha, members), losses in cross.losses.items()]
     reference = None
     if explicit is None:
@@ -396,7 +369,7 @@ def _evenly_spread(
     if isinstance(settings.cv, Integral):
         settings = replace(settings, cv=max(2, min(int(settings.cv), record.n_rows // 4)))
     factored = factors_of(features, record, reading, grid, settings)
-    cross = factored.cross_validation(settings.scoring)
+    cross = factored.cross_validation()
     members, alpha = tuple(range(len(factored.layout.grid))), PENALTIES[2] * reading.n_readings
     losses = cross.score_sets([members], alpha)[0] if cross.sides else np.full(1, np.nan)
     chosen = CandidateRow(members, alpha, losses)
