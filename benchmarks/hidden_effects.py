@@ -84,10 +84,7 @@ def judge(kind: str, setting: str, seed: int, strength: float) -> dict[str, Any]
     """One record; None where it cannot be made."""
     try:
         case = make_case(
-            setting,
-            seed,
-            {} if kind in NOTHING else {kind: strength},
-            strength if kind == "coloured" else 0.0,
+            setting, seed, {} if kind in NOTHING else {kind: strength}, strength if kind == "coloured" else 0.0
         )
     except ValueError:
         return None

@@ -38,13 +38,7 @@ from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
 from sklearn.pipeline import make_pipeline
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from thermocorr import (
-    DynamicBiasRegressor,
-    OnlineCorrector,
-    RecordWarning,
-    TimeConstantSearch,
-    diagnose,
-)
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordWarning, TimeConstantSearch, diagnose
 from thermocorr.foreign import read_log
 from thermocorr.records.times import dates_once
 
@@ -128,14 +122,7 @@ def fits(n: int, quick: bool) -> list[Line]:
     rows = f"{n:,} rows".replace(",", " ")
     what, ours = f"fit of 6 time constants, {rows}", lambda: model.fit(X, y)
     return [
-        Line(
-            what,
-            "lfilter and Ridge(cholesky)",
-            ours,
-            lambda: by_hand(X, y),
-            repeats,
-            quick,
-        ),
+        Line(what, "lfilter and Ridge(cholesky)", ours, lambda: by_hand(X, y), repeats, quick),
         Line(f"fit, {rows}", "ready cross products (floor)", ours, floor(X), repeats, quick),
         Line(
             f"fit of irregular steps, {rows}",

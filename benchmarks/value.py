@@ -260,11 +260,7 @@ def planted(folder: str, name: str, kind: str, seed: int) -> Answers | None:
     if case is None:
         return None
     found = planted_on_real.judged(case)
-    return {
-        "among the causes": found["among"],
-        "declared": found["declared"],
-        "foreign column named": found["foreign"],
-    }
+    return {"among the causes": found["among"], "declared": found["declared"], "foreign column named": found["foreign"]}
 
 
 def measured_jobs(part: str, folder: str, first: int, quick: bool) -> Iterator[Job]:

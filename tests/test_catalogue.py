@@ -193,10 +193,7 @@ BAD = [
     (Step(None), "The 'time' parameter of Step must be .* Got None instead"),
     (Step(float("inf")), "The 'time' parameter of Step .* Got inf instead"),
     (Step("2024-03-04 02:00+01:00"), "The 'time' parameter of Step must be a date without a time zone"),
-    (
-        SensitivityStep("breakfast"),
-        "The 'time' parameter of SensitivityStep must be seconds .* Got 'breakfast'",
-    ),
+    (SensitivityStep("breakfast"), "The 'time' parameter of SensitivityStep must be seconds .* Got 'breakfast'"),
     (Disturbance(0.0, "breakfast"), "The .end. parameter of Disturbance must be seconds .* Got .breakfast. instead"),
     (Disturbance(60.0, 60.0), "The 'end' parameter of Disturbance must lie after its start, 60.0. Got 60.0 instead"),
     (LaggedModulation(), "LaggedModulation needs a column as 'fast' or 'slow'"),

@@ -7,12 +7,7 @@ import pandas as pd
 import pytest
 
 from thermocorr import RecordWarning
-from thermocorr.datasets import (
-    list_real_records,
-    load_real_record,
-    load_voltage_reference,
-    make_record,
-)
+from thermocorr.datasets import list_real_records, load_real_record, load_voltage_reference, make_record
 from thermocorr.datasets._climate import smooth_noise
 
 # ----------------------------------------------------------------------------------- voltage reference
@@ -204,10 +199,7 @@ def test_settings_swing_as_they_should():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (
-            {"n": 1},
-            r"The 'n' parameter of make_record must be an int in the range \[2, inf\). Got 1 instead.",
-        ),
+        ({"n": 1}, r"The 'n' parameter of make_record must be an int in the range \[2, inf\). Got 1 instead."),
         ({"n": 10.0}, "Got 10.0 instead"),
         ({"sampling_period": 0.0}, r"a float in the range \(0.0, inf\)"),
         ({"setting": "cellar"}, "must be one of 'lab', 'outdoor', 'chamber'. Got 'cellar' instead"),

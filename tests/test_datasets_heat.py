@@ -112,11 +112,7 @@ def by_solve_ivp(layers, outer, inner, time, air):
 
 
 def test_layers_against_solve_ivp_at_irregular_times():
-    layers = [
-        Layer("a", 0.002, 20.0, 2.4e6, 3),
-        Layer("b", 0.004, 0.04, 5e4, 4),
-        Layer("c", 0.003, 1.0, 2e6, 4),
-    ]
+    layers = [Layer("a", 0.002, 20.0, 2.4e6, 3), Layer("b", 0.004, 0.04, 5e4, 4), Layer("c", 0.003, 1.0, 2e6, 4)]
     rng = np.random.default_rng(1)
     time = np.cumsum(rng.uniform(5.0, 120.0, 40))
     air = 20 + np.cumsum(rng.normal(size=40))
@@ -163,10 +159,7 @@ def test_scan_is_the_recursion():
         (lambda: HeatStack([], 1.0), "at least one Layer"),
         (lambda: HeatStack([Layer("a", 1.0, 1.0, 1.0)], 0.0), "'outer_convection' parameter"),
         (lambda: HeatStack([Layer("a", 1.0, 1.0, 1.0)], 1.0).layer_mean("b"), "The layers are: a"),
-        (
-            lambda: HeatStack([Layer("a", 1.0, 1.0, 1.0)], 1.0).field([0, 1, 1], [0, 0, 0]),
-            "Row 2 does not come",
-        ),
+        (lambda: HeatStack([Layer("a", 1.0, 1.0, 1.0)], 1.0).field([0, 1, 1], [0, 0, 0]), "Row 2 does not come"),
         (lambda: HeatStack([Layer("a", 1.0, 1.0, 1.0)], 1.0).field([0, 1], [0, np.nan]), "finite"),
     ],
 )

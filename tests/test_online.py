@@ -16,12 +16,7 @@ from hypothesis import strategies as st
 from sklearn.preprocessing import SplineTransformer
 from streams import agree, one_by_one, stream
 
-from thermocorr import (
-    DynamicBiasRegressor,
-    OnlineCorrector,
-    ParquetLog,
-    RecordError,
-)
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, ParquetLog, RecordError
 from thermocorr.datasets import make_record
 from thermocorr.effects import Drift, LaggedCovariate
 

@@ -201,11 +201,7 @@ def test_a_page_of_a_log_in_a_file_says_so_too(tmp_path):
     ("effect", "dated", "undated"),
     [
         (Step(5000.0), "time 2024-03-04 01:23:20", "time 1.39 h"),
-        (
-            Disturbance(5000.0, 9000.0),
-            "start 2024-03-04 01:23:20; end 2024-03-04 02:30:00",
-            "start 1.39 h; end 2.5 h",
-        ),
+        (Disturbance(5000.0, 9000.0), "start 2024-03-04 01:23:20; end 2024-03-04 02:30:00", "start 1.39 h; end 2.5 h"),
         (SeveralSteps([60.0, 9000.0]), "times 2024-03-04 00:01:00, 2024-03-04 02:30:00", "times 1 min, 2.5 h"),
         (Events([60.0]), "time 2024-03-04 00:01:00", "time 1 min"),
         (Hinge(0.5, time_constants=[60.0]), "knee 0.500 °F; time constant 1 min", "knee 0.500 °F; time constant 1 min"),

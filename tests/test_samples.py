@@ -55,12 +55,7 @@ class Everything(Effect):
         return [slow[1] - slow[0], rate, x.lag(late, [50.0])[0], damped, clock, case, 3 * x.step]
 
 
-ALL = [
-    *LIVE,
-    ThermalLag([90.0, 4000.0], "zero_order"),
-    Squared(),
-    Everything(),
-]
+ALL = [*LIVE, ThermalLag([90.0, 4000.0], "zero_order"), Squared(), Everything()]
 IDS = [*LIVE_NAMES, "held", "own", "everything"]
 
 

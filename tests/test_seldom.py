@@ -12,11 +12,7 @@ import pandas as pd
 import pytest
 from streams import stream
 
-from thermocorr import (
-    DynamicBiasRegressor,
-    RecordError,
-    save_model,
-)
+from thermocorr import DynamicBiasRegressor, RecordError, save_model
 from thermocorr.command import cli
 from thermocorr.command import correct as results
 from thermocorr.command import lines as lines

@@ -40,10 +40,7 @@ def test_it_is_what_a_finer_record_of_the_curve_would_move(irregular):
     rows, fine = np.arange(3000.0), np.arange(0, 2999.001, 1 / 16)
     slopes = np.gradient(T, seconds)
     times = np.interp(fine, rows, seconds)
-    walk = {
-        "curve": CubicHermiteSpline(seconds, T, slopes)(times),
-        "line": np.interp(times, seconds, T),
-    }
+    walk = {"curve": CubicHermiteSpline(seconds, T, slopes)(times), "line": np.interp(times, seconds, T)}
     lags = {
         name: model.features_.transform(pd.DataFrame({"temperature": values, "t": times}))[::16, 1:3]
         for name, values in walk.items()

@@ -102,14 +102,8 @@ def test_searches_take_weights_and_masks(lab, weight):
     ("given", "said"),
     [
         ({"sample_weight": np.ones(3)}, r"expected \(4000,\): one weight for each row"),
-        (
-            {"sample_weight": np.r_[np.nan, np.ones(3999)]},
-            "not negative. Row 0 has nan .1 such row of",
-        ),
-        (
-            {"sample_weight": np.r_[1.0, -np.ones(3999)]},
-            "not negative. Row 1 has -1.0 .3999 such rows of",
-        ),
+        ({"sample_weight": np.r_[np.nan, np.ones(3999)]}, "not negative. Row 0 has nan .1 such row of"),
+        ({"sample_weight": np.r_[1.0, -np.ones(3999)]}, "not negative. Row 1 has -1.0 .3999 such rows of"),
         ({"sample_weight": np.zeros(4000)}, "there is nothing to learn from"),
         ({"mask": np.ones(3, bool)}, "must say of each of the 4000 rows"),
         ({"mask": np.full(4000, 2)}, "must say of each of the 4000 rows"),

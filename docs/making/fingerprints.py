@@ -14,11 +14,7 @@ WINDOW = 10
 
 
 def draw(
-    record: pd.DataFrame,
-    contribution: pd.Series,
-    model: DynamicBiasRegressor,
-    better: DynamicBiasRegressor,
-    path: Path,
+    record: pd.DataFrame, contribution: pd.Series, model: DynamicBiasRegressor, better: DynamicBiasRegressor, path: Path
 ) -> None:
     """Draw contribution and residuals over time, and the contribution over the temperature, into `path`."""
     import matplotlib

@@ -11,12 +11,8 @@ from typing import Any
 
 GUIDE = Path(__file__).parents[1] / "guide"
 PICTURES: dict[str, dict[str, Callable[[dict[str, Any]], Any]]] = {
-    "first": {
-        "variants": lambda made: _displays().VariantsDisplay.from_comparison(made["comparison"]),
-    },
-    "time_constants": {
-        "step_response": lambda made: _displays().StepResponseDisplay.from_estimator(made["model"]),
-    },
+    "first": {"variants": lambda made: _displays().VariantsDisplay.from_comparison(made["comparison"])},
+    "time_constants": {"step_response": lambda made: _displays().StepResponseDisplay.from_estimator(made["model"])},
     "missing": {
         "residuals": lambda made: _displays().ResidualsDisplay.from_estimator(
             made["model"], made["X"], made["y"], made["diagnosis"]
@@ -41,14 +37,10 @@ PICTURES: dict[str, dict[str, Callable[[dict[str, Any]], Any]]] = {
         "gallery_suspects": lambda made: _displays().SuspectsDisplay.from_diagnosis(made["diagnosis"]),
     },
     "thermometers": {
-        "thermometers": lambda made: _displays().ContributionsDisplay.from_estimator(made["both"], made["X"]),
+        "thermometers": lambda made: _displays().ContributionsDisplay.from_estimator(made["both"], made["X"])
     },
-    "uncertainty": {
-        "budget": lambda made: _displays().BudgetDisplay.from_budget(made["signed"].budget(7000)),
-    },
-    "trust": {
-        "allan": lambda made: _displays().AllanDisplay.from_estimator(made["model"], made["X"], made["y"]),
-    },
+    "uncertainty": {"budget": lambda made: _displays().BudgetDisplay.from_budget(made["signed"].budget(7000))},
+    "trust": {"allan": lambda made: _displays().AllanDisplay.from_estimator(made["model"], made["X"], made["y"])},
 }
 """Page -> picture -> display, from the names that the page's code has made."""
 

@@ -150,8 +150,7 @@ GOOD = {
         "time,temperature,reading\n", lambda k, t, a, b: f"{(1420 + k) // 60}:{(1420 + k) % 60:02d}:00,{a},{b}"
     ),
     "hundreds of hours since a start": lines(
-        "time,temperature,reading\n",
-        lambda k, t, a, b: f"{(59_980 + k) // 60}:{(59_980 + k) % 60:02d}:00.000,{a},{b}",
+        "time,temperature,reading\n", lambda k, t, a, b: f"{(59_980 + k) // 60}:{(59_980 + k) % 60:02d}:00.000,{a},{b}"
     ),
     "days of a spreadsheet": lines(
         "time,temperature,reading\n", lambda k, t, a, b: f"{45_442 + (23 * 60 + 40 + k) / 1440:.9f},{a},{b}"

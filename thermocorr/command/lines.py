@@ -325,12 +325,7 @@ class TranslatedLines(Lines):
 
 
 def open_lines(
-    log: str,
-    follow: bool,
-    idle: float | None,
-    stop: StopSignal,
-    how: HowToRead | None = None,
-    time: str | None = None,
+    log: str, follow: bool, idle: float | None, stop: StopSignal, how: HowToRead | None = None, time: str | None = None
 ) -> Lines:
     """The lines of what a command was given: the name of a file, or - for standard input."""
     how = how or HowToRead()

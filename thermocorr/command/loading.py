@@ -78,10 +78,7 @@ def add_column_options(parser: argparse.ArgumentParser) -> None:
     )
     columns.add_argument("--reading", metavar="COLUMN", action=OneColumn, help="what the instrument shows")
     columns.add_argument(
-        "--time",
-        metavar="COLUMN",
-        action=OneColumn,
-        help="dates (ISO 8601) or seconds (default: time, timestamp, ...)",
+        "--time", metavar="COLUMN", action=OneColumn, help="dates (ISO 8601) or seconds (default: time, timestamp, ...)"
     )
     columns.add_argument("--run", metavar="COLUMN", action=OneColumn, help="labels of runs; each starts anew")
     columns.add_argument(

@@ -76,11 +76,7 @@ def _cycling(rng: np.random.Generator, time: Array, period: float) -> Array:
 
 
 def lab_temperature(
-    rng: np.random.Generator,
-    time: Array,
-    weekday: float,
-    time_of_day: float,
-    climate: LabClimate | None = None,
+    rng: np.random.Generator, time: Array, weekday: float, time_of_day: float, climate: LabClimate | None = None
 ) -> Array:
     """Air temperature [degC] of a laboratory: days, weekends, weather, people, draughts, air conditioning."""
     c = climate or LabClimate()

@@ -225,11 +225,7 @@ class HeatStack:
         return output
 
     def _field_blocks(
-        self,
-        time: ArrayLike,
-        temperature: ArrayLike,
-        initial_offset: float,
-        cells: NDArray[np.intp] | None = None,
+        self, time: ArrayLike, temperature: ArrayLike, initial_offset: float, cells: NDArray[np.intp] | None = None
     ) -> Iterator[tuple[slice, Array]]:
         """Blocks of rows of the field, the state carried from one block to the next."""
         times, air = _checked(time, temperature)

@@ -232,9 +232,7 @@ def _quantile(scene: Scene, share: float) -> float:
 
 def _draw_lag(low_steps: float, share: float) -> Callable[[Scene, np.random.Generator], Parameters]:
     """One time constant between some steps and a share of the span."""
-    return lambda scene, rng: {
-        "time_constants": [scene.log_uniform(rng, low_steps * scene.step, share * scene.span)],
-    }
+    return lambda scene, rng: {"time_constants": [scene.log_uniform(rng, low_steps * scene.step, share * scene.span)]}
 
 
 def _draw_late_column(scene: Scene, rng: np.random.Generator) -> Parameters:

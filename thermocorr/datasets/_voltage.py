@@ -9,15 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ._checks import check_choice
-from ._climate import (
-    DAY,
-    LabClimate,
-    air_pressure,
-    follow,
-    lab_temperature,
-    room_humidity,
-    supply_voltage,
-)
+from ._climate import DAY, LabClimate, air_pressure, follow, lab_temperature, room_humidity, supply_voltage
 from ._compose import compose_reading, stream, truth_frame
 from ._devices import Device, package_stack
 from ._heat import Array

@@ -115,11 +115,7 @@ class LaggedCovariate(Covariate):
     _parameter_constraints = {**Covariate._parameter_constraints, "hold": HOLD}
 
     def __init__(
-        self,
-        column: Any = None,
-        time_constants: Sequence[Any] = (3600.0,),
-        hold: str = "first_order",
-        power: int = 1,
+        self, column: Any = None, time_constants: Sequence[Any] = (3600.0,), hold: str = "first_order", power: int = 1
     ):
         self.column = column
         self.time_constants = time_constants

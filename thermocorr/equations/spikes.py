@@ -299,11 +299,7 @@ def scan(values: Floats, low: int, high: int, usual: Usual) -> Scanned:
     most = min(usual.reach, OVERLOAD / 2)
     if not len(values) or (stay_within(values, most) and abs(values[0]) < OVERLOAD):  # never where one is missing
         return Scanned(
-            codes=nothing,
-            spikes=nothing,
-            heights=np.zeros(0),
-            staying=jumps,
-            left=Moments.of(values[low:high]),
+            codes=nothing, spikes=nothing, heights=np.zeros(0), staying=jumps, left=Moments.of(values[low:high])
         )
     rows = np.flatnonzero(np.isfinite(values))
     over = usual.overloads(values[rows])

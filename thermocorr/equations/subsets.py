@@ -45,11 +45,7 @@ class Fold:
 
 
 def fold_of(
-    learned: TriangularFactor,
-    tested: TriangularFactor,
-    n_free: int,
-    alpha: float = 0.0,
-    dead: Sequence[int] = (),
+    learned: TriangularFactor, tested: TriangularFactor, n_free: int, alpha: float = 0.0, dead: Sequence[int] = ()
 ) -> Fold:
     """Eliminate the free columns and set up one fold.
 
@@ -193,15 +189,7 @@ def _grown(level: _Level, last: bool) -> _Level:
     sets = np.column_stack((level.sets[level.owner], level.group))
     if last:
         nothing = np.zeros(0, np.intp)
-        return _Level(
-            sets=sets,
-            reading=reading,
-            tested=tested,
-            owner=nothing,
-            group=nothing,
-            a=a[:0],
-            z=z[:0],
-        )
+        return _Level(sets=sets, reading=reading, tested=tested, owner=nothing, group=nothing, a=a[:0], z=z[:0])
     ends = np.searchsorted(level.owner, level.owner, side="right")
     entered = np.arange(len(level.owner))
     later = ends - entered - 1  # candidates that stand behind the entered one
@@ -212,13 +200,7 @@ def _grown(level: _Level, last: bool) -> _Level:
         for h in range(width):
             _take_out(a[owner, g], next_a[:, h], z[owner, g], next_z[:, h], inverse[owner, g])
     return _Level(
-        sets=sets,
-        reading=reading,
-        tested=tested,
-        owner=owner,
-        group=level.group[candidate],
-        a=next_a,
-        z=next_z,
+        sets=sets, reading=reading, tested=tested, owner=owner, group=level.group[candidate], a=next_a, z=next_z
     )
 
 

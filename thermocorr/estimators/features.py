@@ -119,10 +119,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     0 days 03:00:00         0.25       -0.289
     """
 
-    _parameter_constraints: dict[str, Any] = {
-        "time_constants": "no_validation",
-        **THERMAL_CONSTRAINTS,
-    }
+    _parameter_constraints: dict[str, Any] = {"time_constants": "no_validation", **THERMAL_CONSTRAINTS}
 
     decay_share: float = DECAY_SHARE
     """Decays slower than this share of all segments together are left out: they look like drift or ageing."""

@@ -71,12 +71,7 @@ class StandIn:
         """Numbers that it remembers: the value and the lag of each other column, what was beyond them, and when."""
         return 2 * len(self.others) + 2
 
-    def fill(
-        self,
-        given: Mapping[Any, np.ndarray],
-        steps: np.ndarray,
-        state: np.ndarray | None = None,
-    ) -> Filled:
+    def fill(self, given: Mapping[Any, np.ndarray], steps: np.ndarray, state: np.ndarray | None = None) -> Filled:
         """Fill consecutive rows of one segment.
 
         `given` (mapping of column to array of shape (n,)): NaN where a cell is missing. `steps` (array of shape
@@ -240,10 +235,7 @@ class Filling:
         return (self.end, step) if follows and run == fitted.segments[-1].run else (None, 0.0)
 
     def fill(
-        self,
-        given: Mapping[Any, np.ndarray],
-        steps: np.ndarray,
-        states: Sequence[np.ndarray] | None = None,
+        self, given: Mapping[Any, np.ndarray], steps: np.ndarray, states: Sequence[np.ndarray] | None = None
     ) -> FilledRows:
         """Fill the missing cells of columns, see `StandIn.fill`."""
         before = [None] * len(self.stand_ins) if states is None else states

@@ -308,11 +308,7 @@ def decays_first(effects: Sequence[Effect]) -> tuple[list[int], list[int]]:
 
 
 def sweep(
-    record: Record,
-    steps: Iterator[Walked],
-    edges: np.ndarray,
-    offset: float,
-    starts: InitialTransient | None = None,
+    record: Record, steps: Iterator[Walked], edges: np.ndarray, offset: float, starts: InitialTransient | None = None
 ) -> Swept:
     """Sweep the columns of a walk into factors of ``[Q | 1 | U]``, less what the decays of `starts` hold.
 

@@ -210,12 +210,7 @@ def _around(value: float, least: float, most: float) -> tuple[str, str]:
 
 @said_once()
 def later_errors(
-    variants: Mapping[str, DynamicBiasRegressor],
-    X: Any,
-    y: Any,
-    *,
-    n_blocks: int = 5,
-    progress: Progress = None,
+    variants: Mapping[str, DynamicBiasRegressor], X: Any, y: Any, *, n_blocks: int = 5, progress: Progress = None
 ) -> LaterErrors:
     """Foretell the later half of a record, block by block, from all readings before each block.
 

@@ -364,11 +364,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             model = parts.sum(axis=1) + self.intercept_
             yield (
                 block,
-                {
-                    "corrected": measured - self.removed_part(parts),
-                    "model": model,
-                    "residual": measured - model,
-                },
+                {"corrected": measured - self.removed_part(parts), "model": model, "residual": measured - model},
                 self.block_flags(block, given),
             )
 

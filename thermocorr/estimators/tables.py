@@ -15,10 +15,7 @@ from .reading import Reading
 
 
 def coefficient_table(
-    effects: Sequence[Effect],
-    coefficients: np.ndarray,
-    errors: np.ndarray,
-    reading: Reading,
+    effects: Sequence[Effect], coefficients: np.ndarray, errors: np.ndarray, reading: Reading
 ) -> pd.DataFrame:
     """One row per column of the model, U0 first; index is the column's name.
 
@@ -111,9 +108,7 @@ AMBIGUOUS = Verdict(
     in_doubt=True,
 )
 MISSING = Verdict(
-    word="missing",
-    sentence="Something is missing, and this record can tell what.",
-    given=lambda grounds: grounds.named,
+    word="missing", sentence="Something is missing, and this record can tell what.", given=lambda grounds: grounds.named
 )
 UNEXPLAINED = Verdict(
     word="unexplained",

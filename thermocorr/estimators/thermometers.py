@@ -144,10 +144,7 @@ class Thermometers(NamedTuple):
     def effects(self, time_constants: Any, hold: str) -> list[tuple[str, Effect]]:
         """The further thermometers as named effects."""
         return [
-            (
-                f"{PREFIX}{column_text(name)}",
-                LaggedCovariate(name, taus, hold) if np.size(taus) else Covariate(name),
-            )
+            (f"{PREFIX}{column_text(name)}", LaggedCovariate(name, taus, hold) if np.size(taus) else Covariate(name))
             for name, taus in self.split(time_constants)[1].items()
         ]
 

@@ -318,10 +318,7 @@ def parse(content: bytes) -> dict[str, Any]:
     checks: dict[str, Any] = {"parse_float": _finite, "parse_int": _moderate} if _LARGE.search(content) else {}
     try:
         node = json.loads(
-            content.decode("utf-8"),
-            object_pairs_hook=_without_duplicates,
-            parse_constant=_refuse_constant,
-            **checks,
+            content.decode("utf-8"), object_pairs_hook=_without_duplicates, parse_constant=_refuse_constant, **checks
         )
     except UnicodeDecodeError as error:
         raise ModelFileError(f"byte {error.start} is not text in UTF-8") from None

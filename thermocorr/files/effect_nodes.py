@@ -15,19 +15,7 @@ from ..effects.signals import DelayState
 from ..effects.thermal import seconds_array
 from ..equations import LagState
 from ..equations.spikes import OVERLOAD
-from .codec import (
-    MOST_STATE,
-    ModelFileError,
-    fields,
-    name,
-    number,
-    pack,
-    positive,
-    text,
-    unexpected,
-    unpack,
-    vector,
-)
+from .codec import MOST_STATE, ModelFileError, fields, name, number, pack, positive, text, unexpected, unpack, vector
 
 
 def _times(value: Any, where: str, effect: Any) -> None:

@@ -88,10 +88,7 @@ def save(
 
 
 def content_of(
-    model: DynamicBiasRegressor,
-    *,
-    history_rows: int | None = HISTORY_ROWS,
-    data: tuple[Any, Any] | None = None,
+    model: DynamicBiasRegressor, *, history_rows: int | None = HISTORY_ROWS, data: tuple[Any, Any] | None = None
 ) -> bytes:
     """The bytes of the model file that `save` writes."""
     if not isinstance(model, DynamicBiasRegressor):

@@ -108,12 +108,7 @@ FOLLOWS = 10.0
 
 
 def read_logs(
-    paths: Sequence[str | Path],
-    how: HowToRead,
-    *,
-    join: bool = False,
-    time: str | None = None,
-    apart: bool = False,
+    paths: Sequence[str | Path], how: HowToRead, *, join: bool = False, time: str | None = None, apart: bool = False
 ) -> ForeignTable:
     """One file, or several: joined by their times, one log where each goes on where another ends, else a run each.
 

@@ -62,10 +62,7 @@ def _numbers(cells: pd.Series[Any]) -> np.ndarray:
 
 _POINT = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _COMMA = re.compile(r"[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?")
-GROUPED = {
-    ",": re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+,\d+"),
-    ".": re.compile(r"[+-]?\d{1,3}(?:,\d{3})+\.\d+"),
-}
+GROUPED = {",": re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+,\d+"), ".": re.compile(r"[+-]?\d{1,3}(?:,\d{3})+\.\d+")}
 """By decimal sign: a number with a sign between its thousands, and a decimal sign behind."""
 IN_DOUBT = {",": re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+"), ".": re.compile(r"[+-]?\d{1,3}(?:,\d{3})+")}
 """By decimal sign: whole thousands, or a number with the other decimal sign."""

@@ -23,12 +23,7 @@ class HelpOfNoise:
     """
 
     def __init__(
-        self,
-        pool: Pool,
-        judged: Comparison,
-        held: HeldOut,
-        tried: Sequence[Explanation],
-        coarse: Sequence[np.ndarray],
+        self, pool: Pool, judged: Comparison, held: HeldOut, tried: Sequence[Explanation], coarse: Sequence[np.ndarray]
     ):
         self.held = held
         root = np.sqrt(judged.bands.each_row(judged.S(judged.base.theta)))[:, None]

@@ -55,11 +55,7 @@ def cut_products(judged: Comparison, theta: np.ndarray, columns: np.ndarray) -> 
 
 
 def change_gains(
-    judged: Comparison,
-    theta: np.ndarray,
-    weight: np.ndarray,
-    temperature: np.ndarray,
-    rows: np.ndarray,
+    judged: Comparison, theta: np.ndarray, weight: np.ndarray, temperature: np.ndarray, rows: np.ndarray
 ) -> np.ndarray:
     """Log likelihood that another offset and sensitivity from each row on gain under a given noise, shape (n,).
 

@@ -41,13 +41,7 @@ def held_fast(model: DynamicBiasRegressor) -> DynamicBiasRegressor:
 
 
 def tuned(
-    model: DynamicBiasRegressor,
-    X: Any,
-    y: Any,
-    shares: Sequence[float],
-    which: Sequence[int],
-    *,
-    moves: int = 1,
+    model: DynamicBiasRegressor, X: Any, y: Any, shares: Sequence[float], which: Sequence[int], *, moves: int = 1
 ) -> DynamicBiasRegressor:
     """A fitted model with parameters of some effects moved to the least residual, time constants of the lags held.
 

@@ -42,12 +42,7 @@ def series(data: PageData, floor: float | None = None, shades: Sequence[tuple[fl
                 ChartLine("corrected", columns["corrected"], "corrected"),
             ),
         ),
-        Panel(
-            "residual",
-            data.unit,
-            residual_lines(data, floor),
-            rules=rules,
-        ),
+        Panel("residual", data.unit, residual_lines(data, floor), rules=rules),
         Panel(
             data.temperature,
             data.temperature_unit,

@@ -107,11 +107,7 @@ def wrapped(name: str, width: int, lines: int = 3) -> str:
     return "\n".join(short if len(short) <= lines else [*short[: lines - 1], f"{short[lines - 1][: width - 4]} ..."])
 
 
-STANDINGS = {
-    "proven": "proven",
-    "helps": "helps on data not learned from; its cause is not proven",
-    "": "not named",
-}
+STANDINGS = {"proven": "proven", "helps": "helps on data not learned from; its cause is not proven", "": "not named"}
 
 
 def suspect_sentence(suspect: Any) -> str:

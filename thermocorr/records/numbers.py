@@ -17,11 +17,7 @@ from numpy.typing import NDArray
 from sklearn.utils import column_or_1d
 
 from .errors import RecordError, listing, quoted, times_word
-from .grammar import (
-    LARGEST,
-    has_other_blanks,
-    is_missing,
-)
+from .grammar import LARGEST, has_other_blanks, is_missing
 from .labels import is_state, state
 from .log import Log
 from .types import Role, kind_of, require_role

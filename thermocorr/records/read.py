@@ -234,11 +234,7 @@ def _runs(X: Any, layout: Layout, times: Times) -> tuple[NDArray[Any] | None, ND
 
 
 def _segments(
-    times: Times,
-    runs: NDArray[Any] | None,
-    order: NDArray[np.intp] | None,
-    layout: Layout,
-    notes: list[str],
+    times: Times, runs: NDArray[Any] | None, order: NDArray[np.intp] | None, layout: Layout, notes: list[str]
 ) -> list[Segment]:
     """Cut where the run changes, and where a gap exceeds max_gap."""
     cuts = [np.zeros(1, np.intp)]
@@ -297,11 +293,7 @@ def _longest_hole(record: Record) -> float:
 
 
 def _check_steps(
-    times: Times,
-    order: NDArray[np.intp] | None,
-    starts_run: set[int],
-    layout: Layout,
-    notes: list[str],
+    times: Times, order: NDArray[np.intp] | None, starts_run: set[int], layout: Layout, notes: list[str]
 ) -> NDArray[np.intp]:
     """Refuse times that stand still or go back; return where gaps longer than max_gap end."""
     n = times.n

@@ -357,10 +357,7 @@ class Record:
         return self.times.since_1970(self.first_stamp())
 
     def blocks(
-        self,
-        size: int = BLOCK_ROWS,
-        zero: float | None = None,
-        starts: Mapping[int, SegmentStart] | None = None,
+        self, size: int = BLOCK_ROWS, zero: float | None = None, starts: Mapping[int, SegmentStart] | None = None
     ) -> Iterator[Block]:
         """Blocks of at most `size` rows in time order.
 

@@ -30,11 +30,7 @@ class CrossValidation:
     """
 
     def __init__(
-        self,
-        chunks: Sequence[TriangularFactor],
-        folds: TimeFolds,
-        layout: GridLayout,
-        dead: Sequence[Sequence[int]],
+        self, chunks: Sequence[TriangularFactor], folds: TimeFolds, layout: GridLayout, dead: Sequence[Sequence[int]]
     ):
         self.chunks, self.folds, self.layout, self.dead = chunks, folds, layout, dead
         self.losses: dict[tuple[float, Set], np.ndarray] = {}
