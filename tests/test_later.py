@@ -94,7 +94,7 @@ def test_variants_of_a_comparison_are_taken_as_they_are(device):
     told = []
     found = later_errors(comparison.models, X, y, n_blocks=3, progress=told.append)
     assert list(found.table.index) == [BEFORE, *comparison.models]
-    assert len(told) == 12 and told[-1] == "later block 1 of 3: dynamic nonlinear"
+    assert len(told) == 12 and told[-1] == "later block 3 of 3: dynamic nonlinear"
 
 
 def test_a_memory_is_in_the_model_and_not_in_its_name(device):
