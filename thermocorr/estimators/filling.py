@@ -17,7 +17,7 @@ import numpy as np
 from ..equations.lags import LagState, lag_differences
 from ..records import History, Record, Segment, seconds_of
 from ..records.errors import quoted, times_word
-from ..records.screen import LeftOut, Limits, Screen, screened
+from ..records.screen import LeftOut, Limits, Screen
 
 RULES = ("estimate", "end")
 """What may be done where a cell is missing: estimate it from other thermometers; or pass over its row and begin a new
@@ -277,7 +277,8 @@ class Filling:
         kept = {name: columns[name] for name in gone}
         if len(segments) > len(record.segments):
             record = replace(record, segments=tuple(segments), known_moments={})
-        return replace(record, columns={**record.columns, **kept}, filled=gone) if gone else record
+        twins = {name: kept[name] + errors for name, errors in gone.items()}
+        return replace(record, columns={**record.columns, **kept}, filled=gone, twins=twins) if gone else record
 
     def at_end_of(self, record: Record) -> Filling:
         """The stand-ins with what they remember at the end of a record whose rows lack nothing, or are filled."""
@@ -302,13 +303,9 @@ def filling_of(
     `record` (Record): Rows that lack something are passed over. `thermometers` (sequence of columns): Where there are
     several, each is estimated from the others unless a rule says otherwise. `rules` (mapping of column to rule): One
     of `RULES`, or one and the length of a hole up to which it is filled, or does not end the segment. `screen`
-    (Screen, optional): What is refused of the first thermometer; where there is one, that of the others is found.
+    (Screen, optional): What is refused of each.
     """
-    limits: dict[Any, Limits] = {}
-    if screen is not None:
-        limits[thermometers[0]] = screen.temperature
-        for name in thermometers[1:]:
-            record, limits[name] = _screened(record, name)
+    limits = {} if screen is None else screen.inputs
     several = list(thermometers) if len(thermometers) > 1 else []
     wanted = {**dict.fromkeys(several, "estimate"), **(rules or {})}
     stand_ins = []
@@ -322,13 +319,6 @@ def filling_of(
         known = record.moments(name)
         stand_ins.append(replace(stand_in, limits=limits.get(name, Limits()), range=(known.low, known.high)))
     return Filling(tuple(stand_ins))
-
-
-def _screened(record: Record, name: Any) -> tuple[Record, Limits]:
-    """The record without rows in which a further thermometer shows what is no temperature, and what that is."""
-    plain = replace(record, temperature_name=name, reading=None, refused=(), notes=())
-    found, screen = screened(plain)
-    return replace(record, segments=found.segments, skipped=found.skipped, known_moments={}), screen.temperature
 
 
 def learned_beside(full: Record, known: Record, notes: Sequence[str]) -> Record:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,113 +15,24 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from ..effects import LagProducts
-from ..effects.stream import Walked
+from ..effects.stream import Walked, own_starts
 from ..effects.thermal import column_text
 from ..records import Block, Record, SegmentStart
+from ..records.gate import JUMP, doubted_rows
 from ..records.numbers import numeric_reading
 from ..records.screen import LeftOut
 from ..records.segments import Flags
 from .features import DiffusiveFeatures
 from .fitting import standard_errors
 from .flat import Inner, inner_blocks
-from .input_errors import SPOILT, FillingError, GapError, InputLaw, error_behind_gaps, law_of_inputs
+from .input_errors import SPOILT, GapError, InputLaw, error_behind_gaps, law_of_inputs
 from .prior import Law, law_of
 from .progress import one_blas_thread
 from .reading import Reading, check_range, check_reading_unit, check_record, like, no_flags
 from .tables import coefficient_table, distinct, equation_text
 
 
-class DoubtedInputs:
-    """The part of `DynamicBiasRegressor` that knows what its inputs may be wrong by."""
-
-    if TYPE_CHECKING:
-
-        @property
-        def features_(self) -> DiffusiveFeatures: ...  # noqa: D102
-
-        @property
-        def coef_(self) -> np.ndarray: ...  # noqa: D102
-
-        @property
-        def residual_std_(self) -> float: ...  # noqa: D102
-
-    def filling_error(self) -> FillingError:
-        """Propagates the errors of filled cells to the bias."""
-        return FillingError([*self._laws_of_inputs(one.column for one in self.features_.filling_.stand_ins)])
-
-    def gap_error(self) -> GapError:
-        """Propagates what happened in gaps of later rows to the bias."""
-        gaps = self.features_.history_.gaps
-        return GapError([*self._laws_of_inputs(gaps.squares)], gaps)
-
-    def resumed(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
-        """A new record tied to the fitted one, with what filled cells may move its bias by."""
-        record, starts, states = self.features_.resume(X, y)
-        return self.with_filling_error(record), starts, states
-
-    def with_filling_error(self, record: Record) -> Record:
-        """The record with what filled cells may move its bias by, where it has some and that is not yet known."""
-        if not record.filled or record.filling_error is not None:
-            return record
-        return replace(record, filling_error=self.filling_error().of_record(record))
-
-    def judged(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
-        """`resumed`, with what its inputs may have moved the bias by in gaps."""
-        record, starts, states = self.resumed(X, y)
-        if record.gap_variance is None:
-            record = replace(record, gap_variance=self.gap_error().of_record(record, starts))
-        return record, starts, states
-
-    def without_spoilt(self, record: Record) -> Record:
-        """The record without the readings where filled cells or gaps may move the bias by much.
-
-        By a share of the residuals' deviation: in their own rows, and for a while after these.
-        """
-        if record.reading is None:
-            return record
-        limit = SPOILT * self.residual_std_
-        rows, error = error_behind_gaps(record, self._laws_of_inputs(record.columns), limit)
-        rows = rows[np.argsort(-error, kind="stable")[: record.n_used // 2]]  # a poor first law would leave out all
-        if record.filled:
-            spoilt = self.filling_error().of_record(record) > limit
-            for errors in record.filled.values():
-                spoilt |= np.isfinite(errors)
-            rows = np.concatenate((rows, np.flatnonzero(spoilt)))
-        if not len(rows):
-            return record
-        reading: Any = LeftOut(record.reading, np.unique(rows))
-        return replace(record, reading=reading)
-
-    def mark_doubted(self, flags: Flags, block: Block) -> None:
-        """Flag a block's rows where what is not known of the inputs matters."""
-        record = block.record
-        if record.filling_error is not None:
-            filled = np.logical_or.reduce([np.isfinite(errors[block.rows]) for errors in record.filled.values()])
-            self.mark_filled(flags, record.filling_error[block.rows], filled)
-        if record.gap_variance is not None:
-            self.mark_behind_gaps(flags, record.gap_variance[block.rows])
-
-    def mark_filled(self, flags: Flags, error: np.ndarray, filled: np.ndarray) -> None:
-        """Flag rows with filled cells, and those where these may move the bias by more than the residuals' deviation.
-
-        Where nothing graver is said of them.
-        """
-        mild = flags.are("", "outside fitted range")
-        flags[mild & filled] = "filled"
-        flags[mild & (error > self.residual_std_)] = "thermometer lost"
-
-    def mark_behind_gaps(self, flags: Flags, variance: np.ndarray) -> None:
-        """Flag rows in which gaps may move the bias by more than the residuals' deviation."""
-        flags[flags.are("", "outside fitted range", "filled") & (variance > self.residual_std_**2)] = "behind gap"
-
-    def _laws_of_inputs(self, columns: Iterable[Any]) -> Iterator[InputLaw]:
-        """Made when they are asked for."""
-        features = self.features_
-        temperature = features.history_.record.temperature_name
-        yield from law_of_inputs(features.effect_list(), self.coef_, temperature, [*columns], self.residual_std_)
-
-
-class FittedModel(DoubtedInputs):
+class FittedModel:
     """The part of `DynamicBiasRegressor` that needs no data to be fitted."""
 
     pipeline_: Pipeline
@@ -306,12 +217,13 @@ class FittedModel(DoubtedInputs):
     def flags(self, X: Any, y: Any = None) -> Any:
         """Why a row deserves no trust, or "".
 
-        "no temperature", "no reading", "sentinel" or "spike" (of the temperature or the reading, see `screen`),
-        "other unit" (a single temperature that looks like kelvin where degC was fitted, or the other way round),
-        "washout", "outside fitted range". And, of rows with cells that were missing and are filled (see `fill`):
-        "filled", and "thermometer lost" where that may move the bias by more than the residuals' standard deviation:
-        late bodies feel it for a while after the cells are known again. "behind gap" where what the temperature may
-        have done in gaps between rows moves it by as much.
+        "no temperature", "no reading", "sentinel" or "spike" (of an input or the reading, see `screen`), "other unit"
+        (a single temperature that looks like kelvin where degC was fitted, or the other way round), "washout", "outside
+        fitted range". "jump": an input moved faster than it ever did, and the value before stands in its place until
+        the next row speaks for it. "filled": a cell was missing and is filled (see `fill`). "doubtful input": what was
+        filled, stands still or has jumped, in this row or before, may move the bias by more than the residuals'
+        standard deviation: late bodies feel it for a while. "behind gap": what the temperature may have done in gaps
+        between rows moves it by as much.
         """
         reading = None if y is None else self.reading_numbers(X, y)
         record, starts, _ = self.judged(X)
@@ -382,6 +294,101 @@ class FittedModel(DoubtedInputs):
                 alive = effects[i].alive(step.block)
                 parts[:, i] = _weighted(step.columns[:, low:high][:, alive], coef[low:high][alive])
             yield step.block, parts
+
+    def gap_error(self) -> GapError:
+        """Propagates what happened in gaps of later rows to the bias."""
+        gaps = self.features_.history_.gaps
+        return GapError([*self._laws_of_inputs(gaps.squares)], gaps)
+
+    def resumed(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
+        """A new record tied to the fitted one, with what doubtful inputs may move its bias by."""
+        record, starts, states = self.features_.resume(X, y)
+        if record.twins and record.doubt is None:
+            record = replace(record, doubt=self.doubt_of(record, starts, states))
+        return record, starts, states
+
+    def doubt_of(
+        self, record: Record, starts: dict[int, SegmentStart], states: dict[int, list[Any]]
+    ) -> NDArray[np.float64]:
+        """What the bias differs by where the twins stand in their columns, in each row, shape (n_rows,).
+
+        0 from where a doubt ended because the input has stayed away, until the next one.
+        """
+        columns = {
+            name: np.where(np.isnan(twin), np.asarray(record.columns[name], float), twin)
+            for name, twin in record.twins.items()
+        }
+        other = replace(record, columns={**record.columns, **columns}, twins={}, known_moments={})
+        doubt, walked = np.zeros(record.n_rows), self.features_.walk_resumed
+        doubted = np.logical_or.reduce([np.isfinite(twin) for twin in record.twins.values()])
+        believed = np.zeros(record.n_rows, bool) if record.believed is None else record.believed
+        is_open = True
+        with np.errstate(over="ignore", invalid="ignore"):  # powers of what is far outside
+            both = (self.weighed(walked(each, starts, states)) for each in (record, other))
+            for (block, one), (_, two) in zip(*both, strict=True):
+                found = np.abs(self.removed_part(one) - self.removed_part(two))
+                open_here, is_open = doubted_rows(doubted[block.rows], believed[block.rows], is_open)
+                doubt[block.rows] = np.where(open_here, np.where(np.isfinite(found), found, np.inf), 0.0)
+        return doubt
+
+    def judged(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
+        """`resumed`, with what its inputs may have moved the bias by in gaps."""
+        record, starts, states = self.resumed(X, y)
+        if record.gap_variance is None:
+            record = replace(record, gap_variance=self.gap_error().of_record(record, starts))
+        return record, starts, states
+
+    def without_spoilt(self, record: Record) -> Record:
+        """The record without the readings where filled cells or gaps may move the bias by much.
+
+        By a share of the residuals' deviation: in their own rows, and for a while after these.
+        """
+        if record.reading is None:
+            return record
+        limit = SPOILT * self.residual_std_
+        rows, error = error_behind_gaps(record, self._laws_of_inputs(record.columns), limit)
+        rows = rows[np.argsort(-error, kind="stable")[: record.n_used // 2]]  # a poor first law would leave out all
+        if record.twins:
+            spoilt = self.doubt_of(record, own_starts(record), {}) > limit
+            for errors in record.filled.values():
+                spoilt |= np.isfinite(errors)
+            rows = np.concatenate((rows, np.flatnonzero(spoilt)))
+        if not len(rows):
+            return record
+        reading: Any = LeftOut(record.reading, np.unique(rows))
+        return replace(record, reading=reading)
+
+    def mark_doubted(self, flags: Flags, block: Block) -> None:
+        """Flag a block's rows where what is not known of the inputs matters."""
+        record = block.record
+        if record.held is not None:
+            flags[record.held[block.rows]] = JUMP
+        if record.doubt is not None:
+            filled = np.zeros(len(block), bool)
+            for errors in record.filled.values():
+                filled |= np.isfinite(errors[block.rows])
+            self.mark_doubt(flags, record.doubt[block.rows], filled)
+        if record.gap_variance is not None:
+            self.mark_behind_gaps(flags, record.gap_variance[block.rows])
+
+    def mark_doubt(self, flags: Flags, doubt: np.ndarray, filled: np.ndarray) -> None:
+        """Flag rows with filled cells, and those where doubtful inputs may move the bias by more than the residuals.
+
+        Where nothing graver is said of them.
+        """
+        mild = flags.are("", "outside fitted range")
+        flags[mild & filled] = "filled"
+        flags[mild & (doubt > self.residual_std_)] = "doubtful input"
+
+    def mark_behind_gaps(self, flags: Flags, variance: np.ndarray) -> None:
+        """Flag rows in which gaps may move the bias by more than the residuals' deviation."""
+        flags[flags.are("", "outside fitted range", "filled") & (variance > self.residual_std_**2)] = "behind gap"
+
+    def _laws_of_inputs(self, columns: Iterable[Any]) -> Iterator[InputLaw]:
+        """Made when they are asked for."""
+        features = self.features_
+        temperature = features.history_.record.temperature_name
+        yield from law_of_inputs(features.effect_list(), self.coef_, temperature, [*columns], self.residual_std_)
 
     def block_flags(self, block: Block, reading: np.ndarray | None) -> Flags:
         """Flags of a block's rows, see `flags`."""

@@ -17,6 +17,7 @@ from ..estimators.uncertainty.beyond import Beyond
 from ..estimators.uncertainty.joint import JointErrors, NoiseModel
 from ..records import History
 from ..records.gaps import Gaps
+from ..records.gate import Motion
 from ..records.grammar import LARGEST
 from ..records.screen import MOST_KEPT, Limits, Screen
 from .codec import (
@@ -36,30 +37,42 @@ from .codec import (
 )
 from .effect_nodes import EffectCodec, check_state
 
-QUANTITIES = ("temperature", "reading")
 MOST_CODES = 2 * MOST_KEPT
 
 
 def pack_screen(screen: Screen) -> dict[str, Any]:
-    """Codes and spikes of both quantities; a spike is its time stamp and its value."""
-    return {what: pack_limits(getattr(screen, what)) for what in QUANTITIES}
+    """What is refused of each input and of the reading; a spike is its time stamp and its value."""
+    inputs = [
+        {"column": pack(column, "a column's name"), **pack_limits(each)} for column, each in screen.inputs.items()
+    ]
+    return {"inputs": inputs, "reading": pack_limits(screen.reading)}
 
 
 def pack_limits(limits: Limits) -> dict[str, Any]:
     """What is refused of one quantity."""
     spikes = [[stamp, value] for stamp, value in limits.spikes.items()]
-    return {"middle": limits.middle, "codes": list(limits.codes), "spikes": spikes}
+    motion = None if limits.motion is None else asdict(limits.motion)
+    return {"middle": limits.middle, "codes": list(limits.codes), "spikes": spikes, "motion": motion}
 
 
-def unpack_screen(node: Any, where: str) -> Screen:
-    """The screen, every number checked."""
-    node = fields(node, where, QUANTITIES)
-    return Screen(**{what: unpack_limits(node[what], f"{where}.{what}") for what in QUANTITIES})
+def unpack_screen(node: Any, where: str, columns: Collection[Any]) -> Screen:
+    """The screen, every number checked; the model reads these columns."""
+    node = fields(node, where, ("inputs", "reading"))
+    inputs = {}
+    for i, item in enumerate(items(node["inputs"], f"{where}.inputs", len(columns))):
+        place = f"{where}.inputs[{i}]"
+        if not isinstance(item, dict) or "column" not in item:
+            raise ModelFileError(f"{place} has no 'column'")
+        column = name(unpack(item["column"], f"{place}.column"), f"{place}.column")
+        if column not in columns or column in inputs:
+            raise ModelFileError(f"{place}.column is {column!r}, which the model does not read, or twice")
+        inputs[column] = unpack_limits({key: value for key, value in item.items() if key != "column"}, place)
+    return Screen(inputs=inputs, reading=unpack_limits(node["reading"], f"{where}.reading"))
 
 
 def unpack_limits(node: Any, where: str) -> Limits:
     """What is refused of one quantity, checked."""
-    node = fields(node, where, ("middle", "codes", "spikes"))
+    node = fields(node, where, ("middle", "codes", "spikes", "motion"))
     codes = [number(code, f"{where}.codes[{i}]") for i, code in enumerate(items(node["codes"], f"{where}.codes"))]
     if len(codes) > MOST_CODES or any(abs(code) > LARGEST for code in codes):
         raise unexpected(f"{where}.codes", f"{len(codes)} codes", f"at most {MOST_CODES}, none beyond {LARGEST:g}")
@@ -75,7 +88,20 @@ def unpack_limits(node: Any, where: str) -> Limits:
         spikes[stamp] = number(value, f"{place}[1]")
     if len(spikes) > MOST_KEPT:
         raise unexpected(f"{where}.spikes", f"{len(spikes)} spikes", f"at most {MOST_KEPT}")
-    return Limits(middle=number(node["middle"], f"{where}.middle"), codes=tuple(codes), spikes=spikes)
+    motion = None if node["motion"] is None else _motion(node["motion"], f"{where}.motion")
+    return Limits(middle=number(node["middle"], f"{where}.middle"), codes=tuple(codes), spikes=spikes, motion=motion)
+
+
+def _motion(node: Any, where: str) -> Motion:
+    """How an input moved, checked."""
+    node = fields(node, where, tuple(Motion.__dataclass_fields__))
+    low, high = (number(node[key], f"{where}.{key}", -LARGEST, LARGEST) for key in ("low", "high"))
+    if low > high:
+        raise unexpected(f"{where}.low", f"{low} above {high}", "the lower end of the range")
+    spread, farthest, rest = (
+        number(node[key], f"{where}.{key}", 0.0, LARGEST) for key in ("spread", "farthest", "rest")
+    )
+    return Motion(low, high, spread, farthest, rest, positive(node["step"], f"{where}.step"))
 
 
 _READING = tuple(name for name in Reading.__dataclass_fields__ if name != "unit_named")

@@ -153,7 +153,7 @@ def unpack_history(node: Any, where: str, effects: list[Any], codec: EffectCodec
         stride=integer(node["stride"], f"{where}.stride", 1),
         usual_step=positive(node["usual_step"], f"{where}.usual_step"),
         max_gap=None if node["max_gap"] is None else positive(node["max_gap"], f"{where}.max_gap"),
-        screen=None if node["screen"] is None else unpack_screen(node["screen"], f"{where}.screen"),
+        screen=None if node["screen"] is None else unpack_screen(node["screen"], f"{where}.screen", columns),
         known_gaps=unpack_gaps(node["gaps"], f"{where}.gaps", columns),
     )
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from operator import mul
 from typing import Any, NamedTuple
@@ -14,6 +15,7 @@ from ..effects.stream import Sample, Walked, needed_columns, states_before, step
 from ..estimators import DynamicBiasRegressor
 from ..estimators.input_errors import Felt
 from ..records import Record, Segment, SegmentStart
+from ..records.gate import EMPTY, JUMP, Gate, doubted_rows
 from ..records.read import GAP_STEPS
 from ..records.segments import Flags
 from .clock import Clock
@@ -23,12 +25,15 @@ from .state import StreamState
 SUSPECT_GAPS = 1000.0
 """A step of more than so many gaps is more likely a damaged time: hours for a log with a step of a second."""
 REASONS = (
-    "suspect time", "no reading", "washout", "thermometer lost", "behind gap", "filled", "outside fitted range", "gap",
+    "suspect time", JUMP, "no reading", "washout", "doubtful input", "behind gap", "filled", "outside fitted range",
+    "gap",
 )  # fmt: skip
 """Reasons for distrust that leave a number, the weightiest first."""
-SUSPECT, NO_READING, WASHOUT, LOST, BEHIND, FILLED, OUTSIDE, GAP = (1 << bit for bit in range(len(REASONS)))
+SUSPECT, JUMPED, NO_READING, WASHOUT, DOUBTFUL, BEHIND, FILLED, OUTSIDE, GAP = (1 << bit for bit in range(len(REASONS)))
 FLAGS = tuple(tuple(r for bit, r in enumerate(REASONS) if mask >> bit & 1) for mask in range(1 << len(REASONS)))
 BACKWARD, STALE = ("backward time",), ("stale time",)
+AGREES = 1e-6
+"""Share of the residuals' deviation up to which two courses of the inputs have come to the same."""
 
 
 class Advanced(NamedTuple):
@@ -59,9 +64,10 @@ class Stream:
         self.filling = LiveFilling(model, continues) if features.filling_.stand_ins else None
         self.gap_error = model.gap_error()
         self.inputs = [column for column in needed_columns(self.effects) if column != temperature]
-        self._steppers = [
-            stepper_of(effect, history.record.times, history.zero, temperature) for effect in self.effects
-        ]
+        self._steppers, self._others = (
+            [stepper_of(effect, history.record.times, history.zero, temperature) for effect in self.effects]
+            for _ in range(2)
+        )
         edges = np.cumsum([0, *(effect.n_columns() for effect in self.effects)]).tolist()
         coef = np.zeros(edges[-1])
         coef[: len(model.coef_)] = model.coef_
@@ -74,6 +80,9 @@ class Stream:
         self._low, self._high = model.reading_.temperature_range
         self._washout, self._deviation = model.washout_, model.residual_std_
         self._max_gap = math.inf if history.max_gap is None else history.max_gap
+        motions = {} if history.screen is None else {c: one.motion for c, one in history.screen.inputs.items()}
+        self._gates = [(c, Gate(motion, self._max_gap)) for c, motion in motions.items() if motion is not None]
+        self._filled = [] if self.filling is None else [one.column for one in self.filling.filling.stand_ins]
         self.gap = GAP_STEPS * history.usual_step if history.max_gap is None else history.max_gap
         self.reset()
 
@@ -102,6 +111,10 @@ class Stream:
             filled_run=filled_run,
             filling=filling,
             behind_gap=self.gap_error.plain(self._behind_gap),
+            gates=tuple(gate.state() for _, gate in self._gates),
+            gated=self._gated,
+            doubted=self._doubted,
+            twin=tuple(stepper.state() for stepper in self._others) if is_open and self._has_twin else None,
         )
 
     def put(self, state: StreamState) -> None:
@@ -112,8 +125,13 @@ class Stream:
             self.filling.put(state.filled_to, state.filled_run, state.filling)
             self.filling.n_ended = max(self.filling.n_ended, state.n_ended)
         self._behind_gap: Felt = self.gap_error.taken_up(state.behind_gap)
+        for (_, gate), known in zip(self._gates, state.gates or [EMPTY] * len(self._gates), strict=True):
+            gate.put(known)
+        self._gated, self._doubted, self._has_twin = state.gated, state.doubted, state.twin is not None
         if state.open:
             self._take_up(state.key, state.segment_zero, state.states)
+            for stepper, known in zip(self._others, state.twin or (), strict=False):
+                stepper.start(known)
 
     def step_to(self, stamp: Any, run: Any) -> float:
         """Time since the last sample of the same run [s]; infinite for the first."""
@@ -139,7 +157,11 @@ class Stream:
         step = self.step_to(stamp, run)
         if step <= 0.0:
             return Advanced(math.nan, STALE if step == 0.0 else BACKWARD, False)
-        error, filled, n_ended = felt
+        seconds = clock.between(stamp, self.history.zero)
+        values, twins, held, believed = self._judged(values, seconds, run)
+        filled, n_ended = felt[:2]
+        if filled:
+            twins = {**{c: v for c, v in zip(self._filled, felt[2:], strict=True) if v == v}, **twins}
         goes_on = self._open and step <= self._max_gap and step < math.inf and n_ended == self._n_ended
         self._n_ended = n_ended
         self.last, self._run = stamp, run
@@ -148,31 +170,33 @@ class Stream:
         if goes_on:
             sample.begins, sample.step = False, step
         else:
-            self._behind_gap = ()
+            self._behind_gap, self._has_twin = (), False
             since = self._begin(stamp, run, values)
             step = since if step == math.inf else step
         unknown = 0.0
         if since > self.gap_error.least or self._behind_gap:
             unknown, self._behind_gap = self.gap_error.of_row(since, self._behind_gap)
-        sample.temperature, sample.values, sample.stamp = T, values, stamp
-        sample.seconds = clock.between(stamp, self.history.zero)
+        sample.stamp, sample.seconds = stamp, seconds
         sample.elapsed = elapsed = clock.between(stamp, sample.segment_zero)
         if elapsed > self._until:
             self._settle(elapsed)
-        row: list[float] = []
-        try:
-            for advance in self._steps:
-                row += advance(sample)
-            bias = sum(map(mul, row, self._weights))
-        except (ArithmeticError, ValueError):
-            bias = math.nan
-        mask = 0 if known else NO_READING
+        if twins and not self._has_twin:
+            for stepper, other in zip(self._steppers, self._others, strict=True):
+                other.start(stepper.state())
+        self._has_twin = self._has_twin or bool(twins)
+        doubt = 0.0
+        row, bias = self._stepped(self._steps, values)
+        if self._has_twin:
+            doubt = self._doubt(row, bias, {**values, **twins}, bool(twins), believed)
+        mask = (0 if known else NO_READING) | (JUMPED if held else 0)
         if sample.key is None and elapsed < self._washout:
             mask |= WASHOUT
         if not self._low <= T <= self._high:
             mask |= OUTSIDE
-        if error or filled:
-            mask |= LOST if error > self._deviation else FILLED if filled else 0
+        if doubt > self._deviation:
+            mask |= DOUBTFUL
+        elif filled:
+            mask |= FILLED
         if unknown > self._deviation**2:
             mask |= BEHIND
         if self.filling is not None and outside(self.filling.ranges, values):
@@ -187,14 +211,57 @@ class Stream:
         columns[0, self._active] = row
         seconds, temperature, value = (np.array([number]) for number in (sample.seconds, T, bias))
         found = self.errors.variances(columns, seconds, temperature, value, sample.key)
-        found[0] += error**2 + unknown
+        found[0] += doubt**2 + unknown
         return Advanced(bias, FLAGS[mask], not mask & ~GAP, found)
+
+    def _judged(
+        self, values: dict[Any, float], seconds: float, run: Any
+    ) -> tuple[dict[Any, float], dict[Any, float], bool, bool]:
+        """Inputs as they are taken, twins of doubted ones; whether one is held back, and believed after all."""
+        if run != self._gated:
+            self._forget_inputs(run)
+        twins, held, believed = dict[Any, float](), False, False
+        for column, gate in self._gates:
+            said = gate.one(values[column], seconds)
+            if said is not None:
+                held, believed = held or said.held, believed or said.believed
+                values = {**values, column: said.value}
+                if said.twin == said.twin:
+                    twins[column] = said.twin
+        return values, twins, held, believed
+
+    def _forget_inputs(self, run: Any) -> None:
+        self._gated = run
+        for _, gate in self._gates:
+            gate.put(EMPTY)
+
+    def _stepped(self, steps: Sequence[Any], values: dict[Any, float]) -> tuple[list[float], float]:
+        """The columns at the sample, with these inputs, and the bias; NaN where powers are no numbers."""
+        sample, row = self._sample, list[float]()
+        sample.temperature, sample.values = values[self.temperature], values
+        try:
+            for advance in steps:
+                row += advance(sample)
+            return row, sum(map(mul, row, self._weights))
+        except (ArithmeticError, ValueError):
+            return row, math.nan
+
+    def _doubt(self, row: list[float], bias: float, others: dict[Any, float], doubted: bool, believed: bool) -> float:
+        """What doubtful inputs may have added to the bias; 0 once they are believed."""
+        if doubted or believed:
+            self._doubted = doubted
+        other, found = self._stepped(self._other_steps, others)
+        doubt = abs(bias - found)
+        if not doubted and len(row) == len(other):
+            apart = sum(abs(w * (a - b)) for w, a, b in zip(self._weights, row, other, strict=True))
+            self._has_twin = not apart <= AGREES * self._deviation
+        return 0.0 if not self._doubted else doubt if doubt == doubt else math.inf
 
     def _settle(self, elapsed: float) -> None:
         """Leave out effects that have nothing more to say in this segment: start-up decays that are over."""
         key = self._sample.key
         active = [i for i, stepper in enumerate(self._steppers) if stepper.over(key) >= elapsed]
-        self._steps = [self._steppers[i].step for i in active]
+        self._steps, self._other_steps = ([each[i].step for i in active] for each in (self._steppers, self._others))
         self._weights = [weight for i in active for weight in self._coefficients[i]]
         self._active = [column for i in active for column in range(self._edges[i], self._edges[i + 1])]
         self._until = min((self._steppers[i].over(key) for i in active), default=math.inf)
@@ -244,6 +311,7 @@ class Stream:
         late[0] &= same_run  # the first of a run has none before it
         out.flags[late] = np.where(stamps[late] == before[late], STALE[0], BACKWARD[0])
         rows = np.flatnonzero(~late)
+        values, twins, held, believed = self._judged_rows(rows, stamps, run, values, felt)
         if not len(rows):
             return out
         kept: Any = slice(None) if len(rows) == len(stamps) else rows
@@ -254,25 +322,36 @@ class Stream:
         steps[1:] = self.clock.between(here[1:], here[:-1])
         fresh = steps > self._max_gap
         fresh[0] |= not (self._open and same_run)
-        fresh |= np.diff(felt[kept, 2], prepend=self._n_ended) > 0
-        self._n_ended = int(felt[rows[-1], 2])
+        fresh |= np.diff(felt[kept, 1], prepend=self._n_ended) > 0
+        self._n_ended = int(felt[rows[-1], 1])
         self.last, self._run = here[-1].item(), run
         record, starts, states = self._record(here, steps, values, fresh, run)
-        walked: list[Walked] = []
+        twins, believed = {name: column[kept] for name, column in twins.items()}, believed[kept]
+        others = (
+            self._other_record(record, starts, states, twins) if twins or (self._has_twin and not fresh[0]) else None
+        )
+        walked: list[list[Walked]] = [[], []]
 
-        def noted() -> Iterator[Walked]:
+        def noted(number: int, record: Record, states: dict[int, list[Any]]) -> Iterator[Walked]:
             for step in walk(self.effects, record, zero=self.history.zero, starts=starts, states=states):
-                walked[:] = [step]
+                walked[number][:] = [step]
                 yield step
 
         measured, behind = reading[kept], {} if fresh[0] else {0: self._behind_gap}
+        doubted = np.logical_or.reduce([np.zeros(len(here), bool), *(np.isfinite(twin) for twin in twins.values())])
         with np.errstate(over="ignore", invalid="ignore"):  # powers of a temperature far outside: a flag says it
-            for block, parts in self.model.weighed(noted()):
+            other_blocks = None if others is None else self.model.weighed(noted(1, *others))
+            for block, parts in self.model.weighed(noted(0, record, states)):
                 into = rows[block.rows]
                 bias = self.model.removed_part(parts)
                 flags = self.model.block_flags(block, measured[block.rows])
-                if self.filling is not None:
-                    self.model.mark_filled(flags, felt[into, 0], felt[into, 1] > 0)
+                flags[held[into]] = JUMP
+                doubt = np.zeros(len(bias))
+                if other_blocks is not None:
+                    doubt = np.abs(bias - self.model.removed_part(next(other_blocks)[1]))
+                    is_open, self._doubted = doubted_rows(doubted[block.rows], believed[block.rows], self._doubted)
+                    doubt = np.where(is_open, np.where(np.isnan(doubt), np.inf, doubt), 0.0)
+                self.model.mark_doubt(flags, doubt, felt[into, 0] > 0)
                 unknown = self.gap_error.of_block(block, behind)
                 self.model.mark_behind_gaps(flags, unknown)
                 absurd = ~np.isfinite(bias)
@@ -281,15 +360,57 @@ class Stream:
                 flags[steps[block.rows] > SUSPECT_GAPS * self.gap] = "suspect time"
                 out.bias[into], out.flags[into] = bias, flags
                 if self.errors is not None:
+                    step = walked[0][0]
                     found = self.errors.variances(
-                        walked[0].columns, block.seconds, block.temperature, bias, block.segment_key
+                        step.columns, block.seconds, block.temperature, bias, block.segment_key
                     )
-                    found[0] += felt[into, 0] ** 2 + unknown
+                    found[0] += doubt**2 + unknown
                     found[:, flags.are("washout", "no reading")] = np.nan
                     out.variances[:, into] = found
-        self._open, self._until, self._behind_gap = True, -math.inf, behind[walked[0].block.segment]
-        self._take_up(walked[0].block.segment_key, walked[0].block.segment_zero, walked[0].states)
+        end = walked[0][0]
+        self._open, self._until, self._behind_gap = True, -math.inf, behind[end.block.segment]
+        self._take_up(end.block.segment_key, end.block.segment_zero, end.states)
+        self._has_twin = others is not None and (bool(doubted[-1]) or self._is_apart(end, walked[1][0]))
+        for stepper, known in zip(self._others, walked[1][0].states if self._has_twin else (), strict=False):
+            stepper.start(known)
         return out
+
+    def _judged_rows(
+        self, rows: np.ndarray, stamps: np.ndarray, run: Any, values: dict[Any, np.ndarray], felt: np.ndarray
+    ) -> tuple[dict[Any, np.ndarray], dict[Any, np.ndarray], np.ndarray, np.ndarray]:
+        """`_judged` of some of many rows."""
+        twins = {c: felt[:, 2 + i].copy() for i, c in enumerate(self._filled) if np.isfinite(felt[:, 2 + i]).any()}
+        values, (held, believed) = dict(values), np.zeros((2, len(stamps)), bool)
+        if len(rows) and run != self._gated:
+            self._forget_inputs(run)
+        seconds = self.clock.between(stamps[rows], self.history.zero)
+        for column, gate in self._gates:
+            said = gate.many(values[column][rows], seconds) if len(rows) else None
+            if said is None:
+                continue
+            held[rows] |= said.held
+            believed[rows] |= said.believed
+            values[column] = values[column].copy()
+            values[column][rows] = said.value
+            doubted = np.isfinite(said.twin)
+            if doubted.any():
+                twins.setdefault(column, np.full(len(stamps), np.nan))[rows[doubted]] = said.twin[doubted]
+        return values, twins, held, believed
+
+    def _other_record(
+        self, record: Record, starts: Any, states: dict[int, list[Any]], twins: dict[Any, np.ndarray]
+    ) -> tuple[Record, dict[int, list[Any]]]:
+        """The record with the twins in the place of what is doubted, and the states that its segments start with."""
+        columns = {c: np.where(np.isnan(twin), record.columns[c], twin) for c, twin in twins.items()}
+        if self._has_twin and 0 in states and self._open and starts[0].step is not None:
+            states = {**states, 0: [stepper.state() for stepper in self._others]}
+        return replace(record, columns={**record.columns, **columns}), states
+
+    def _is_apart(self, one: Walked, other: Walked) -> bool:
+        """Whether the last rows of two walks still differ."""
+        weights = np.concatenate([np.asarray(each, float) for each in self._coefficients])
+        apart = np.abs(weights * (one.columns[-1] - other.columns[-1])).sum()
+        return not apart <= AGREES * self._deviation
 
     def next_doubt(self, stamps: np.ndarray, run: Any) -> int:
         """Number of the first row after a gap whose time the next row does not confirm, by a later one.

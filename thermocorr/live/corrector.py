@@ -156,7 +156,7 @@ class OnlineCorrector(Resumable):
     def _found(self, values: dict[Any, float]) -> bool:
         """Place the first sample that has all it needs; one that has not takes a row, wherever that is."""
         clock, history = self._stream.clock, self._stream.history
-        coded = self._screen.temperature.reason(values[self._stream.temperature], None)
+        coded = any(limits.reason(values[name], None) for name, limits in self._screen.inputs.items())
         if coded or not all(map(math.isfinite, values.values())):
             clock.next_row += 1
             return False
@@ -234,7 +234,9 @@ class OnlineCorrector(Resumable):
     def _advance(self, stamp: Any, run: Any, values: dict[Any, float], U: float, felt: Any) -> Corrected:
         """`update_stamp` where missing cells have been filled as far as they can be, see `LiveFilling`."""
         stream = self._stream
-        refused = self._screen.temperature.reason(values[stream.temperature], stamp)
+        refused = ""
+        for name, limits in self._screen.inputs.items():
+            refused = limits.reason(values[name], stamp) or refused
         if not all(map(math.isfinite, values.values())):
             refused = NO_TEMPERATURE
         if refused:  # as if it had not come
@@ -333,6 +335,7 @@ class OnlineCorrector(Resumable):
             stamps = self._stream.clock.next_rows(len(reading))
         felt = np.zeros((len(reading), len(NOTHING)))
         if self._stream.filling is not None:
+            felt = np.zeros((len(reading), len(NOTHING) + len(self._stream.filling.widths())))
             values = {name: np.array(column, float) for name, column in values.items()}
             for low, high, run in stretches(runs, len(stamps)):
                 some = {name: column[low:high] for name, column in values.items()}
@@ -345,7 +348,7 @@ class OnlineCorrector(Resumable):
         self, stamps: np.ndarray, values: dict[Any, np.ndarray], reading: Any, runs: Any, short: int, felt: np.ndarray
     ) -> Answers:
         """`update_stamps` where missing cells have been filled as far as they can be, see `LiveFilling`."""
-        why = refused_rows(self._screen.temperature, self._stream.temperature, stamps, values)
+        why = refused_rows(self._screen.inputs, stamps, values)
         if why is not None:
             return self._passed_over(why, stamps, values, reading, runs, short, felt)
         out = Answers(len(reading))

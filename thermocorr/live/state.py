@@ -25,12 +25,15 @@ from ..files.codec import (
 )
 from ..files.effect_nodes import EffectCodec, check_state
 from ..files.error_nodes import numbers_or_nan
+from ..records.gate import EMPTY
 from ..records.grammar import LARGEST
 from .filled import LiveErrors, LiveFilling, Numbers
 
 _MOST_CORRECTED = 1e300
 """Bound of corrected readings, which hold states times coefficients; sums of them are numbers."""
-FORMAT = "thermocorr stream 2"
+FORMAT = "thermocorr stream 3"
+EMPTY_ODD = EMPTY.index(0.0)
+"""The number of a gate that is never missing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +64,14 @@ class StreamState:
     """Label of the last sample's run."""
     behind_gap: tuple[tuple[float, ...] | None, ...] = ()
     """Covariance of what the lags of each column feel of gaps, row by row; none where that is forgotten."""
+    gates: tuple[tuple[float, ...], ...] = ()
+    """What the gate of each input remembers."""
+    gated: Any = None
+    """Label of the run that the gates judge."""
+    doubted: bool = True
+    """Whether what the twin differs by is doubted; False where the inputs have been believed."""
+    twin: tuple[Any, ...] | None = None
+    """States of the effects with other values in the place of those that were doubted; None where they agree."""
     averaged: tuple[float, ...] = ()
     """Values in the window of the moving average."""
     tracked: tuple[float, float | None] | None = None
@@ -152,25 +163,39 @@ def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
         "open": state.open,
         "key": state.key,
         "segment_zero": state.segment_zero,
-        "states": [
-            pack(inner, f"the state of {effect.label()!r}")
-            for effect, inner in zip(effects, state.states, strict=False)
-        ],
+        "states": _packed_states(state.states, effects),
         "filling": [[None if math.isnan(value) else value for value in each] for each in state.filling],
         "n_ended": state.n_ended,
         "filled_to": state.filled_to,
         "filled_run": pack(state.filled_run, "the label of the run"),
         "behind_gap": [None if each is None else list(each) for each in state.behind_gap],
+        "gates": [[None if math.isnan(value) else value for value in each] for each in state.gates],
+        "gated": pack(state.gated, "the label of the run"),
+        "doubted": state.doubted,
+        "twin": None if state.twin is None else _packed_states(state.twin, effects),
         "averaged": list(state.averaged),
         "tracked": None if state.tracked is None else list(state.tracked),
     }
+
+
+def _packed_states(states: Sequence[Any], effects: Sequence[Effect]) -> list[Any]:
+    pairs = zip(effects, states, strict=False)
+    return [pack(inner, f"the state of {effect.label()!r}") for effect, inner in pairs]
+
+
+def _unpacked_states(node: Any, where: str, effects: Sequence[Effect]) -> tuple[Any, ...]:
+    codec, states = EffectCodec(), []
+    for i, packed in enumerate(items(node, where, len(effects))):
+        states.append(unpack(packed, f"{where}[{i}]", codec.unpack_nested))
+        check_state(effects[i], states[-1], f"{where}[{i}]")
+    return tuple(states)
 
 
 def _unpacked(
     node: Any, where: str, model: DynamicBiasRegressor, effects: Sequence[Effect], settings: StreamSettings
 ) -> StreamState:
     node = fields(node, where, _STATE_FIELDS)
-    history, codec = model.features_.history_, EffectCodec()
+    history = model.features_.history_
 
     def stamp(key: str) -> Any:
         place = f"{where}.{key}"
@@ -181,12 +206,8 @@ def _unpacked(
     is_open = _truth(node, where, "open")
     if is_open and node["last"] is None:
         raise unexpected(f"{where}.last", "null", "a time")
-    states = []
-    for i, packed in enumerate(items(node["states"], f"{where}.states", len(effects) if is_open else 0)):
-        place = f"{where}.states[{i}]"
-        inner = unpack(packed, place, codec.unpack_nested)
-        check_state(effects[i], inner, place)
-        states.append(inner)
+    states = _unpacked_states(node["states"], f"{where}.states", effects if is_open else ())
+    twin = None if node["twin"] is None else _unpacked_states(node["twin"], f"{where}.twin", effects if is_open else ())
     segments = len(history.record.segments)
     averaged = items(node["averaged"], f"{where}.averaged")
     if len(averaged) > (settings.average or 0):
@@ -200,12 +221,16 @@ def _unpacked(
         open=is_open,
         key=None if node["key"] is None else integer(node["key"], f"{where}.key", 0, segments - 1),
         segment_zero=stamp("segment_zero") if is_open else 0,
-        states=tuple(states),
+        states=states,
         n_ended=counted(node["n_ended"], f"{where}.n_ended"),
         filling=_filling(node["filling"], f"{where}.filling", model),
         filled_to=None if node["filled_to"] is None else stamp("filled_to"),
         filled_run=label(unpack(node["filled_run"], f"{where}.filled_run"), f"{where}.filled_run"),
         behind_gap=_behind_gap(node["behind_gap"], f"{where}.behind_gap", model),
+        gates=_gates(node["gates"], f"{where}.gates", model),
+        gated=label(unpack(node["gated"], f"{where}.gated"), f"{where}.gated"),
+        doubted=_truth(node, where, "doubted"),
+        twin=twin,
         averaged=tuple(_corrected(value, f"{where}.averaged[{i}]") for i, value in enumerate(averaged)),
         tracked=_tracked(node["tracked"], f"{where}.tracked", settings),
     )
@@ -215,11 +240,24 @@ def _filling(node: Any, where: str, model: DynamicBiasRegressor) -> Numbers:
     if node == []:
         return ()
     given = items(node, where)
-    widths = LiveFilling(model, False).widths(len(given))
+    widths = LiveFilling(model, False).widths()
     if len(given) != len(widths):
         raise unexpected(where, f"{len(given)} parts", f"{len(widths)} parts")
     pairs = enumerate(zip(given, widths, strict=True))
     return tuple(tuple(numbers_or_nan(each, f"{where}[{i}]", width)) for i, (each, width) in pairs)
+
+
+def _gates(node: Any, where: str, model: DynamicBiasRegressor) -> Numbers:
+    if node == []:
+        return ()
+    screen = model.features_.history_.screen
+    inputs = [] if screen is None else [one for one in screen.inputs.values() if one.motion is not None]
+    found = []
+    for i, each in enumerate(items(node, where, len(inputs))):
+        found.append(tuple(numbers_or_nan(each, f"{where}[{i}]", len(EMPTY))))
+        if found[-1][EMPTY_ODD] != found[-1][EMPTY_ODD]:
+            raise unexpected(f"{where}[{i}][{EMPTY_ODD}]", "null", "a number")
+    return tuple(found)
 
 
 def _behind_gap(node: Any, where: str, model: DynamicBiasRegressor) -> tuple[tuple[float, ...] | None, ...]:

@@ -236,8 +236,9 @@ class History:
         if self.screen is None:
             return Screen()
         fitted = np.delete(self.record.columns[self.record.temperature_name], self.record.skipped)
-        limits = replace(self.screen.temperature, elsewhere=other_units(float(fitted.min()), float(fitted.max())))
-        return replace(self.screen, temperature=limits)
+        name = self.record.temperature_name
+        limits = replace(self.screen.inputs[name], elsewhere=other_units(float(fitted.min()), float(fitted.max())))
+        return replace(self.screen, inputs={**self.screen.inputs, name: limits})
 
     @cached_property
     def _segment_starts(self) -> list[tuple[float, object]]:
@@ -342,6 +343,7 @@ class History:
             record = self._place_rows(record)
         if self.screen is not None:
             record = self.screen.without_spikes(record, self.max_gap)
+            record = self.screen.gated(record, self.zero, self.max_gap)
         starts: dict[int, SegmentStart] = {}
         replay: dict[int, int | None] = {}
         seen: set[object] = set()

@@ -34,12 +34,12 @@ class Itself:
 
 
 class Refused(NamedTuple):
-    """Rows whose reading or temperature is none."""
+    """Rows whose reading or input is none."""
 
     what: str
-    """ "reading" or "temperature"."""
+    """ "reading", "temperature", or a recorded column in quotes."""
     reason: str
-    """ "spike", "sentinel", "other unit", "clipped", "filled in", or "repeat" (the reading of the row before again)."""
+    """ "spike", "sentinel", "other unit", "clipped", "filled in", "repeat" (the reading of the row before)."""
     rows: NDArray[np.intp]
     """Rows of the user's record, shape (n,)."""
     values: Floats
@@ -169,8 +169,14 @@ class Record:
     """What the screen left out of this record."""
     filled: Mapping[object, Floats] = field(default_factory=dict, repr=False)
     """Standard deviation of the cells of a column that were missing and are filled, NaN for others, shape (n_rows,)."""
-    filling_error: Floats | None = field(default=None, repr=False)
-    """What that may move the bias of a model by in each row, 0 where it is not felt, shape (n_rows,); None for none."""
+    held: NDArray[np.bool_] | None = field(default=None, repr=False)
+    """Rows in which an input is held back: the last value that was believed stands there; None for none."""
+    twins: Mapping[object, Floats] = field(default_factory=dict, repr=False)
+    """What might stand in a column for cells that are filled or doubted, NaN for others, shape (n_rows,)."""
+    believed: NDArray[np.bool_] | None = field(default=None, repr=False)
+    """Rows with which a doubt ends because the input has stayed away, shape (n_rows,); None for none."""
+    doubt: Floats | None = field(default=None, repr=False)
+    """What the twins move the bias of a model by in each row, shape (n_rows,); None where there are none."""
     gap_variance: Floats | None = field(default=None, repr=False)
     """Variance of a model's bias by what its inputs did in gaps between rows, shape (n_rows,); None for none."""
 
@@ -203,8 +209,8 @@ class Record:
 
     def input_variance(self, rows: Any) -> Floats | float:
         """Variance of a model's bias by what is not known of its inputs in some of the user's rows: cells, gaps."""
-        filled = 0.0 if self.filling_error is None else self.filling_error[rows] ** 2
-        return filled + (0.0 if self.gap_variance is None else self.gap_variance[rows])
+        doubt = 0.0 if self.doubt is None else self.doubt[rows] ** 2
+        return doubt + (0.0 if self.gap_variance is None else self.gap_variance[rows])
 
     def rows_at(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
         """The user's rows at some places in time order."""
@@ -285,10 +291,9 @@ class Record:
             self.known_moments[key, power] = self._looked_at(column, power)
         return self.known_moments[key, power]
 
-    def know_moments(self, what: str, moments: Moments) -> None:
-        """Keep the moments of the "reading" or the "temperature", of whoever has found them on the way."""
-        key = Itself(self.reading) if what == "reading" else self.temperature_name
-        self.known_moments[key, 1] = moments
+    def know_moments(self, column: object, moments: Moments) -> None:
+        """Keep the moments of a column, or of the readings (None), of whoever has found them on the way."""
+        self.known_moments[Itself(self.reading) if column is None else column, 1] = moments
 
     def _looked_at(self, column: Any, power: int) -> Moments:
         """Moments of a power of a column inside segments, in one pass."""
@@ -301,9 +306,8 @@ class Record:
                 result = result.merged(Moments.of(values if power == 1 else values**power))
         return result
 
-    def scanned(self, what: str, usual: Usual) -> Scanned:
-        """Codes and peaks of the "reading" or the "temperature": rows in time order."""
-        column: Any = self.reading if what == "reading" else self.columns[self.temperature_name]
+    def scanned(self, column: Any, usual: Usual) -> Scanned:
+        """Codes and peaks of the readings, or of a column: rows in time order."""
 
         def read(low: int, high: int) -> Floats:
             return np.asarray(column[self.rows(low, high)], float)

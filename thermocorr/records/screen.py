@@ -1,16 +1,16 @@
 """What is left out of a record: values that are no measurements, missing cells, weights of zero.
 
-A reading that is refused is not learned from. A temperature that is refused is passed over as if its row had not been
-recorded: the lags go straight across, and are not poisoned. What later rows are screened by is known at each row alone,
-so that blocks, live samples and the record itself agree: the codes for "no value" that the record has or could not
-hold, the spikes of the fitted record, by time and value, and temperatures that look like another unit. A spike in new
-data is not known at its row.
+A reading that is refused is not learned from. The row of an input that is refused is passed over as if it had not been
+recorded: the lags go straight across, and are not poisoned. What later rows are screened by is known from these
+and those before, so that blocks, live samples and the record itself agree: the codes for "no value" that the record has
+or could not hold, the spikes of the fitted record, by time and value, temperatures that look like another unit, and how
+each input moves (`thermocorr.records.gate`).
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, cast
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ..equations.spikes import ABSURD, ALL_CODES, CHUNK, OVERLOAD, Scanned, Usual, usual_of
 from .errors import RecordError, listing, quoted, times_word
+from .gate import Gate, Motion
 from .numbers import numeric_reading
 from .record import Record, Refused
 from .times import Floats
@@ -112,6 +113,8 @@ class Limits:
     """Time stamp and value of each spike of the fitted record."""
     elsewhere: tuple[OtherUnit, ...] = ()
     """What is a usual value in another unit, and none in the fitted one."""
+    motion: Motion | None = None
+    """How an input moves; None for readings, which may do what they like."""
 
     @cached_property
     def _between(self) -> tuple[float, float]:
@@ -160,35 +163,74 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class Screen:
-    """What is refused of temperature and reading."""
+    """What is refused of each input and of the reading."""
 
-    temperature: Limits = field(default_factory=Limits)
+    inputs: Mapping[Any, Limits] = field(default_factory=dict)
+    """By column, the temperature first."""
     reading: Limits = field(default_factory=Limits)
 
     def without_codes(self, record: Record, max_gap: float | None) -> Record:
-        """The record without the temperatures that are codes, or single ones in another unit.
+        """The record without the values that are codes, or single ones in another unit.
 
         A record that is in another unit as a whole is left as it is, to be refused.
         """
-        values, coded, odd = record.columns[record.temperature_name], [], []
-        for low, high in _chunks(record):  # as floats: 1e30 is none of half precision
-            chunk = np.asarray(values[record.rows(low, high)], float)
-            coded.append(low + self.temperature.coded(chunk))
-            odd.append(low + self.temperature.in_other_unit(chunk))
-        record = without(record, "temperature", SENTINEL, np.concatenate(coded), max_gap)
-        elsewhere = np.concatenate(odd)
-        if len(elsewhere) and unit_told_by(first_median(record, record.temperature_name), self.temperature.elsewhere):
-            return record
-        return without(record, "temperature", OTHER_UNIT, elsewhere, max_gap)
+        for column, limits in self.inputs.items():
+            values, coded, odd = record.columns[column], [], []
+            for low, high in _chunks(record):  # as floats: 1e30 is none of half precision
+                chunk = np.asarray(values[record.rows(low, high)], float)
+                coded.append(low + limits.coded(chunk))
+                odd.append(low + limits.in_other_unit(chunk))
+            record = without(record, column, SENTINEL, np.concatenate(coded), max_gap)
+            elsewhere = np.concatenate(odd)
+            if not len(elsewhere) or not unit_told_by(first_median(record, column), limits.elsewhere):
+                record = without(record, column, OTHER_UNIT, elsewhere, max_gap)
+        return record
 
     def without_spikes(self, record: Record, max_gap: float | None) -> Record:
-        """The record without the temperatures that are spikes of the fitted one."""
-        if not self.temperature.spikes:
+        """The record without the inputs that are spikes of the fitted one."""
+        for column, limits in self.inputs.items():
+            if limits.spikes:
+                values, found = record.columns[column], []
+                for low, high in _chunks(record):
+                    found.append(low + limits.spiked(values[record.rows(low, high)], _stamps_from(record, low)))
+                record = without(record, column, SPIKE, np.concatenate(found), max_gap)
+        return record
+
+    def gated(self, record: Record, zero: float, max_gap: float | None) -> Record:
+        """The record with what stands for inputs that are held back, and the twins of those that are doubted."""
+        columns, twins = dict(record.columns), dict(record.twins)
+        held, believed = (np.zeros(record.n_rows, bool) for _ in range(2))
+        for column, gate, rows in self._chunks_of_inputs(record, max_gap):
+            values = np.asarray(record.columns[column][rows], float)
+            found = gate.many(values, record.times.seconds(rows, zero))
+            if found is None:
+                continue
+            held[rows] |= found.held
+            believed[rows] |= found.believed
+            if found.held.any():
+                if columns[column] is record.columns[column]:
+                    columns[column] = np.array(record.columns[column][:], float)
+                columns[column][rows] = found.value
+            if not np.isnan(found.twin).all():
+                twin = twins.setdefault(column, np.full(record.n_rows, np.nan))
+                twin[rows] = np.where(np.isnan(found.twin), twin[rows], found.twin)
+        if not (held.any() or twins):
             return record
-        values, found = record.columns[record.temperature_name], []
-        for low, high in _chunks(record):
-            found.append(low + self.temperature.spiked(values[record.rows(low, high)], _stamps_from(record, low)))
-        return without(record, "temperature", SPIKE, np.concatenate(found), max_gap)
+        return replace(record, columns=columns, known_moments={}, held=held, twins=twins, believed=believed)
+
+    def _chunks_of_inputs(self, record: Record, max_gap: float | None) -> Iterator[tuple[Any, Gate, Any]]:
+        """Each input, its gate, and the user's rows of a chunk, in time order."""
+        for column, limits in self.inputs.items():
+            if limits.motion is None:
+                continue
+            run: object = self
+            for segment in record.segments:
+                if segment.run != run:
+                    run, gate = segment.run, Gate(limits.motion, np.inf if max_gap is None else max_gap)
+                for start in range(segment.start, segment.stop, CHUNK):
+                    rows = record.kept(start, min(start + CHUNK, segment.stop))
+                    if isinstance(rows, slice) or len(rows):
+                        yield column, gate, rows
 
 
 def _stamps_from(record: Record, first: int) -> Callable[[int], Any]:
@@ -203,14 +245,18 @@ def _chunks(record: Record) -> Iterator[tuple[int, int]]:
             yield start, min(start + CHUNK, segment.stop)
 
 
-def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Screen]:
-    """A record without what is no temperature and no reading, and what later rows are to be screened by.
+def screened(
+    record: Record, max_gap: float | None = None, thermometers: Collection[Any] | None = None
+) -> tuple[Record, Screen]:
+    """A record without what is no input and no reading, and what later rows are to be screened by.
 
     Parameters
     ----------
     record : Record
     max_gap : float, optional
         A longer step starts a new segment [s], so temperatures that are refused for longer do as well.
+    thermometers : collection of columns, optional
+        Of which spikes are refused; by default the temperature.
 
     Returns
     -------
@@ -223,32 +269,36 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
     RecordError
         Where no temperature is left.
     """
+    thermometers = (record.temperature_name,) if thermometers is None else thermometers
     limits, left = {}, {}
-    for what, column in (("temperature", record.columns[record.temperature_name]), ("reading", record.reading)):
-        if column is None:
-            limits[what] = Limits()
+    for column in (*record.columns, None):
+        values = record.reading if column is None else record.columns[column]
+        if values is None:
             continue
-        usual = usual_of(_sampled(record, column), record.n_used, temperature=what == "temperature")
-        found = record.scanned(what, usual)
+        usual = usual_of(_sampled(record, values), record.n_used, temperature=column is not None)
+        found = record.scanned(values, usual)
         spikes = found.true_spikes(usual, record.n_used)
+        if column is not None and column not in thermometers:
+            spikes = spikes[:0]  # a short pulse may be what the column is recorded for
         if found.is_nothing:
-            left[what] = found.left
-        limits[what] = _limits(record, column, usual, found, spikes)
-        if len(found.repeats) and what == "temperature":  # a device may well stand still as long
+            left[column] = found.left
+        limits[column] = _limits(record, values, usual, found, spikes)
+        if len(found.repeats) and column == record.temperature_name:  # a device may well stand still as long
             record = replace(record, notes=(*record.notes, _seldom(record, found.repeats)))
-        repeats = found.repeats if what == "reading" else found.repeats[:0]
+        repeats = found.repeats if column is None else found.repeats[:0]
         again = REPEAT if usual.repeats else FILLED_IN
         refused = (SENTINEL, found.codes), (CLIPPED, found.clipped), (SPIKE, spikes), (again, repeats)
         for reason, positions in refused:
             if len(positions):
-                record = without(record, what, reason, positions, max_gap)
+                record = without(record, column, reason, positions, max_gap)
     if record.refused:
         notes = tuple(_note(refused) for refused in record.refused)
         record = replace(record, notes=(*record.notes, *notes))
     elif not len(record.skipped):  # the rows that were looked at are those that are used
-        for what, moments in left.items():
-            record.know_moments(what, moments)
-    return record, Screen(**limits)
+        for column, moments in left.items():
+            record.know_moments(column, moments)
+    inputs = {name: replace(limits[name], motion=Motion.of(record, name)) for name in record.columns}
+    return record, Screen(inputs=inputs, reading=limits.get(None, Limits()))
 
 
 def _sampled(record: Record, column: NDArray[Any]) -> list[Floats]:
@@ -286,23 +336,25 @@ def _few(positions: Rows) -> Rows:
     return positions[:: max(1, len(positions) // MOST_KEPT)]
 
 
-def without(record: Record, what: str, reason: str, positions: Rows, max_gap: float | None) -> Record:
-    """A record whose temperatures, or readings, are refused in some rows (in time order)."""
-    positions = np.sort(positions) if what == "reading" else np.setdiff1d(positions, record.skipped)
+def without(record: Record, column: Any, reason: str, positions: Rows, max_gap: float | None) -> Record:
+    """A record in which an input, or the reading (None), is refused in some rows (in time order)."""
+    of_reading = column is None
+    positions = np.sort(positions) if of_reading else np.setdiff1d(positions, record.skipped)
     if not len(positions):
         return record
     rows = record.rows_at(positions)
-    column: Any = record.reading if what == "reading" else record.columns[record.temperature_name]
+    what = "reading" if of_reading else "temperature" if column == record.temperature_name else quoted(column)
+    values: Any = record.reading if of_reading else record.columns[column]
     seconds = record.times.seconds(rows, record.first_stamp())
-    refused = (*record.refused, Refused(what, reason, rows, np.asarray(column[rows], float), seconds))
-    if what == "reading":
+    refused = (*record.refused, Refused(what, reason, rows, np.asarray(values[rows], float), seconds))
+    if of_reading:
         reading: Any = LeftOut(record.reading, np.sort(rows))
         return replace(record, reading=reading, refused=refused)
     cut = replace(record, refused=refused).passing_over(positions, max_gap)
     if not cut.segments:
         raise RecordError(
-            f"No temperature in {quoted(record.temperature_name)} is one: all {record.n_used} rows are refused as "
-            f"{reason}s. Check the column, or pass screen=False."
+            f"No value in {quoted(column)} is believed: all {record.n_used} rows are refused as {reason}s. "
+            "Check the column, or pass screen=False."
         )
     return cut
 
@@ -367,5 +419,7 @@ def _note(refused: Refused) -> str:
         )
     rows = [str(row) for row in refused.rows[:LISTED].tolist()]
     more = f" and {count - LISTED} more" if count > LISTED else ""
-    said = f"{times_word(count, refused.what)} left out as {refused.reason}{'' if count == 1 else 's'}"
+    which = times_word(count, refused.what if refused.what in ("reading", "temperature") else "value")
+    of = "" if refused.what in ("reading", "temperature") else f" of {refused.what}"
+    said = f"{which}{of} left out as {refused.reason}{'' if count == 1 else 's'}"
     return f"{said}: row{'' if count == 1 else 's'} {', '.join(rows)}{more}."

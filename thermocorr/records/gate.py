@@ -1,0 +1,242 @@
+"""The gate of one input: how it moved while a model was fitted, and which later values are believed.
+
+No input moves faster than in the fitted record by more than a margin. A value that does is held back, and the last one
+stands in its place, until the next one speaks for it: one that returns was a fault of one row; one that stays away is
+believed, and doubted. The model then goes on with it, and beside that with the last value from before (its `twin`):
+what the two differ by, the doubtful values may have added to the bias, now or in what the device remembers of them. A
+doubt ends when the input is back, or after `BELIEVED` steps away: then the room has really moved. An input that stands
+still to the last digit for much longer than it ever did is doubted too, but for the ends of its range.
+
+A value is judged by those before it alone, so that a stream, a block and a whole record say the same.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .record import Record
+from .times import Floats
+
+JUMP = "jump"
+"""Flag of a row in which an input is held back."""
+MARGIN = 2.0
+"""How much faster than in the fitted record an input may move, and how much longer it may stand still."""
+BELIEVED = 30.0
+"""Usual steps after which an input that has not come back is believed."""
+FEW = 3.0
+"""Usual steps that an input may stand still in any case."""
+CHUNK = 1 << 16
+NAN = math.nan
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How an input moved in the fitted record."""
+
+    low: float
+    high: float
+    """Range of its values."""
+    spread: float
+    """Their standard deviation."""
+    farthest: float
+    """The farthest that it moved in a usual step."""
+    rest: float
+    """The longest that it stood still [s]."""
+    step: float
+    """The usual step [s]."""
+
+    @classmethod
+    def of(cls, record: Record, column: Any) -> Motion:
+        """Learn from the rows of a record that are not passed over."""
+        step, farthest, rest = record.usual_step(), 0.0, 0.0
+        even = record.times.even_step is not None and not len(record.skipped)
+        for segment in record.segments:
+            before: tuple[float, float, float] | None = None  # value, its time, and since when it stands there
+            for start in range(segment.start, segment.stop, CHUNK):
+                rows = record.kept(start, min(start + CHUNK, segment.stop))
+                values = np.asarray(record.columns[column][rows], float)
+                if not len(values):
+                    continue
+                seconds = record.times.seconds(rows, record.first_stamp())
+                value, time, since = before or (values[0], seconds[0], seconds[0])
+                moves = np.diff(values, prepend=value)
+                still = np.flatnonzero(moves == 0.0)
+                if len(still):
+                    stood = _stood(moves, seconds, since)
+                    rest, since = max(rest, float((seconds - stood).max())), float(stood[-1])
+                else:
+                    since = float(seconds[-1])
+                if not even:
+                    moves /= np.maximum(np.diff(seconds, prepend=time) / step, 1.0)
+                farthest = max(farthest, float(moves.max()), -float(moves.min()))
+                before = float(values[-1]), float(seconds[-1]), since
+        known = record.moments(column)
+        return cls(known.low, known.high, known.std, farthest, rest, step)
+
+    @property
+    def move(self) -> float:
+        """The farthest that it may move in a usual step."""
+        return MARGIN * self.farthest
+
+    @property
+    def longest_rest(self) -> float:
+        """The longest that it may stand still [s]."""
+        return MARGIN * self.rest + FEW * self.step
+
+
+def _stood(moves: Floats, seconds: Floats, since: float) -> Floats:
+    """Since when an input stands where it is in each row [s]; `since` is that of the row before."""
+    last = np.maximum.accumulate(np.where(moves != 0.0, np.arange(len(moves)), -1))
+    return np.where(last >= 0, seconds[last], since)
+
+
+class Judged(NamedTuple):
+    """What a gate says of a row, or of consecutive rows."""
+
+    value: Any
+    """The value; the last one that was believed where it is held back."""
+    twin: Any
+    """What might stand there instead, where the value is held back or doubted; NaN elsewhere."""
+    held: Any
+    """Whether it is held back."""
+    believed: Any
+    """Whether a doubt ends with this row because the input has stayed away."""
+
+
+class Gate:
+    """Judges the values of one input, row after row.
+
+    `motion` (Motion). `max_gap` (float): After a longer step the next value is judged like a first one [s].
+    """
+
+    __slots__ = (
+        "_move", "_rest", "_step", "_until",
+        "at", "began", "last", "level", "max_gap", "motion", "odd", "seen", "since",
+    )  # fmt: skip
+
+    def __init__(self, motion: Motion, max_gap: float):
+        self.motion, self.max_gap = motion, max_gap
+        self._move, self._step, self._rest = motion.move, motion.step, motion.longest_rest
+        self._until = BELIEVED * motion.step
+        self.put(EMPTY)
+
+    def put(self, state: tuple[float, ...]) -> None:
+        """Go on where `state` was taken; `EMPTY` before the first value."""
+        self.last, self.at, self.seen, self.odd, self.level, self.began, self.since = state
+
+    def state(self) -> tuple[float, ...]:
+        """All that is remembered.
+
+        The last value that was believed, its time and that of the last row [s], how far a value that is held back lies
+        away (0 for none), the last value before a doubt and its time [s], since when the input stands still [s].
+        """
+        return self.last, self.at, self.seen, self.odd, self.level, self.began, self.since
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether nothing is held back or doubted."""
+        return self.odd == 0.0 and self.level != self.level
+
+    def one(self, value: float, time: float) -> Judged | None:
+        """Judge one row; None where its value is believed, and was before."""
+        passed, away = time - self.at, value - self.last
+        plain = self.odd == 0.0 and self.level != self.level
+        if plain and passed <= self._step and -self._move <= away <= self._move:
+            if away != 0.0:
+                self.since = time
+            self.last, self.at, self.seen = value, time, time
+            rests = time - self.since <= self._rest or self._at_end(value)
+            return None if rests else Judged(value, self._moved(value), False, False)
+        if passed <= self.max_gap:
+            reach = self._move * (passed / self._step if passed > self._step else 1.0)
+            last, before = self.last, self.at
+        else:  # a first value: near the fitted range, or held back too
+            low, high = self.motion.low, self.motion.high
+            last, before, reach = min(max(value, low), high), time, max(high - low, self._move)
+            self.level, self.since, away = NAN, time, value - last
+            if not time - self.seen <= self.max_gap:
+                self.odd = 0.0
+        self.seen = time
+        if away > reach or -away > reach:
+            if not away * self.odd > 0.0:
+                self.odd = away
+                return Judged(last, last + math.copysign(self.motion.farthest, away), True, False)
+            if self.level != self.level:
+                self.level, self.began = last, before
+        believed = False
+        if self.level == self.level:
+            passed = time - self.began
+            if passed > self._until:
+                self.level, believed = NAN, True
+            elif abs(value - self.level) <= self._move * max(1.0, passed / self._step):
+                self.level = NAN
+        if value != self.last:
+            self.since = time
+        self.last, self.at, self.odd = value, time, 0.0
+        if self.level == self.level:
+            return Judged(value, self.level, False, False)
+        stands = time - self.since > self._rest and not self._at_end(value)
+        return Judged(value, self._moved(value) if stands else NAN, False, believed) if believed or stands else None
+
+    def _at_end(self, value: float) -> bool:
+        """Whether an input may rest at a value: an end of its range, such as no rain."""
+        return value == self.motion.low or value == self.motion.high
+
+    def _moved(self, value: float) -> float:
+        """Where an input that stands still may be: farther out."""
+        middle = (self.motion.low + self.motion.high) / 2
+        return value + math.copysign(self.motion.spread, value - middle)
+
+    def many(self, values: Floats, times: Floats) -> Judged | None:
+        """`one` of consecutive rows at `times` [s]; None where there is nothing to say."""
+        n = len(values)
+        moves, steps = np.diff(values, prepend=self.last), np.diff(times, prepend=self.at)
+        far = ~(np.abs(moves) <= self._move * np.maximum(steps / self._step, 1.0)) | (steps > self.max_gap)
+        stood = _stood(moves, times, self.since)
+        stands = (times - stood > self._rest) & (values != self.motion.low) & (values != self.motion.high)
+        odd = np.append(np.flatnonzero(far | stands), n)
+        if self.is_plain and odd[0] == n:
+            self._put(values, times, stood, n - 1)
+            return None
+        found, any_said, k = Judged(values.copy(), np.full(n, NAN), np.zeros(n, bool), np.zeros(n, bool)), False, 0
+        while k < n:
+            if k and self.is_plain and self.at == times[k - 1] and self.since == stood[k - 1]:
+                ahead = int(odd[np.searchsorted(odd, k)])
+                if ahead > k:
+                    self._put(values, times, stood, ahead - 1)
+                    k = ahead
+                    continue
+            said = self.one(float(values[k]), float(times[k]))
+            if said is not None:
+                any_said = True
+                for column, own in zip(found, said, strict=True):
+                    column[k] = own
+            k += 1
+        return found if any_said else None
+
+    def _put(self, values: Floats, times: Floats, stood: Floats, k: int) -> None:
+        """Go on as after row `k`, where nothing is held back or doubted."""
+        time = float(times[k])
+        self.put((float(values[k]), time, time, 0.0, NAN, NAN, float(stood[k])))
+
+
+EMPTY = (NAN, NAN, NAN, 0.0, NAN, NAN, NAN)
+"""What a `Gate` remembers before the first value."""
+
+
+def doubted_rows(
+    doubted: NDArray[np.bool_], believed: NDArray[np.bool_], is_open: bool
+) -> tuple[NDArray[np.bool_], bool]:
+    """In which of consecutive rows a doubt is open, and whether it is after them.
+
+    From a row with a twin in one of the inputs (`doubted`) until one with which an input is `believed`. So it is before
+    all of them: effects that look ahead feel a doubt early.
+    """
+    last = np.maximum.accumulate(np.where(doubted | believed, np.arange(len(doubted)), -1))
+    found = np.where(last >= 0, doubted[last], is_open)
+    return found, bool(found[-1])
