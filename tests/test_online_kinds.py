@@ -130,7 +130,8 @@ def test_a_first_time_so_large_that_a_second_less_is_the_same(first):
 def test_a_bias_that_is_no_number_is_flagged_alike_one_by_one_and_in_blocks():
     """Squares of the column overflow where the temperature is an ordinary one; a lost reading is said first."""
     X, y = stream(200, 5, holes=False)
-    model = DynamicBiasRegressor(time_constants=[300.0], effects=[Covariate("humidity", 2)]).fit(X[:150], y[:150])
+    squared = DynamicBiasRegressor(time_constants=[300.0], effects=[Covariate("humidity", 2)], screen=False)
+    model = squared.fit(X[:150], y[:150])
     X, y = X[150:].copy(), y[150:].copy()
     X.iloc[[5, 6], X.columns.get_loc("humidity")], y.iloc[6] = 1e200, np.nan
     single = one_by_one(OnlineCorrector(model), X, y, humidity=X["humidity"])

@@ -172,7 +172,7 @@ def test_a_thermometer_lost_for_an_hour_is_flagged_and_the_error_stays_below_twi
     for start in range(LEARNED + 100, len(X) - 100, 200):
         lost, hole = with_hole(X, column, start)
         result = model.evaluate(lost, y, return_std=True)
-        assert set(result["flag"].iloc[hole]) <= {"filled", "thermometer lost"}
+        assert set(result["flag"].iloc[hole]) <= {"filled", "doubtful input"}
         assert result["flag"].iloc[hole].iloc[0] == "filled"
         assert result["u"].iloc[hole.stop - 1] > result["u"].iloc[hole.start - 1]
         errors.append((result["corrected"] - model.intercept_ - (y - U)).to_numpy()[hole])
@@ -221,7 +221,7 @@ def test_a_code_for_no_temperature_is_filled_too(device):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         model = DynamicBiasRegressor(["case", "room"], BODIES).fit(coded, y)
-    assert set(model.flags(coded, y)[8000:8030]) <= {"filled", "thermometer lost"}
+    assert set(model.flags(coded, y)[8000:8030]) <= {"filled", "doubtful input"}
     assert model.residual_std_ < 1.1 * noise
 
 

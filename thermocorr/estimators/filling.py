@@ -277,8 +277,7 @@ class Filling:
         kept = {name: columns[name] for name in gone}
         if len(segments) > len(record.segments):
             record = replace(record, segments=tuple(segments), known_moments={})
-        twins = {name: kept[name] + errors for name, errors in gone.items()}
-        return replace(record, columns={**record.columns, **kept}, filled=gone, twins=twins) if gone else record
+        return replace(record, columns={**record.columns, **kept}, filled=gone) if gone else record
 
     def at_end_of(self, record: Record) -> Filling:
         """The stand-ins with what they remember at the end of a record whose rows lack nothing, or are filled."""

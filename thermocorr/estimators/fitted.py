@@ -15,7 +15,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from ..effects import LagProducts
-from ..effects.stream import Walked, own_starts
+from ..effects.stream import Walked
 from ..effects.thermal import column_text
 from ..records import Block, Record, SegmentStart
 from ..records.gate import JUMP, doubted_rows
@@ -25,7 +25,7 @@ from ..records.segments import Flags
 from .features import DiffusiveFeatures
 from .fitting import standard_errors
 from .flat import Inner, inner_blocks
-from .input_errors import SPOILT, GapError, InputLaw, error_behind_gaps, law_of_inputs
+from .input_errors import SPOILT, FillingError, GapError, InputLaw, error_behind_gaps, law_of_inputs
 from .prior import Law, law_of
 from .progress import one_blas_thread
 from .reading import Reading, check_range, check_reading_unit, check_record, like, no_flags
@@ -295,14 +295,20 @@ class FittedModel:
                 parts[:, i] = _weighted(step.columns[:, low:high][:, alive], coef[low:high][alive])
             yield step.block, parts
 
+    def filling_error(self) -> FillingError:
+        """Propagates the errors of filled cells to the bias."""
+        return FillingError([*self._laws_of_inputs(one.column for one in self.features_.filling_.stand_ins)])
+
     def gap_error(self) -> GapError:
         """Propagates what happened in gaps of later rows to the bias."""
         gaps = self.features_.history_.gaps
         return GapError([*self._laws_of_inputs(gaps.squares)], gaps)
 
     def resumed(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
-        """A new record tied to the fitted one, with what doubtful inputs may move its bias by."""
+        """A new record tied to the fitted one, with what filled cells and doubtful inputs may move its bias by."""
         record, starts, states = self.features_.resume(X, y)
+        if record.filled and record.filling_error is None:
+            record = replace(record, filling_error=self.filling_error().of_record(record))
         if record.twins and record.doubt is None:
             record = replace(record, doubt=self.doubt_of(record, starts, states))
         return record, starts, states
@@ -348,8 +354,8 @@ class FittedModel:
         limit = SPOILT * self.residual_std_
         rows, error = error_behind_gaps(record, self._laws_of_inputs(record.columns), limit)
         rows = rows[np.argsort(-error, kind="stable")[: record.n_used // 2]]  # a poor first law would leave out all
-        if record.twins:
-            spoilt = self.doubt_of(record, own_starts(record), {}) > limit
+        if record.filled:
+            spoilt = self.filling_error().of_record(record) > limit
             for errors in record.filled.values():
                 spoilt |= np.isfinite(errors)
             rows = np.concatenate((rows, np.flatnonzero(spoilt)))
@@ -363,11 +369,12 @@ class FittedModel:
         record = block.record
         if record.held is not None:
             flags[record.held[block.rows]] = JUMP
-        if record.doubt is not None:
-            filled = np.zeros(len(block), bool)
-            for errors in record.filled.values():
-                filled |= np.isfinite(errors[block.rows])
-            self.mark_doubt(flags, record.doubt[block.rows], filled)
+        filled = np.zeros(len(block), bool)
+        for errors in record.filled.values():
+            filled |= np.isfinite(errors[block.rows])
+        error = np.zeros(len(block)) if record.filling_error is None else record.filling_error[block.rows]
+        doubt = np.zeros(len(block)) if record.doubt is None else record.doubt[block.rows]
+        self.mark_doubt(flags, np.hypot(error, doubt), filled)
         if record.gap_variance is not None:
             self.mark_behind_gaps(flags, record.gap_variance[block.rows])
 

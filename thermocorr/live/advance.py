@@ -82,7 +82,6 @@ class Stream:
         self._max_gap = math.inf if history.max_gap is None else history.max_gap
         motions = {} if history.screen is None else {c: one.motion for c, one in history.screen.inputs.items()}
         self._gates = [(c, Gate(motion, self._max_gap)) for c, motion in motions.items() if motion is not None]
-        self._filled = [] if self.filling is None else [one.column for one in self.filling.filling.stand_ins]
         self.gap = GAP_STEPS * history.usual_step if history.max_gap is None else history.max_gap
         self.reset()
 
@@ -159,9 +158,7 @@ class Stream:
             return Advanced(math.nan, STALE if step == 0.0 else BACKWARD, False)
         seconds = clock.between(stamp, self.history.zero)
         values, twins, held, believed = self._judged(values, seconds, run)
-        filled, n_ended = felt[:2]
-        if filled:
-            twins = {**{c: v for c, v in zip(self._filled, felt[2:], strict=True) if v == v}, **twins}
+        error, filled, n_ended = felt
         goes_on = self._open and step <= self._max_gap and step < math.inf and n_ended == self._n_ended
         self._n_ended = n_ended
         self.last, self._run = stamp, run
@@ -193,7 +190,7 @@ class Stream:
             mask |= WASHOUT
         if not self._low <= T <= self._high:
             mask |= OUTSIDE
-        if doubt > self._deviation:
+        if math.hypot(doubt, error) > self._deviation:
             mask |= DOUBTFUL
         elif filled:
             mask |= FILLED
@@ -211,7 +208,7 @@ class Stream:
         columns[0, self._active] = row
         seconds, temperature, value = (np.array([number]) for number in (sample.seconds, T, bias))
         found = self.errors.variances(columns, seconds, temperature, value, sample.key)
-        found[0] += doubt**2 + unknown
+        found[0] += error**2 + doubt**2 + unknown
         return Advanced(bias, FLAGS[mask], not mask & ~GAP, found)
 
     def _judged(
@@ -311,7 +308,7 @@ class Stream:
         late[0] &= same_run  # the first of a run has none before it
         out.flags[late] = np.where(stamps[late] == before[late], STALE[0], BACKWARD[0])
         rows = np.flatnonzero(~late)
-        values, twins, held, believed = self._judged_rows(rows, stamps, run, values, felt)
+        values, twins, held, believed = self._judged_rows(rows, stamps, run, values)
         if not len(rows):
             return out
         kept: Any = slice(None) if len(rows) == len(stamps) else rows
@@ -322,8 +319,8 @@ class Stream:
         steps[1:] = self.clock.between(here[1:], here[:-1])
         fresh = steps > self._max_gap
         fresh[0] |= not (self._open and same_run)
-        fresh |= np.diff(felt[kept, 1], prepend=self._n_ended) > 0
-        self._n_ended = int(felt[rows[-1], 1])
+        fresh |= np.diff(felt[kept, 2], prepend=self._n_ended) > 0
+        self._n_ended = int(felt[rows[-1], 2])
         self.last, self._run = here[-1].item(), run
         record, starts, states = self._record(here, steps, values, fresh, run)
         twins, believed = {name: column[kept] for name, column in twins.items()}, believed[kept]
@@ -351,7 +348,7 @@ class Stream:
                     doubt = np.abs(bias - self.model.removed_part(next(other_blocks)[1]))
                     is_open, self._doubted = doubted_rows(doubted[block.rows], believed[block.rows], self._doubted)
                     doubt = np.where(is_open, np.where(np.isnan(doubt), np.inf, doubt), 0.0)
-                self.model.mark_doubt(flags, doubt, felt[into, 0] > 0)
+                self.model.mark_doubt(flags, np.hypot(doubt, felt[into, 0]), felt[into, 1] > 0)
                 unknown = self.gap_error.of_block(block, behind)
                 self.model.mark_behind_gaps(flags, unknown)
                 absurd = ~np.isfinite(bias)
@@ -364,7 +361,7 @@ class Stream:
                     found = self.errors.variances(
                         step.columns, block.seconds, block.temperature, bias, block.segment_key
                     )
-                    found[0] += doubt**2 + unknown
+                    found[0] += felt[into, 0] ** 2 + doubt**2 + unknown
                     found[:, flags.are("washout", "no reading")] = np.nan
                     out.variances[:, into] = found
         end = walked[0][0]
@@ -376,10 +373,10 @@ class Stream:
         return out
 
     def _judged_rows(
-        self, rows: np.ndarray, stamps: np.ndarray, run: Any, values: dict[Any, np.ndarray], felt: np.ndarray
+        self, rows: np.ndarray, stamps: np.ndarray, run: Any, values: dict[Any, np.ndarray]
     ) -> tuple[dict[Any, np.ndarray], dict[Any, np.ndarray], np.ndarray, np.ndarray]:
         """`_judged` of some of many rows."""
-        twins = {c: felt[:, 2 + i].copy() for i, c in enumerate(self._filled) if np.isfinite(felt[:, 2 + i]).any()}
+        twins: dict[Any, np.ndarray] = {}
         values, (held, believed) = dict(values), np.zeros((2, len(stamps)), bool)
         if len(rows) and run != self._gated:
             self._forget_inputs(run)

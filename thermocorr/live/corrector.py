@@ -335,7 +335,6 @@ class OnlineCorrector(Resumable):
             stamps = self._stream.clock.next_rows(len(reading))
         felt = np.zeros((len(reading), len(NOTHING)))
         if self._stream.filling is not None:
-            felt = np.zeros((len(reading), len(NOTHING) + len(self._stream.filling.widths())))
             values = {name: np.array(column, float) for name, column in values.items()}
             for low, high, run in stretches(runs, len(stamps)):
                 some = {name: column[low:high] for name, column in values.items()}

@@ -240,7 +240,7 @@ def _filling(node: Any, where: str, model: DynamicBiasRegressor) -> Numbers:
     if node == []:
         return ()
     given = items(node, where)
-    widths = LiveFilling(model, False).widths()
+    widths = LiveFilling(model, False).widths(len(given))
     if len(given) != len(widths):
         raise unexpected(where, f"{len(given)} parts", f"{len(widths)} parts")
     pairs = enumerate(zip(given, widths, strict=True))

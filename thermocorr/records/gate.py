@@ -163,7 +163,7 @@ class Gate:
                 self.odd = 0.0
         self.seen = time
         if away > reach or -away > reach:
-            if not away * self.odd > 0.0:
+            if self.level != self.level and not away * self.odd > 0.0:
                 self.odd = away
                 return Judged(last, last + math.copysign(self.motion.farthest, away), True, False)
             if self.level != self.level:

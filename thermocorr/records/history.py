@@ -343,7 +343,8 @@ class History:
             record = self._place_rows(record)
         if self.screen is not None:
             record = self.screen.without_spikes(record, self.max_gap)
-            record = self.screen.gated(record, self.zero, self.max_gap)
+            if record.held is None:  # not gated before
+                record = self.screen.gated(record, self.zero, self.max_gap)
         starts: dict[int, SegmentStart] = {}
         replay: dict[int, int | None] = {}
         seen: set[object] = set()

@@ -169,10 +169,12 @@ class Record:
     """What the screen left out of this record."""
     filled: Mapping[object, Floats] = field(default_factory=dict, repr=False)
     """Standard deviation of the cells of a column that were missing and are filled, NaN for others, shape (n_rows,)."""
+    filling_error: Floats | None = field(default=None, repr=False)
+    """What that may move the bias of a model by in each row, 0 where it is not felt, shape (n_rows,); None for none."""
     held: NDArray[np.bool_] | None = field(default=None, repr=False)
     """Rows in which an input is held back: the last value that was believed stands there; None for none."""
     twins: Mapping[object, Floats] = field(default_factory=dict, repr=False)
-    """What might stand in a column for cells that are filled or doubted, NaN for others, shape (n_rows,)."""
+    """What might stand in a column for values that are held back or doubted, NaN for others, shape (n_rows,)."""
     believed: NDArray[np.bool_] | None = field(default=None, repr=False)
     """Rows with which a doubt ends because the input has stayed away, shape (n_rows,); None for none."""
     doubt: Floats | None = field(default=None, repr=False)
@@ -209,8 +211,9 @@ class Record:
 
     def input_variance(self, rows: Any) -> Floats | float:
         """Variance of a model's bias by what is not known of its inputs in some of the user's rows: cells, gaps."""
+        filled = 0.0 if self.filling_error is None else self.filling_error[rows] ** 2
         doubt = 0.0 if self.doubt is None else self.doubt[rows] ** 2
-        return doubt + (0.0 if self.gap_variance is None else self.gap_variance[rows])
+        return filled + doubt + (0.0 if self.gap_variance is None else self.gap_variance[rows])
 
     def rows_at(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
         """The user's rows at some places in time order."""
