@@ -41,8 +41,9 @@ class Python:
         p, start = firmware.program, ["start"] if firmware.asks_start else []
         arguments = [] if firmware.target.fixed else ["step_us"]
         arguments += ["temperature", "reading", *(["columns"] if p.columns else [])]
+        self.step, self.columns = "" if firmware.target.fixed else "step_us, ", bool(p.columns)
         lines = [f"# {one_line(line)}" for line in provenance]
-        lines += ["import math", ""]
+        lines += ["import copy", "import math", ""]
         lines += [f"{name} = {bit}  # {text}" for name, bit, text in firmware.flags()]
         lines += [f"{c.name} = {self.constant(c)}  # {one_line(c.comment)}" for c in p.constants]
         lines += ["", WITHIN]
@@ -50,12 +51,22 @@ class Python:
             lines += [f"def {helper.name}({', '.join(helper.arguments)}):"]
             lines += [line for section in helper.body for line in self.inside(section)]
             lines += [f"    return {helper.gives}, {helper.second}", ""]
-        lines += ["class Device:", f"    def __init__({', '.join(['self', *start])}):"]
-        lines += [f"        self.{m.name} = [0] * {m.length}" for m in firmware.members() if m.length]
-        lines += [f"    {line}" for line in self.inside(starting(firmware))]
-        lines += ["", f"    def update({', '.join(['self', *arguments])}):"]
-        lines += [f"        bias, flags = {firmware.bias_constant}, 0"]
-        lines += [f"    {line}" for section in updating(firmware) for line in self.inside(section)]
+        for name, members, begin, sections, first in (
+            (
+                "Course",
+                firmware.members(),
+                starting(firmware),
+                updating(firmware),
+                f"bias, flags = {firmware.bias_constant}, 0",
+            ),
+            ("Device", firmware.guard.members(), firmware.guard.starting(), firmware.guard.updating(), "flags = 0"),
+        ):
+            lines += [f"class {name}:", f"    def __init__({', '.join(['self', *start])}):"]
+            lines += [f"        self.now = Course({', '.join(start)})"] if name == "Device" else []
+            lines += [f"        self.{m.name} = [0] * {m.length}" for m in members if m.length]
+            lines += [f"    {line}" for line in self.inside(begin)]
+            lines += ["", f"    def update({', '.join(['self', *arguments])}):", f"        {first}"]
+            lines += [f"    {line}" for section in sections for line in self.inside(section)]
         return {".py": "\n".join([*lines, "", *self.self_test(firmware, trial), ""])}
 
     def self_test(self, firmware, trial):
@@ -101,6 +112,8 @@ class Python:
                 return f"{name}({', '.join(map(text, arguments))})"
             case f.Converted(kind, value):
                 return f"{'float' if kind == 'number' else 'int'}({text(value)})"
+            case f.Bias(outcome):
+                return f"{outcome}[0]"
             case f.Raised(flags):
                 return f"flags & ({' | '.join(flags)}) != 0"
 
@@ -125,6 +138,14 @@ class Python:
                 return [f"flags |= 0 if flags & {unless} else {flag}" if unless else f"flags |= {flag}"]
             case s.Answer(bias, corrected):
                 return [f"return {text(bias)}, {text(corrected)}, flags"]
+            case s.Follow(outcome, course, inputs):
+                columns = f", {inputs}[1:]" if self.columns else ""
+                lines = [f"{outcome} = self.{course}.update({self.step}{inputs}[0], reading{columns})"]
+                return [*lines, "flags |= result[2]"] if outcome == "result" else lines
+            case s.Fork():
+                return ["self.twin = copy.deepcopy(self.now)"]
+            case s.Finish():
+                return ["return *result[:2], flags"]
             case s.CallHelper(helper, arguments):
                 given = ", ".join(map(text, arguments))
                 return [f"{helper.gives}, {helper.second} = {helper.name}({given})"]

@@ -117,11 +117,18 @@ def test_codes_and_spikes_of_every_thermometer(device):
     assert again.residual_std_ < 1.05 * model.residual_std_
 
 
+FAR = {"outside fitted range", "jump", "doubtful input"}
+
+
 def test_another_thermometer_outside_its_range(device):
     X, y, _, _, model = device
     far = X[LEARNED:][:100].assign(room=X["room"][LEARNED:][:100] + 40)
-    assert set(model.flags(far)) <= {"outside fitted range", "jump", "doubtful input"}
-    assert set(OnlineCorrector(model).update_many(far, y[LEARNED:][:100])["flag"]) <= {"outside fitted range", "jump", "doubtful input"}
+    assert set(model.flags(far)) <= FAR
+    assert set(OnlineCorrector(model).update_many(far, y[LEARNED:][:100])["flag"]) <= {
+        "outside fitted range",
+        "jump",
+        "doubtful input",
+    }
 
 
 def test_live_is_whole_where_all_are_lost_at_once(device):

@@ -140,6 +140,8 @@ class CText:
                 return f"{self.function(function)}({', '.join(map(self.formula, arguments))})"
             case formulas.Converted(kind, value):
                 return f"({self.kind(kind)}){self.formula(value)}"
+            case formulas.Bias(outcome):
+                return f"{outcome}.bias"
             case formulas.Raised(flags):
                 asked = " | ".join(map(self.macro, flags))
                 return f"(result.flags & {f'({asked})' if len(flags) > 1 else asked}) != 0"
@@ -168,6 +170,18 @@ class CText:
             case statements.Answer(bias, corrected):
                 given = [f"result.bias = {self.formula(bias)};", f"result.corrected = {self.formula(corrected)};"]
                 return [*given, "return result;"]
+            case statements.Follow(outcome, course, inputs):
+                step = "" if self.target.fixed else "step_us, "
+                columns = f", {inputs} + 1" if self.program.columns else ""
+                kept = "" if outcome == "result" else "const "
+                call = (
+                    f"{kept}{self.name}_result {outcome} = advance(&s->{course}, {step}{inputs}[0], reading{columns});"
+                )
+                return [call]
+            case statements.Fork():
+                return ["s->twin = s->now;"]
+            case statements.Finish():
+                return ["return result;"]
             case statements.CallHelper(helper, arguments, used):
                 call = f"{helper.name}({', '.join(map(self.formula, arguments))}, &{helper.second});"
                 result = f"const {self.T} {helper.gives} = " if used else "(void)"
@@ -194,6 +208,8 @@ class CText:
         within = f"static int is_within({T} value, {T} limit)"
         result = [f"    {name}_result result;", f"    {T} bias = {self.formula(self.firmware.bias_constant)};"]
         checks, *sections = updating(self.firmware)
+        first, *gates = self.firmware.guard.updating()
+        start = f", {self.kind(self.firmware.clock.kind)} start" if self.firmware.asks_start else ""
         return _text(
             [f"/* Made by thermocorr; see {name}.h. */", f'#include "{name}.h"'],
             ["#include <float.h>", *(["#include <math.h>"] if self.program.calls_functions else [])],
@@ -201,12 +217,20 @@ class CText:
             map(self.constant, self.program.constants),
             [within, "{", "    return value >= -limit && value <= limit; /* false for NaN */", "}"],
             *map(self.helper, self.program.helpers.values()),
-            [self.init_signature(), "{", *self.inside(starting(self.firmware)), "}"],
-            [self.update_signature(), "{", *result],
+            [f"static void begin({self.name}_course *s{start})", "{", *self.inside(starting(self.firmware)), "}"],
+            ["/* One course of the inputs goes on by a sample. */", self.advance_signature(), "{", *result],
             ["    result.flags = 0;", *self.inside(checks)],
             *map(self.inside, sections[:-1]),
             [*self.inside(sections[-1]), "}"],
-        )
+            [
+                self.init_signature(), "{",
+                f"    begin(&s->now{', start' if self.firmware.asks_start else ''});", "    s->twin = s->now;",
+                *self.inside(self.firmware.guard.starting()), "}",
+            ],
+            [self.update_signature(), "{", *self.inside(first)],
+            *map(self.inside, gates[:-1]),
+            [*self.inside(gates[-1]), "}"],
+        )  # fmt: skip
 
     def constant(self, constant: Constant) -> str:
         """Definition of a constant or table."""
@@ -228,6 +252,11 @@ class CText:
         start = f", {self.kind(self.firmware.clock.kind)} start" if self.firmware.asks_start else ""
         return f"void {self.name}_init({self.name}_state *s{start})"
 
+    def advance_signature(self) -> str:
+        """Signature of the function that goes on with one course of the inputs."""
+        public = self.update_signature()
+        return "static " + public.replace(f"{self.name}_update({self.name}_state ", f"advance({self.name}_course ")
+
     def update_signature(self) -> str:
         """Signature of the function that takes a sample."""
         step = "" if self.target.fixed else "uint64_t step_us, "
@@ -245,10 +274,10 @@ class CText:
             for i, (column, name) in enumerate(columns.items())
         ]
         enum = ["enum {", *named, f"    {self.macro('COLUMNS')} = {len(columns)}", "};"]
-        members = [
-            f"    {self.kind(m.kind)} {m.name}{_length(m.length)}; /* {comment(m.comment)} */"
-            for m in self.firmware.members()
-        ]
+        members, gates = (
+            [f"    {self.kind(m.kind)} {m.name}{_length(m.length)}; /* {comment(m.comment)} */" for m in some]
+            for some in (self.firmware.members(), self.firmware.guard.members())
+        )
         said = [f" * {comment(line)}".rstrip() for line in provenance]
         return _text(
             ["/*", *said, " */", f"#ifndef {guard}", f"#define {guard}"],
@@ -256,7 +285,14 @@ class CText:
             ["#ifdef __cplusplus", 'extern "C" {', "#endif"],
             [f"#define {self.macro(name)} {bit}u /* {text} */" for name, bit, text in self.firmware.flags()],
             *([enum] if columns else []),
-            ["typedef struct {", *members, f"}} {self.name}_state;"],
+            ["typedef struct {", *members, f"}} {self.name}_course;"],
+            [
+                "typedef struct {",
+                f"    {self.name}_course now;",
+                f"    {self.name}_course twin; /* with other values in the place of doubtful ones */",
+                *gates,
+                f"}} {self.name}_state;",
+            ],
             [
                 f"#define {self.macro('STATE_BYTES')} {self.firmware.state_bytes}u",
                 *([f"#define {self.macro('PERIOD_S')} {self.number(period)} /* between samples */"] if period else []),

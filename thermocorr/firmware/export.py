@@ -19,9 +19,10 @@ from ..records.units import difference_unit
 from .c99 import C99
 from .composer import Composer, refuse
 from .finished import Firmware, FirmwareExport, fitted_range, provenance
+from .guard import Guard
 from .language import Language
 from .program import Program, TimeCounter, settling
-from .selftest import TOLERANCE, Trial, expected_flags, reference_bias, tolerance
+from .selftest import TOLERANCE, Trial, courses, expected_flags, reference_bias, tolerance
 from .selftest import inputs as test_inputs
 from .statements import Assign, Kept, Whole
 from .target import DEFAULT_PREFIX, Dtype, Target, prefix
@@ -135,7 +136,12 @@ def export_to(
     states = [None] * len(effects) if not continue_from_fit else list(target.fitted_history.end_states[-1])
     parts = [(effects[i], weights[i], states[i]) for i in removed]
     program, clock = _compose(model, Program(target, language.keywords), parts)
-    firmware = Firmware(program, clock, fitted_range(model))
+    screen = None if history is None else history.screen
+    motions = (
+        [] if screen is None else [screen.inputs[name].motion for name in (target.temperature_name, *program.columns)]
+    )
+    guard = Guard(program, [motion for motion in motions if motion is not None], float(model.residual_std_))
+    firmware = Firmware(program, clock, fitted_range(model), guard)
     trial = _trial(model, firmware, parts)
     texts = language.files(firmware, provenance(model, target, effects), trial)
     paths = _write(folder, target.name, texts, outputs or Outputs())
@@ -158,12 +164,14 @@ def _trial(model: Any, firmware: Firmware, parts: Sequence[tuple[Any, np.ndarray
     step = target.period or (history.usual_step if history is not None else 1.0)
     given = test_inputs(firmware, _recorded(firmware.program, history), step)
     seconds = _seconds(target, given.steps)
-    bias, size = reference_bias(target, parts, given.temperature, given.columns, seconds, given.steps)
+    judged = courses(firmware, given)
+    bias, size = reference_bias(target, parts, *judged.now, seconds, given.steps)
+    other, _ = reference_bias(target, parts, *judged.twin, seconds, given.steps)
     spread = max(float(np.ptp(bias)), getattr(getattr(model, "reading_", None), "std", 0.0))
     if target.single:
         _warn_of_lost_digits(Cancellation(size, spread))
         _warn_of_coarse_readings(model)
-    flags = expected_flags(firmware, given, float(model.washout_))
+    flags = expected_flags(firmware, given, judged, bias - other, float(model.washout_))
     return Trial(given, bias, flags, tolerance(firmware, bias, size))
 
 

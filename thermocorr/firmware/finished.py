@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..records.errors import printable
+from .guard import Guard
 from .program import Member, Program, TimeCounter
 from .statements import Operations
 from .target import Target
@@ -34,7 +35,8 @@ class FirmwareExport:
     constant_bytes: int
     """Numbers in flash; the code itself comes on top, see `arm-none-eabi-size`."""
     operations: Operations
-    """Counted in the statements of the update, the larger number of each kind where there are two branches."""
+    """Counted in the statements of the update, the larger number of each kind where there are two branches; twice as
+    many while inputs are doubted."""
     kept: tuple[str, ...]
     """Effects of the model that `correct` does not remove, and the code neither."""
 
@@ -117,20 +119,22 @@ FLAGS = (
     ("OUTSIDE_RANGE", "temperature outside the fitted range: the bias is extrapolated"),
     ("NOT_STARTED", "no sample with all inputs yet: nothing is corrected"),
     ("BAD_STEP", "step of zero or longer than three years: the sample was left out"),
+    ("JUMP", "an input moves faster than it ever did: the value before stands in its place"),
+    ("DOUBTFUL", "inputs that jump or stand still, now or before, may move the bias by more than the noise"),
 )
 
 
 class Firmware:
     """A program that is ready to become text."""
 
-    def __init__(self, program: Program, clock: TimeCounter, limits: tuple[float, float]):
-        self.program, self.clock, self.target = program, clock, program.target
+    def __init__(self, program: Program, clock: TimeCounter, limits: tuple[float, float], guard: Guard):
+        self.program, self.clock, self.target, self.guard = program, clock, program.target, guard
         self.limits = limits
         """Lowest and highest fitted temperature."""
         self.bias_constant = program.constant("bias_at_reference", program.bias_constant, "sum of all constant terms")
 
     def members(self) -> list[Member]:
-        """Members of the state, those of eight bytes first, so that nothing is lost between them."""
+        """What a course of the inputs leaves behind, members of eight bytes first: nothing is lost between them."""
         program = self.program
         members = [Member("number", "temperature", None, "at the last sample"), *program.members]
         if program.columns:
@@ -140,10 +144,16 @@ class Firmware:
 
     @property
     def state_bytes(self) -> int:
-        """Size of the state, padded at its end."""
-        sizes = [(self.target.bytes_of(member.kind), member.length or 1) for member in self.members()]
+        """Size of the state: two courses and what the gates remember."""
+        courses, widest = self._padded(self.members())
+        gates, _ = self._padded(self.guard.members())
+        return -(-(2 * courses + gates) // widest) * widest
+
+    def _padded(self, members: list[Member]) -> tuple[int, int]:
+        """Size of some members, padded at their end, and of the widest."""
+        sizes = [(self.target.bytes_of(member.kind), member.length or 1) for member in members]
         widest = max(size for size, _ in sizes)
-        return -(-sum(size * length for size, length in sizes) // widest) * widest
+        return -(-sum(size * length for size, length in sizes) // widest) * widest, widest
 
     @property
     def constant_bytes(self) -> int:
@@ -152,10 +162,13 @@ class Firmware:
 
     @property
     def operations(self) -> Operations:
-        """Operations of one update, the larger number of each kind where there are two branches."""
+        """Operations of one update, the larger number of each kind where there are two branches.
+
+        While inputs are doubted there are two courses, and twice as many.
+        """
         staged = [block for stage in self.program.stages for block in (stage.locals, stage.advance)]
         blocks = [*staged, self.program.output, self.program.store]
-        return sum((block.cost for block in blocks), Operations(adds=1))  # reading - bias
+        return sum((block.cost for block in blocks), Operations(adds=1) + self.guard.cost)  # reading - bias
 
     def flags(self) -> list[tuple[str, int, str]]:
         """Flags that this program can raise: name, bit, meaning."""
@@ -164,6 +177,8 @@ class Firmware:
             absent.add("WASHOUT")
         if self.target.fixed:
             absent.add("BAD_STEP")
+        if not self.guard.motions:
+            absent |= {"JUMP", "DOUBTFUL"}
         return [(name, 1 << i, text) for i, (name, text) in enumerate(FLAGS) if name not in absent]
 
     @property

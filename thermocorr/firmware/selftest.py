@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..records.gate import Gate, doubted_rows
 from .finished import Firmware
 from .target import Target
 
@@ -143,13 +144,56 @@ def _held(values: np.ndarray, single: bool) -> np.ndarray:
     return np.array(values, np.float32 if single else np.float64).astype(float)
 
 
-def expected_flags(firmware: Firmware, given: Inputs, washout: float) -> np.ndarray:
-    """Flags of each sample, by their names' bits."""
+class Courses(NamedTuple):
+    """What the gates make of the samples of the self-test, shape (SAMPLES,) each."""
+
+    now: tuple[np.ndarray, dict[Any, np.ndarray]]
+    """Temperature and columns as they are taken."""
+    twin: tuple[np.ndarray, dict[Any, np.ndarray]]
+    """With other values in the place of doubtful ones."""
+    held: np.ndarray
+    is_open: np.ndarray
+
+
+def courses(firmware: Firmware, given: Inputs) -> Courses:
+    """Judge the inputs as `update` does."""
+    target, times = firmware.target, np.cumsum(given.steps)
+    max_gap = np.inf if target.longest_step is None else target.longest_step
+    held, doubted, believed = np.zeros((3, SAMPLES), bool)
+    values = [given.temperature, *given.columns.values()]
+    now, twin = [column.copy() for column in values], [column.copy() for column in values]
+    for number, motion in enumerate(firmware.guard.motions):
+        rows = np.setdiff1d(np.arange(SAMPLES), MISSING) if number == 0 else np.arange(SAMPLES)
+        said = Gate(motion, max_gap).many(values[number][rows], times[rows])
+        if said is None:
+            continue
+        now[number][rows], known = said.value, np.isfinite(said.twin)
+        twin[number][rows] = np.where(known, said.twin, said.value)
+        held[rows], doubted[rows], believed[rows] = (
+            one[rows] | other for one, other in ((held, said.held), (doubted, known), (believed, said.believed))
+        )
+    lost = set(np.flatnonzero(now[0] != values[0]).tolist())  # rows in which the temperature is held back
+    for row in MISSING:  # the last good one stands in, and the twin wanders off
+        now[0][row] = twin[0][row] = now[0][row - 1]
+        for motion in firmware.guard.motions[:1]:
+            gone = times[row] - times[max(set(range(row)) - set(MISSING) - lost)]
+            far = min(motion.farthest * gone / motion.step, motion.spread)
+            twin[0][row] += far if 2 * now[0][row] > motion.low + motion.high else -far
+            doubted[row] = True
+    pairs = [(course[0], dict(zip(given.columns, course[1:], strict=True))) for course in (now, twin)]
+    return Courses(pairs[0], pairs[1], held, doubted_rows(doubted, believed, True)[0])
+
+
+def expected_flags(firmware: Firmware, given: Inputs, judged: Courses, apart: np.ndarray, washout: float) -> np.ndarray:
+    """Flags of each sample, by their names' bits; `apart` is the difference of the two courses' biases."""
     bits = {name: bit for name, bit, _ in firmware.flags()}
     low, high = (firmware.target.held(value) for value in firmware.limits)
-    T = given.temperature
+    T = judged.now[0]
     flags = np.where((low > T) | (high < T), bits["OUTSIDE_RANGE"], 0)
     flags[list(MISSING)] |= bits["NO_TEMPERATURE"]
+    if firmware.guard.motions:
+        flags[judged.held] |= bits["JUMP"]
+        flags[judged.is_open & (np.abs(apart) > firmware.guard.deviation)] |= bits["DOUBTFUL"]
     if "WASHOUT" in bits and not firmware.target.continues:
         elapsed = np.cumsum(given.steps) - given.steps[0]
         flags[elapsed < washout] |= bits["WASHOUT"]

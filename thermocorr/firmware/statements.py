@@ -196,6 +196,13 @@ TURN = Variable("j")
 """Where a loop stands, from 0."""
 
 
+@dataclass(frozen=True)
+class Bias(Formula):
+    """The bias of a named outcome."""
+
+    outcome: str
+
+
 def behind(index: Formula, places: int) -> Formula:
     """The index so many places behind another."""
     if isinstance(index, Whole):
@@ -306,6 +313,26 @@ class CallHelper(Statement):
     helper: Helper
     arguments: tuple[Formula, ...]
     used: bool
+
+
+@dataclass(frozen=True)
+class Follow(Statement):
+    """Go on by one sample with one of the two courses, `now` or `twin`; its outcome has a name."""
+
+    outcome: str
+    course: str
+    inputs: str
+    """Array of the temperature and the columns."""
+
+
+@dataclass(frozen=True)
+class Fork(Statement):
+    """Let the twin be where the course is now."""
+
+
+@dataclass(frozen=True)
+class Finish(Statement):
+    """Give the outcome called ``result`` back, with the flags that were raised."""
 
 
 class Statements:

@@ -1,0 +1,218 @@
+"""The gate of the inputs, sample by sample, around a program's course: `thermocorr.records.gate` on a device."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..records.gate import BELIEVED, Motion
+from .program import Member, Program
+from .statements import (
+    TURN,
+    Assign,
+    Bias,
+    Bracketed,
+    Call,
+    Choice,
+    Converted,
+    Declare,
+    Finish,
+    Follow,
+    Fork,
+    Formula,
+    If,
+    Kept,
+    Largest,
+    Local,
+    Loop,
+    Number,
+    Operations,
+    Raise,
+    Statement,
+    Unary,
+    Variable,
+    Whole,
+    behind,
+    binary,
+)
+from .target import MICROSECONDS
+
+if TYPE_CHECKING:
+    pass
+
+AGREES, QUIET = 1e-3, 1000
+"""Share of the noise up to which two courses agree, and samples in a row after which they are taken for one."""
+LONGEST_STEP_US = 10**14
+_KEPT = {
+    "last": "the last value of each input that was believed",
+    "known": "1 where there is one",
+    "passed": "usual steps since then",
+    "rest": "usual steps for which it has stood still",
+    "odd": "how far a value that is held back lies away",
+    "doubt": "1 where it is doubted",
+    "level": "the last value before a doubt",
+    "age": "usual steps since then",
+}
+_STEP, _HELD, _JUMPED, _DOUBTED, _BELIEVED = map(Variable, ("steps", "held", "jumped", "doubted", "believed"))
+_GIVEN, _OTHER = Variable("given"), Variable("other")
+_APART, _OPEN, _QUIET = map(Kept, ("apart", "open", "quiet"))
+COST = Operations.of(products=1, sums=3)
+"""Of one input whose value is an ordinary one."""
+
+
+class Guard:
+    """The gates of a program's inputs: the temperature, and its columns.
+
+    `motions` (sequence of Motion or None): How each moved in the fit; none where nothing is refused. `deviation`
+    (float): Standard deviation of the residuals.
+    """
+
+    def __init__(self, program: Program, motions: Sequence[Motion], deviation: float):
+        self.program, self.motions, self.deviation = program, motions, deviation
+        held = program.target.held
+        columns = [(m.low, m.high, m.move, m.farthest, max(m.high - m.low, m.move), m.longest_rest / m.step, m.spread)
+                   for m in motions]  # fmt: skip
+        tables = np.where(np.abs(columns) < 1e-37, 0.0, columns).T.tolist() if motions else []
+        names = ("low", "high", "move", "farthest", "width", "longest_rest", "spread")
+        said = (
+            "lowest fitted value of each input", "highest fitted value", "farthest that it may move in a usual step",
+            "farthest that it moved", "how far a first value may lie outside", "usual steps that it may stand still",
+            "standard deviation of its values",
+        )  # fmt: skip
+        self.tables = {
+            name: program.constant(f"gate_{name}", [held(value) for value in table], comment)
+            for name, table, comment in zip(names, tables, said, strict=False)
+        }
+
+    def members(self) -> list[Member]:
+        """Members of the state beside the two courses."""
+        kept = [Member("number", name, len(self.motions), said) for name, said in _KEPT.items() if self.motions]
+        flags = [
+            Member("uint32", "apart", None, "1 while doubtful inputs make a difference"),
+            Member("uint32", "open", None, "1 while that is doubted"),
+            Member("uint32", "quiet", None, "samples in a row without one"),
+        ]
+        return [*kept, *flags]
+
+    @property
+    def cost(self) -> Operations:
+        """Operations of one update, where no input is doubted."""
+        return COST * len(self.motions)
+
+    def starting(self) -> list[Statement]:
+        """Statements of `init` beside those of a course."""
+        n = len(self.motions)
+        zero: list[Statement] = [Loop(n, [Assign(Kept(name)[TURN], Number(0.0)) for name in _KEPT])] if n else []
+        return [*zero, *(Assign(place, Whole(0)) for place in (_APART, _OPEN, _QUIET))]
+
+    def updating(self) -> list[list[Statement]]:
+        """Statements of `update`, in sections: inputs, gates, courses."""
+        program, n = self.program, 1 + len(self.program.columns)
+        take: list[Statement] = [Declare("given", n), Assign(_GIVEN[Whole(0)], Variable("temperature"))]
+        if program.columns:
+            place = behind(TURN, 1)
+            take.append(Loop(len(program.columns), [Assign(_GIVEN[place], Variable("columns")[TURN])]))
+        if not self.motions:
+            return [take, [Follow("result", "now", "given"), Finish()]]
+        take.append(Declare("other", n))
+        for variable in (_JUMPED, _DOUBTED, _BELIEVED):
+            take += [Declare(variable.name), Assign(variable, Number(0.0))]
+        gate: Statement = Loop(n, self._gate())
+        if not program.target.fixed:
+            step = Variable("step_us")
+            bad = binary(binary(step, "==", Whole(0)), "or", binary(step, ">", Whole(LONGEST_STEP_US, "uint64")))
+            usual = Number(self.motions[0].step * MICROSECONDS)
+            take.append(Local("steps", Converted("number", step) / usual))
+            gate = If(bad, [Loop(n, [Assign(_OTHER[TURN], _GIVEN[TURN])])], [gate])
+        return [take, [gate], self._courses()]
+
+    def _gate(self) -> list[Statement]:
+        """What happens to one input; where it is missing, the twin wanders off."""
+        k = {name: Kept(name)[TURN] for name in _KEPT}
+        c = {name: table[TURN] for name, table in self.tables.items()}
+        value, other, target = _GIVEN[TURN], _OTHER[TURN], self.program.target
+        step: Formula = _STEP if target.period is None else Number(target.period / self.motions[0].step)
+        last, reach, away = map(Variable, ("last", "reach", "away"))
+        none, one = Number(0.0), Number(1.0)
+        first: Formula = binary(k["known"], "==", none)
+        if target.longest_step is not None:
+            limit = Number(target.longest_step / self.motions[0].step)
+            first = binary(first, "or", binary(k["passed"], ">", limit))
+        near = Choice(value < c["low"], c["low"], Bracketed(Choice(value > c["high"], c["high"], value)))
+        moved = Choice(k["passed"] > one, c["move"] * k["passed"], c["move"])
+        outward = Choice(value + value > c["low"] + c["high"], c["spread"], -c["spread"])
+        beyond = Unary("not", Call("is_within", (away, reach)))
+        stands: list[Statement] = [
+            If(
+                k["rest"] > c["longest_rest"],
+                [If(binary(value, "!=", c["low"]), [If(binary(value, "!=", c["high"]), [
+                    Assign(other, value + outward), Assign(_DOUBTED, one)])])],
+            )
+        ]  # fmt: skip
+        back = Call("is_within", (value - k["level"], Choice(k["age"] > one, c["move"] * k["age"], c["move"])))
+        believe: list[Statement] = [
+            If(
+                binary(k["doubt"], "!=", none),
+                [If(k["age"] > Number(BELIEVED), [Assign(k["doubt"], none), Assign(_BELIEVED, one)],
+                    If(back, [Assign(k["doubt"], none)]))],
+            ),
+            If(binary(value, "!=", k["last"]), [Assign(k["rest"], none)]),
+            Assign(k["last"], value), Assign(k["known"], one), Assign(k["passed"], none), Assign(k["odd"], none),
+            If(binary(k["doubt"], "!=", none), [Assign(other, k["level"]), Assign(_DOUBTED, one)], stands),
+        ]  # fmt: skip
+        hold: list[Statement] = [
+            Assign(k["odd"], away), Assign(value, last),
+            Assign(_HELD, one), Assign(_JUMPED, one), Assign(_DOUBTED, one),
+            Assign(other, Choice(away > none, last + c["farthest"], last - c["farthest"])),
+        ]  # fmt: skip
+        doubt: list[Statement] = [
+            Assign(k["doubt"], one), Assign(k["level"], last),
+            Assign(k["age"], Choice(Variable("first_value"), none, k["passed"])),
+        ]  # fmt: skip
+        far = Variable("far")
+        lost: list[Statement] = [
+            Local("wandered", c["farthest"] * k["passed"]),
+            Local("far", Choice(Variable("wandered") < c["spread"], Variable("wandered"), c["spread"])),
+            Assign(other, k["last"] + Choice(k["last"] + k["last"] > c["low"] + c["high"], far, -far)),
+            Assign(_DOUBTED, one),
+        ]
+        judged: list[Statement] = [
+            Local("first_value", first, "truth"),
+            Local("last", Choice(Variable("first_value"), Bracketed(near), k["last"])),
+            Local("reach", Choice(Variable("first_value"), c["width"], moved)),
+            Local("away", value - last),
+            If(Variable("first_value"), [Assign(k["doubt"], none), Assign(k["rest"], none)]),
+            Declare("held"), Assign(_HELD, none),
+            If(beyond, [If(binary(k["doubt"], "==", none), [If(away * k["odd"] > none, doubt, hold)])]),
+            If(binary(_HELD, "==", none), believe),
+        ]  # fmt: skip
+        return [
+            Assign(k["passed"], step, "+"), Assign(k["rest"], step, "+"),
+            If(binary(k["doubt"], "!=", none), [Assign(k["age"], step, "+")]),
+            Assign(other, value),
+            If(Call("is_within", (value, Largest("number"))), judged, [If(binary(k["known"], "!=", none), lost)]),
+        ]  # fmt: skip
+
+    def _courses(self) -> list[Statement]:
+        """Follow the course of the inputs, and the other one while they are apart."""
+        difference = Bias("result") - Bias("other_result")
+        small = Call("is_within", (difference, Number(AGREES * self.deviation)))
+        large = Unary("not", Call("is_within", (difference, Number(self.deviation))))
+        none = Number(0.0)
+        doubted, calm = binary(_DOUBTED, "!=", none), binary(_DOUBTED, "==", none)
+        return [
+            If(doubted, [If(binary(_APART, "==", Whole(0)), [Fork(), Assign(_APART, Whole(1))]),
+                         Assign(_OPEN, Whole(1)), Assign(_QUIET, Whole(0))],
+               If(binary(_BELIEVED, "!=", none), [Assign(_OPEN, Whole(0))])),
+            Follow("result", "now", "given"),
+            If(binary(_APART, "!=", Whole(0)), [
+                Follow("other_result", "twin", "other"),
+                If(binary(_OPEN, "!=", Whole(0)), [If(large, [Raise("DOUBTFUL")])]),
+                If(small, [If(calm, [Assign(_QUIET, Whole(1), "+")])], [Assign(_QUIET, Whole(0))]),
+                If(Whole(QUIET) < _QUIET, [Assign(_APART, Whole(0))]),
+            ]),
+            If(binary(_JUMPED, "!=", none), [Raise("JUMP")]),
+            Finish(),
+        ]  # fmt: skip
