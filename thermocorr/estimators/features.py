@@ -201,8 +201,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         n_read, self.screen_, self.filling_ = len(record.notes), None, Filling()
         self.__dict__.pop("history_", None)
         if self.screen:
-            thermometers = [record.temperature_name, *self.thermometers().further]
-            record, self.screen_ = screened(record, self.longest_step(), thermometers)
+            record, self.screen_ = screened(record, self.longest_step())
         if filling:
             record = self._filled(X, y, record, needed, record.notes[n_read:])
         for note in () if quiet else record.notes[0 if filling else n_read :]:

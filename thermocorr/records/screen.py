@@ -10,7 +10,7 @@ each input moves (`thermocorr.records.gate`).
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, cast
@@ -245,9 +245,7 @@ def _chunks(record: Record) -> Iterator[tuple[int, int]]:
             yield start, min(start + CHUNK, segment.stop)
 
 
-def screened(
-    record: Record, max_gap: float | None = None, thermometers: Collection[Any] | None = None
-) -> tuple[Record, Screen]:
+def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Screen]:
     """A record without what is no input and no reading, and what later rows are to be screened by.
 
     Parameters
@@ -255,8 +253,6 @@ def screened(
     record : Record
     max_gap : float, optional
         A longer step starts a new segment [s], so temperatures that are refused for longer do as well.
-    thermometers : collection of columns, optional
-        Of which spikes are refused; by default the temperature.
 
     Returns
     -------
@@ -269,7 +265,6 @@ def screened(
     RecordError
         Where no temperature is left.
     """
-    thermometers = (record.temperature_name,) if thermometers is None else thermometers
     limits, left = {}, {}
     for column in (*record.columns, None):
         values = record.reading if column is None else record.columns[column]
@@ -278,8 +273,8 @@ def screened(
         usual = usual_of(_sampled(record, values), record.n_used, temperature=column is not None)
         found = record.scanned(values, usual)
         spikes = found.true_spikes(usual, record.n_used)
-        if column is not None and column not in thermometers:
-            spikes = spikes[:0]  # a short pulse may be what the column is recorded for
+        if column is not None and usual.middle in (usual.low, usual.high):
+            spikes = spikes[:0]  # it rests at an end, such as no rain: a pulse is what it is recorded for
         if found.is_nothing:
             left[column] = found.left
         limits[column] = _limits(record, values, usual, found, spikes)
