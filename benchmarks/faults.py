@@ -4,11 +4,12 @@
     python benchmarks/faults.py --first 40 --kinds covariate lagged_covariate --verbose
     python benchmarks/faults.py --clean ../shared/records      # rows of sound records that are flagged
 
-A device has the columns of one effect beside a static law and a lag of ten minutes, each worth thirty times the noise. A
-model is fitted to 3000 sound rows; in 600 later rows one input has one fault. A row is wrong where the fault moves the
-corrected reading by more than five times the noise, and silent where it has no flag. `batch`: the whole record; `live`:
-one by one, then in blocks; `C`: the exported code. A thermometer that walks off slowly and one that stands still for the
-first rows look like a room: they are counted apart. In the fit: a note, and the residual over that of the sound record.
+A device has the columns of one effect beside a static law and a lag of ten minutes, each worth thirty times the noise.
+A model is fitted to 3000 sound rows; in 600 later rows one input has one fault. A row is wrong where the fault moves
+the corrected reading by more than five times the noise, and silent where it has no flag. `batch`: the whole record;
+`live`: one by one, then in blocks; `C`: the exported code. A thermometer that walks off slowly and one that stands
+still for the first rows look like a room: they are counted apart. In the fit: a note, and the residual over that of the
+sound record.
 """
 
 from __future__ import annotations
@@ -196,7 +197,9 @@ def clean_rows(folder: str) -> None:
     """Rows of the last 30 % of measured records that the gates flag, every other column being an input too."""
     rows, flagged = 0, 0
     for name, (X, y, temperature, n) in real_diagnosis.every(folder).items():
-        kept = [c for c in X if c not in (temperature, "run") and X[c].dtype.kind in "fi" and X[c][:n].notna().mean() > 0.9]
+        kept = [
+            c for c in X if c not in (temperature, "run") and X[c].dtype.kind in "fi" and X[c][:n].notna().mean() > 0.9
+        ]
         effects = [Covariate(column) for column in kept if X[column][:n].std() > 0]
         model = DynamicBiasRegressor(temperature, degree=1, run="run" if "run" in X else None, effects=effects)
         flags = model.fit(X[:n], y[:n]).flags(X[n:], y[n:])
@@ -229,12 +232,12 @@ def main() -> int:
                 used += in_use(label, device, rng, folder)
             fitted += in_fit(label, device, rng)
     found = pd.DataFrame(used, columns=list(Row._fields))
-    table = found.groupby(["fault", "way"], sort=False)
-    print(table.agg(silent=("silent", "sum"), wrong=("wrong", "sum"), worst=("worst", "max"), flagged=("flagged", "mean"))
-          .round(1).to_string())  # fmt: skip
+    counts = {"silent": ("silent", "sum"), "wrong": ("wrong", "sum"), "worst": ("worst", "max")}
+    table = found.groupby(["fault", "way"], sort=False).agg(**counts, flagged=("flagged", "mean"))
+    print(table.round(1).to_string())
     fits = pd.DataFrame(fitted, columns=["effect", "input", "fault", "residual", "noted"])
-    print(fits.groupby(["input", "fault"], sort=False).agg(median=("residual", "median"), worst=("residual", "max"),
-          noted=("noted", "mean")).round(2).to_string())  # fmt: skip
+    shares = {"median": ("residual", "median"), "worst": ("residual", "max"), "noted": ("noted", "mean")}
+    print(fits.groupby(["input", "fault"], sort=False).agg(**shares).round(2).to_string())
     if options.verbose:
         print(found[found["silent"] > 0].to_string(), fits[fits["residual"] > 1.05].to_string(), sep="\n")
     silent = found.loc[~found["fault"].isin(UNSEEN), "silent"].sum()

@@ -17,7 +17,7 @@ from ..effects.stream import Walked, needed_columns, own_starts, resume, walk
 from ..effects.wrap import EffectsParameters, as_effects
 from ..records import History, Layout, Log, Record, RecordError, SegmentStart, read_record
 from ..records.errors import warn
-from ..records.read import check_max_gap
+from ..records.read import check_max_gap, check_order
 from ..records.screen import screened
 from .filling import Filling, check_rules, filling_of, learned_beside
 from .reading import check_columns
@@ -202,6 +202,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         self.__dict__.pop("history_", None)
         if self.screen:
             record, self.screen_ = screened(record, self.longest_step())
+        check_order(record, self.layout())
         if filling:
             record = self._filled(X, y, record, needed, record.notes[n_read:])
         for note in () if quiet else record.notes[0 if filling else n_read :]:

@@ -47,11 +47,12 @@ def export_c(
     """Write a fitted model as C99: `<name>.h`, `<name>.c` and the self-test `<name>_test.c`.
 
     The code takes no heap and keeps all it remembers in one struct. ``init`` starts a device anew, ``update`` takes a
-    temperature and a reading (and recorded columns) and gives bias, corrected reading and flags. A missing or infinite
-    input raises a flag, and its last good value stands in; Python passes over the row instead, as if it had not come,
-    and starts a new segment after a step longer than `max_gap`, for which the device calls ``init`` again. Start-up
-    decays, eq. (18), belong to the fitted record: a device that starts anew has none, is taken to be at rest, and is
-    flagged until the washout is over.
+    temperature and a reading (and recorded columns) and gives bias, corrected reading and flags. Inputs that jump or
+    stand still are held back and doubted as in Python (`thermocorr.records.gate`). A missing or infinite input raises a
+    flag, and its last good value stands in; Python passes over the row instead, as if it had not come, and starts a new
+    segment after a step longer than `max_gap`, for which the device calls ``init`` again. Start-up decays, eq. (18),
+    belong to the fitted record: a device that starts anew has none, is taken to be at rest, and is flagged until the
+    washout is over.
 
     Parameters
     ----------

@@ -113,6 +113,8 @@ def _source(node: Any, folder: Path) -> ReadLog:
     names = [text(name, "$.log.files") for name in items(node["files"], "$.log.files")]
     if not names or any(name.startswith(("\\\\", "//")) for name in names):
         raise ModelFileError("$.log.files names no file of this machine")
+    if len(set(names)) < len(names):
+        raise ModelFileError("$.log.files names a file twice")
     paths = [_there(name, folder) for name in names]
     if fingerprint(paths) != node["sha256"]:  # before anything in the file is looked at
         raise RecordError(

@@ -81,7 +81,12 @@ class Stream:
         self._washout, self._deviation = model.washout_, model.residual_std_
         self._max_gap = math.inf if history.max_gap is None else history.max_gap
         motions = {} if history.screen is None else {c: one.motion for c, one in history.screen.inputs.items()}
-        self._gates = [(c, Gate(motion, self._max_gap)) for c, motion in motions.items() if motion is not None]
+        stand_ins = [] if self.filling is None else [one.column for one in self.filling.filling.stand_ins]
+        self._gates = [
+            (column, 1 << stand_ins.index(column) if column in stand_ins else 0, Gate(motion, self._max_gap))
+            for column, motion in motions.items()
+            if motion is not None
+        ]
         self.gap = GAP_STEPS * history.usual_step if history.max_gap is None else history.max_gap
         self.reset()
 
@@ -110,7 +115,7 @@ class Stream:
             filled_run=filled_run,
             filling=filling,
             behind_gap=self.gap_error.plain(self._behind_gap),
-            gates=tuple(gate.state() for _, gate in self._gates),
+            gates=tuple(gate.state() for *_, gate in self._gates),
             gated=self._gated,
             doubted=self._doubted,
             twin=tuple(stepper.state() for stepper in self._others) if is_open and self._has_twin else None,
@@ -124,7 +129,7 @@ class Stream:
             self.filling.put(state.filled_to, state.filled_run, state.filling)
             self.filling.n_ended = max(self.filling.n_ended, state.n_ended)
         self._behind_gap: Felt = self.gap_error.taken_up(state.behind_gap)
-        for (_, gate), known in zip(self._gates, state.gates or [EMPTY] * len(self._gates), strict=True):
+        for (*_, gate), known in zip(self._gates, state.gates or [EMPTY] * len(self._gates), strict=True):
             gate.put(known)
         self._gated, self._doubted, self._has_twin = state.gated, state.doubted, state.twin is not None
         if state.open:
@@ -157,8 +162,8 @@ class Stream:
         if step <= 0.0:
             return Advanced(math.nan, STALE if step == 0.0 else BACKWARD, False)
         seconds = clock.between(stamp, self.history.zero)
-        values, twins, held, believed = self._judged(values, seconds, run)
-        error, filled, n_ended = felt
+        error, filled, n_ended, bits = felt
+        values, twins, held, believed = self._judged(values, seconds, run, int(bits))
         goes_on = self._open and step <= self._max_gap and step < math.inf and n_ended == self._n_ended
         self._n_ended = n_ended
         self.last, self._run = stamp, run
@@ -212,14 +217,14 @@ class Stream:
         return Advanced(bias, FLAGS[mask], not mask & ~GAP, found)
 
     def _judged(
-        self, values: dict[Any, float], seconds: float, run: Any
+        self, values: dict[Any, float], seconds: float, run: Any, filled: int
     ) -> tuple[dict[Any, float], dict[Any, float], bool, bool]:
         """Inputs as they are taken, twins of doubted ones; whether one is held back, and believed after all."""
         if run != self._gated:
             self._forget_inputs(run)
         twins, held, believed = dict[Any, float](), False, False
-        for column, gate in self._gates:
-            said = gate.one(values[column], seconds)
+        for column, bit, gate in self._gates:
+            said = None if filled & bit else gate.one(values[column], seconds)
             if said is not None:
                 held, believed = held or said.held, believed or said.believed
                 values = {**values, column: said.value}
@@ -229,7 +234,7 @@ class Stream:
 
     def _forget_inputs(self, run: Any) -> None:
         self._gated = run
-        for _, gate in self._gates:
+        for *_, gate in self._gates:
             gate.put(EMPTY)
 
     def _stepped(self, steps: Sequence[Any], values: dict[Any, float]) -> tuple[list[float], float]:
@@ -308,7 +313,7 @@ class Stream:
         late[0] &= same_run  # the first of a run has none before it
         out.flags[late] = np.where(stamps[late] == before[late], STALE[0], BACKWARD[0])
         rows = np.flatnonzero(~late)
-        values, twins, held, believed = self._judged_rows(rows, stamps, run, values)
+        values, twins, held, believed = self._judged_rows(rows, stamps, run, values, felt[:, 3].astype(int))
         if not len(rows):
             return out
         kept: Any = slice(None) if len(rows) == len(stamps) else rows
@@ -373,15 +378,17 @@ class Stream:
         return out
 
     def _judged_rows(
-        self, rows: np.ndarray, stamps: np.ndarray, run: Any, values: dict[Any, np.ndarray]
+        self, rows: np.ndarray, stamps: np.ndarray, run: Any, values: dict[Any, np.ndarray], filled: np.ndarray
     ) -> tuple[dict[Any, np.ndarray], dict[Any, np.ndarray], np.ndarray, np.ndarray]:
         """`_judged` of some of many rows."""
         twins: dict[Any, np.ndarray] = {}
         values, (held, believed) = dict(values), np.zeros((2, len(stamps)), bool)
         if len(rows) and run != self._gated:
             self._forget_inputs(run)
-        seconds = self.clock.between(stamps[rows], self.history.zero)
-        for column, gate in self._gates:
+        every = rows
+        for column, bit, gate in self._gates:
+            rows = every[filled[every] & bit == 0] if bit else every
+            seconds = self.clock.between(stamps[rows], self.history.zero)
             said = gate.many(values[column][rows], seconds) if len(rows) else None
             if said is None:
                 continue

@@ -303,7 +303,7 @@ class OnlineCorrector(Resumable):
             return Answers(0).frame(X, self.names)
         check_block(self.model.reading_, X, values[stream.temperature], stream.temperature)
         times = times_of(X, self.model.features_.layout())
-        labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run])
+        labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run]).reset_index(drop=True)
         short = n + 1 if n < _SHORT else 1
         untimed = stream.clock.kind == times.kind == "rows"
         stamps = None if untimed else stream.clock.stamps(times)

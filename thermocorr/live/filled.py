@@ -241,7 +241,7 @@ class LiveErrors:
 Numbers = tuple[tuple[float, ...], ...]
 TOGETHER = 256
 """Samples that lack nothing are looked at together: one by one takes seventeen times as long."""
-NOTHING = (0.0, 0.0, 0.0)
+NOTHING = (0.0, 0.0, 0.0, 0.0)
 """What is said of a sample that has no filled cell, and feels none, where no hole has ended a segment."""
 
 
@@ -297,7 +297,7 @@ class LiveFilling:
             self._pending.append((stamp, values))
             if len(self._pending) == TOGETHER:
                 self._catch_up(clock)
-            return (0.0, 0.0, self.n_ended)
+            return (0.0, 0.0, self.n_ended, 0.0)
         arrays = {name: np.array([value]) for name, value in values.items()}
         felt = self.rows(np.array([stamp]), run, arrays, clock)[0].tolist()
         values.update({name: float(value[0]) for name, value in arrays.items()})
@@ -321,11 +321,12 @@ class LiveFilling:
     def rows(self, stamps: np.ndarray, run: Any, values: dict[Any, np.ndarray], clock: Clock) -> np.ndarray:
         """Fill missing cells of the next samples of one run, in place.
 
-        Returns array of shape (n, 3): standard deviation of the bias by filled cells, 0 where none is felt; 1 where
-        one of the row's own is; and how many segments have been ended by holes so far, `n_ended`.
+        Returns array of shape (n, 4): standard deviation of the bias by filled cells, 0 where none is felt; 1 where
+        one of the row's own is; how many segments have been ended by holes so far, `n_ended`; and which of the
+        stand-ins have filled a cell, a bit for each.
         """
         self._catch_up(clock)
-        result = np.zeros((len(stamps), 3))
+        result = np.zeros((len(stamps), len(NOTHING)))
         result[:, 2] = self.n_ended
         same_run = self.last is not None and run == self.run
         before = np.maximum.accumulate(np.concatenate(([self.last if same_run else stamps[0]], stamps)))[:-1]
@@ -372,7 +373,8 @@ class LiveFilling:
         own = np.logical_or.reduce([np.isfinite(each) for each in filled.errors.values()])
         ended = self.n_ended + np.cumsum(filled.begins)
         self.n_ended = int(ended[-1])
-        return np.column_stack((error, own, ended))
+        bits = sum(2.0**k * np.isfinite(each) for k, each in enumerate(filled.errors.values()))
+        return np.column_stack((error, own, ended, bits))
 
 
 def outside(ranges: Sequence[tuple[Any, float, float]], values: dict[Any, float]) -> bool:

@@ -31,9 +31,13 @@ TABLES = ("pyarrow", "duckdb", "modin", "ibis", "cudf", "pyspark", "sqlframe")
 def as_pandas(X: Any) -> Any:
     """A table of another package as a pandas one (times as in pandas, missing values as NaN); anything else as it is.
 
+    A masked array is filled with NaN.
+
     polars, lazy frames too; with narwhals (which scikit-learn brings, or the extra "frames") pyarrow, DuckDB, modin and
     whatever else it knows. A lazy table is computed.
     """
+    if isinstance(X, np.ma.MaskedArray):
+        return np.ma.filled(X.astype(float), np.nan) if X.dtype.kind in "biuf" else np.asarray(X)
     package = type(X).__module__.partition(".")[0]
     if package == "polars":
         X = X.collect() if type(X).__name__ == "LazyFrame" else X
@@ -145,6 +149,12 @@ def check_same_rows(given: Any, X: Any, name: str) -> None:
         raise RecordError(
             f"X and {name} have different times: in row {row}, X has {others[row]} and {name} has {own[row]}. "
             f"Align them first, for example with {name}.reindex(X.index)."
+        )
+    if isinstance(own, pd.RangeIndex) and isinstance(others, pd.RangeIndex):
+        raise RecordError(
+            f"The rows of X are numbered from {others.start} to {others.stop - 1}, those of {name} from {own.start} to "
+            f"{own.stop - 1}. Take the same rows of both, as {name}.loc[X.index] does; if they belong together as they "
+            f"stand, pass {name}.to_numpy()."
         )
     if own.sort_values().equals(others.sort_values()):
         row = int(np.argmax(np.asarray(own != others)))

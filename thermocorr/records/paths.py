@@ -10,7 +10,7 @@ from .errors import RecordError
 
 
 def existing_file(path: str | PathLike[str]) -> Path:
-    """The path of a file that can be read; RecordError where there is none, or only a folder or a pipe."""
+    """The path of a file that can be read; RecordError where there is none, or only a folder or a device."""
     path = Path(path)
     try:
         mode = path.stat().st_mode
@@ -22,4 +22,6 @@ def existing_file(path: str | PathLike[str]) -> Path:
         raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
     if stat.S_ISDIR(mode):
         raise RecordError(f"{path} is a folder. Name the log file in it.")
+    if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+        raise RecordError(f"{path} is a device, and may never end. Name a log file.")
     return path

@@ -26,6 +26,8 @@ GAP_STEPS = 10.0
 """A step of more than so many usual ones is a gap, where there is no `max_gap`."""
 SHUFFLED = 0.2
 """Share of the steps that go back in time, from which the rows have no order: shuffled ones have half."""
+FEWEST_ORDERED = 50
+"""Rows of a record without times from which it shows whether they have an order."""
 ALONE = 0.9
 """Share of the steps that are longer than `max_gap`, from which rows stand alone and nothing can be learned."""
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
@@ -120,6 +122,27 @@ def _refuse_ages(record: Record) -> None:
         raise RecordError(
             f"The record spans more than 292 years: from {record.times.label(first)} in row {first} to "
             f"{record.times.label(last)} in row {last}. Are its dates damaged?"
+        )
+
+
+def check_order(record: Record, layout: Layout) -> None:
+    """Refuse rows a `sampling_period` apart that stand in no order: neighbours differ as random pairs of them do.
+
+    Half the mean square of the steps over the variance (von Neumann 1941, Annals of Mathematical Statistics 12, 367) is
+    1 for a shuffled record, and next to nothing for a temperature that is logged often enough to be followed.
+    RecordError says what to do.
+    """
+    segment = record.longest()
+    if layout.sampling_period is None or record.times.kind != "rows" or segment.n_rows < FEWEST_ORDERED:
+        return
+    rows = record.kept(segment.start, min(segment.stop, segment.start + _CHUNK))
+    T = np.asarray(record.columns[record.temperature_name][rows], float)
+    ratio = np.mean(np.square(np.diff(T))) / (2.0 * np.var(T) or np.inf)
+    if ratio > 1.0 - 3.0 / np.sqrt(len(T)):
+        raise RecordError(
+            f"The rows are {span_text(record.times.period)} apart, and their temperatures change from row to row as if "
+            "they had been shuffled. Give the rows in the order in which they were recorded: split with shuffle=False "
+            "or TimeSeriesSplit, or name a column of times with time=..."
         )
 
 

@@ -229,6 +229,9 @@ class Screen:
                     run, gate = segment.run, Gate(limits.motion, np.inf if max_gap is None else max_gap)
                 for start in range(segment.start, segment.stop, CHUNK):
                     rows = record.kept(start, min(start + CHUNK, segment.stop))
+                    if column in record.filled:  # an estimate is not judged
+                        rows = record.rows_at(record.kept_places(start, min(start + CHUNK, segment.stop)))
+                        rows = rows[np.isnan(record.filled[column][rows])]
                     if isinstance(rows, slice) or len(rows):
                         yield column, gate, rows
 

@@ -54,7 +54,7 @@ def kind_of(values: Any) -> ColumnKind:
         return "complex"
     if pd.api.types.is_numeric_dtype(dtype):
         return "number"
-    if pd.api.types.is_datetime64_any_dtype(dtype):
+    if pd.api.types.is_datetime64_any_dtype(dtype) or isinstance(dtype, pd.PeriodDtype):
         return "date"
     if pd.api.types.is_timedelta64_dtype(dtype):
         return "span"

@@ -44,6 +44,8 @@ BEAT = 15.0
 """Seconds after which a silent line to a page is used, to see whether it is there."""
 MOST_ASKED = 1 << 16
 """Bytes of a request that is no file."""
+LONGEST_PAUSE = 20.0
+"""Time for which the next part of a request is waited for [s]."""
 MOST_UPLOADED = 1 << 30
 """Bytes of a log that is dropped on the page."""
 ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", *FORMATS, *FEATHER, *SHEETS, *PACKED)
@@ -142,7 +144,7 @@ class Workbench:
         path = Path(tempfile.mkdtemp(prefix="upload-", dir=self.hub.folder)) / name
         try:
             await _received(request, path)
-        except (ValueError, OSError, ClientDisconnect) as error:
+        except (ValueError, OSError, ClientDisconnect) as error:  # a TimeoutError is an OSError
             shutil.rmtree(path.parent, ignore_errors=True)
             too_large = isinstance(error, TooLarge)
             return _failed(str(error) or "The file did not come whole.", 413 if too_large else 422)
@@ -187,13 +189,22 @@ async def _broken(request: Request, error: Exception) -> Response:
     return _failed(f"The workbench has a fault: {sentence(error)}. Please report it.", 500)
 
 
+async def _in_time(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
+    """Chunks of a request's body; TimeoutError where the next one does not come."""
+    while True:
+        try:
+            yield await asyncio.wait_for(anext(chunks), LONGEST_PAUSE)
+        except StopAsyncIteration:
+            return
+
+
 async def _received(request: Request, path: Path) -> None:
     """Write the body of a request to a file; raises TooLarge as soon as that is known."""
     too_large = TooLarge(f"The file is larger than {MOST_UPLOADED >> 20} MiB. Give its name to the command instead.")
     if int(request.headers.get("content-length", "0")) > MOST_UPLOADED:
         raise too_large
     with path.open("wb") as file:
-        async for chunk in request.stream():
+        async for chunk in _in_time(request.stream()):
             if file.tell() + len(chunk) > MOST_UPLOADED:
                 raise too_large
             await run_in_threadpool(file.write, chunk)
@@ -214,11 +225,11 @@ async def _json(request: Request) -> dict[str, Any] | str:
         return "Only JSON is understood."
     content = b""
     try:
-        async for chunk in request.stream():
+        async for chunk in _in_time(request.stream()):
             content += chunk
             if len(content) > MOST_ASKED:
                 return "This is too much."
-    except ClientDisconnect:
+    except (ClientDisconnect, TimeoutError):
         return "The request did not come whole."
     try:
         found = json.loads(content)
