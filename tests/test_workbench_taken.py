@@ -109,7 +109,7 @@ def test_a_session_of_another_log_or_a_damaged_one_is_refused(bench, tmp_path, b
     for change, error, sentence in (
         ({"log": {**node["log"], "files": [str(other)]}}, RecordError, "its content has changed"),
         ({"log": {**node["log"], "files": ["/nowhere.csv"]}}, RecordError, "There is no file"),
-        ({"log": {**node["log"], "files": ["/dev/zero"]}}, RecordError, "no regular file"),
+        ({"log": {**node["log"], "files": ["/dev/zero"]}}, RecordError, "is a device"),
         ({"log": {**node["log"], "files": ["//server/share/log.csv"]}}, ModelFileError, "no file of this machine"),
         ({"log": {**node["log"], "files": []}}, ModelFileError, "no file of this machine"),
         ({"log": {**node["log"], "how": {"separator": 5}}}, ModelFileError, "does not belong there"),

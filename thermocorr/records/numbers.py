@@ -150,17 +150,17 @@ def check_same_rows(given: Any, X: Any, name: str) -> None:
             f"X and {name} have different times: in row {row}, X has {others[row]} and {name} has {own[row]}. "
             f"Align them first, for example with {name}.reindex(X.index)."
         )
-    if isinstance(own, pd.RangeIndex) and isinstance(others, pd.RangeIndex):
-        raise RecordError(
-            f"The rows of X are numbered from {others.start} to {others.stop - 1}, those of {name} from {own.start} to "
-            f"{own.stop - 1}. Take the same rows of both, as {name}.loc[X.index] does; if they belong together as they "
-            f"stand, pass {name}.to_numpy()."
-        )
     if own.sort_values().equals(others.sort_values()):
         row = int(np.argmax(np.asarray(own != others)))
         raise RecordError(
             f"X and {name} have the same rows in another order: row {row} is {others[row]!r} in X and {own[row]!r} in "
             f"{name}. Align them first, for example with {name}.reindex(X.index)."
+        )
+    if isinstance(own, pd.RangeIndex) and isinstance(others, pd.RangeIndex):
+        raise RecordError(
+            f"The rows of X are numbered from {others.start} to {others.stop - 1}, those of {name} from {own.start} to "
+            f"{own.stop - 1}. Take the same rows of both, as {name}.loc[X.index] does; if they belong together as they "
+            f"stand, pass {name}.to_numpy()."
         )
 
 
