@@ -32,6 +32,7 @@ REASONS = (
 SUSPECT, JUMPED, NO_READING, WASHOUT, DOUBTFUL, BEHIND, FILLED, OUTSIDE, GAP = (1 << bit for bit in range(len(REASONS)))
 FLAGS = tuple(tuple(r for bit, r in enumerate(REASONS) if mask >> bit & 1) for mask in range(1 << len(REASONS)))
 BACKWARD, STALE = ("backward time",), ("stale time",)
+NO_TWINS: dict[Any, float] = {}
 AGREES = 1e-6
 """Share of the residuals' deviation up to which two courses of the inputs have come to the same."""
 
@@ -222,14 +223,14 @@ class Stream:
         """Inputs as they are taken, twins of doubted ones; whether one is held back, and believed after all."""
         if run != self._gated:
             self._forget_inputs(run)
-        twins, held, believed = dict[Any, float](), False, False
+        twins, held, believed = NO_TWINS, False, False
         for column, bit, gate in self._gates:
-            said = None if filled & bit else gate.one(values[column], seconds)
-            if said is not None:
-                held, believed = held or said.held, believed or said.believed
-                values = {**values, column: said.value}
-                if said.twin == said.twin:
-                    twins[column] = said.twin
+            if filled & bit or (said := gate.one(values[column], seconds)) is None:
+                continue
+            held, believed = held or said.held, believed or said.believed
+            values = {**values, column: said.value}
+            if said.twin == said.twin:
+                twins = {**twins, column: said.twin}
         return values, twins, held, believed
 
     def _forget_inputs(self, run: Any) -> None:

@@ -115,8 +115,8 @@ class Gate:
     """
 
     __slots__ = (
-        "_move", "_rest", "_step", "_until",
-        "at", "began", "last", "level", "max_gap", "motion", "odd", "seen", "since",
+        "_move", "_rest", "_step", "_until", "at", "began", "calm", "last", "level", "max_gap", "motion", "odd", "seen",
+        "since",
     )  # fmt: skip
 
     def __init__(self, motion: Motion, max_gap: float):
@@ -128,6 +128,7 @@ class Gate:
     def put(self, state: tuple[float, ...]) -> None:
         """Go on where `state` was taken; `EMPTY` before the first value."""
         self.last, self.at, self.seen, self.odd, self.level, self.began, self.since = state
+        self.calm = self.odd == 0.0 and self.level != self.level  # nothing is held back or doubted
 
     def state(self) -> tuple[float, ...]:
         """All that is remembered.
@@ -135,23 +136,20 @@ class Gate:
         The last value that was believed, its time and that of the last row [s], how far a value that is held back lies
         away (0 for none), the last value before a doubt and its time [s], since when the input stands still [s].
         """
-        return self.last, self.at, self.seen, self.odd, self.level, self.began, self.since
-
-    @property
-    def is_plain(self) -> bool:
-        """Whether nothing is held back or doubted."""
-        return self.odd == 0.0 and self.level != self.level
+        seen = self.at if self.calm else self.seen
+        return self.last, self.at, seen, self.odd, self.level, self.began, self.since
 
     def one(self, value: float, time: float) -> Judged | None:
         """Judge one row; None where its value is believed, and was before."""
         passed, away = time - self.at, value - self.last
-        plain = self.odd == 0.0 and self.level != self.level
-        if plain and passed <= self._step and -self._move <= away <= self._move:
-            if away != 0.0:
+        if self.calm and passed <= self._step and -self._move <= away <= self._move:
+            self.last, self.at = value, time
+            if away:
                 self.since = time
-            self.last, self.at, self.seen = value, time, time
+                return None
             rests = time - self.since <= self._rest or self._at_end(value)
             return None if rests else Judged(value, self._moved(value), False, False)
+        seen = self.at if self.calm else self.seen
         if passed <= self.max_gap:
             reach = self._move * (passed / self._step if passed > self._step else 1.0)
             last, before = self.last, self.at
@@ -159,12 +157,12 @@ class Gate:
             low, high = self.motion.low, self.motion.high
             last, before, reach = min(max(value, low), high), time, max(high - low, self._move)
             self.level, self.since, away = NAN, time, value - last
-            if not time - self.seen <= self.max_gap:
+            if not time - seen <= self.max_gap:
                 self.odd = 0.0
         self.seen = time
         if away > reach or -away > reach:
             if self.level != self.level and not away * self.odd > 0.0:
-                self.odd = away
+                self.odd, self.calm = away, False
                 return Judged(last, last + math.copysign(self.motion.farthest, away), True, False)
             if self.level != self.level:
                 self.level, self.began = last, before
@@ -177,7 +175,7 @@ class Gate:
                 self.level = NAN
         if value != self.last:
             self.since = time
-        self.last, self.at, self.odd = value, time, 0.0
+        self.last, self.at, self.odd, self.calm = value, time, 0.0, self.level != self.level
         if self.level == self.level:
             return Judged(value, self.level, False, False)
         stands = time - self.since > self._rest and not self._at_end(value)
@@ -200,12 +198,12 @@ class Gate:
         stood = _stood(moves, times, self.since)
         stands = (times - stood > self._rest) & (values != self.motion.low) & (values != self.motion.high)
         odd = np.append(np.flatnonzero(far | stands), n)
-        if self.is_plain and odd[0] == n:
+        if self.calm and odd[0] == n:
             self._put(values, times, stood, n - 1)
             return None
         found, any_said, k = Judged(values.copy(), np.full(n, NAN), np.zeros(n, bool), np.zeros(n, bool)), False, 0
         while k < n:
-            if k and self.is_plain and self.at == times[k - 1] and self.since == stood[k - 1]:
+            if k and self.calm and self.at == times[k - 1] and self.since == stood[k - 1]:
                 ahead = int(odd[np.searchsorted(odd, k)])
                 if ahead > k:
                     self._put(values, times, stood, ahead - 1)
