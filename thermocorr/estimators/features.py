@@ -201,7 +201,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         n_read, self.screen_, self.filling_ = len(record.notes), None, Filling()
         self.__dict__.pop("history_", None)
         if self.screen:
-            record, self.screen_ = screened(record, self.longest_step())
+            record, self.screen_ = screened(record, self.longest_step(), self.thermometers().further)
         check_order(record, self.layout())
         if filling:
             record = self._filled(X, y, record, needed, record.notes[n_read:])

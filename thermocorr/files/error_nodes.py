@@ -40,6 +40,9 @@ from .effect_nodes import EffectCodec, check_state
 MOST_CODES = 2 * MOST_KEPT
 
 
+_MOTION = ("low", "high", "spread", "farthest", "rest", "step")
+
+
 def pack_screen(screen: Screen) -> dict[str, Any]:
     """What is refused of each input and of the reading; a spike is its time stamp and its value."""
     inputs = [
@@ -51,7 +54,7 @@ def pack_screen(screen: Screen) -> dict[str, Any]:
 def pack_limits(limits: Limits) -> dict[str, Any]:
     """What is refused of one quantity."""
     spikes = [[stamp, value] for stamp, value in limits.spikes.items()]
-    motion = None if limits.motion is None else asdict(limits.motion)
+    motion = None if limits.motion is None else {name: getattr(limits.motion, name) for name in _MOTION}
     return {"middle": limits.middle, "codes": list(limits.codes), "spikes": spikes, "motion": motion}
 
 
@@ -94,7 +97,7 @@ def unpack_limits(node: Any, where: str) -> Limits:
 
 def _motion(node: Any, where: str) -> Motion:
     """How an input moved, checked."""
-    node = fields(node, where, tuple(Motion.__dataclass_fields__))
+    node = fields(node, where, _MOTION)
     low, high = (number(node[key], f"{where}.{key}", -LARGEST, LARGEST) for key in ("low", "high"))
     if low > high:
         raise unexpected(f"{where}.low", f"{low} above {high}", "the lower end of the range")

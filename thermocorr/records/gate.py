@@ -13,13 +13,15 @@ A value is judged by those before it alone, so that a stream, a block and a whol
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .record import Record
+from .segments import holes
 from .times import Floats
 
 JUMP = "jump"
@@ -28,6 +30,9 @@ MARGIN = 2.0
 """How much faster than in the fitted record an input may move, and how much longer it may stand still."""
 BELIEVED = 30.0
 """Usual steps after which an input that has not come back is believed."""
+MOST_JUMPS, APART, LOUD = 10, 3.0, 5.0
+"""Jumps of a fitted input at most that may be there and back again; how far apart they are from its other moves; size
+of the farthest move over the rms one, below which none is looked for."""
 FEW = 3.0
 """Usual steps that an input may stand still in any case."""
 CHUNK = 1 << 16
@@ -49,34 +54,19 @@ class Motion:
     """The longest that it stood still [s]."""
     step: float
     """The usual step [s]."""
+    jumps: bool = field(default=False, compare=False, repr=False)
+    """Whether the farthest move was so far that it may have been a jump."""
 
     @classmethod
     def of(cls, record: Record, column: Any) -> Motion:
         """Learn from the rows of a record that are not passed over."""
-        step, farthest, rest = record.usual_step(), 0.0, 0.0
-        even = record.times.even_step is not None and not len(record.skipped)
-        for segment in record.segments:
-            before: tuple[float, float, float] | None = None  # value, its time, and since when it stands there
-            for start in range(segment.start, segment.stop, CHUNK):
-                rows = record.kept(start, min(start + CHUNK, segment.stop))
-                values = np.asarray(record.columns[column][rows], float)
-                if not len(values):
-                    continue
-                seconds = record.times.seconds(rows, record.first_stamp())
-                value, time, since = before or (values[0], seconds[0], seconds[0])
-                moves = np.diff(values, prepend=value)
-                still = np.flatnonzero(moves == 0.0)
-                if len(still):
-                    stood = _stood(moves, seconds, since)
-                    rest, since = max(rest, float((seconds - stood).max())), float(stood[-1])
-                else:
-                    since = float(seconds[-1])
-                if not even:
-                    moves /= np.maximum(np.diff(seconds, prepend=time) / step, 1.0)
-                farthest = max(farthest, float(moves.max()), -float(moves.min()))
-                before = float(values[-1]), float(seconds[-1]), since
+        farthest, rest, squares = 0.0, 0.0, 0.0
+        for moves, still in _moves(record, column):
+            farthest = max(farthest, float(moves.max(initial=0.0)), -float(moves.min(initial=0.0)))
+            rest, squares = max(rest, still), squares + float(moves @ moves)
         known = record.moments(column)
-        return cls(known.low, known.high, known.std, farthest, rest, step)
+        size = float(np.sqrt(squares / max(known.n, 1)))
+        return cls(known.low, known.high, known.std, farthest, rest, record.usual_step(), farthest > LOUD * size)
 
     @property
     def move(self) -> float:
@@ -87,6 +77,61 @@ class Motion:
     def longest_rest(self) -> float:
         """The longest that it may stand still [s]."""
         return MARGIN * self.rest + FEW * self.step
+
+
+def _moves(record: Record, column: Any) -> Iterator[tuple[Floats, float]]:
+    """How far an input moves from row to row, in a usual step, and how long it stands still at most [s]."""
+    step, even = record.usual_step(), record.times.even_step is not None and not len(record.skipped)
+    for segment in record.segments:
+        value, since = np.nan, np.nan
+        for start in range(segment.start, segment.stop, CHUNK):
+            rows = record.kept(start, min(start + CHUNK, segment.stop))
+            values = np.asarray(record.columns[column][rows], float)
+            if not len(values):
+                continue
+            moves, rest = np.diff(values, prepend=values[0] if value != value else value), 0.0
+            seconds = record.times.seconds(rows, record.first_stamp()) if not even or not moves.all() else None
+            if seconds is not None:
+                since = seconds[0] if since != since else since
+                stood = _stood(moves, seconds, since)
+                rest, since = float((seconds - stood).max()), float(stood[-1])
+                if not even:
+                    moves[1:] /= np.maximum(np.diff(seconds) / step, 1.0)
+            yield moves, rest
+            value = float(values[-1])
+            since = since if seconds is not None else np.nan
+
+
+def excursions(record: Record, column: Any, motion: Motion, max_gap: float) -> NDArray[np.intp]:
+    """Rows, by their places in time order, in which an input was away: it jumped there and back as never else.
+
+    A few of its moves, an even number up to `MOST_JUMPS`, are `APART` times as far as the next one: 0.2 % of records
+    whose moves have a tail like the inverse cube have such two. The gate without these finds what returns.
+    """
+    none = np.zeros(0, np.intp)
+    if not motion.jumps:
+        return none
+    top = np.concatenate([np.abs(moves) for moves, _ in _moves(record, column)])
+    if len(top) <= MOST_JUMPS:
+        return none
+    top = np.sort(np.partition(top, -MOST_JUMPS - 1)[-MOST_JUMPS - 1 :])[::-1]
+    usual = next((top[k] for k in range(MOST_JUMPS, 0, -2) if top[k - 1] > APART * top[k]), None)
+    if usual is None:
+        return none
+    run, gate, away = object(), Gate(motion, max_gap), [none]
+    for segment in record.segments:
+        if segment.run != run:
+            run, gate = segment.run, Gate(replace(motion, farthest=float(usual)), max_gap)
+        places = record.kept_places(segment.start, segment.stop)
+        rows = record.rows_at(places)
+        values = np.asarray(record.columns[column][rows], float)
+        said = gate.many(values, record.times.seconds(rows, record.first_stamp()))
+        if said is None:
+            continue
+        for first, behind in zip(*holes(np.flatnonzero(np.isfinite(said.twin))), strict=True):
+            if behind < len(places) and not said.believed[behind]:
+                away.append(places[first:behind])
+    return np.concatenate(away)
 
 
 def _stood(moves: Floats, seconds: Floats, since: float) -> Floats:
@@ -192,8 +237,11 @@ class Gate:
 
     def many(self, values: Floats, times: Floats) -> Judged | None:
         """`one` of consecutive rows at `times` [s]; None where there is nothing to say."""
-        n = len(values)
-        moves, steps = np.diff(values, prepend=self.last), np.diff(times, prepend=self.at)
+        n, moves = len(values), np.diff(values, prepend=self.last)
+        if self.calm and self.max_gap == np.inf and moves.max() <= self._move >= -moves.min() and moves.all():
+            self.put((float(values[-1]), float(times[-1]), NAN, 0.0, NAN, NAN, float(times[-1])))
+            return None
+        steps = np.diff(times, prepend=self.at)
         far = ~(np.abs(moves) <= self._move * np.maximum(steps / self._step, 1.0)) | (steps > self.max_gap)
         stood = _stood(moves, times, self.since)
         stands = (times - stood > self._rest) & (values != self.motion.low) & (values != self.motion.high)

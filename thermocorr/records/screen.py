@@ -10,7 +10,7 @@ each input moves (`thermocorr.records.gate`).
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, cast
@@ -18,9 +18,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equations.spikes import ABSURD, ALL_CODES, CHUNK, OVERLOAD, Scanned, Usual, usual_of
+from ..equations.spikes import ABSURD, ALL_CODES, CHUNK, MOST, OVERLOAD, Scanned, Usual, usual_of
 from .errors import RecordError, listing, quoted, times_word
-from .gate import Gate, Motion
+from .gate import Gate, Motion, excursions
 from .numbers import numeric_reading
 from .record import Record, Refused
 from .times import Floats
@@ -96,7 +96,7 @@ MOST_KEPT = 10_000
 LISTED = 10
 """Rows that a note lists."""
 SPIKE, SENTINEL, OTHER_UNIT, CLIPPED = "spike", "sentinel", "other unit", "clipped"
-REPEAT, FILLED_IN = "repeat", "filled in"
+REPEAT, FILLED_IN, AWAY = "repeat", "filled in", "jump"
 
 Rows = NDArray[np.intp]
 
@@ -248,7 +248,7 @@ def _chunks(record: Record) -> Iterator[tuple[int, int]]:
             yield start, min(start + CHUNK, segment.stop)
 
 
-def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Screen]:
+def screened(record: Record, max_gap: float | None = None, thermometers: Collection[Any] = ()) -> tuple[Record, Screen]:
     """A record without what is no input and no reading, and what later rows are to be screened by.
 
     Parameters
@@ -256,6 +256,8 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
     record : Record
     max_gap : float, optional
         A longer step starts a new segment [s], so temperatures that are refused for longer do as well.
+    thermometers : collection of columns
+        Temperatures beyond the first.
 
     Returns
     -------
@@ -289,13 +291,20 @@ def screened(record: Record, max_gap: float | None = None) -> tuple[Record, Scre
         for reason, positions in refused:
             if len(positions):
                 record = without(record, column, reason, positions, max_gap)
+    motions: dict[Any, Motion] = {}
+    for column in (record.temperature_name, *thermometers):  # a current may go there and back, a room does not
+        longest = np.inf if max_gap is None else max_gap
+        motions[column] = Motion.of(record, column)
+        positions = excursions(record, column, motions[column], longest)
+        if 0 < len(positions) <= MOST * record.n_used:
+            record, motions = without(record, column, AWAY, positions, max_gap), {}
     if record.refused:
         notes = tuple(_note(refused) for refused in record.refused)
         record = replace(record, notes=(*record.notes, *notes))
     elif not len(record.skipped):  # the rows that were looked at are those that are used
         for column, moments in left.items():
             record.know_moments(column, moments)
-    inputs = {name: replace(limits[name], motion=Motion.of(record, name)) for name in record.columns}
+    inputs = {n: replace(limits[n], motion=motions.get(n) or Motion.of(record, n)) for n in record.columns}
     return record, Screen(inputs=inputs, reading=limits.get(None, Limits()))
 
 
