@@ -86,7 +86,7 @@ def test_humidity_is_added_on_the_built_in_record_in_one_click_and_the_numbers_a
         assert "humidity" in last["history"][1]["text"] and last["judged"]["verdict"] == "nothing missing"
         record = load_voltage_reference(hidden="moisture")
         X, y = record.drop(columns="voltage"), record["voltage"]
-        model = DynamicBiasRegressor("temperature", 6).fit(X, y)
+        model = DynamicBiasRegressor("temperature").fit(X, y)
         found = diagnose(model, X, y)
         better = model.with_effect(found.best).fit(X, y)
         for row, one in zip(last["history"], (model, better), strict=True):

@@ -60,8 +60,9 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     screen : bool, default True
         Leave out values that are not measurements: codes for "no value" (9.9E37, -999, 85.0 of a thermometer at
         power-on) and isolated spikes, see `thermocorr.equations.spikes`. Such readings are not learned from; rows with
-        such temperatures are passed over. They are named in a warning and in `notes_`, and flagged "sentinel" or
-        "spike" wherever they are met again.
+        such inputs are passed over. They are named in a warning and in `notes_`, and flagged "sentinel" or "spike"
+        wherever they are met again. Later inputs that move as these never did are held back or doubted, see
+        `thermocorr.records.gate`.
     reference_temperature, initial_state, hold, time, run, sampling_period, max_gap, fill : see `DiffusiveFeatures`
     run_offset : {"auto", "each", "same"}, default "auto"
         Whether each run has a U0 of its own (steps that `correct` keeps), or all have the same. "auto": each where
