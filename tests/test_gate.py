@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError, load_model, save_model
-from thermocorr.effects import LaggedCovariate
+from thermocorr.effects import Delay, LaggedCovariate
 from thermocorr.records.gate import Gate, Motion
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
@@ -181,3 +181,59 @@ def test_a_slice_with_runs_and_no_times_is_corrected():
     model = DynamicBiasRegressor("temperature", [600.0], sampling_period=60.0, run="run").fit(X, 2 * T)
     found = OnlineCorrector(model).update_many(X[200:], 2 * T[200:])
     assert found["corrected"].notna().all()
+
+
+@pytest.mark.parametrize("size", [0.6, 2.0, 4.0])
+@pytest.mark.parametrize("rows", [13, 28])
+def test_a_fault_of_less_than_thirty_rows_is_not_back_before_it_is(size, rows):
+    values = quiet(120)
+    values[20 : 20 + rows] += size
+    said = judged(values)
+    assert np.flatnonzero(np.isfinite(said.twin)).tolist()[:rows] == list(range(20, 20 + rows))
+    assert not said.believed.any()
+
+
+def same_as_whole(model, X, y, sizes):
+    """A stream in pieces of these sizes says what the whole record says."""
+    whole = model.evaluate(X, y, return_std=True)
+    for size in sizes:
+        stream, parts = OnlineCorrector(model, uncertainty=True), []
+        for start in range(0, len(X), size):
+            parts.append(stream.update_many(X[start : start + size], y[start : start + size]))
+        found = pd.concat(parts)
+        np.testing.assert_allclose(found["u"], whole["u"], rtol=1e-4)
+        assert [(a, b) for a, b in zip(found["flag"], whole["flag"], strict=True) if a not in (b, "gap")] == []
+
+
+def test_what_a_delay_still_holds_is_not_forgotten():
+    made = faults.Device(Delay("50 min"), 3)
+    X, y = made.X[faults.FITTED :].copy(), made.reading[faults.FITTED :]
+    X.iloc[200:210, 0] += 3.0
+    model = made.fit()
+    assert (model.flags(X)[255:258] == "doubtful input").all()  # fifty minutes later
+    same_as_whole(model, X, y, [1, 20])
+
+
+def test_the_doubt_of_one_run_does_not_reach_the_next(device):
+    made, _ = device
+    X, y = made.X.assign(run=np.repeat(["a", "b"], len(made.X) // 2)), made.reading
+    fit = np.r_[0:1500, 1800:3300]
+    model = DynamicBiasRegressor("temperature", [600.0], degree=1, run="run").fit(X.iloc[fit], y[fit])
+    later = X.iloc[np.r_[1500:1800, 3300:3600]].copy()
+    later.iloc[295:300, 0] += 3.0
+    same_as_whole(model, later, y[np.r_[1500:1800, 3300:3600]], [1, 600, 290])
+
+
+def test_an_excursion_in_the_fit_is_left_out_of_one_thermometer_or_two():
+    X, y = faults.room(5, 2000), np.random.default_rng(5).normal(size=2000)
+    X = X.assign(b=X["temperature"].rolling(30, min_periods=1).mean() + 0.2 * X["humidity"] / 8)
+    y = y + 30 * X["temperature"] + 10 * X["b"]
+    for given in ("temperature", ["temperature", "b"]):
+        model = DynamicBiasRegressor(given, [600.0], degree=1)
+        usual = model.fit(X, y).residual_std_
+        far = X.copy()
+        far.iloc[700:712, 0] += 3.0
+        model.fit(far, y)
+        assert model.residual_std_ == pytest.approx(usual, rel=0.05)
+        assert any("12 temperatures left out as jumps" in note for note in model.notes_)
+        assert np.nanstd(model.residuals(far, y)) == pytest.approx(usual, rel=0.1)

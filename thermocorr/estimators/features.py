@@ -234,6 +234,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         if self.screen_ is not None:
             full = self.screen_.without_codes(full, self.longest_step())
             full = self.screen_.without_spikes(full, self.longest_step())
+            self.screen_ = self.screen_.moving_as(full, self.filling_.columns)
         return learned_beside(full, record, screen_notes)
 
     def fill_in(self, record: Record) -> Record:

@@ -407,8 +407,7 @@ class FittedModel:
             outside |= (block[one.column] < one.range[0]) | (block[one.column] > one.range[1])
         if outside.any():
             flags[outside] = "outside fitted range"
-        if block.segment_key is None:
-            flags[block.elapsed < self.washout_] = "washout"
+        flags[self.in_washout(block)] = "washout"
         if reading is not None:
             if np.isnan(reading.sum()):
                 flags[np.isnan(reading)] = "no reading"
@@ -416,6 +415,10 @@ class FittedModel:
                 flags[rows] = reason
         self.mark_doubted(flags, block)
         return flags
+
+    def in_washout(self, block: Block) -> NDArray[np.bool_]:
+        """Rows of a block soon after a start of which nothing is known."""
+        return (block.elapsed < self.washout_) & (block.segment_key is None)
 
     def believed(self, block: Block, reading: np.ndarray) -> np.ndarray:
         """Readings of a block's rows without those that the screen refuses, shape (n,)."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -38,9 +37,6 @@ from .statements import (
     binary,
 )
 from .target import MICROSECONDS
-
-if TYPE_CHECKING:
-    pass
 
 AGREES, QUIET = 1e-3, 1000
 """Share of the noise up to which two courses agree, and samples in a row after which they are taken for one."""
@@ -143,7 +139,7 @@ class Guard:
         near = Choice(value < c["low"], c["low"], Bracketed(Choice(value > c["high"], c["high"], value)))
         moved = Choice(k["passed"] > one, c["move"] * k["passed"], c["move"])
         outward = Choice(value + value > c["low"] + c["high"], c["spread"], -c["spread"])
-        beyond = Unary("not", Call("is_within", (away, reach)))
+        beyond = Variable("jumps")
         stands: list[Statement] = [
             If(
                 k["rest"] > c["longest_rest"],
@@ -151,7 +147,8 @@ class Guard:
                     Assign(other, value + outward), Assign(_DOUBTED, one)])])],
             )
         ]  # fmt: skip
-        back = Call("is_within", (value - k["level"], Choice(k["age"] > one, c["move"] * k["age"], c["move"])))
+        far = Choice(Variable("jumps"), Bracketed(Choice(k["age"] > one, c["move"] * k["age"], c["move"])), c["move"])
+        back = Call("is_within", (value - k["level"], far))
         believe: list[Statement] = [
             If(
                 binary(k["doubt"], "!=", none),
@@ -171,11 +168,11 @@ class Guard:
             Assign(k["doubt"], one), Assign(k["level"], last),
             Assign(k["age"], Choice(Variable("first_value"), none, k["passed"])),
         ]  # fmt: skip
-        far = Variable("far")
+        wandered = Variable("far")
         lost: list[Statement] = [
             Local("wandered", c["farthest"] * k["passed"]),
             Local("far", Choice(Variable("wandered") < c["spread"], Variable("wandered"), c["spread"])),
-            Assign(other, k["last"] + Choice(k["last"] + k["last"] > c["low"] + c["high"], far, -far)),
+            Assign(other, k["last"] + Choice(k["last"] + k["last"] > c["low"] + c["high"], wandered, -wandered)),
             Assign(_DOUBTED, one),
         ]
         judged: list[Statement] = [
@@ -183,6 +180,7 @@ class Guard:
             Local("last", Choice(Variable("first_value"), Bracketed(near), k["last"])),
             Local("reach", Choice(Variable("first_value"), c["width"], moved)),
             Local("away", value - last),
+            Local("jumps", Unary("not", Call("is_within", (away, reach))), "truth"),
             If(Variable("first_value"), [Assign(k["doubt"], none), Assign(k["rest"], none)]),
             Declare("held"), Assign(_HELD, none),
             If(beyond, [If(binary(k["doubt"], "==", none), [If(away * k["odd"] > none, doubt, hold)])]),

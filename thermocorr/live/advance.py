@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..effects.signals import DelayState
 from ..effects.stream import Sample, Walked, needed_columns, states_before, stepper_of, walk
 from ..estimators import DynamicBiasRegressor
 from ..estimators.input_errors import Felt
@@ -214,7 +215,7 @@ class Stream:
         columns[0, self._active] = row
         seconds, temperature, value = (np.array([number]) for number in (sample.seconds, T, bias))
         found = self.errors.variances(columns, seconds, temperature, value, sample.key)
-        found[0] += error**2 + doubt**2 + unknown
+        found[0] += error * error + doubt * doubt + unknown
         return Advanced(bias, FLAGS[mask], not mask & ~GAP, found)
 
     def _judged(
@@ -257,7 +258,7 @@ class Stream:
         doubt = abs(bias - found)
         if not doubted and len(row) == len(other):
             apart = sum(abs(w * (a - b)) for w, a, b in zip(self._weights, row, other, strict=True))
-            self._has_twin = not apart <= AGREES * self._deviation
+            self._has_twin = not (apart <= AGREES * self._deviation and self._lines_agree())
         return 0.0 if not self._doubted else doubt if doubt == doubt else math.inf
 
     def _settle(self, elapsed: float) -> None:
@@ -331,7 +332,9 @@ class Stream:
         record, starts, states = self._record(here, steps, values, fresh, run)
         twins, believed = {name: column[kept] for name, column in twins.items()}, believed[kept]
         others = (
-            self._other_record(record, starts, states, twins) if twins or (self._has_twin and not fresh[0]) else None
+            self._other_record(record, states, twins, bool(fresh[0]))
+            if twins or (self._has_twin and not fresh[0])
+            else None
         )
         walked: list[list[Walked]] = [[], []]
 
@@ -368,7 +371,8 @@ class Stream:
                         step.columns, block.seconds, block.temperature, bias, block.segment_key
                     )
                     found[0] += felt[into, 0] ** 2 + doubt**2 + unknown
-                    found[:, flags.are("washout", "no reading")] = np.nan
+                    unsure = np.isnan(measured[block.rows]) | flags.are("no reading")
+                    found[:, unsure | self.model.in_washout(block)] = np.nan
                     out.variances[:, into] = found
         end = walked[0][0]
         self._open, self._until, self._behind_gap = True, -math.inf, behind[end.block.segment]
@@ -403,11 +407,11 @@ class Stream:
         return values, twins, held, believed
 
     def _other_record(
-        self, record: Record, starts: Any, states: dict[int, list[Any]], twins: dict[Any, np.ndarray]
+        self, record: Record, states: dict[int, list[Any]], twins: dict[Any, np.ndarray], fresh: bool
     ) -> tuple[Record, dict[int, list[Any]]]:
         """The record with the twins in the place of what is doubted, and the states that its segments start with."""
         columns = {c: np.where(np.isnan(twin), record.columns[c], twin) for c, twin in twins.items()}
-        if self._has_twin and 0 in states and self._open and starts[0].step is not None:
+        if self._has_twin and not fresh:
             states = {**states, 0: [stepper.state() for stepper in self._others]}
         return replace(record, columns={**record.columns, **columns}), states
 
@@ -415,7 +419,11 @@ class Stream:
         """Whether the last rows of two walks still differ."""
         weights = np.concatenate([np.asarray(each, float) for each in self._coefficients])
         apart = np.abs(weights * (one.columns[-1] - other.columns[-1])).sum()
-        return not apart <= AGREES * self._deviation
+        return not (apart <= AGREES * self._deviation and _agree(one.states, other.states))
+
+    def _lines_agree(self) -> bool:
+        """Whether the delay lines of the two courses hold the same."""
+        return _agree(*([stepper.state() for stepper in each] for each in (self._steppers, self._others)))
 
     def next_doubt(self, stamps: np.ndarray, run: Any) -> int:
         """Number of the first row after a gap whose time the next row does not confirm, by a later one.
@@ -464,3 +472,12 @@ class AdvancedBlock(NamedTuple):
     def empty(cls, n: int) -> AdvancedBlock:
         """No biases and no flags yet."""
         return cls(np.full(n, np.nan), Flags(n), np.full((2, n), np.nan))
+
+
+def _agree(one: Any, other: Any) -> bool:
+    """Whether states hold the same in their delay lines: what is in these now comes out later."""
+    if isinstance(one, DelayState) and isinstance(other, DelayState):
+        return np.array_equal(one.temperature, other.temperature)
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(_agree, one, other))
+    return True

@@ -4,8 +4,9 @@ No input moves faster than in the fitted record by more than a margin. A value t
 stands in its place, until the next one speaks for it: one that returns was a fault of one row; one that stays away is
 believed, and doubted. The model then goes on with it, and beside that with the last value from before (its `twin`):
 what the two differ by, the doubtful values may have added to the bias, now or in what the device remembers of them. A
-doubt ends when the input is back, or after `BELIEVED` steps away: then the room has really moved. An input that stands
-still to the last digit for much longer than it ever did is doubted too, but for the ends of its range.
+doubt ends when the input is back, by a jump or all the way, or after `BELIEVED` steps away: then the room has really
+moved. An input that stands still to the last digit for much longer than it ever did is doubted too, but for the ends of
+its range.
 
 A value is judged by those before it alone, so that a stream, a block and a whole record say the same.
 """
@@ -118,10 +119,10 @@ def excursions(record: Record, column: Any, motion: Motion, max_gap: float) -> N
     usual = next((top[k] for k in range(MOST_JUMPS, 0, -2) if top[k - 1] > APART * top[k]), None)
     if usual is None:
         return none
-    run, gate, away = object(), Gate(motion, max_gap), [none]
+    run, usually, away = object(), replace(motion, farthest=float(usual)), [none]
     for segment in record.segments:
         if segment.run != run:
-            run, gate = segment.run, Gate(replace(motion, farthest=float(usual)), max_gap)
+            run, gate = segment.run, Gate(usually, max_gap)
         places = record.kept_places(segment.start, segment.stop)
         rows = record.rows_at(places)
         values = np.asarray(record.columns[column][rows], float)
@@ -204,8 +205,8 @@ class Gate:
             self.level, self.since, away = NAN, time, value - last
             if not time - seen <= self.max_gap:
                 self.odd = 0.0
-        self.seen = time
-        if away > reach or -away > reach:
+        self.seen, jumps = time, away > reach or -away > reach
+        if jumps:
             if self.level != self.level and not away * self.odd > 0.0:
                 self.odd, self.calm = away, False
                 return Judged(last, last + math.copysign(self.motion.farthest, away), True, False)
@@ -213,11 +214,11 @@ class Gate:
                 self.level, self.began = last, before
         believed = False
         if self.level == self.level:
-            passed = time - self.began
+            passed, far = time - self.began, abs(value - self.level)
             if passed > self._until:
                 self.level, believed = NAN, True
-            elif abs(value - self.level) <= self._move * max(1.0, passed / self._step):
-                self.level = NAN
+            elif far <= self._move or (jumps and far <= self._move * passed / self._step):
+                self.level = NAN  # it is back
         if value != self.last:
             self.since = time
         self.last, self.at, self.odd, self.calm = value, time, 0.0, self.level != self.level

@@ -10,7 +10,7 @@ each input moves (`thermocorr.records.gate`).
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, cast
@@ -169,6 +169,17 @@ class Screen:
     """By column, the temperature first."""
     reading: Limits = field(default_factory=Limits)
 
+    def moving_as(self, record: Record, columns: Sequence[Any]) -> Screen:
+        """The screen with the motions of some columns in a record whose missing cells are filled."""
+        inputs = dict(self.inputs)
+        for column in columns:
+            filled = record.filled.get(column, np.zeros(0))
+            places = np.flatnonzero(np.isfinite(filled if record.order is None else filled[record.order]))
+            known = record.passing_over(places, None) if len(places) else record
+            if known.segments:
+                inputs[column] = replace(inputs[column], motion=Motion.of(known, column))
+        return replace(self, inputs=inputs)
+
     def without_codes(self, record: Record, max_gap: float | None) -> Record:
         """The record without the values that are codes, or single ones in another unit.
 
@@ -296,7 +307,10 @@ def screened(record: Record, max_gap: float | None = None, thermometers: Collect
         longest = np.inf if max_gap is None else max_gap
         motions[column] = Motion.of(record, column)
         positions = excursions(record, column, motions[column], longest)
-        if 0 < len(positions) <= MOST * record.n_used:
+        if 0 < len(positions) <= min(MOST * record.n_used, MOST_KEPT):
+            values = np.asarray(record.columns[column][record.rows_at(positions)], float).tolist()
+            met = {record.stamp(k): value for k, value in zip(positions.tolist(), values, strict=True)}
+            limits[column] = replace(limits[column], spikes={**limits[column].spikes, **met})
             record, motions = without(record, column, AWAY, positions, max_gap), {}
     if record.refused:
         notes = tuple(_note(refused) for refused in record.refused)

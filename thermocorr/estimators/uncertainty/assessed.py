@@ -73,7 +73,7 @@ def uncertainty_of(
             raise RecordError("There are no readings. Pass y, the readings of the rows of X.")
         given = np.asarray(record.reading[rows], float)
         flags = model.block_flags(block, given)
-        measured = np.where(flags.are("washout"), np.nan, model.believed(block, given))
+        measured = np.where(model.in_washout(block), np.nan, model.believed(block, given))
         corrected[rows], bias[rows] = measured - value, value
         lost = np.where(np.isfinite(measured), 0.0, np.nan)
         wander, bias_variance = noise.wander_variance * errors.noise, errors.level + errors.coefficients
@@ -281,7 +281,7 @@ class SignedModel(FittedModel):
         of_levels = level_variance(self) if of == "reading" else 0.0
         for block, value, errors in walk.blocks(record):
             variance = errors.bias if of == "bias" else errors.of_readings(joint.noise)
-            variance[self.block_flags(block, None).are("washout")] = np.nan
+            variance[self.in_washout(block)] = np.nan
             if record.segments[block.segment].run not in runs:  # its level is not known
                 variance += of_levels
             if reading is not None:

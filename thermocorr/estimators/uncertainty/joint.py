@@ -342,6 +342,7 @@ def _noise(basis: Basis, scaled: ScaledBasis, sums: BandSums, found: Restricted,
     if total > 0:
         dof = min(dof, max(PER_MEMORY, PER_MEMORY * float(np.ptp(basis.begins)) * total / float(wander @ times)))
     at: np.ndarray = np.unique(np.linspace(0, len(scaled.size) - 1, SIZES).astype(int))
+    at = np.argsort(basis.begins, kind="stable")[at]  # runs may be interleaved
     at = at[:0] if np.ptp(scaled.size) == 0 else at
     return NoiseModel(
         white=white * scaled.unit**2,
