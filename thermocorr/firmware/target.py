@@ -61,6 +61,8 @@ def prefix(text: object, keywords: Collection[str], unfit: Collection[str]) -> s
 Dtype = Literal["float", "double"]
 """Precision of the numbers on the device: single or double."""
 MICROSECONDS = 1_000_000
+LONGEST_STEP_US = 10**14
+"""A longer step between samples cannot be true: three years."""
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ FLAGS = tuple(tuple(r for bit, r in enumerate(REASONS) if mask >> bit & 1) for m
 BACKWARD, STALE = ("backward time",), ("stale time",)
 NO_TWINS: dict[Any, float] = {}
 AGREES = 1e-6
-"""Share of the residuals' deviation up to which two courses of the inputs have come to the same."""
+"""Two courses of the inputs agree that differ by less than this share of the residuals' deviation."""
 
 
 class Advanced(NamedTuple):

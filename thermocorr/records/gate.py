@@ -2,8 +2,8 @@
 
 No input moves faster than in the fitted record by more than a margin. A value that does is held back, and the last one
 stands in its place, until the next one speaks for it: one that returns was a fault of one row; one that stays away is
-believed, and doubted. The model then goes on with it, and beside that with the last value from before (its `twin`):
-what the two differ by, the doubtful values may have added to the bias, now or in what the device remembers of them. A
+believed, and doubted. The model then goes on with it, and a second time with the last value from before (its `twin`):
+the doubtful values may have added the difference to the bias, now or in what the device remembers of them. A
 doubt ends when the input is back, by a jump or all the way, or after `BELIEVED` steps away: then the room has really
 moved. An input that stands still to the last digit for much longer than it ever did is doubted too, but for the ends of
 its range.
@@ -26,7 +26,7 @@ from .segments import holes
 from .times import Floats
 
 JUMP = "jump"
-"""Flag of a row in which an input is held back."""
+"""Flag of a row in which an input is held back; reason why a fitted row is left out."""
 MARGIN = 2.0
 """How much faster than in the fitted record an input may move, and how much longer it may stand still."""
 BELIEVED = 30.0

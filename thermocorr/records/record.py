@@ -39,7 +39,7 @@ class Refused(NamedTuple):
     what: str
     """ "reading", "temperature", or a recorded column in quotes."""
     reason: str
-    """ "spike", "sentinel", "other unit", "clipped", "filled in", "repeat" (the reading of the row before)."""
+    """ "spike", "sentinel", "other unit", "jump", "clipped", "filled in", "repeat" (the row before)."""
     rows: NDArray[np.intp]
     """Rows of the user's record, shape (n,)."""
     values: Floats
@@ -178,7 +178,7 @@ class Record:
     believed: NDArray[np.bool_] | None = field(default=None, repr=False)
     """Rows with which a doubt ends because the input has stayed away, shape (n_rows,); None for none."""
     doubt: Floats | None = field(default=None, repr=False)
-    """What the twins move the bias of a model by in each row, shape (n_rows,); None where there are none."""
+    """What the twins move the bias of a model by in each row, shape (n_rows,); None without twins."""
     gap_variance: Floats | None = field(default=None, repr=False)
     """Variance of a model's bias by what its inputs did in gaps between rows, shape (n_rows,); None for none."""
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..equations.spikes import ABSURD, ALL_CODES, CHUNK, MOST, OVERLOAD, Scanned, Usual, usual_of
 from .errors import RecordError, listing, quoted, times_word
-from .gate import Gate, Motion, excursions
+from .gate import JUMP, Gate, Motion, excursions
 from .numbers import numeric_reading
 from .record import Record, Refused
 from .times import Floats
@@ -96,7 +96,7 @@ MOST_KEPT = 10_000
 LISTED = 10
 """Rows that a note lists."""
 SPIKE, SENTINEL, OTHER_UNIT, CLIPPED = "spike", "sentinel", "other unit", "clipped"
-REPEAT, FILLED_IN, AWAY = "repeat", "filled in", "jump"
+REPEAT, FILLED_IN = "repeat", "filled in"
 
 Rows = NDArray[np.intp]
 
@@ -311,7 +311,7 @@ def screened(record: Record, max_gap: float | None = None, thermometers: Collect
             values = np.asarray(record.columns[column][record.rows_at(positions)], float).tolist()
             met = {record.stamp(k): value for k, value in zip(positions.tolist(), values, strict=True)}
             limits[column] = replace(limits[column], spikes={**limits[column].spikes, **met})
-            record, motions = without(record, column, AWAY, positions, max_gap), {}
+            record, motions = without(record, column, JUMP, positions, max_gap), {}
     if record.refused:
         notes = tuple(_note(refused) for refused in record.refused)
         record = replace(record, notes=(*record.notes, *notes))
