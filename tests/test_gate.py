@@ -239,3 +239,17 @@ def test_an_excursion_in_the_fit_is_left_out_of_one_thermometer_or_two():
         assert model.residual_std_ == pytest.approx(usual, rel=0.05)
         assert any("12 temperatures left out as jumps" in note for note in model.notes_)
         assert np.nanstd(model.residuals(far, y)) == pytest.approx(usual, rel=0.1)
+
+
+def test_a_belief_ends_the_doubt_of_its_own_input_alone():
+    made = faults.Device(LaggedCovariate("humidity", ["4 h"]), 3)
+    X, y = made.X[faults.FITTED :].copy(), made.reading[faults.FITTED :]
+    X.iloc[200:220, 1] += 30.0  # false, and remembered for hours
+    X.iloc[225:, 0] += 3.0  # the room has moved
+    model = made.fit()
+    flags = model.flags(X)
+    assert (flags[226:255] == "doubtful input").all()  # nobody knows yet
+    wrong = np.abs(model.predict(X) - model.predict(X.assign(humidity=made.X["humidity"])))
+    assert (flags[256:400][wrong[256:400] > 2 * model.residual_std_] == "doubtful input").all()
+    assert (wrong[256:300] > 2 * model.residual_std_).any()
+    same_as_whole(model, X, y, [1, 20])

@@ -18,7 +18,7 @@ from ..effects import LagProducts
 from ..effects.stream import Walked
 from ..effects.thermal import column_text
 from ..records import Block, Record, SegmentStart
-from ..records.gate import JUMP, doubted_rows
+from ..records.gate import JUMP, Doubt
 from ..records.numbers import numeric_reading
 from ..records.screen import LeftOut
 from ..records.segments import Flags
@@ -318,7 +318,7 @@ class FittedModel:
     ) -> NDArray[np.float64]:
         """What the bias differs by where the twins stand in their columns, in each row, shape (n_rows,).
 
-        0 from where a doubt ended because the input has stayed away, until the next one.
+        0 where all that was doubted is believed (`thermocorr.records.gate.Doubt`).
         """
         columns = {
             name: np.where(np.isnan(twin), np.asarray(record.columns[name], float), twin)
@@ -326,15 +326,17 @@ class FittedModel:
         }
         other = replace(record, columns={**record.columns, **columns}, twins={}, known_moments={})
         doubt, walked = np.zeros(record.n_rows), self.features_.walk_resumed
-        doubted = np.logical_or.reduce([np.isfinite(twin) for twin in record.twins.values()])
-        believed = np.zeros(record.n_rows, bool) if record.believed is None else record.believed
-        is_open = True
+        inputs, none = list(record.twins), np.zeros(record.n_rows, bool)
+        doubted = np.column_stack([np.isfinite(twin) for twin in record.twins.values()])
+        believed = np.column_stack([record.believed.get(name, none) for name in inputs])
+        judged = Doubt(len(inputs), self.residual_std_, self.washout_)
         with np.errstate(over="ignore", invalid="ignore"):  # powers of what is far outside
             both = (self.weighed(walked(each, starts, states)) for each in (record, other))
             for (block, one), (_, two) in zip(*both, strict=True):
-                found = np.abs(self.removed_part(one) - self.removed_part(two))
-                open_here, is_open = doubted_rows(doubted[block.rows], believed[block.rows], is_open)
-                doubt[block.rows] = np.where(open_here, np.where(np.isfinite(found), found, np.inf), 0.0)
+                if block.start == record.segments[block.segment].start:
+                    judged.put()
+                difference = self.removed_part(one) - self.removed_part(two)
+                doubt[block.rows] = judged.rows(doubted[block.rows], believed[block.rows], difference, block.seconds)
         return doubt
 
     def judged(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:

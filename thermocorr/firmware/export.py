@@ -141,7 +141,8 @@ def export_to(
     motions = (
         [] if screen is None else [screen.inputs[name].motion for name in (target.temperature_name, *program.columns)]
     )
-    guard = Guard(program, [motion for motion in motions if motion is not None], float(model.residual_std_))
+    known = [motion for motion in motions if motion is not None]
+    guard = Guard(program, known, float(model.residual_std_), float(model.washout_))
     firmware = Firmware(program, clock, fitted_range(model), guard)
     trial = _trial(model, firmware, parts)
     texts = language.files(firmware, provenance(model, target, effects), trial)
@@ -172,7 +173,7 @@ def _trial(model: Any, firmware: Firmware, parts: Sequence[tuple[Any, np.ndarray
     if target.single:
         _warn_of_lost_digits(Cancellation(size, spread))
         _warn_of_coarse_readings(model)
-    flags = expected_flags(firmware, given, judged, bias - other, float(model.washout_))
+    flags = expected_flags(firmware, given, judged, bias - other)
     return Trial(given, bias, flags, tolerance(firmware, bias, size))
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..records.gate import BELIEVED, Motion
+from ..records.gate import AGREED, BELIEVED, BELIEVED_AGAIN, DOUBTED, Motion
 from .program import Member, Program
 from .statements import (
     TURN,
@@ -38,8 +38,8 @@ from .statements import (
 )
 from .target import LONGEST_STEP_US, MICROSECONDS
 
-AGREES, QUIET = 1e-3, 1000
-"""Two courses agree that differ by less than this share of the noise, for more than this number of samples."""
+AGREES = 1e-3
+"""Two courses agree that differ by less than this share of the noise."""
 _KEPT = {
     "last": "the last value of each input that was believed",
     "known": "1 where there is one",
@@ -49,10 +49,11 @@ _KEPT = {
     "doubt": "1 where it is doubted",
     "level": "the last value before a doubt",
     "age": "usual steps since then",
+    "stands": "0 where the courses agree, 1 where it is doubted, 2 where it was believed again",
 }
-_STEP, _HELD, _JUMPED, _DOUBTED, _BELIEVED = map(Variable, ("steps", "held", "jumped", "doubted", "believed"))
+_STEP, _HELD, _JUMPED, _DOUBTED = map(Variable, ("steps", "held", "jumped", "doubted"))
 _GIVEN, _OTHER = Variable("given"), Variable("other")
-_APART, _OPEN, _QUIET = map(Kept, ("apart", "open", "quiet"))
+_APART, _QUIET = map(Kept, ("apart", "quiet"))
 COST = Operations.of(products=1, sums=3)
 """Cost of judging one input that moves as usual."""
 
@@ -61,11 +62,11 @@ class Guard:
     """The gates of a program's inputs: the temperature, and its columns.
 
     `motions` (sequence of Motion): How each moved in the fit; empty where nothing is refused. `deviation`
-    (float): Standard deviation of the residuals.
+    (float): Standard deviation of the residuals. `memory` (float): How long the effects remember [s].
     """
 
-    def __init__(self, program: Program, motions: Sequence[Motion], deviation: float):
-        self.program, self.motions, self.deviation = program, motions, deviation
+    def __init__(self, program: Program, motions: Sequence[Motion], deviation: float, memory: float):
+        self.program, self.motions, self.deviation, self.memory = program, motions, deviation, memory
         held = program.target.held
         columns = [(m.low, m.high, m.move, m.farthest, max(m.high - m.low, m.move), m.longest_rest / m.step, m.spread)
                    for m in motions]  # fmt: skip
@@ -86,8 +87,7 @@ class Guard:
         kept = [Member("number", name, len(self.motions), said) for name, said in _KEPT.items() if self.motions]
         flags = [
             Member("uint32", "apart", None, "1 while doubtful inputs make a difference"),
-            Member("uint32", "open", None, "1 while that is doubted"),
-            Member("uint32", "quiet", None, "samples in a row without one"),
+            Member("number", "quiet", None, "usual steps for which they have agreed"),
         ]
         return [*kept, *flags]
 
@@ -100,7 +100,7 @@ class Guard:
         """Statements of `init` that the gates need."""
         n = len(self.motions)
         zero: list[Statement] = [Loop(n, [Assign(Kept(name)[TURN], Number(0.0)) for name in _KEPT])] if n else []
-        return [*zero, *(Assign(place, Whole(0)) for place in (_APART, _OPEN, _QUIET))]
+        return [*zero, Assign(_APART, Whole(0)), Assign(_QUIET, Number(0.0))]
 
     def updating(self) -> list[list[Statement]]:
         """Statements of `update`, in sections: inputs, gates, courses."""
@@ -112,7 +112,7 @@ class Guard:
         if not self.motions:
             return [take, [Follow("result", "now", "given"), Finish()]]
         take.append(Declare("other", n))
-        for variable in (_JUMPED, _DOUBTED, _BELIEVED):
+        for variable in (_JUMPED, _DOUBTED):
             take += [Declare(variable.name), Assign(variable, Number(0.0))]
         gate: Statement = Loop(n, self._gate())
         if not program.target.fixed:
@@ -125,10 +125,11 @@ class Guard:
 
     def _gate(self) -> list[Statement]:
         """What happens to one input; where it is missing, the twin wanders off."""
+        doubted = [Assign(_DOUBTED, Number(1.0)), Assign(Kept("stands")[TURN], Number(DOUBTED))]
         k = {name: Kept(name)[TURN] for name in _KEPT}
         c = {name: table[TURN] for name, table in self.tables.items()}
         value, other, target = _GIVEN[TURN], _OTHER[TURN], self.program.target
-        step: Formula = _STEP if target.period is None else Number(target.period / self.motions[0].step)
+        step = self._step()
         last, reach, away = map(Variable, ("last", "reach", "away"))
         none, one = Number(0.0), Number(1.0)
         first: Formula = binary(k["known"], "==", none)
@@ -142,7 +143,7 @@ class Guard:
             If(
                 k["rest"] > c["longest_rest"],
                 [If(binary(value, "!=", c["low"]), [If(binary(value, "!=", c["high"]), [
-                    Assign(other, value + outward), Assign(_DOUBTED, one)])])],
+                    Assign(other, value + outward), *doubted])])],
             )
         ]  # fmt: skip
         near_it = Choice(
@@ -152,16 +153,17 @@ class Guard:
         believe: list[Statement] = [
             If(
                 binary(k["doubt"], "!=", none),
-                [If(k["age"] > Number(BELIEVED), [Assign(k["doubt"], none), Assign(_BELIEVED, one)],
+                [If(k["age"] > Number(BELIEVED),
+                    [Assign(k["doubt"], none), Assign(k["stands"], Number(BELIEVED_AGAIN))],
                     If(back, [Assign(k["doubt"], none)]))],
             ),
             If(binary(value, "!=", k["last"]), [Assign(k["rest"], none)]),
             Assign(k["last"], value), Assign(k["known"], one), Assign(k["passed"], none), Assign(k["odd"], none),
-            If(binary(k["doubt"], "!=", none), [Assign(other, k["level"]), Assign(_DOUBTED, one)], stands),
+            If(binary(k["doubt"], "!=", none), [Assign(other, k["level"]), *doubted], stands),
         ]  # fmt: skip
         hold: list[Statement] = [
             Assign(k["odd"], away), Assign(value, last),
-            Assign(_HELD, one), Assign(_JUMPED, one), Assign(_DOUBTED, one),
+            Assign(_HELD, one), Assign(_JUMPED, one), *doubted,
             Assign(other, Choice(away > none, last + c["farthest"], last - c["farthest"])),
         ]  # fmt: skip
         doubt: list[Statement] = [
@@ -173,7 +175,7 @@ class Guard:
             Local("wandered", c["farthest"] * k["passed"]),
             Local("far", Choice(Variable("wandered") < c["spread"], Variable("wandered"), c["spread"])),
             Assign(other, k["last"] + Choice(k["last"] + k["last"] > c["low"] + c["high"], far, -far)),
-            Assign(_DOUBTED, one),
+            *doubted,
         ]
         judged: list[Statement] = [
             Local("first_value", first, "truth"),
@@ -193,23 +195,38 @@ class Guard:
             If(Call("is_within", (value, Largest("number"))), judged, [If(binary(k["known"], "!=", none), lost)]),
         ]  # fmt: skip
 
+    def _step(self) -> Formula:
+        """The step of an update, in usual ones."""
+        period = self.program.target.period
+        return _STEP if period is None else Number(period / self.motions[0].step)
+
     def _courses(self) -> list[Statement]:
-        """Follow the course of the inputs, and the other one while they are apart."""
+        """Follow the course of the inputs, and the other one while they are apart: `records.gate.Doubt`."""
         difference = Bias("result") - Bias("other_result")
         small = Call("is_within", (difference, Number(AGREES * self.deviation)))
         large = Unary("not", Call("is_within", (difference, Number(self.deviation))))
-        none = Number(0.0)
-        doubted, calm = binary(_DOUBTED, "!=", none), binary(_DOUBTED, "==", none)
+        none, one, n = Number(0.0), Number(1.0), len(self.motions)
+        doubted = binary(_DOUBTED, "!=", none)
+        is_open, is_believed, stands = Variable("is_open"), Variable("is_believed"), Kept("stands")[TURN]
+        asked = Loop(
+            n,
+            [
+                If(binary(stands, "==", Number(DOUBTED)), [Assign(is_open, one)]),
+                If(binary(stands, "==", Number(BELIEVED_AGAIN)), [Assign(is_believed, one)]),
+            ],
+        )
+        counts = binary(binary(is_open, "!=", none), "or", binary(is_believed, "==", none))
+        ended = [Assign(_APART, Whole(0)), Loop(n, [Assign(stands, Number(AGREED))])]
         return [
-            If(doubted, [If(binary(_APART, "==", Whole(0)), [Fork(), Assign(_APART, Whole(1))]),
-                         Assign(_OPEN, Whole(1)), Assign(_QUIET, Whole(0))],
-               If(binary(_BELIEVED, "!=", none), [Assign(_OPEN, Whole(0))])),
+            If(doubted, [If(binary(_APART, "==", Whole(0)), [Fork(), Assign(_APART, Whole(1))])]),
             Follow("result", "now", "given"),
             If(binary(_APART, "!=", Whole(0)), [
                 Follow("other_result", "twin", "other"),
-                If(binary(_OPEN, "!=", Whole(0)), [If(large, [Raise("DOUBTFUL")])]),
-                If(small, [If(calm, [Assign(_QUIET, Whole(1), "+")])], [Assign(_QUIET, Whole(0))]),
-                If(Whole(QUIET) < _QUIET, [Assign(_APART, Whole(0))]),
+                Declare("is_open"), Assign(is_open, none), Declare("is_believed"), Assign(is_believed, none),
+                asked, If(counts, [If(large, [Raise("DOUBTFUL")])]),
+                Assign(_QUIET, self._step(), "+"),
+                If(binary(doubted, "or", Unary("not", small)), [Assign(_QUIET, none)]),
+                If(binary(_QUIET, ">", Number(self.memory / self.motions[0].step)), ended),
             ]),
             If(binary(_JUMPED, "!=", none), [Raise("JUMP")]),
             Finish(),

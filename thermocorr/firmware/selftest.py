@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..records.gate import Gate, doubted_rows
+from ..records.gate import Doubt, Gate
 from .finished import Firmware
 from .target import Target
 
@@ -152,14 +152,18 @@ class Courses(NamedTuple):
     twin: tuple[np.ndarray, dict[Any, np.ndarray]]
     """With other values in the place of doubtful ones."""
     held: np.ndarray
-    is_open: np.ndarray
+    doubted: np.ndarray
+    """Whether each input has a twin, shape (SAMPLES, inputs)."""
+    believed: np.ndarray
+    """Whether the doubt of each ends, shape (SAMPLES, inputs)."""
 
 
 def courses(firmware: Firmware, given: Inputs) -> Courses:
     """Judge the inputs as `update` does."""
     target, times = firmware.target, np.cumsum(given.steps)
     max_gap = np.inf if target.longest_step is None else target.longest_step
-    held, doubted, believed = np.zeros((3, SAMPLES), bool)
+    held = np.zeros(SAMPLES, bool)
+    doubted, believed = np.zeros((2, SAMPLES, len(firmware.guard.motions)), bool)
     values = [given.temperature, *given.columns.values()]
     now, twin = [column.copy() for column in values], [column.copy() for column in values]
     for number, motion in enumerate(firmware.guard.motions):
@@ -169,9 +173,8 @@ def courses(firmware: Firmware, given: Inputs) -> Courses:
             continue
         now[number][rows], known = said.value, np.isfinite(said.twin)
         twin[number][rows] = np.where(known, said.twin, said.value)
-        held[rows], doubted[rows], believed[rows] = (
-            one[rows] | other for one, other in ((held, said.held), (doubted, known), (believed, said.believed))
-        )
+        held[rows] |= said.held
+        doubted[rows, number], believed[rows, number] = known, said.believed
     lost = set(np.flatnonzero(now[0] != values[0]).tolist())  # rows in which the temperature is held back
     for row in MISSING:  # the last good one stands in, and the twin wanders off
         now[0][row] = twin[0][row] = now[0][row - 1]
@@ -179,12 +182,12 @@ def courses(firmware: Firmware, given: Inputs) -> Courses:
             gone = times[row] - times[max(set(range(row)) - set(MISSING) - lost)]
             far = min(motion.farthest * gone / motion.step, motion.spread)
             twin[0][row] += far if 2 * now[0][row] > motion.low + motion.high else -far
-            doubted[row] = True
+            doubted[row, 0] = True
     pairs = [(course[0], dict(zip(given.columns, course[1:], strict=True))) for course in (now, twin)]
-    return Courses(pairs[0], pairs[1], held, doubted_rows(doubted, believed, True)[0])
+    return Courses(pairs[0], pairs[1], held, doubted, believed)
 
 
-def expected_flags(firmware: Firmware, given: Inputs, judged: Courses, apart: np.ndarray, washout: float) -> np.ndarray:
+def expected_flags(firmware: Firmware, given: Inputs, judged: Courses, apart: np.ndarray) -> np.ndarray:
     """Flags of each sample, by their names' bits; `apart` is the difference of the two courses' biases."""
     bits = {name: bit for name, bit, _ in firmware.flags()}
     low, high = (firmware.target.held(value) for value in firmware.limits)
@@ -192,11 +195,13 @@ def expected_flags(firmware: Firmware, given: Inputs, judged: Courses, apart: np
     flags = np.where((low > T) | (high < T), bits["OUTSIDE_RANGE"], 0)
     flags[list(MISSING)] |= bits["NO_TEMPERATURE"]
     if firmware.guard.motions:
+        guard, times = firmware.guard, np.cumsum(given.steps)
+        doubt = Doubt(len(guard.motions), guard.deviation, guard.memory)
         flags[judged.held] |= bits["JUMP"]
-        flags[judged.is_open & (np.abs(apart) > firmware.guard.deviation)] |= bits["DOUBTFUL"]
+        flags[doubt.rows(judged.doubted, judged.believed, apart, times) > guard.deviation] |= bits["DOUBTFUL"]
     if "WASHOUT" in bits and not firmware.target.continues:
         elapsed = np.cumsum(given.steps) - given.steps[0]
-        flags[elapsed < washout] |= bits["WASHOUT"]
+        flags[elapsed < firmware.guard.memory] |= bits["WASHOUT"]
     return flags
 
 

@@ -11,12 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..effects.signals import DelayState
 from ..effects.stream import Sample, Walked, needed_columns, states_before, stepper_of, walk
 from ..estimators import DynamicBiasRegressor
 from ..estimators.input_errors import Felt
 from ..records import Record, Segment, SegmentStart
-from ..records.gate import EMPTY, JUMP, Gate, doubted_rows
+from ..records.gate import EMPTY, JUMP, Doubt, Gate
 from ..records.read import GAP_STEPS
 from ..records.segments import Flags
 from .clock import Clock
@@ -33,9 +32,7 @@ REASONS = (
 SUSPECT, JUMPED, NO_READING, WASHOUT, DOUBTFUL, BEHIND, FILLED, OUTSIDE, GAP = (1 << bit for bit in range(len(REASONS)))
 FLAGS = tuple(tuple(r for bit, r in enumerate(REASONS) if mask >> bit & 1) for mask in range(1 << len(REASONS)))
 BACKWARD, STALE = ("backward time",), ("stale time",)
-NO_TWINS: dict[Any, float] = {}
-AGREES = 1e-6
-"""Two courses of the inputs agree that differ by less than this share of the residuals' deviation."""
+NONE: dict[Any, Any] = {}
 
 
 class Advanced(NamedTuple):
@@ -89,6 +86,7 @@ class Stream:
             for column, motion in motions.items()
             if motion is not None
         ]
+        self._doubts = Doubt(len(self._gates), self._deviation, self._washout)
         self.gap = GAP_STEPS * history.usual_step if history.max_gap is None else history.max_gap
         self.reset()
 
@@ -119,7 +117,7 @@ class Stream:
             behind_gap=self.gap_error.plain(self._behind_gap),
             gates=tuple(gate.state() for *_, gate in self._gates),
             gated=self._gated,
-            doubted=self._doubted,
+            doubts=self._doubts.state() if is_open and self._has_twin else None,
             twin=tuple(stepper.state() for stepper in self._others) if is_open and self._has_twin else None,
         )
 
@@ -133,7 +131,8 @@ class Stream:
         self._behind_gap: Felt = self.gap_error.taken_up(state.behind_gap)
         for (*_, gate), known in zip(self._gates, state.gates or [EMPTY] * len(self._gates), strict=True):
             gate.put(known)
-        self._gated, self._doubted, self._has_twin = state.gated, state.doubted, state.twin is not None
+        self._gated, self._has_twin = state.gated, state.twin is not None
+        self._doubts.put(state.doubts)
         if state.open:
             self._take_up(state.key, state.segment_zero, state.states)
             for stepper, known in zip(self._others, state.twin or (), strict=False):
@@ -175,6 +174,7 @@ class Stream:
             sample.begins, sample.step = False, step
         else:
             self._behind_gap, self._has_twin = (), False
+            self._doubts.put()
             since = self._begin(stamp, run, values)
             step = since if step == math.inf else step
         unknown = 0.0
@@ -191,7 +191,7 @@ class Stream:
         doubt = 0.0
         row, bias = self._stepped(self._steps, values)
         if self._has_twin:
-            doubt = self._doubt(row, bias, {**values, **twins}, bool(twins), believed)
+            doubt = self._doubt(bias, {**values, **twins}, twins, believed, seconds)
         mask = (0 if known else NO_READING) | (JUMPED if held else 0)
         if sample.key is None and elapsed < self._washout:
             mask |= WASHOUT
@@ -220,18 +220,19 @@ class Stream:
 
     def _judged(
         self, values: dict[Any, float], seconds: float, run: Any, filled: int
-    ) -> tuple[dict[Any, float], dict[Any, float], bool, bool]:
-        """Inputs as they are taken, twins of doubted ones; whether one is held back, and believed after all."""
+    ) -> tuple[dict[Any, float], dict[Any, float], bool, dict[Any, bool]]:
+        """Inputs as they are taken, twins of doubted ones, whether one is held back, and which are believed again."""
         if run != self._gated:
             self._forget_inputs(run)
-        twins, held, believed = NO_TWINS, False, False
+        twins, held, believed = NONE, False, NONE
         for column, bit, gate in self._gates:
             if filled & bit or (said := gate.one(values[column], seconds)) is None:
                 continue
-            held, believed = held or said.held, believed or said.believed
-            values = {**values, column: said.value}
+            held, values = held or said.held, {**values, column: said.value}
             if said.twin == said.twin:
                 twins = {**twins, column: said.twin}
+            if said.believed:
+                believed = {**believed, column: True}
         return values, twins, held, believed
 
     def _forget_inputs(self, run: Any) -> None:
@@ -250,16 +251,13 @@ class Stream:
         except (ArithmeticError, ValueError):
             return row, math.nan
 
-    def _doubt(self, row: list[float], bias: float, others: dict[Any, float], doubted: bool, believed: bool) -> float:
-        """What doubtful inputs may have added to the bias; 0 once they are believed."""
-        if doubted or believed:
-            self._doubted = doubted
-        other, found = self._stepped(self._other_steps, others)
-        doubt = abs(bias - found)
-        if not doubted and len(row) == len(other):
-            apart = sum(abs(w * (a - b)) for w, a, b in zip(self._weights, row, other, strict=True))
-            self._has_twin = not (apart <= AGREES * self._deviation and self._lines_agree())
-        return 0.0 if not self._doubted else doubt if doubt == doubt else math.inf
+    def _doubt(self, bias: float, others: dict[Any, float], twins: Any, believed: Any, seconds: float) -> float:
+        """What doubtful inputs may have added to the bias."""
+        _, found = self._stepped(self._other_steps, others)
+        doubted, sure = (np.array([[column in each for column, *_ in self._gates]]) for each in (twins, believed))
+        doubt = self._doubts.rows(doubted, sure, np.array([bias - found]), np.array([seconds]))
+        self._has_twin = not self._doubts.over()
+        return float(doubt[0])
 
     def _settle(self, elapsed: float) -> None:
         """Leave out effects that have nothing more to say in this segment: start-up decays that are over."""
@@ -330,7 +328,7 @@ class Stream:
         self._n_ended = int(felt[rows[-1], 2])
         self.last, self._run = here[-1].item(), run
         record, starts, states = self._record(here, steps, values, fresh, run)
-        twins, believed = {name: column[kept] for name, column in twins.items()}, believed[kept]
+        twins, believed = ({name: column[kept] for name, column in each.items()} for each in (twins, believed))
         others = (
             self._other_record(record, states, twins, bool(fresh[0]))
             if twins or (self._has_twin and not fresh[0])
@@ -344,7 +342,12 @@ class Stream:
                 yield step
 
         measured, behind = reading[kept], {} if fresh[0] else {0: self._behind_gap}
-        doubted = np.logical_or.reduce([np.zeros(len(here), bool), *(np.isfinite(twin) for twin in twins.values())])
+        doubted, sure = np.zeros((2, len(here), len(self._gates)), bool)
+        for number, (column, *_) in enumerate(self._gates):
+            if column in twins:
+                doubted[:, number] = np.isfinite(twins[column])
+            if column in believed:
+                sure[:, number] = believed[column]
         with np.errstate(over="ignore", invalid="ignore"):  # powers of a temperature far outside: a flag says it
             other_blocks = None if others is None else self.model.weighed(noted(1, *others))
             for block, parts in self.model.weighed(noted(0, record, states)):
@@ -354,9 +357,10 @@ class Stream:
                 flags[held[into]] = JUMP
                 doubt = np.zeros(len(bias))
                 if other_blocks is not None:
-                    doubt = np.abs(bias - self.model.removed_part(next(other_blocks)[1]))
-                    is_open, self._doubted = doubted_rows(doubted[block.rows], believed[block.rows], self._doubted)
-                    doubt = np.where(is_open, np.where(np.isnan(doubt), np.inf, doubt), 0.0)
+                    if fresh[block.start] and block.start == record.segments[block.segment].start:
+                        self._doubts.put()
+                    difference = bias - self.model.removed_part(next(other_blocks)[1])
+                    doubt = self._doubts.rows(doubted[block.rows], sure[block.rows], difference, block.seconds)
                 self.model.mark_doubt(flags, np.hypot(doubt, felt[into, 0]), felt[into, 1] > 0)
                 unknown = self.gap_error.of_block(block, behind)
                 self.model.mark_behind_gaps(flags, unknown)
@@ -377,17 +381,18 @@ class Stream:
         end = walked[0][0]
         self._open, self._until, self._behind_gap = True, -math.inf, behind[end.block.segment]
         self._take_up(end.block.segment_key, end.block.segment_zero, end.states)
-        self._has_twin = others is not None and (bool(doubted[-1]) or self._is_apart(end, walked[1][0]))
+        self._has_twin = others is not None and not self._doubts.over()
         for stepper, known in zip(self._others, walked[1][0].states if self._has_twin else (), strict=False):
             stepper.start(known)
         return out
 
     def _judged_rows(
         self, rows: np.ndarray, stamps: np.ndarray, run: Any, values: dict[Any, np.ndarray], filled: np.ndarray
-    ) -> tuple[dict[Any, np.ndarray], dict[Any, np.ndarray], np.ndarray, np.ndarray]:
+    ) -> tuple[dict[Any, np.ndarray], dict[Any, np.ndarray], np.ndarray, dict[Any, np.ndarray]]:
         """`_judged` of some of many rows."""
         twins: dict[Any, np.ndarray] = {}
-        values, (held, believed) = dict(values), np.zeros((2, len(stamps)), bool)
+        believed: dict[Any, np.ndarray] = {}
+        values, held = dict(values), np.zeros(len(stamps), bool)
         if len(rows) and run != self._gated:
             self._forget_inputs(run)
         every = rows
@@ -398,12 +403,13 @@ class Stream:
             if said is None:
                 continue
             held[rows] |= said.held
-            believed[rows] |= said.believed
             values[column] = values[column].copy()
             values[column][rows] = said.value
             doubted = np.isfinite(said.twin)
             if doubted.any():
                 twins.setdefault(column, np.full(len(stamps), np.nan))[rows[doubted]] = said.twin[doubted]
+            if said.believed.any():
+                believed.setdefault(column, np.zeros(len(stamps), bool))[rows] |= said.believed
         return values, twins, held, believed
 
     def _other_record(
@@ -414,16 +420,6 @@ class Stream:
         if self._has_twin and not fresh:
             states = {**states, 0: [stepper.state() for stepper in self._others]}
         return replace(record, columns={**record.columns, **columns}), states
-
-    def _is_apart(self, one: Walked, other: Walked) -> bool:
-        """Whether the last rows of two walks still differ."""
-        weights = np.concatenate([np.asarray(each, float) for each in self._coefficients])
-        apart = np.abs(weights * (one.columns[-1] - other.columns[-1])).sum()
-        return not (apart <= AGREES * self._deviation and _agree(one.states, other.states))
-
-    def _lines_agree(self) -> bool:
-        """Whether the delay lines of the two courses hold the same."""
-        return _agree(*([stepper.state() for stepper in each] for each in (self._steppers, self._others)))
 
     def next_doubt(self, stamps: np.ndarray, run: Any) -> int:
         """Number of the first row after a gap whose time the next row does not confirm, by a later one.
@@ -472,12 +468,3 @@ class AdvancedBlock(NamedTuple):
     def empty(cls, n: int) -> AdvancedBlock:
         """No biases and no flags yet."""
         return cls(np.full(n, np.nan), Flags(n), np.full((2, n), np.nan))
-
-
-def _agree(one: Any, other: Any) -> bool:
-    """Whether states hold the same in their delay lines: what is in these now comes out later."""
-    if isinstance(one, DelayState) and isinstance(other, DelayState):
-        return np.array_equal(one.temperature, other.temperature)
-    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
-        return len(one) == len(other) and all(map(_agree, one, other))
-    return True

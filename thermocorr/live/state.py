@@ -25,7 +25,7 @@ from ..files.codec import (
 )
 from ..files.effect_nodes import EffectCodec, check_state
 from ..files.error_nodes import numbers_or_nan
-from ..records.gate import EMPTY
+from ..records.gate import AGREED, BELIEVED_AGAIN, EMPTY
 from ..records.grammar import LARGEST
 from .filled import LiveErrors, LiveFilling, Numbers
 
@@ -68,8 +68,8 @@ class StreamState:
     """What the gate of each input remembers."""
     gated: Any = None
     """Label of the run that the gates judge."""
-    doubted: bool = True
-    """Whether what the twin differs by is doubted; False where the inputs have been believed."""
+    doubts: tuple[tuple[int, ...], float] | None = None
+    """How each input stands, and when the two courses were apart last [s]; None where there is one course."""
     twin: tuple[Any, ...] | None = None
     """States of the effects with other values in the place of those that were doubted; None where they agree."""
     averaged: tuple[float, ...] = ()
@@ -171,7 +171,7 @@ def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
         "behind_gap": [None if each is None else list(each) for each in state.behind_gap],
         "gates": [[None if math.isnan(value) else value for value in each] for each in state.gates],
         "gated": pack(state.gated, "the label of the run"),
-        "doubted": state.doubted,
+        "doubts": None if state.doubts is None else [*state.doubts[0], state.doubts[1]],
         "twin": None if state.twin is None else _packed_states(state.twin, effects),
         "averaged": list(state.averaged),
         "tracked": None if state.tracked is None else list(state.tracked),
@@ -229,7 +229,7 @@ def _unpacked(
         behind_gap=_behind_gap(node["behind_gap"], f"{where}.behind_gap", model),
         gates=_gates(node["gates"], f"{where}.gates", model),
         gated=label(unpack(node["gated"], f"{where}.gated"), f"{where}.gated"),
-        doubted=_truth(node, where, "doubted"),
+        doubts=None if twin is None else _doubts(node["doubts"], f"{where}.doubts", model),
         twin=twin,
         averaged=tuple(_corrected(value, f"{where}.averaged[{i}]") for i, value in enumerate(averaged)),
         tracked=_tracked(node["tracked"], f"{where}.tracked", settings),
@@ -247,13 +247,23 @@ def _filling(node: Any, where: str, model: DynamicBiasRegressor) -> Numbers:
     return tuple(tuple(numbers_or_nan(each, f"{where}[{i}]", width)) for i, (each, width) in pairs)
 
 
+def _inputs(model: DynamicBiasRegressor) -> int:
+    """How many inputs have a gate."""
+    screen = model.features_.history_.screen
+    return 0 if screen is None else sum(one.motion is not None for one in screen.inputs.values())
+
+
+def _doubts(node: Any, where: str, model: DynamicBiasRegressor) -> tuple[tuple[int, ...], float]:
+    *stands, apart = items(node, where, _inputs(model) + 1)
+    found = tuple(integer(value, f"{where}[{i}]", AGREED, BELIEVED_AGAIN) for i, value in enumerate(stands))
+    return found, number(apart, f"{where}[{len(stands)}]", -LARGEST, LARGEST)
+
+
 def _gates(node: Any, where: str, model: DynamicBiasRegressor) -> Numbers:
     if node == []:
         return ()
-    screen = model.features_.history_.screen
-    inputs = [] if screen is None else [one for one in screen.inputs.values() if one.motion is not None]
     found = []
-    for i, each in enumerate(items(node, where, len(inputs))):
+    for i, each in enumerate(items(node, where, _inputs(model))):
         found.append(tuple(numbers_or_nan(each, f"{where}[{i}]", len(EMPTY))))
         if found[-1][EMPTY_ODD] != found[-1][EMPTY_ODD]:
             raise unexpected(f"{where}[{i}][{EMPTY_ODD}]", "null", "a number")

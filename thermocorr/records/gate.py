@@ -36,6 +36,10 @@ MOST_JUMPS, APART, LOUD = 10, 3.0, 5.0
 of the farthest move over the rms one, below which none is looked for."""
 FEW = 3.0
 """Usual steps that an input may stand still in any case."""
+AGREES = 1e-6
+"""Two courses of the inputs agree that differ by less than this share of the residuals' deviation."""
+AGREED, DOUBTED, BELIEVED_AGAIN = range(3)
+"""How an input stands while there are two courses."""
 CHUNK = 1 << 16
 NAN = math.nan
 
@@ -276,14 +280,47 @@ EMPTY = (NAN, NAN, NAN, 0.0, NAN, NAN, NAN)
 """What a `Gate` remembers before the first value."""
 
 
-def doubted_rows(
-    doubted: NDArray[np.bool_], believed: NDArray[np.bool_], is_open: bool
-) -> tuple[NDArray[np.bool_], bool]:
-    """In which of consecutive rows a doubt is open, and whether it is after them.
+class Doubt:
+    """Which inputs are doubted from row to row, while a model goes on with two courses of them.
 
-    From a row with a twin in one of the inputs (`doubted`) until one with which an input is `believed`. So it is before
-    all of them: effects that look ahead feel a doubt early.
+    An input is doubted from a row in which it has a twin until it is believed, or until the two courses are one again:
+    they have agreed for as long as the effects remember. So a belief ends the doubt of its own input alone.
+
+    `inputs` (int): How many there are. `deviation` (float): Standard deviation of the residuals. `memory` (float): How
+    long the effects remember [s].
     """
-    last = np.maximum.accumulate(np.where(doubted | believed, np.arange(len(doubted)), -1))
-    found = np.where(last >= 0, doubted[last], is_open)
-    return found, bool(found[-1])
+
+    def __init__(self, inputs: int, deviation: float, memory: float):
+        self.inputs, self.agrees, self.memory = inputs, AGREES * deviation, memory
+        self.put()
+
+    def put(self, state: tuple[tuple[int, ...], float] | None = None) -> None:
+        """Go on where `state` was taken; with one course for None."""
+        self.stands, self.apart = state or ((AGREED,) * self.inputs, -math.inf)
+
+    def state(self) -> tuple[tuple[int, ...], float]:
+        """How each input stands, and when the two courses were apart last [s]."""
+        return self.stands, self.apart
+
+    def rows(self, doubted: Any, believed: Any, difference: Floats, seconds: Floats) -> Floats:
+        """What doubtful inputs may have added to the bias in consecutive rows, shape (n,).
+
+        `doubted`, `believed` (array of bool, shape (n, inputs)): Whether each input has a twin, and whether its doubt
+        ends. `difference` (array, shape (n,)): Of the biases of the two courses. `seconds` (array, shape (n,)): Times.
+        """
+        found = np.abs(difference)
+        found[np.isnan(found)] = np.inf
+        k = np.arange(len(found))
+        apart = np.maximum.accumulate(np.where((found > self.agrees) | doubted.any(axis=1), k, -1))
+        apart_at = np.where(apart >= 0, seconds[apart], self.apart)
+        agreed = (seconds - apart_at > self.memory)[:, np.newaxis]
+        events = np.select([doubted, agreed, believed], [DOUBTED, AGREED, BELIEVED_AGAIN], -1)
+        last = np.maximum.accumulate(np.where(events >= 0, k[:, np.newaxis], -1), axis=0)
+        stands = np.where(last >= 0, np.take_along_axis(events, last, 0), self.stands)
+        self.stands, self.apart = tuple(stands[-1].tolist()), float(apart_at[-1])
+        counts = (stands == DOUBTED).any(axis=1) | ~(stands == BELIEVED_AGAIN).any(axis=1)  # so before all of them
+        return np.where(counts, found, 0.0)
+
+    def over(self) -> bool:
+        """Whether the two courses are one again."""
+        return self.stands == (AGREED,) * self.inputs

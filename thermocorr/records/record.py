@@ -175,8 +175,8 @@ class Record:
     """Rows in which an input is held back: the last value that was believed stands there; None for none."""
     twins: Mapping[object, Floats] = field(default_factory=dict, repr=False)
     """What might stand in a column for values that are held back or doubted, NaN for others, shape (n_rows,)."""
-    believed: NDArray[np.bool_] | None = field(default=None, repr=False)
-    """Rows with which a doubt ends because the input has stayed away, shape (n_rows,); None for none."""
+    believed: Mapping[object, NDArray[np.bool_]] = field(default_factory=dict, repr=False)
+    """Rows with which the doubt of a column ends because it has stayed away, shape (n_rows,)."""
     doubt: Floats | None = field(default=None, repr=False)
     """What the twins move the bias of a model by in each row, shape (n_rows,); None without twins."""
     gap_variance: Floats | None = field(default=None, repr=False)

@@ -209,15 +209,14 @@ class Screen:
 
     def gated(self, record: Record, zero: float, max_gap: float | None) -> Record:
         """The record with what stands for inputs that are held back, and the twins of those that are doubted."""
-        columns, twins = dict(record.columns), dict(record.twins)
-        held, believed = (np.zeros(record.n_rows, bool) for _ in range(2))
+        columns, twins, believed = dict(record.columns), dict(record.twins), dict(record.believed)
+        held = np.zeros(record.n_rows, bool)
         for column, gate, rows in self._chunks_of_inputs(record, max_gap):
             values = np.asarray(record.columns[column][rows], float)
             found = gate.many(values, record.times.seconds(rows, zero))
             if found is None:
                 continue
             held[rows] |= found.held
-            believed[rows] |= found.believed
             if found.held.any():
                 if columns[column] is record.columns[column]:
                     columns[column] = np.array(record.columns[column][:], float)
@@ -225,6 +224,8 @@ class Screen:
             if not np.isnan(found.twin).all():
                 twin = twins.setdefault(column, np.full(record.n_rows, np.nan))
                 twin[rows] = np.where(np.isnan(found.twin), twin[rows], found.twin)
+            if found.believed.any():
+                believed.setdefault(column, np.zeros(record.n_rows, bool))[rows] |= found.believed
         if not (held.any() or twins):
             return record
         return replace(record, columns=columns, known_moments={}, held=held, twins=twins, believed=believed)
