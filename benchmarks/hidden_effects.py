@@ -94,7 +94,7 @@ def judge(kind: str, setting: str, seed: int, strength: float) -> dict[str, Any]
     modelled = case.model.predict(case.X)
     absorbed = bool(np.sqrt(np.mean((modelled - case.truth["noise_free"]) ** 2)) < 0.15 * NOISE)
     first = found.ranking.iloc[0]
-    accused = found.verdict in ("missing", "ambiguous")
+    accused = bool(found.causes or found.small)
     suspects = [label(first.kind, first.column), *first.confusable_with]
     true = case.labels[0] if case.labels else ""
     right = accused and suspects[0] == true

@@ -162,8 +162,9 @@ def judged(case: Planted) -> dict[str, Any]:
     model = DynamicBiasRegressor(case.temperature).fit(case.X, case.y)
     began = time.process_time()
     found = diagnose(model, case.X, case.y)
-    causes = [name_of(cause.effect) for cause in found.causes]
-    sets = causes + [name_of(effect) for cause in found.causes for effect in cause.confusable_with]
+    named = (*found.causes, *found.small)
+    causes = [name_of(cause.effect) for cause in named]
+    sets = causes + [name_of(effect) for cause in named for effect in cause.confusable_with]
     own = case.label.partition(":")[2]
     return {
         "record": case.name,

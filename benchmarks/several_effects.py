@@ -64,7 +64,7 @@ def judge(setting: str, seed: int, n: int, strength: float, refined: bool) -> di
         return None
     shown = [name for name, gain in zip(case.labels, gains(case, kinds), strict=True) if gain >= SHOWN]
     found = diagnose(case.model, case.X, case.y)
-    sets = [set(map(name_of, (cause.effect, *cause.confusable_with))) for cause in found.causes]
+    sets = [set(map(name_of, (cause.effect, *cause.confusable_with))) for cause in (*found.causes, *found.small)]
     named = set().union(*sets) if sets else set()
     late = [name for name in named & set(case.labels) if name.startswith("lagged_covariate:")]
     named |= {name.removeprefix("lagged_") for name in late}

@@ -181,18 +181,19 @@ def odd_thermometer(kind: str, setting: str, seed: int, knee: bool) -> Answers |
         return None
     seen = ODD[kind](record["temperature"].to_numpy(), step, np.random.default_rng([seed, 3]))
     X, y = record.drop(columns="reading").assign(temperature=seen), record["reading"]
-    kinds = [cause.effect.kind for cause in diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y).causes]
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
     if knee:
+        kinds = [cause.effect.kind for cause in (*found.causes, *found.small)]
         return {"true knee found, odd thermometer": "hinge" in kinds}
-    return {"false cause, odd thermometer": any(named not in TRUE for named in kinds)}
+    return {"false cause, odd thermometer": any(cause.effect.kind not in TRUE for cause in found.causes)}
 
 
 def slow_log(room: str, seed: int, step: float, knee: bool) -> Answers:
     X, y = slow_logs.simulated(room, seed, step, 3000, "knee" if knee else "")
-    causes = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y).causes
+    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
     if knee:
-        return {"true knee found, slow log": any(cause.effect.kind == "hinge" for cause in causes)}
-    return {"false cause, slow log": bool(causes)}
+        return {"true knee found, slow log": "hinge" in [cause.effect.kind for cause in (*found.causes, *found.small)]}
+    return {"false cause, slow log": bool(found.causes)}
 
 
 def odd_jobs(first: int, quick: bool) -> Iterator[Job]:

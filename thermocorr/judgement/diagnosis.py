@@ -24,17 +24,15 @@ from ..records.numbers import is_frame
 from ..records.record_log import as_data
 from .anywhere import DATED
 from .candidates import as_fitted, candidates_of, given_effects, record_of, suspect_record
-from .causes import Search
-from .choice import Cause, Tried, first_of_each
-from .copies import is_between_rows
-from .family import ANYWHERE
+from .family import ANYWHERE, Tried
 from .found import Diagnosis, FoundSuspect, Interval, as_one, intervals
-from .lacking import lacking, start_lacking
 from .left import what_is_left
-from .levels import GAIN, RANKED
+from .levels import RANKED
 from .pool import Pool
 from .residual import ThermalBase, beyond_judgement, felt_in_gaps, quiet_share, residuals_of
+from .search import Search, Term
 from .where import where_it_fails
+from .worth import Cause, by_worth, is_between_rows
 
 
 def diagnose(
@@ -95,23 +93,20 @@ def diagnose(
         candidates = candidates_of(record, (*exclude, *DATED), suspects)
         pool = Pool(model, record, base, candidates, felt_in_gaps(model, read, base.slowest))
         search = Search(pool, [kind for kind in ANYWHERE if kind not in exclude])
-        causes, last = search.causes()
-        missing = [cause for cause in map(_not_silently, causes) if not cause.tried.explanation.in_model]
+        search.run()
+        terms = search.terms()
+        missing = [term for term in map(_not_silently, terms) if not term.tried.explanation.in_model]
         missing, traces = _apart(missing, pool)
-        if not missing:
-            more = start_lacking(model, read, search, causes, exclude) or lacking(model, search, exclude)
-            missing, further = _apart(more, pool)
-            traces += further
-        missing.sort(key=_worth_to_the_user)
+        causes, small = by_worth(pool, missing, search)
         search.judged.let_go()
-        return _conclude(model, y, seen, read, search, missing, last, _as_likely_as_the_start(causes), traces)
+        return _conclude(model, y, seen, read, search, causes, small, _as_likely_as_the_start(terms), traces)
 
 
-def _apart(causes: Sequence[Cause], pool: Pool) -> tuple[list[Cause], list[Cause]]:
-    """Causes, and what is a trace of the temperature between its rows."""
-    told: dict[bool, list[Cause]] = {False: [], True: []}
-    for cause in causes:
-        told[is_between_rows(cause, pool)].append(cause)
+def _apart(terms: Sequence[Term], pool: Pool) -> tuple[list[Term], list[Term]]:
+    """Terms, and what is a trace of the temperature between its rows."""
+    told: dict[bool, list[Term]] = {False: [], True: []}
+    for term in terms:
+        told[is_between_rows(term, pool)].append(term)
     return told[False], told[True]
 
 
@@ -122,41 +117,46 @@ def _conclude(
     read: Record,
     search: Search,
     causes: Sequence[Cause],
-    last: Sequence[Tried],
+    small: Sequence[Cause],
     start_or: tuple[str, ...],
-    traces: Sequence[Cause],
+    traces: Sequence[Term],
 ) -> Diagnosis:
     """Verdict, causes and other suspects, and what is left."""
     residual, rms = residuals_of(model, read, search.pool.record)
-    doubts = [[tried for tried in last if tried.uneven], [tried for tried in last if tried.copied]]
-    labels = [[effect_text(tried.explanation.effect) for tried in first_of_each(doubt)] for doubt in doubts]
+    doubts = [[t for t in search.last if t.uneven], [t for t in search.last if t.copied]]
+    labels = [[effect_text(tried.explanation.effect) for tried in doubt] for doubt in doubts]
     share, apart = beyond_judgement(model, read)
     rest = replace(what_is_left(search, residual, *labels), unjudged=share, unjudged_rms=apart, start_or=start_or)
     if traces:
         put_down = tuple(dict.fromkeys(effect_text(cause.tried.explanation.effect) for cause in traces))
         rest = replace(rest, between_rows=put_down, swings=search.pool.between_rows.curve)
-    rounded = rest.rounding and not causes
+    named = [*causes, *small]
+    rounded = rest.rounding and not named
     floor = rms if search.pool.rows.exact or rounded else min(max(rest.floor, rest.rounding / np.sqrt(12)), rms)
-    moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, causes)]
+    terms = [cause.term for cause in named]
+    moments = [_dates(search.pool.record, ends) for ends in intervals(search.pool, search.judged, terms)]
     quiet = rms * quiet_share(residual, search.pool.record, [(loud.start, loud.end) for loud in rest.loud])
-    if not causes:  # what heavy tails add to the rms is no structure
+    if not named:  # what heavy tails add to the rms is no structure
         quiet /= max(rest.tails, 1.0)
-    found = as_one([_cause(cause, when) for cause, when in zip(causes, moments, strict=True)], search.pool.record)
-    named = {cause.tried.key for cause in causes}
-    others = causes[0].others if causes else last
-    listed = [t for t in first_of_each(others) if t.key not in named and not t.explanation.in_model]
+    shown = [_cause(cause, when) for cause, when in zip(named, moments, strict=True)]
+    found, slight = (as_one(part, search.pool.record) for part in (shown[: len(causes)], shown[len(causes) :]))
+    keys = {cause.term.tried.key for cause in named}
+    others = {t.key: t for t in reversed(search.last) if t.key not in keys and not t.explanation.in_model}
     grounds = Grounds(
         named=bool(found),
         ambiguous=bool(found and found[0].confusable_with),
         structure=rest.unknown,
         spoiled=bool(search.pool.record.refused) and not model.screen,
     )
-    ranked = [*found, *(_other(tried, search) for tried in listed[: RANKED - len(found)])]
+    ranked = [*found, *slight]
+    ranked += [_other(tried, search) for tried in sorted(others.values(), key=lambda t: -t.score)][
+        : max(RANKED - len(ranked), 0)
+    ]
     scales = Scales(search.pool.record.since_1970(), model.reading_.temperature_unit)
     ranked = [replace(suspect, title=_title(suspect.effect, scales)) for suspect in ranked]
     where, allan = where_it_fails(model, search.pool.record, residual, rms, floor)
     beside = dict.fromkeys(ranked[0].effect.inputs() if ranked else ())
-    shown = seen.columns if is_frame(seen) else range(np.shape(seen)[1])
+    columns = seen.columns if is_frame(seen) else range(np.shape(seen)[1])
     return Diagnosis(
         verdict=verdict_on(grounds).word,
         noise_floor=floor,
@@ -165,38 +165,32 @@ def _conclude(
         allan=allan,
         suspects=tuple(ranked),
         n_causes=len(found),
+        n_small=len(slight),
         left=rest,
         residual_rms=rms,
         unit=model.reading_.unit,
-        gather=lambda: PageData.of(model, seen, y, beside=tuple(n for n in beside if n in shown)),
+        gather=lambda: PageData.of(model, seen, y, beside=tuple(n for n in beside if n in columns)),
     )
 
 
-def _not_silently(cause: Cause) -> Cause:
+def _not_silently(term: Term) -> Term:
     """A slow lag of the model as what it cannot be told from, where that is proven as well; else as it is.
 
     The model has taken for a slow body what may as well be a drift: that it has it already is not to be passed over.
     """
-    proven = [t for t in cause.alike if t.proven and not t.explanation.in_model and t.key[0] not in DATED]
-    if not cause.tried.explanation.in_model or cause.tried.explanation.is_start or not proven:
-        return cause
+    proven = [t for t in term.alike if t.proven and not t.explanation.in_model and t.key[0] not in DATED]
+    if not term.tried.explanation.in_model or term.tried.explanation.is_start or not proven:
+        return term
     best = max(proven, key=lambda t: t.score)
-    return replace(cause, tried=best, alike=(cause.tried, *(t for t in cause.alike if t is not best)))
+    return replace(term, tried=best, alike=(term.tried, *(t for t in term.alike if t is not best)))
 
 
-def _as_likely_as_the_start(causes: Sequence[Cause]) -> tuple[str, ...]:
+def _as_likely_as_the_start(terms: Sequence[Term]) -> tuple[str, ...]:
     """Labels of what goes on with time, and is as likely as the start of the record that the model takes for it."""
-    starts = [cause for cause in causes if cause.tried.explanation.is_start]
+    starts = [term for term in terms if term.tried.explanation.is_start]
     rivals = [t for start in starts for t in start.alike if t.proven and t.score >= start.tried.score]
     effects = [t.explanation.effect for t in rivals if not t.explanation.in_model]
     return tuple(effect_text(effect) for effect in effects if isinstance(effect, Drift | LogAgeing))
-
-
-def _worth_to_the_user(cause: Cause) -> tuple[bool, float]:
-    """What helps on later data comes first, by how much it helps; then what is proven, by how surely."""
-    tried = cause.tried
-    helps = tried.worth.both >= GAIN
-    return not helps, -(tried.worth.both if helps else tried.score)
 
 
 def _dates(record: Record, ends: Sequence[Interval]) -> tuple[tuple[Any, Any], ...]:
@@ -221,27 +215,28 @@ def _title(effect: Effect, scales: Scales) -> str:
 
 def _cause(cause: Cause, when: tuple[tuple[Any, Any], ...]) -> FoundSuspect:
     """A cause as the reader sees it."""
-    tried = cause.tried
-    alike = [clone(other.explanation.effect) for other in cause.alike if not other.explanation.in_model]
+    term = cause.term
+    alike = [clone(other.explanation.effect) for other in term.alike if not other.explanation.in_model]
     return FoundSuspect(
-        effect=clone(tried.explanation.effect),
-        standing="proven" if tried.proven else "helps",
-        share=cause.share,
-        gain_db=tried.worth.blocks,
-        later_db=tried.worth.later,
-        p_value=tried.p_value,
+        effect=clone(cause.effect),
+        standing="proven" if term.tried.proven else "helps",
+        share=cause.worth.share,
+        gain_db=cause.worth.blocks,
+        later_db=cause.worth.later,
+        p_value=term.tried.p_value,
         confusable_with=tuple(alike),
-        in_model=len(alike) < len(cause.alike),
+        in_model=len(alike) < len(term.alike),
         when=when,
     )
 
 
 def _other(tried: Tried, search: Search) -> FoundSuspect:
+    worth = search.pool.out_of_sample.worth([search.coarse(tried)])[0]
     return FoundSuspect(
         effect=clone(tried.explanation.effect),
         standing="",
-        share=search.share(tried) if search.judged.width(tried.number) else 0.0,
-        gain_db=tried.worth.blocks,
-        later_db=tried.worth.later,
+        share=worth.share,
+        gain_db=worth.blocks,
+        later_db=worth.later,
         p_value=tried.p_value,
     )

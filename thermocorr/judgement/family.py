@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,14 +15,50 @@ from ..effects import Delay, Effect, Periodic
 from ..records import seconds_of
 from .anywhere import DATED, Shifts, dated, delays, filtered, louder, tries, waves
 from .blocks import said
-from .choice import WAVE, Tried
 from .levels import DIFFERENT, IN_GAPS, LEVEL, LOOKS, OF_PRODUCTS, SCATTER, TIE
 from .likelihood import Comparison, Fit
 from .pool import Explanation, Key, Pool
-from .worth import Worth
 
+WAVE: Key = (Periodic.kind, None)
 ANYWHERE = (*DATED, Periodic.kind, Delay.kind)
 """Kinds that are looked for at every row, at every period and at every delay of whole rows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tried:
+    """An explanation with what speaks for it."""
+
+    explanation: Explanation
+    number: int
+    """Among the explanations of the comparison."""
+    gain: float
+    """Gain in log likelihood, less where few stretches of the record make it, or copies of its column gain as well."""
+    score: float
+    """The gain less its price."""
+    tuning: float
+    """What of that is the price of tuned parameters."""
+    p_value: float
+    """Error probability, the whole family having been tried."""
+    uneven: bool = False
+    """Whether the likelihood alone would prove it, but a few stretches of time decide."""
+    copied: bool = False
+    """Whether it would be proven, but copies of its column moved in time explain nearly as much."""
+
+    @property
+    def proven(self) -> bool:
+        """Whether the likelihood proves it."""
+        return self.p_value <= LEVEL and self.score > 0
+
+    @property
+    def key(self) -> Key:
+        """Kind and column."""
+        return self.explanation.key
+
+    def as_likely(self, best: Tried) -> bool:
+        """Whether it scores as much as the best, or would if no tuned parameter had a price."""
+        return (
+            self.score > 0 and max(self.score - best.score, self.score + self.tuning - best.score - best.tuning) >= -TIE
+        )
 
 
 class Family:
@@ -41,8 +78,6 @@ class Family:
         for group in pool.groups():
             for i in self.add(group):
                 self.tried[i] = self.tried[i].forgotten()
-        self.best: set[int] = set()
-        """Numbers of what was the best of its kind in some look, or was taken in."""
         self.unseen = IN_GAPS * _of_gaps(pool, judged)
         """Log likelihood that one explanation may gain by what the temperature did in gaps."""
         keys = [explanation.key for explanation in self.tried]
@@ -58,6 +93,7 @@ class Family:
 
     def add(self, explanations: Sequence[Explanation]) -> list[int]:
         """Further explanations; returns their numbers."""
+        self.judged.explanations += [None] * (len(self.tried) - len(self.judged.explanations))
         self.judged.add([explanation.columns for explanation in explanations])
         self.tried += explanations
         self.coarse += [self.pool.coarse(explanation.columns) for explanation in explanations]
@@ -83,31 +119,14 @@ class Family:
                 unmade.update((said(effect), effect) for effect in delays(pool, self.shifts, judged, theta, rows))
         self.add([*begun.values(), *pool.of(list(unmade.values()))])
 
-    def add_dated(self, kinds: Sequence[str]) -> list[int]:
-        """The best moments of some kinds under the noise that stands; returns their numbers."""
-        theta = self.judged.base.theta
-        return self.add(dated(self.pool, self.judged, theta, filtered(self.judged, theta), kinds))
-
     @cached_property
     def shifts(self) -> Shifts:
         """The temperature at every delay."""
         return Shifts(self.judged, self.pool.temperature, self.pool.data.segment, self.pool.rows.weight)
 
-    def keep_only(self, best: Collection[int]) -> None:
-        """Forget what was tried beyond the pool and is not the best of its kind: each look tries some seventy more."""
-        self.best.update(best)
-        self._forget(set(range(len(self.pool.explanations), len(self.tried))) - self.best)
-
-    def _forget(self, which: Iterable[int]) -> None:
-        """Explanations that are tried no more, and their columns."""
-        for i in which:
-            self.judged.explanations[i] = None
-            self.tried[i] = self.tried[i].forgotten()
-            self.coarse[i] = self.coarse[i][:0].copy()
-
     def alive(self) -> list[int]:
         """Numbers of explanations that say something beside the present base."""
-        return [i for i in range(len(self.tried)) if self.judged.width(i)]
+        return [i for i in range(len(self.judged.explanations)) if self.judged.width(i)]
 
     def price(self, i: int) -> float:
         """What an explanation's columns, tuned parameters and the choice of them gain by chance (Schwarz 1978)."""
@@ -148,22 +167,18 @@ class Family:
         chance = stats.ncx2.sf(twice, width, small) if small else chdtrc(width, twice)
         return float(min(1.0, (self.looks if found is None else 1 + found) * tests * chance))
 
-    def weighed(self, i: int, fit: Fit, worth: Worth) -> Tried:
-        """An explanation with what speaks for it: its fit beside the base, and what it is worth beside it."""
+    def weighed(self, i: int, fit: Fit) -> Tried:
+        """An explanation with what speaks for it: its fit beside the base."""
         full = self.seen(fit.level - self.judged.base.level, i) / self._louder(i, fit)
-        price, scatter = self.price(i), self._scatter(i, fit, full)
-        gain = full / max(1.0, scatter / self.usual_scatter(i))
+        gain = full / max(1.0, self._scatter(i, fit, full) / self.usual_scatter(i))
         chance = self.p_value(gain, i)
         return Tried(
             explanation=self.tried[i],
             number=i,
-            score=gain - price,
-            full=full - price,
-            as_law=full - price,
-            p_value=chance,
-            worth=worth,
-            scatter=scatter,
+            gain=gain,
+            score=gain - self.price(i),
             tuning=self.price_of_tuning(i),
+            p_value=chance,
             uneven=chance > LEVEL >= self.p_value(full, i),
         )
 

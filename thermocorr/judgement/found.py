@@ -22,12 +22,12 @@ from ..records import Record, seconds_of
 from ..records.errors import printable
 from ..records.numbers import quantity_texts
 from .anywhere import DATED
-from .choice import Cause
 from .cuts import products_from
 from .left import Left
 from .levels import HARMONICS, LEVEL, MOMENTS, SEVERAL
 from .likelihood import Comparison, solved
 from .pool import Pool
+from .search import Term
 
 
 def as_one(found: Sequence[FoundSuspect], record: Record) -> list[FoundSuspect]:
@@ -91,7 +91,7 @@ def _joined(found: Sequence[FoundSuspect], own: Sequence[FoundSuspect], one: Fou
 Interval = tuple[float, float]
 
 
-def intervals(pool: Pool, judged: Comparison, causes: Sequence[Cause]) -> list[tuple[Interval, ...]]:
+def intervals(pool: Pool, judged: Comparison, causes: Sequence[Term]) -> list[tuple[Interval, ...]]:
     """Intervals (95 %) of the moments of each cause [s] since the record began; none for causes without a moment.
 
     A moment may lie wherever the likelihood falls by no more than `MOMENTS`, the coefficients held. That is the
@@ -116,13 +116,14 @@ def intervals(pool: Pool, judged: Comparison, causes: Sequence[Cause]) -> list[t
     return found
 
 
-def _heights(judged: Comparison, causes: Sequence[Cause]) -> tuple[list[np.ndarray], np.ndarray]:
+def _heights(judged: Comparison, causes: Sequence[Term]) -> tuple[list[np.ndarray], np.ndarray]:
     """Coefficients of columns that begin at a moment, and what all causes leave, times the noise's inverse covariance.
 
     The adopted columns are mixtures with the base; here the plain ones stand in their places.
     """
     plain = [judged.bands.forward(cause.tried.explanation.columns) for cause in causes]
-    mixed = [np.arange(judged.Q.shape[1])[judged.causes[cause.adopted]] for cause in causes]
+    places = [judged.causes[judged.adopted.index(cause.tried.number)] for cause in causes]
+    mixed = [np.arange(judged.Q.shape[1])[place] for place in places]
     columns = np.column_stack([np.delete(judged.Q, np.concatenate(mixed), axis=1), *plain])
     W = 1 / judged.bands.each_row(judged.S(judged.base.theta))
     coef = solved(columns.T @ (columns * W[:, None]), columns.T @ (W * judged.z))
@@ -204,6 +205,8 @@ class Diagnosis(DiagnosisPage):
     suspects: tuple[FoundSuspect, ...]
     """The causes, by what they are worth on later data and by how sure they are; then other suspects, best first."""
     n_causes: int
+    n_small: int
+    """How many effects behind the causes are significant, and too small to matter."""
     left: Left
     """What no cause explains: whether it wanders, for how long it remembers, spikes, and what could have been seen."""
     residual_rms: float
@@ -218,6 +221,11 @@ class Diagnosis(DiagnosisPage):
     def causes(self) -> tuple[FoundSuspect, ...]:
         """What is missing: each proven, or helpful on data that it was not learned from."""
         return self.suspects[: self.n_causes]
+
+    @property
+    def small(self) -> tuple[FoundSuspect, ...]:
+        """What is there, and worth too little to be added: later data would be foretold no better."""
+        return self.suspects[self.n_causes : self.n_causes + self.n_small]
 
     @property
     def best(self) -> Effect | None:

@@ -13,7 +13,6 @@ from ..effects import InitialTransient
 from ..estimators.holdout import rms
 from ..estimators.screening import BURST
 from ..records.screen import CLIPPED, FILLED_IN, REPEAT
-from .causes import Search
 from .copies import together
 from .levels import (
     DRIFT_TO_NOISE,
@@ -29,6 +28,7 @@ from .levels import (
 from .likelihood import Comparison, filter_memory
 from .pool import Pool
 from .residual import quiet_rows
+from .search import Search
 
 
 class Loud(NamedTuple):

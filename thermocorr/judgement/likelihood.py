@@ -241,6 +241,8 @@ class Comparison:
         self.explanations: list[ExplanationColumns | None] = []
         self.causes: list[slice] = []
         """Columns of the base that each adopted explanation has."""
+        self.adopted: list[int] = []
+        """Their numbers among the explanations."""
         self.base = self.first_fit()
         self.white = self._white()
 
@@ -305,6 +307,7 @@ class Comparison:
         """A copy with the explanations beside the base; what either adopts is not the other's."""
         other = copy(self)
         other.explanations, other.causes = list(self.explanations), list(self.causes)
+        other.adopted = list(self.adopted)
         return other
 
     def let_go(self) -> None:
@@ -322,6 +325,7 @@ class Comparison:
         found, fit = self.explanations[i], self.refit([i])[0]
         assert found is not None
         self.explanations[i] = None
+        self.adopted.append(i)
         self.causes.append(slice(self.Q.shape[1], self.Q.shape[1] + found.rows.shape[1]))
         self.QQ = np.block([[self.QQ, found.base], [found.base.transpose(0, 2, 1), found.own]])
         self.Qz = np.concatenate((self.Qz, found.reading), axis=1)
@@ -407,6 +411,30 @@ class Comparison:
     def level_with(self, kept: Sequence[int]) -> float:
         """Log likelihood of the base with some of the adopted explanations only, the noise estimated anew."""
         return self.without([k for k in range(len(self.causes)) if k not in kept]).base.level
+
+    def dropped(self, k: int, tried: bool = True) -> Comparison:
+        """The base without one of the adopted explanations, which may be `tried` again as the others are."""
+        part, other = self.causes[k], self.copy()
+        kept = np.r_[0 : part.start, part.stop : self.Q.shape[1]]
+        other.Q, other.Qz = self.Q[:, kept], self.Qz[:, kept]
+        other.QQ = np.ascontiguousarray(self.QQ[:, kept][:, :, kept])
+        del other.adopted[k]
+        width = part.stop - part.start
+        other.causes = [
+            cause if cause.start < part.start else slice(cause.start - width, cause.stop - width)
+            for cause in self.causes
+            if cause != part
+        ]
+        other.explanations = [each and replace(each, base=each.base[:, kept]) for each in self.explanations if tried]
+        if tried:
+            other.explanations[self.adopted[k]] = ExplanationColumns(
+                rows=self.Q[:, part],
+                own=self.QQ[:, part][:, :, part],
+                base=np.ascontiguousarray(self.QQ[:, kept][:, :, part]),
+                reading=self.Qz[:, part],
+            )
+        other.base = other.first_fit(self.base.theta)
+        return other
 
     def without(self, dropped: Sequence[int]) -> Comparison:
         """The base without some of the adopted explanations, the noise estimated anew; nothing is tried beside it."""

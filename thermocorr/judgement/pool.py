@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from sklearn.base import clone
 
 from ..effects import InitialTransient, StaticPolynomial, ThermalLag
 from ..effects.protocol import Effect
@@ -24,6 +25,7 @@ from .directions import orthonormal, visible
 from .judged_rows import JudgedRows
 from .levels import BATCH, COARSE, FEWEST, FINE, MOST_EMPTY, SHORTEST_START, START_TOLD
 from .likelihood import Comparison
+from .out_of_sample import OutOfSample
 from .residual import ThermalBase
 from .starts import OwnStart, starts_of
 
@@ -208,6 +210,26 @@ class Pool:
         """Where each averaged row lies on an even grid, in whole steps; its number where pauses are too long."""
         place = np.rint((self.data.seconds - self.data.seconds.min()) / self.spacing).astype(int)
         return place if place.max() < MOST_EMPTY * len(place) else np.arange(len(place))
+
+    @cached_property
+    def own(self) -> np.ndarray:
+        """Columns of the model but for its decays, and the constant, as they are judged, shape (n, p)."""
+        effects = [clone(e) for e in self.model.features_.effect_list() if not isinstance(e, InitialTransient)]
+        for effect in effects:
+            effect.learn(self.record)
+        return np.column_stack([self.rows.constant, *self._columns(effects)])
+
+    @cached_property
+    def out_of_sample(self) -> OutOfSample:
+        """Errors of the model on data that it was not learned from."""
+        Q = orthonormal(self.own)
+        left = self.reading - Q @ (Q.T @ self.reading)
+        hidden = float(np.mean(left**2) - np.mean(self.coarse(left[:, None]) ** 2))
+        return OutOfSample(self.coarse(self.reading[:, None])[:, 0], self.coarse(self.own), max(hidden, 0.0))
+
+    def share_before(self, seconds: float) -> float:
+        """Share of the rows before a time since the record began [s]."""
+        return float(np.mean(self.data.seconds < seconds))
 
     def coarse(self, columns: np.ndarray) -> np.ndarray:
         """Averages of some neighbouring rows of columns, shape (n, k), as data not learned from are judged on."""

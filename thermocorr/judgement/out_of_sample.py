@@ -1,0 +1,185 @@
+"""Errors on data that were not learned from, of a model and of the same model with more columns.
+
+The record is cut into pieces of equal numbers of rows. Later stretches are foretold from all that came before them, and
+blocks from all the rest, by a ridge on the columns of the user's own model. Everything follows from the cross products
+of the pieces. What begins at a moment is asked behind it: of stretches that begin a piece later, when its level is
+known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.linalg import cho_solve
+
+from .levels import AHEAD, BLOCK, FIRST, GAIN, PIECES, RIDGE, VARIES
+
+BLOCKS = tuple(
+    ([j for j in range(PIECES) if not i <= j < i + BLOCK], range(i, i + BLOCK)) for i in range(0, PIECES, BLOCK)
+)
+"""Pieces to learn from, and blocks that are held out."""
+
+
+def later_pieces(moment: float | None) -> list[tuple[range, range]]:
+    """Pieces to learn from, and later pieces to be foretold, behind a moment (share of the rows; None for no moment)."""
+    first = FIRST if moment is None else int(np.ceil(moment * PIECES)) + 1
+    return [(range(stop), range(stop, min(stop + AHEAD, PIECES))) for stop in range(first, PIECES, AHEAD)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Worth:
+    """Fall of the squared error [dB]; positive is good."""
+
+    each: tuple[float, ...]
+    """On each later stretch."""
+    later: float
+    """On later stretches together; NaN where there are none."""
+    blocks: float
+    """On blocks of time held out."""
+
+    @property
+    def both(self) -> float:
+        """The lesser of the falls on later stretches and on held-out blocks."""
+        return min(self.later, self.blocks)
+
+    @property
+    def share(self) -> float:
+        """Share of the squared error on later data that it takes away; on held-out blocks where none are later."""
+        fall = self.blocks if np.isnan(self.later) else self.later
+        return float(max(1 - 10 ** (-fall / 10), 0.0))
+
+    def adds(self, always: bool) -> bool:
+        """Whether it is worth adding: in most of the later stretches, or in every one where it must `always` help."""
+        helped = [fall > 0 for fall in self.each]
+        return self.later >= GAIN and (all(helped) if always else 2 * sum(helped) > len(helped))
+
+
+class OutOfSample:
+    """A model, and what further columns are worth beside it.
+
+    `reading` (array of shape (n,)). `base` (array of shape (n, p)): Columns of the model; column 0 is the constant.
+    `unseen` (float): Mean square that averages of the readings do not show, and any model leaves.
+    """
+
+    def __init__(self, reading: np.ndarray, base: np.ndarray, unseen: float = 0.0):
+        self.reading, self.base, self.unseen = reading, base, unseen
+        self.edges = np.linspace(0, len(base), PIECES + 1).astype(int)
+        self.sizes = np.diff(self.edges)
+        self.products = (
+            self._in_pieces(base, base),
+            self._in_pieces(base, reading[:, None])[..., 0],
+            np.array([float(reading[a:b] @ reading[a:b]) for a, b in pairwise(self.edges)]),
+        )
+        self._folds: dict[tuple[int, int, int], Fold] = {}
+
+    def _in_pieces(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Cross products in each piece."""
+        return np.stack([one[a:b].T @ other[a:b] for a, b in pairwise(self.edges)])
+
+    def with_columns(self, columns: np.ndarray) -> OutOfSample:
+        """Take more columns into the model."""
+        return OutOfSample(self.reading, np.column_stack((self.base, columns)), self.unseen)
+
+    def fold(self, learn: Sequence[int], test: range) -> Fold:
+        """The model learned from some pieces and tested on others."""
+        key = len(learn), test.start, test.stop
+        if key not in self._folds:
+            over = [tuple(part[list(pieces)].sum(axis=0) for part in self.products) for pieces in (learn, test)]
+            self._folds[key] = Fold(*over, learn, test, self.unseen * float(self.sizes[list(test)].sum()))
+        return self._folds[key]
+
+    def worth(self, explanations: Sequence[np.ndarray], moment: float | None = None) -> list[Worth]:
+        """What each explanation, shape (n, k), is worth; `moment` is the share of the rows before it begins."""
+        found: list[Worth | None] = [None] * len(explanations)
+        later = [self.fold(*pieces) for pieces in later_pieces(moment)]
+        blocks = [self.fold(*pieces) for pieces in BLOCKS]
+        for width in {columns.shape[1] for columns in explanations}:
+            which = [i for i, columns in enumerate(explanations) if columns.shape[1] == width]
+            together = np.column_stack([explanations[i] for i in which])
+            each = together.reshape(len(together), len(which), width).transpose(1, 0, 2)
+            products = (
+                self._in_pieces(self.base, together),
+                self._in_pieces(together, self.reading[:, None])[..., 0],
+                np.stack([each[:, a:b].swapaxes(1, 2) @ each[:, a:b] for a, b in pairwise(self.edges)]),
+            )
+            errors = [[fold.error_with(products) for fold in folds] for folds in (later, blocks)]
+            for k, i in enumerate(which):
+                after = [np.array([float(error[k]) for error in of]) for of in errors]
+                before = [np.array([fold.error for fold in folds]) for folds in (later, blocks)]
+                falls = 10 * np.log10(before[0] / after[0])
+                found[i] = Worth(
+                    each=tuple(falls.tolist()),
+                    later=_fall(before[0].sum(), after[0].sum()) if later else np.nan,
+                    blocks=_fall(before[1].sum(), after[1].sum()),
+                )
+        return [each for each in found if each is not None]
+
+
+def _fall(before: float, after: float) -> float:
+    return float(10 * np.log10(before / after))
+
+
+class Fold:
+    """A ridge of the readings on the base, learned from some pieces and tested on others, by cross products alone.
+
+    Columns are scaled to unit variance where they are learned, and lose their means there. `learned`, `tested` (tuples
+    of arrays): Products of the base, of the base with the reading, and of the reading. `unseen` (float): Sum of squares
+    that the averages of the tested pieces do not show.
+    """
+
+    def __init__(self, learned: tuple, tested: tuple, learn: Sequence[int], test: Sequence[int], unseen: float):
+        (A, b, _), (T, t, squares) = learned, tested
+        self.learn, self.test, self.unseen = list(learn), list(test), unseen
+        self.A, self.constant = A, A[0] / A[0, 0]  # what each column has of the constant
+        centred = A - np.outer(A[0], self.constant)
+        self.scale = _scale(np.diag(centred)[1:], np.diag(A)[1:])
+        normed = centred[1:, 1:] * self.scale[:, None] * self.scale + RIDGE * np.eye(len(A) - 1)
+        self.half = np.linalg.cholesky(normed)
+        self.coef, self.T = self._coefficients(b[:, None])[:, 0], T
+        self.missed = t - T @ self.coef
+        """Moments of the base with what it misses of the tested readings."""
+        self.b = b
+        self.error = max(float(squares - self.coef @ (t + self.missed)), 1e-300) + unseen
+
+    def _coefficients(self, moments: np.ndarray) -> np.ndarray:
+        """Coefficients of the base for columns with these learned moments, shape (p, columns)."""
+        centred = moments[1:] - np.outer(self.constant[1:], moments[0])
+        inner = self.scale[:, None] * cho_solve((self.half, True), self.scale[:, None] * centred)
+        return np.vstack(((moments[0] - self.A[0, 1:] @ inner) / self.A[0, 0], inner))
+
+    def error_with(self, products: tuple) -> np.ndarray:
+        """Squared error with each explanation beside the base, shape (explanations,)."""
+        (base, reading, squares), (base_t, reading_t, squares_t) = (
+            tuple(part[pieces].sum(axis=0) for part in products) for pieces in (self.learn, self.test)
+        )
+        count, width = squares.shape[:2]
+        made = self._coefficients(base)  # of the explanation by the base
+        size = np.diagonal(squares, axis1=1, axis2=2).ravel()
+        variance = size - base[0] ** 2 / self.A[0, 0]
+        scale = _scale(variance, size)
+        own = squares - _each(base, made, count)
+        own = own * _each(scale[None], scale[None], count)
+        own[:, range(width), range(width)] += RIDGE
+        moment = reading - made.T @ self.b
+        coef = np.linalg.solve(own, (scale * moment).reshape(count, width, 1)) * scale.reshape(count, width, 1)
+        missed = reading_t - base_t.T @ self.coef - made.T @ self.missed
+        beside = base_t - self.T @ made
+        squares = squares_t - _each(base_t, made, count) - _each(made, beside, count)
+        moments = 2 * missed.reshape(coef.shape) - squares @ coef
+        fall = np.sum(coef * moments, axis=1)[:, 0]
+        return np.maximum(self.error - self.unseen - fall, 1e-300) + self.unseen
+
+
+def _scale(variance: np.ndarray, square: np.ndarray) -> np.ndarray:
+    """One over the standard deviation of columns; 0 for those that hardly vary where they are learned."""
+    alive = variance > VARIES * np.maximum(square, 1e-300)
+    return np.where(alive, 1 / np.sqrt(np.where(alive, variance, 1.0)), 0.0)
+
+
+def _each(one: np.ndarray, other: np.ndarray, count: int) -> np.ndarray:
+    """Products of the columns of each explanation, of which there are `count` side by side."""
+    one, other = (part.reshape(len(part), count, -1).transpose(1, 0, 2) for part in (one, other))
+    return np.asarray(one.swapaxes(1, 2) @ other)

@@ -1,0 +1,282 @@
+"""The search for what is missing: a set of terms, one score, and moves that raise it.
+
+The score of a set is the log likelihood of the record under it, its noise estimated anew, less a price for each term:
+what its columns, its tuned numbers and the places at which it was sought gain by chance (Schwarz 1978). Terms are
+added, one or two at once, tuned, dropped and exchanged until nothing gains. What is added must be proven: its error
+probability, the whole family having been tried, is below `LEVEL`, beside all others that are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.special import chdtrc
+
+from .copies import Copies
+from .family import ANYWHERE, Family, Tried
+from .levels import ALIKE, CLEAR, FINER, HALF, LEVEL, LOOKS, MOST, ROUNDED_OFF, SHARES, SPEAKS, TIE, TUNED, WITHIN
+from .likelihood import Comparison
+from .nearby import moved
+from .pairs import may_hide, pairs
+from .pool import Key, Pool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """A term of the set, and what cannot be told apart from it."""
+
+    tried: Tried
+    """Beside all other terms."""
+    alike: tuple[Tried, ...]
+    others: tuple[Tried, ...]
+    """Rejected alternatives, best first."""
+    size: float
+    """Standard deviation of what it explains, in the unit of the reading."""
+
+
+class Search:
+    """Finds the terms.
+
+    `pool` (Pool). `anywhere` (collection of str): Kinds that are looked for at every row, period or delay.
+    """
+
+    def __init__(self, pool: Pool, anywhere: Collection[str] = ANYWHERE, small: float = 0.0):
+        self.pool, self.record = pool, pool.record
+        self.judged = pool.compared(pool.base)
+        self.family = Family(pool, self.judged, anywhere, small)
+        self.copies: dict[Key, Copies] = {}
+        self.helpful: list[int] = []
+        """Numbers of recorded columns that were taken in for their help on later data."""
+        self.last: list[Tried] = []
+        """What was tried last, best first."""
+        self.n_looks = 0
+
+    # ---- one look at everything ------------------------------------------------------------------------------------
+    def look(self, judged: Comparison, tuning: bool = True, best_of: int | None = None) -> list[Tried]:
+        """The best of each kind and column beside a state, best first."""
+        self.n_looks += 1
+        family = self.family
+        family.judged = judged
+        alive = family.alive()
+        first: dict[int, None] = {}
+        keys = [explanation.key for explanation in family.tried]
+        for gains in judged.screen_twice():
+            rank = {i: gains[i] - family.price(i) for i in alive}
+            best = {keys[i]: i for i in sorted(alive, key=rank.__getitem__)}
+            order = sorted(best.values(), key=lambda i: -rank[i])
+            first.update(dict.fromkeys(order[:best_of]))
+        found = self._weighed(judged, list(first))
+        if tuning:
+            found += self._tuned(judged, found)
+        return sorted(found, key=lambda t: -t.score)
+
+    def _weighed(self, judged: Comparison, which: Sequence[int]) -> list[Tried]:
+        fits = judged.refit(which)
+        return [self._beside_copies(self.family.weighed(i, fit)) for i, fit in zip(which, fits, strict=True)]
+
+    def weighed_only(self, which: Sequence[int]) -> list[Tried]:
+        """Explanations beside the set."""
+        return self._weighed(self.judged, which)
+
+    def _beside_copies(self, t: Tried) -> Tried:
+        """An explanation, its evidence divided by what copies of its column explain more than noise gives them."""
+        copies = self.copies.get(t.key)
+        if copies is None or copies.excess == 1:
+            return t
+        gain = t.gain / copies.excess
+        chance = self.family.p_value(gain, t.number)
+        copied = chance > LEVEL >= t.p_value
+        return replace(t, gain=gain, score=gain + t.score - t.gain, p_value=chance, copied=copied)
+
+    def _tuned(self, judged: Comparison, found: Sequence[Tried]) -> list[Tried]:
+        """The best few kinds with their parameters moved to where they explain most."""
+        least = WITHIN * max((t.score for t in found), default=0.0)
+        able = [t for t in found if t.score > max(least, 0.0) and not t.explanation.in_model]
+        able.sort(key=lambda t: -t.score)
+        kinds = list(dict.fromkeys(t.key for t in able))[:TUNED]
+        laws = {t.explanation.law: t for t in reversed(able) if t.key in kinds}
+        bare = judged.copy()
+        near = [moved(self.pool, bare, t.explanation, SHARES) for t in laws.values()]
+        return self._weighed(judged, self.family.add([each for each in near if each is not None]))
+
+    # ---- the search ------------------------------------------------------------------------------------------------
+    def run(self) -> None:
+        """Find the set; `judged` is the state with it, and `last` what was tried beside it."""
+        if self.pool.rows.exact:
+            return
+        self._take_helpful()
+        seen = set()
+        while len(self.judged.adopted) < MOST and not self.rounded:
+            self.family.judged = self.judged
+            self.family.add_anywhere()
+            self.last = self.look(self.judged)
+            best = self._best()
+            pair = self._pair() if best is None else []
+            if best is None and not pair:
+                break
+            for number in pair or [best.number]:
+                self.judged.adopt(number)
+            self._settle()
+            now = frozenset(self.judged.adopted)
+            if now in seen:
+                break
+            seen.add(now)
+        self.family.judged = self.judged
+
+    def _take_helpful(self) -> None:
+        """Take in recorded columns that later data tell from all copies of them, whatever the likelihood says.
+
+        Noise that wanders can make what a slow column makes, and a large cause beside a poor law is not proven.
+        """
+        held, refused = self.pool.out_of_sample, set[Any]()
+        while True:
+            tried, coarse = self.family.tried, self.family.coarse
+            which = [i for i in self.family.alive() if tried[i].key[1] is not None and not tried[i].effect.is_product]
+            which = [i for i in which if tried[i].key[1] not in refused]
+            worths = dict(zip(which, held.worth([coarse[i] for i in which]), strict=True))
+            best = max(which, key=lambda i: worths[i].both, default=None)
+            if best is None or worths[best].both < CLEAR:
+                return
+            copies = Copies.of(self.pool, self.judged, held, best, tried[best].effect)
+            if worths[best].both <= copies.help or self._weighed(self.judged, [best])[0].score < SPEAKS:
+                refused.add(tried[best].key[1])
+                continue
+            self.helpful.append(best)
+            self.judged.adopt(best)
+            held = held.with_columns(coarse[best])
+
+    def _best(self) -> Tried | None:
+        """The best that is proven; a recorded column must also outdo copies of it moved in time."""
+        while True:
+            best = next((t for t in self.last if t.proven), None)
+            if best is None or best.key[1] is None or best.key in self.copies:
+                return best
+            self.copies[best.key] = Copies.of(
+                self.pool, self.judged, self.pool.out_of_sample, best.number, best.explanation.effect
+            )
+            self.last = sorted(map(self._beside_copies, self.last), key=lambda t: -t.score)
+
+    def _pair(self) -> list[int]:
+        """Two explanations that hide one another, proven together."""
+        family, judged = self.family, self.judged
+        alive = [i for i in family.alive() if family.tried[i].key[0] not in ANYWHERE and not family.tried[i].is_start]
+        near, n_pairs = pairs(judged, family.tried, [i for i in alive if may_hide(family.tried[i])])
+        if not near:
+            return []
+        most, tests = near[0], family.looks * (family.n_tests + LOOKS * n_pairs)
+        width = judged.width(most.first) + judged.width(most.second)
+        chance = float(tests * chdtrc(width, 2 * max(most.gain, 0.0)))
+        score = most.gain - family.price(most.first) - family.price(most.second)
+        return [most.first, most.second] if chance <= LEVEL and score > 0 else []
+
+    def _settle(self) -> None:
+        """Tune, drop and exchange terms until nothing gains."""
+        for _ in range(3):
+            before = self.judged
+            self._tune()
+            self._drop()
+            self._exchange()
+            if self.judged is before:
+                break
+
+    def _tune(self) -> None:
+        """Move the parameters of each term to where it explains most beside the others."""
+        for number in list(self.judged.adopted):
+            term = self.family.tried[number]
+            if term.in_model or number in self.helpful or not term.n_tuned or len(self.judged.adopted) == 0:
+                continue
+            beside = self.judged.dropped(self.judged.adopted.index(number))
+            self.family.judged = beside
+            there = moved(self.pool, beside.copy(), self.pool.with_columns([term])[0], (*SHARES, *FINER))
+            if there is None:
+                continue
+            new = self.family.add([there])[0]
+            if not beside.width(new):
+                continue
+            beside.adopt(new)
+            if beside.base.level > self.judged.base.level + 0.1:
+                self.judged = beside
+
+    def _drop(self) -> None:
+        """Drop terms that are not proven beside the others, the worst first."""
+        while len(self.judged.adopted) > 1:
+            chances = []
+            for k, number in enumerate(self.judged.adopted):
+                beside = self.judged.dropped(k, tried=False)
+                if number in self.helpful:
+                    continue
+                gain = self.judged.base.level - beside.base.level
+                price = self.family.price_of_columns(self._width(k)) + self.family.price_of_tuning(number)
+                chances.append((self.family.p_value(gain, number, 0) if gain > price else 1.0, k))
+            worst, k = max(chances, default=(0.0, 0))
+            if worst <= LEVEL:
+                return
+            self.judged = self.judged.dropped(k)
+
+    def _width(self, k: int) -> int:
+        part = self.judged.causes[k]
+        return part.stop - part.start
+
+    def _exchange(self) -> None:
+        """Put what is likelier by more than a tie in the place of a term."""
+        for number in list(reversed(self.judged.adopted)):
+            if len(self.judged.adopted) < 2 or number not in self.judged.adopted or number in self.helpful:
+                continue
+            k = self.judged.adopted.index(number)
+            beside = self.judged.dropped(k)
+            own = self.judged.base.level - beside.base.level
+            own -= self.family.price_of_columns(self._width(k)) + self.family.price_of_tuning(number)
+            best = next((t for t in self.look(beside, tuning=False, best_of=3) if t.proven), None)
+            law = self.family.tried[number].law
+            if best is not None and best.score > own + TIE and best.explanation.law != law:
+                beside.adopt(best.number)
+                self.judged = beside
+
+    # ---- what was found --------------------------------------------------------------------------------------------
+    def terms(self) -> list[Term]:
+        """The terms, each beside all others, with what cannot be told apart from it."""
+        found = []
+        for k, number in enumerate(self.judged.adopted):
+            beside = self.judged.dropped(k)
+            tried = self.look(beside, tuning=False)
+            self.family.judged = beside
+            me = self._weighed(beside, [number])[0]
+            rivals = [t for t in tried if t.key != me.key and t.as_likely(me)]
+            alike = [t for t in rivals if beside.overlap(number, t.number) > ALIKE]
+            rest = [t for t in rivals if t not in alike and t.score >= me.score - TIE]
+            if rest:
+                left = beside.gained_beside(number, [t.number for t in rest])
+                alone = beside.screen(beside.base.theta, [t.number for t in rest])
+                alike += [t for t, one, other in zip(rest, left, alone, strict=True) if one < HALF * other]
+            found.append(
+                Term(
+                    tried=replace(me, explanation=self.pool.with_columns([me.explanation])[0]),
+                    alike=tuple(alike),
+                    others=tuple(t for t in tried if t.key != me.key),
+                    size=self.size(beside, number),
+                )
+            )
+        self.family.judged = self.judged
+        return found
+
+    def size(self, judged: Comparison, number: int) -> float:
+        """Standard deviation of what an explanation takes away from a base, in the unit of the reading."""
+        return judged.unit * float(np.sqrt(max(judged.unexplained() - judged.unexplained(number), 0.0)))
+
+    def coarse(self, tried: Tried) -> np.ndarray:
+        """Columns of an explanation, as data not learned from are judged on."""
+        return self.family.coarse[tried.number]
+
+    @property
+    def rounded(self) -> bool:
+        """Whether what is left is no more than the rounding of the reading, which follows all that the reading does."""
+        left = self.judged.unit * float(np.sqrt(self.judged.unexplained()))
+        return bool(left <= ROUNDED_OFF * self.pool.rounding / np.sqrt(12))
+
+    @property
+    def left(self) -> float:
+        """Standard deviation of the structure that is left, in the unit of the reading."""
+        return self.judged.unit * float(np.sqrt(max(self.judged.unexplained() - self.judged.innovation, 0.0)))
