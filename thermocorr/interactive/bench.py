@@ -15,7 +15,7 @@ from ..estimators import DynamicBiasRegressor
 from ..files.codec import fields, integer, number, text
 from ..files.effect_nodes import EffectCodec, import_path
 from ..judgement import diagnose
-from ..judgement.adding import with_missing
+from ..judgement.refine import with_missing
 from ..pages import PageData, figures
 from ..pages.charts import Chart
 from .acts import MARKS, MOST_SPIKES, Act, Add, Columns, Mark, Past, folded, roles_of, shape_of

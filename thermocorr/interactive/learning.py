@@ -19,8 +19,6 @@ from ..estimators import DynamicBiasRegressor
 from ..estimators.thermometers import Thermometers
 from ..files.effect_nodes import EffectCodec
 from ..judgement import Diagnosis
-from ..judgement.adding import Errors
-from ..judgement.shorter import shorter
 from ..judgement.where import largest_lag
 from ..pages.charts import recorded
 from ..pictures.timeline import TimeLine
@@ -60,7 +58,6 @@ class Fitted:
     curves: dict[str, str]
     """Names of curves, and under which names the store has them."""
     timeline: TimeLine
-    errors: Errors | None = None
     diagnosis: Diagnosis | None = None
     charts: list[dict[str, Any]] | None = None
     said: dict[str, str] = field(default_factory=dict)
@@ -210,17 +207,6 @@ def _conditions(
     if line.dates:
         found["hour"] = (line.zero + seconds) % 86_400 / 3600
     return found
-
-
-def errors_of(found: Fitted, suspects: Sequence[Any]) -> Errors:
-    """Errors on data that the model was not learned from; of a long record, those of its averages."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RecordWarning)
-        X, y, model = found.data.X, found.data.learned, found.model
-        short = shorter(model, X, y, None, suspects)
-        if short is not None:
-            return Errors.of(short.model.fit(short.X, short.y), short.X, short.y)
-        return Errors.of(model, X, y)
 
 
 def quietly(run: Callable[[], Any]) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 from ..effects import ThermalLag
 from ..effects.protocol import Effect
 from ..estimators.holdout import rms
-from ..judgement.adding import with_missing
+from ..judgement.refine import with_missing
 from ..records.numbers import scale_of
 from .learning import Fitted
 from .tiles import Store

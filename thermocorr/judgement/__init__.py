@@ -3,6 +3,6 @@
 from .diagnosis import diagnose
 from .found import Diagnosis, FoundSuspect
 from .left import Left
-from .refinement import Refinement, refine
+from .refine import Refinement, refine
 
 __all__ = ["Diagnosis", "FoundSuspect", "Left", "Refinement", "diagnose", "refine"]

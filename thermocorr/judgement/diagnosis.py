@@ -32,7 +32,7 @@ from .pool import Pool
 from .residual import ThermalBase, beyond_judgement, felt_in_gaps, quiet_share, residuals_of
 from .search import Search, Term
 from .where import where_it_fails
-from .worth import Cause, by_worth, is_between_rows
+from .worth import Cause, by_worth
 
 
 def diagnose(
@@ -96,18 +96,9 @@ def diagnose(
         search.run()
         terms = search.terms()
         missing = [term for term in map(_not_silently, terms) if not term.tried.explanation.in_model]
-        missing, traces = _apart(missing, pool)
         causes, small = by_worth(pool, missing, search)
         search.judged.let_go()
-        return _conclude(model, y, seen, read, search, causes, small, _as_likely_as_the_start(terms), traces)
-
-
-def _apart(terms: Sequence[Term], pool: Pool) -> tuple[list[Term], list[Term]]:
-    """Terms, and what is a trace of the temperature between its rows."""
-    told: dict[bool, list[Term]] = {False: [], True: []}
-    for term in terms:
-        told[is_between_rows(term, pool)].append(term)
-    return told[False], told[True]
+        return _conclude(model, y, seen, read, search, causes, small, _as_likely_as_the_start(terms))
 
 
 def _conclude(
@@ -119,7 +110,6 @@ def _conclude(
     causes: Sequence[Cause],
     small: Sequence[Cause],
     start_or: tuple[str, ...],
-    traces: Sequence[Term],
 ) -> Diagnosis:
     """Verdict, causes and other suspects, and what is left."""
     residual, rms = residuals_of(model, read, search.pool.record)
@@ -127,9 +117,6 @@ def _conclude(
     labels = [[effect_text(tried.explanation.effect) for tried in doubt] for doubt in doubts]
     share, apart = beyond_judgement(model, read)
     rest = replace(what_is_left(search, residual, *labels), unjudged=share, unjudged_rms=apart, start_or=start_or)
-    if traces:
-        put_down = tuple(dict.fromkeys(effect_text(cause.tried.explanation.effect) for cause in traces))
-        rest = replace(rest, between_rows=put_down, swings=search.pool.between_rows.curve)
     named = [*causes, *small]
     rounded = rest.rounding and not named
     floor = rms if search.pool.rows.exact or rounded else min(max(rest.floor, rest.rounding / np.sqrt(12)), rms)
@@ -169,6 +156,7 @@ def _conclude(
         left=rest,
         residual_rms=rms,
         unit=model.reading_.unit,
+        ahead=search.pool.out_of_sample,
         gather=lambda: PageData.of(model, seen, y, beside=tuple(n for n in beside if n in columns)),
     )
 
@@ -216,7 +204,8 @@ def _title(effect: Effect, scales: Scales) -> str:
 def _cause(cause: Cause, when: tuple[tuple[Any, Any], ...]) -> FoundSuspect:
     """A cause as the reader sees it."""
     term = cause.term
-    alike = [clone(other.explanation.effect) for other in term.alike if not other.explanation.in_model]
+    found = [t for t in (term.tried, *term.alike) if not t.explanation.in_model]
+    alike = [clone(t.explanation.effect) for t in found if t.explanation.effect is not cause.effect]
     return FoundSuspect(
         effect=clone(cause.effect),
         standing="proven" if term.tried.proven else "helps",
@@ -225,7 +214,9 @@ def _cause(cause: Cause, when: tuple[tuple[Any, Any], ...]) -> FoundSuspect:
         later_db=cause.worth.later,
         p_value=term.tried.p_value,
         confusable_with=tuple(alike),
-        in_model=len(alike) < len(term.alike),
+        moment=cause.moment,
+        always=cause.always,
+        in_model=any(t.explanation.in_model for t in term.alike),
         when=when,
     )
 

@@ -26,6 +26,7 @@ from .cuts import products_from
 from .left import Left
 from .levels import HARMONICS, LEVEL, MOMENTS, SEVERAL
 from .likelihood import Comparison, solved
+from .out_of_sample import OutOfSample
 from .pool import Pool
 from .search import Term
 
@@ -174,6 +175,10 @@ class FoundSuspect:
     """Error probability, corrected for the number of candidates tried."""
     confusable_with: tuple[Effect, ...] = ()
     """Effects that this record cannot tell it apart from."""
+    moment: float | None = None
+    """Share of the record before the last moment at which it begins or ends; None for kinds without one."""
+    always: bool = False
+    """Whether it must help in every later stretch: a product, or what has memory."""
     in_model: bool = False
     """Whether this record cannot tell it apart from slow lags that the model has: a slow body."""
     when: tuple[tuple[Any, Any], ...] = ()
@@ -214,6 +219,8 @@ class Diagnosis(DiagnosisPage):
     unit: str
     level: float = LEVEL
     """Error probability of the whole family of suspects, below which one is named."""
+    ahead: OutOfSample | None = field(default=None, compare=False)
+    """The model's errors on data that it was not learned from."""
     gather: Callable[[], PageData] | None = field(default=None, compare=False)
     """Gathers series, formula and coefficients of the model on the record; None in a pickled copy."""
 

@@ -217,6 +217,8 @@ has taken it upon itself, so each explanation may also begin with hardly any."""
 TURNS = 3
 """Times that coefficients and noise are estimated in turn."""
 
+SUMS = 20
+"""Pieces of the record that evidence is summed over, to see how evenly it lies."""
 SCATTER = 2.0
 """Variance of an explanation's evidence between twenty pieces of the record, over what even noise gives, up to which it
 counts in full; beyond, its gain is divided by the excess. Chance gives 2.3 once in a thousand. Effects planted on
@@ -244,11 +246,11 @@ a slow column may. On measured records (gain 40, seeds 7 to 9), columns of other
 
 # Later data
 
-PIECES = 20
+PIECES = 80
 """Pieces of equal numbers of rows that the record is cut into."""
-FIRST, AHEAD = 8, 2
+FIRST, AHEAD = 32, 8
 """Pieces that the first forecast is learned from, and pieces that each foretells: six stretches of the later part."""
-BLOCK = 4
+BLOCK = 16
 """Pieces of each of five blocks that are held out, as `HELD_OUT_BLOCKS` in a refinement."""
 RIDGE = 1e-6
 """Penalty in the forecasts, for columns of unit variance. At 1e-3 the lags of the base are bent so far on simulated

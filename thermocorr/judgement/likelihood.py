@@ -27,9 +27,9 @@ from .levels import (
     FILTER_WHITE,
     FLAT,
     HARDLY_A_FILTER,
-    PIECES,
     QUIET,
     STRUCTURE,
+    SUMS,
     TURNS,
     WIDE,
 )
@@ -538,7 +538,7 @@ class Comparison:
         made = found.rows @ coef[self.Q.shape[1] :]
         both = self._white_beside(theta, np.column_stack((made, self.z - made)))
         beside, left = self.bands.back(both).T
-        sums = np.add.reduceat(beside * left, np.linspace(0, self.n, PIECES + 1).astype(int)[:-1])
+        sums = np.add.reduceat(beside * left, np.linspace(0, self.n, SUMS + 1).astype(int)[:-1])
         return float(np.sum(sums**2) / max(float(np.sum(beside**2)), 1e-300))
 
     def unexplained(self, i: int | None = None) -> float:

@@ -24,8 +24,14 @@ BLOCKS = tuple(
 
 
 def later_pieces(moment: float | None) -> list[tuple[range, range]]:
-    """Pieces to learn from, and later pieces to be foretold, behind a moment (share of the rows; None for no moment)."""
-    first = FIRST if moment is None else int(np.ceil(moment * PIECES)) + 1
+    """Pieces to learn from, and later pieces to be foretold.
+
+    Behind a `moment` (share of the rows), a quarter of what is left tells the level.
+    """
+    first = FIRST
+    if moment is not None:
+        begins = int(np.ceil(moment * PIECES))
+        first = begins + max(1, (PIECES - begins) // 4)
     return [(range(stop), range(stop, min(stop + AHEAD, PIECES))) for stop in range(first, PIECES, AHEAD)]
 
 
@@ -116,6 +122,32 @@ class OutOfSample:
                     blocks=_fall(before[1].sum(), after[1].sum()),
                 )
         return [each for each in found if each is not None]
+
+    def errors(self, moment: float | None = None) -> np.ndarray:
+        """Mean square error on each later stretch, behind a moment, shape (stretches,)."""
+        return np.array([self.fold(*pieces).error / self._rows(pieces[1]) for pieces in later_pieces(moment)])
+
+    def later_rms(self, moment: float | None = None) -> float:
+        """Rms error on all later stretches, behind a moment; NaN where there are none."""
+        sizes = [self._rows(test) for _, test in later_pieces(moment)]
+        return float(np.sqrt(np.average(self.errors(moment), weights=sizes))) if sizes else np.nan
+
+    @property
+    def held_out_rms(self) -> float:
+        """Rms error on blocks that are held out, each in its turn."""
+        errors = [self.fold(*pieces).error for pieces in BLOCKS]
+        return float(np.sqrt(sum(errors) / self.sizes.sum()))
+
+    def _rows(self, test: range) -> float:
+        return float(self.sizes[list(test)].sum())
+
+    def against(self, other: OutOfSample, moment: float | None = None) -> Worth:
+        """What another model of the same record is worth instead of this one, behind a moment."""
+        return Worth(
+            each=tuple((10 * np.log10(self.errors(moment) / other.errors(moment))).tolist()),
+            later=2 * _fall(self.later_rms(moment), other.later_rms(moment)),
+            blocks=2 * _fall(self.held_out_rms, other.held_out_rms),
+        )
 
 
 def _fall(before: float, after: float) -> float:

@@ -17,7 +17,7 @@ from scipy.special import chdtrc
 
 from .copies import Copies
 from .family import ANYWHERE, Family, Tried
-from .levels import ALIKE, CLEAR, FINER, HALF, LEVEL, LOOKS, MOST, ROUNDED_OFF, SHARES, SPEAKS, TIE, TUNED, WITHIN
+from .levels import ALIKE, CLEAR, FINER, GAIN, HALF, LEVEL, LOOKS, MOST, ROUNDED_OFF, SHARES, SPEAKS, TIE, TUNED, WITHIN
 from .likelihood import Comparison
 from .nearby import moved
 from .pairs import may_hide, pairs
@@ -140,8 +140,13 @@ class Search:
             best = max(which, key=lambda i: worths[i].both, default=None)
             if best is None or worths[best].both < CLEAR:
                 return
+            near = [
+                i for i in which if tried[i].key[1] == tried[best].key[1] and worths[i].both > worths[best].both - GAIN
+            ]
+            likeliest = max(self._weighed(self.judged, near), key=lambda t: t.score)
+            best = likeliest.number
             copies = Copies.of(self.pool, self.judged, held, best, tried[best].effect)
-            if worths[best].both <= copies.help or self._weighed(self.judged, [best])[0].score < SPEAKS:
+            if worths[best].both <= copies.help or likeliest.score < SPEAKS:
                 refused.add(tried[best].key[1])
                 continue
             self.helpful.append(best)

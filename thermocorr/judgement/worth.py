@@ -9,8 +9,8 @@ from ..effects import Covariate, LaggedCovariate, SeveralSteps
 from ..effects.grids import time_grid
 from ..effects.protocol import Effect
 from .anywhere import DATED
-from .levels import BETWEEN_ROWS, GAIN, LITTLE, NEAR_ROWS, SHARP, TINY
-from .out_of_sample import Worth
+from .levels import CLEAR, GAIN
+from .out_of_sample import OutOfSample, Worth
 from .pool import Pool
 from .search import Search, Term
 
@@ -22,6 +22,10 @@ class Cause:
     term: Term
     effect: Effect
     worth: Worth
+    moment: float | None
+    """Share of the record before the last moment at which it begins or ends; None for kinds without one."""
+    always: bool
+    """Whether it must help in every later stretch: a product, or what has memory."""
 
 
 def by_worth(pool: Pool, terms: Sequence[Term], search: Search) -> tuple[list[Cause], list[Cause]]:
@@ -37,7 +41,7 @@ def by_worth(pool: Pool, terms: Sequence[Term], search: Search) -> tuple[list[Ca
         held = held.with_columns(best.columns)
     for offer in left:
         offer.weigh(held)
-    return causes, [offer.cause for offer in left]
+    return causes, [offer.small for offer in left if offer.term.tried.proven]
 
 
 class _Offer:
@@ -56,19 +60,28 @@ class _Offer:
             *zip(forms, made, strict=True),
         ]
 
-    def weigh(self, held) -> bool:
-        """Whether it is worth adding beside a model; in the form that helps most, a wider one by `GAIN` more."""
+    def weigh(self, held: OutOfSample) -> bool:
+        """Whether it is worth adding beside a model, in the form that clearly helps most."""
         worths = [held.worth([columns], self.moment)[0] for _, columns in self.forms]
         best = 0
         for k in range(1, len(worths)):
-            if worths[k].later > worths[best].later + GAIN:
+            if min(worths[k].later - worths[best].later, worths[k].both - worths[best].both) > GAIN:
                 best = k
-        (self.effect, self.columns), self.worth = self.forms[best], worths[best]
-        return self.worth.adds(self.always)
+        (self.effect, self.columns), self.worth, self.plain = self.forms[best], worths[best], worths[0]
+        if not self.term.tried.proven and self.worth.both < CLEAR:
+            return False
+        spoilt = self.moment is None and self.worth.blocks < -GAIN
+        return self.worth.adds(self.always) and not spoilt
 
     @property
     def cause(self) -> Cause:
-        return Cause(term=self.term, effect=self.effect, worth=self.worth)
+        """It, where it is worth adding; as it was found is among what it cannot be told apart from."""
+        return Cause(term=self.term, effect=self.effect, worth=self.worth, moment=self.moment, always=self.always)
+
+    @property
+    def small(self) -> Cause:
+        """It, as it was found."""
+        return Cause(term=self.term, effect=self.forms[0][0], worth=self.plain, moment=self.moment, always=self.always)
 
 
 def _moment(pool: Pool, effect: Effect) -> float | None:
@@ -87,21 +100,3 @@ def _forms(pool: Pool, effect: Effect) -> list[Effect]:
     spectrum = time_grid(pool.record, 2.0, 0.2, 4.0)
     forms = [LaggedCovariate(effect.column, [float(tau) for tau in spectrum], power=power)]
     return forms
-
-
-def is_between_rows(term: Term, pool: Pool) -> bool:
-    """Whether a cause is a trace of what the temperature did between its rows.
-
-    It needs nothing but the temperature, as does all that it cannot be told from, and is no lead or delay of many rows;
-    it explains no more than that may make, and helps little. Where the temperature turns as sharply as it moves, it may
-    help more; and what helps nowhere at all, and does not look ahead, may be what a jump makes.
-    """
-    effects = [t.explanation.effect for t in (term.tried, *term.alike)]
-    near = NEAR_ROWS * pool.record.usual_step()
-    if not all(effect.of_temperature_alone and effect.moves_by() <= near for effect in effects):
-        return False
-    worth = pool.out_of_sample.worth([pool.coarse(term.tried.explanation.columns)])[0]
-    helped, between, (curve, jump) = min(worth.later, worth.blocks), pool.between_rows, BETWEEN_ROWS
-    sharp = between.turning > SHARP
-    most = jump if helped < TINY and sharp and not effects[0].foresees else curve
-    return helped < (1.0 if sharp else LITTLE) and term.size <= most * between.curve

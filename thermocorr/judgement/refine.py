@@ -1,0 +1,229 @@
+"""`refine`: add what is worth adding, one effect after the other, and watch the error fall."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+
+from ..effects import Hinge, LaggedCovariate, ThermalLag
+from ..effects.protocol import Effect
+from ..effects.thermal import seconds_array
+from ..effects.wrap import as_effects
+from ..equations import reduction_db
+from ..estimators.progress import Progress, told
+from ..estimators.regressor import DynamicBiasRegressor
+from ..estimators.thermometers import Thermometers
+from ..pages import RefinementPage
+from ..pictures.words import effect_text
+from ..records.checks import check_int
+from ..records.errors import printable, said_once
+from ..records.numbers import number_text, scale_of
+from .diagnosis import diagnose
+from .found import WIDTH, Diagnosis, FoundSuspect
+
+
+@dataclass(frozen=True, repr=False)
+class Refinement(RefinementPage):
+    """What `refine` did, step by step. Prints as a table."""
+
+    steps: pd.DataFrame
+    """One row a step: step, effect, change ("given" or "added"), rms (in sample), held_out_rms, later_rms (on stretches
+    of the later part, each foretold from everything before it; behind the last moment where one was added that has a
+    date), db (later_rms against that of step 0 [dB], negative is good; printed as "later [dB]"), low, high (the least
+    and the greatest of that among the stretches), verdict (of the diagnosis of that step's model). Step 0 is the given
+    model."""
+    model_: DynamicBiasRegressor
+    """The final model, fitted."""
+    diagnoses: tuple[Diagnosis, ...] = field(repr=False)
+    """Diagnosis of the model after each step."""
+    untried: bool = False
+    """Whether what the last diagnosis names has not been tried: no step was left for it."""
+
+    def __str__(self) -> str:
+        errors = ["rms", "held_out_rms", "later_rms"]
+        scale = scale_of(self.steps[errors], self.diagnoses[-1].unit)
+        heads = {name: f"{name.replace('_', ' ')} [{scale.unit}]" if scale.unit else name for name in errors}
+        steps = self.steps.assign(**{name: scale.factor * self.steps[name] for name in errors}).drop(
+            columns=["change", "low", "high"]
+        )
+        steps = steps.rename(columns={**heads, "db": "later [dB]"})
+        lines = [
+            steps.to_string(index=False, float_format=lambda value: number_text(value, 4), na_rep="-"),
+            f"Verdict on the last model: {self.diagnoses[-1].verdict}",
+        ]
+        named = [f"{effect_text(cause.effect)} ({cause.standing})" for cause in self.diagnoses[-1].causes]
+        if named:
+            why = "No step was left." if self.untried else "Later data do not confirm it."
+            said = f"Named there, and not added: {', '.join(named)}. {why}"
+            lines += textwrap.wrap(said, WIDTH, subsequent_indent="    ")
+        return printable("\n".join(lines), "\n")
+
+    __repr__ = __str__
+
+    def plot(self) -> Any:
+        """Draw the steps, and what is suspected after the last one; returns the figure (extra "plot")."""
+        from ..pictures import plot_refinement
+
+        return plot_refinement(self)
+
+
+@said_once()
+def refine(
+    model: DynamicBiasRegressor,
+    X: Any,
+    y: Any,
+    *,
+    columns: Sequence[Any] | None = None,
+    exclude: Collection[str] = (),
+    suspects: Sequence[Any] = (),
+    max_steps: int = 5,
+    progress: Progress = None,
+) -> Refinement:
+    """Add what is worth adding, fit, diagnose again, until nothing is.
+
+    The first cause that a diagnosis names is added, and the model fitted with it. It is kept if the fitted model
+    foretells later stretches better than the one before, by half a decibel and in most of them; a product, or what has
+    memory, in every one. Else the next cause is tried.
+
+    Parameters
+    ----------
+    model : DynamicBiasRegressor
+        Fitted or not; it stays as it is.
+    X, y : as for `DynamicBiasRegressor.fit`
+    columns, exclude, suspects : see `diagnose`
+    max_steps : int
+        Most effects to add.
+    progress : callable or True, optional
+        Called with a line of text before each step; True draws a bar (extra "progress"). A function may raise
+        KeyboardInterrupt, which ends the refinement with what it has.
+
+    Returns
+    -------
+    Refinement
+
+    Examples
+    --------
+    >>> from thermocorr import DynamicBiasRegressor, refine
+    >>> from thermocorr.datasets import make_record
+    >>> record = make_record(2000, effects={"step": 2.0}, seed=1)
+    >>> X, y = record.drop(columns="reading"), record["reading"]
+    >>> refinement = refine(DynamicBiasRegressor("temperature"), X, y)
+    >>> refinement.diagnoses[-1].verdict
+    'nothing missing'
+    >>> bool(refinement.steps["later_rms"].iloc[-1] < refinement.steps["later_rms"].iloc[0])
+    True
+    """
+    check_int("refine", "max_steps", max_steps, 0)
+    wanted: dict[str, Any] = {"columns": columns, "exclude": exclude, "suspects": suspects}
+    current = clone(model)
+    if model.temperature is None and hasattr(model, "pipeline_"):  # X may hold more columns than the fitted frame
+        current.set_params(temperature=model.features_.history_.record.temperature_name)
+    with told(progress) as say:
+        say("fitting the model")
+        current.fit(X, y)
+        say("looking for what is missing")
+        diagnoses, added, untried = [diagnose(current, X, y, **wanted)], list[FoundSuspect](), False
+        try:
+            while diagnoses[-1].causes:
+                if len(added) == max_steps:
+                    untried = True
+                    break
+                longer = _with_first_that_helps(current, X, y, diagnoses[-1], wanted, _at_step(len(added) + 1, say))
+                if longer is None:
+                    break
+                current, found, cause = longer
+                added.append(cause)
+                diagnoses.append(found)
+        except KeyboardInterrupt:
+            say("stopped")
+    return Refinement(_steps(diagnoses, added), current, tuple(diagnoses), untried=untried)
+
+
+def _at_step(number: int, say: Callable[[str], None]) -> Callable[[str], None]:
+    return lambda text: say(f"step {number}: {text}")
+
+
+def _with_first_that_helps(
+    model: DynamicBiasRegressor, X: Any, y: Any, before: Diagnosis, wanted: dict[str, Any], say: Callable[[str], None]
+) -> tuple[DynamicBiasRegressor, Diagnosis, FoundSuspect] | None:
+    """The model with the first cause that the fitted model confirms, and its diagnosis; None where none is."""
+    for cause in before.causes:
+        say(f"adding {cause.effect.title()}")
+        extended = with_missing(model, cause.effect).fit(X, y)
+        found = diagnose(extended, X, y, **wanted)
+        assert before.ahead is not None and found.ahead is not None
+        if before.ahead.against(found.ahead, cause.moment).adds(cause.always):
+            return extended, found, cause
+        say(f"{cause.effect.title()} does not help on later data")
+    return None
+
+
+def _steps(diagnoses: Sequence[Diagnosis], added: Sequence[FoundSuspect]) -> pd.DataFrame:
+    """The table: all errors on the same stretches."""
+    moment = max((cause.moment for cause in added if cause.moment is not None), default=None)
+    rows = []
+    for number, (cause, found) in enumerate(zip([None, *added], diagnoses, strict=True)):
+        assert found.ahead is not None and diagnoses[0].ahead is not None
+        start = diagnoses[0].ahead
+        later, first = found.ahead.later_rms(moment), start.later_rms(moment)
+        falls = start.against(found.ahead, moment).each
+        rows.append(
+            {
+                "step": number,
+                "effect": "" if cause is None else cause.label,
+                "change": "given" if cause is None else "added",
+                "rms": found.residual_rms,
+                "held_out_rms": found.ahead.held_out_rms,
+                "later_rms": later,
+                "db": reduction_db(later, first),
+                "low": -max(falls, default=np.nan),
+                "high": -min(falls, default=np.nan),
+                "verdict": found.verdict,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:
+    """An unfitted copy with one effect more; a missing lag of temperature, a column or a knee joins those there are.
+
+    Products of lags are those of the model: what is better or worse is so for the effect.
+    """
+    extended: DynamicBiasRegressor = model.settled()
+    if isinstance(effect, ThermalLag) and len(model.time_constants_):
+        return extended.set_params(**_with_times(model, None, effect.time_constants))
+    if (
+        isinstance(effect, LaggedCovariate)
+        and effect.power == 1
+        and effect.column in Thermometers.of(model.temperature).further
+    ):
+        return extended.set_params(**_with_times(model, effect.column, effect.time_constants))
+    own = [other for _, other in as_effects(model.effects)]
+    for i, other in enumerate(own):
+        if isinstance(effect, Hinge | LaggedCovariate) and same_but_for_lags(effect, other):
+            times = sorted({*seconds_array(other.time_constants), *seconds_array(effect.time_constants)})
+            longer = clone(other).set_params(time_constants=[float(tau) for tau in times])
+            extended.set_params(effects=[clone(e) for e in (*own[:i], longer, *own[i + 1 :])])
+            return extended
+    return extended.with_effect(effect)
+
+
+def _with_times(model: DynamicBiasRegressor, thermometer: Any, more: Any) -> dict[str, Any]:
+    """What a fitted model has chosen, and some more time constants of one thermometer: of the first for None."""
+    found = dict(model.thermometers_)
+    name = next(iter(found)) if thermometer is None else thermometer
+    found[name] = np.unique([*found[name], *seconds_array(more)])
+    times = {each: taus.tolist() for each, taus in found.items()}
+    return {**model.chosen(), "time_constants": times if len(times) > 1 else times[name]}
+
+
+def same_but_for_lags(one: Effect, other: Effect) -> bool:
+    """Whether two effects that may have lags of their own, knees or columns, differ in these at most."""
+    params = [{k: v for k, v in e.get_params(deep=False).items() if k != "time_constants"} for e in (one, other)]
+    return type(one) is type(other) and params[0] == params[1]
