@@ -313,6 +313,8 @@ MANY_CAUSES = 6
 """Causes beyond which none is moved, and the search begins anew with a product alone; with so many kinds of them with
 nothing: what so many explain has no simple law. In soil that freezes, beside ten others, a knee at 0 degC moved to
 3 degC."""
+FRUITLESS = 3
+"""Terms in a row that are worth nothing, after which no further one is looked for."""
 MOST = 16
 """Causes that are looked for, one after the other, steps not counted. Soil has a dozen of its own: of 22 effects
 planted there (seed 11), 9 are found with eight, 14 with sixteen, which take half as long again."""

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from ..effects import InitialTransient, StaticPolynomial, ThermalLag
+from ..effects import Disturbance, InitialTransient, SeveralSteps, StaticPolynomial, Step, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..estimators.input_errors import BetweenRows, felt_between_rows
@@ -227,9 +227,11 @@ class Pool:
         hidden = float(np.mean(left**2) - np.mean(self.coarse(left[:, None]) ** 2))
         return OutOfSample(self.coarse(self.reading[:, None])[:, 0], self.coarse(self.own), max(hidden, 0.0))
 
-    def share_before(self, seconds: float) -> float:
-        """Share of the rows before a time since the record began [s]."""
-        return float(np.mean(self.data.seconds < seconds))
+    def moment(self, effect: Effect) -> float | None:
+        """Share of the rows before the last moment at which an effect begins or ends; None for one without."""
+        if not isinstance(effect, Step | SeveralSteps | Disturbance):
+            return None
+        return float(np.mean(self.data.seconds < np.max(effect.seconds_)))
 
     def coarse(self, columns: np.ndarray) -> np.ndarray:
         """Averages of some neighbouring rows of columns, shape (n, k), as data not learned from are judged on."""

@@ -17,9 +17,27 @@ from scipy.special import chdtrc
 
 from .copies import Copies
 from .family import ANYWHERE, Family, Tried
-from .levels import ALIKE, CLEAR, FINER, GAIN, HALF, LEVEL, LOOKS, MOST, ROUNDED_OFF, SHARES, SPEAKS, TIE, TUNED, WITHIN
+from .levels import (
+    ALIKE,
+    CLEAR,
+    FINER,
+    FRUITLESS,
+    GAIN,
+    HALF,
+    LEVEL,
+    LOOKS,
+    MOST,
+    NEAR,
+    ROUNDED_OFF,
+    SHARES,
+    SPEAKS,
+    TIE,
+    TUNED,
+    WITHIN,
+)
 from .likelihood import Comparison
 from .nearby import moved
+from .out_of_sample import OutOfSample, Worth
 from .pairs import may_hide, pairs
 from .pool import Key, Pool
 
@@ -50,6 +68,8 @@ class Search:
         self.copies: dict[Key, Copies] = {}
         self.helpful: list[int] = []
         """Numbers of recorded columns that were taken in for their help on later data."""
+        self.fruitless = 0
+        """Terms in a row that were worth nothing on later data."""
         self.last: list[Tried] = []
         """What was tried last, best first."""
         self.n_looks = 0
@@ -108,23 +128,42 @@ class Search:
         if self.pool.rows.exact:
             return
         self._take_helpful()
-        seen = set()
-        while len(self.judged.adopted) < MOST and not self.rounded:
+        seen, settled = set[frozenset[int]](), False
+        while len(self.judged.adopted) < MOST and not self.rounded and self.fruitless < FRUITLESS:
             self.family.judged = self.judged
             self.family.add_anywhere()
             self.last = self.look(self.judged)
             best = self._best()
-            pair = self._pair() if best is None else []
-            if best is None and not pair:
-                break
-            for number in pair or [best.number]:
+            found = self._pair() if best is None else [best.number]
+            if not found:
+                if settled or not self._settle():
+                    break
+                settled = True
+                continue
+            for number in found:
                 self.judged.adopt(number)
-            self._settle()
+            self._tune(found)
+            self._drop()
             now = frozenset(self.judged.adopted)
             if now in seen:
                 break
             seen.add(now)
+            settled = False
         self.family.judged = self.judged
+
+    def _held(self) -> OutOfSample:
+        """The user's model with the terms so far."""
+        coarse = [self.family.coarse[number] for number in self.judged.adopted]
+        return self.pool.out_of_sample.with_columns(np.column_stack(coarse)) if coarse else self.pool.out_of_sample
+
+    def _worth(self, held: OutOfSample, which: Sequence[int]) -> dict[int, Worth]:
+        """What explanations are worth beside a model; what has a moment behind that."""
+        moments = {i: self.pool.moment(self.family.tried[i].effect) for i in which}
+        found = dict[int, Worth]()
+        for moment in set(moments.values()):
+            own = [i for i in which if moments[i] == moment]
+            found |= dict(zip(own, held.worth([self.family.coarse[i] for i in own], moment), strict=True))
+        return found
 
     def _take_helpful(self) -> None:
         """Take in recorded columns that later data tell from all copies of them, whatever the likelihood says.
@@ -154,14 +193,21 @@ class Search:
             held = held.with_columns(coarse[best])
 
     def _best(self) -> Tried | None:
-        """The best that is proven; a recorded column must also outdo copies of it moved in time."""
+        """Of what is proven the likeliest that is worth nearly most on later data; the likeliest where nothing is.
+
+        A recorded column must also outdo copies of it moved in time.
+        """
+        held = self._held()
         while True:
-            best = next((t for t in self.last if t.proven), None)
+            proven = [t for t in self.last if t.proven]
+            worths = self._worth(held, [t.number for t in proven])
+            helping = [t for t in proven if worths[t.number].adds(False)]
+            least = NEAR * max((worths[t.number].later for t in helping), default=0.0)
+            best = next((t for t in helping if worths[t.number].later >= least), proven[0] if proven else None)
             if best is None or best.key[1] is None or best.key in self.copies:
+                self.fruitless = 0 if best in helping else self.fruitless + 1
                 return best
-            self.copies[best.key] = Copies.of(
-                self.pool, self.judged, self.pool.out_of_sample, best.number, best.explanation.effect
-            )
+            self.copies[best.key] = Copies.of(self.pool, self.judged, held, best.number, best.explanation.effect)
             self.last = sorted(map(self._beside_copies, self.last), key=lambda t: -t.score)
 
     def _pair(self) -> list[int]:
@@ -177,19 +223,17 @@ class Search:
         score = most.gain - family.price(most.first) - family.price(most.second)
         return [most.first, most.second] if chance <= LEVEL and score > 0 else []
 
-    def _settle(self) -> None:
-        """Tune, drop and exchange terms until nothing gains."""
-        for _ in range(3):
-            before = self.judged
-            self._tune()
-            self._drop()
-            self._exchange()
-            if self.judged is before:
-                break
+    def _settle(self) -> bool:
+        """Exchange, tune and drop terms; returns whether anything gained."""
+        before = self.judged
+        self._exchange()
+        self._tune(list(self.judged.adopted))
+        self._drop()
+        return self.judged is not before
 
-    def _tune(self) -> None:
-        """Move the parameters of each term to where it explains most beside the others."""
-        for number in list(self.judged.adopted):
+    def _tune(self, which: Sequence[int]) -> None:
+        """Move the parameters of terms to where they explain most beside the others."""
+        for number in which:
             term = self.family.tried[number]
             if term.in_model or number in self.helpful or not term.n_tuned or len(self.judged.adopted) == 0:
                 continue

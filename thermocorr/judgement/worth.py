@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..effects import Covariate, LaggedCovariate, SeveralSteps
+from ..effects import Covariate, LaggedCovariate
 from ..effects.grids import time_grid
 from ..effects.protocol import Effect
 from .anywhere import DATED
@@ -50,7 +50,7 @@ class _Offer:
     def __init__(self, pool: Pool, term: Term, search: Search):
         effect = term.tried.explanation.effect
         self.term, self.always = term, effect.is_product or effect.kind == "hysteresis"
-        self.moment = _moment(pool, effect)
+        self.moment = pool.moment(effect)
         alike = [t for t in term.alike if not t.explanation.in_model and t.key[0] not in DATED]
         forms = _forms(pool, effect)
         made = [pool.coarse(each.columns) for each in pool.of(forms)]
@@ -82,14 +82,6 @@ class _Offer:
     def small(self) -> Cause:
         """It, as it was found."""
         return Cause(term=self.term, effect=self.forms[0][0], worth=self.plain, moment=self.moment, always=self.always)
-
-
-def _moment(pool: Pool, effect: Effect) -> float | None:
-    """Share of the record before the last moment at which an effect begins or ends; None for one without."""
-    if effect.kind not in (*DATED, SeveralSteps.kind):
-        return None
-    seconds = effect.seconds_
-    return pool.share_before(max(seconds) if isinstance(seconds, list | tuple) else seconds)
 
 
 def _forms(pool: Pool, effect: Effect) -> list[Effect]:
