@@ -20,7 +20,7 @@ from ..pages import PageData, figures
 from ..pages.charts import Chart
 from .acts import MARKS, MOST_SPIKES, Act, Add, Columns, Mark, Past, folded, roles_of, shape_of
 from .arrangement import AddedEffect, Arrangement, ModelSettings, Moment, Roles, Stretch
-from .learning import Fitted, errors_of, fitted, quietly
+from .learning import Fitted, fitted, quietly
 from .previews import preview_of
 from .source import ReadLog
 from .tiles import Store
@@ -287,16 +287,12 @@ class Bench:
         found = self.current
         if found is None:
             return None
-        fresh = not any(isinstance(act, Add) for act in self.acts)
-        chores: dict[str, Chore | None] = {
-            "errors": None if found.errors or "errors" in found.said else
-            ("measuring the error on data that it was not learned from", lambda: self._measure(found)),
-            "diagnosis": None if found.diagnosis or "diagnosis" in found.said else
+        chores: list[Chore | None] = [
+            None if found.diagnosis or "diagnosis" in found.said else
             ("looking for what is missing", lambda: self._diagnose(found)),
-            "charts": None if found.charts is not None else ("drawing", lambda: self._draw(found)),
-        }  # fmt: skip
-        order = ("diagnosis", "errors", "charts") if fresh else ("errors", "diagnosis", "charts")
-        return next((chores[name] for name in order if chores[name]), None) or self._missing_errors()
+            None if found.charts is not None else ("drawing", lambda: self._draw(found)),
+        ]  # fmt: skip
+        return next(filter(None, chores), None) or self._missing_errors()
 
     def _missing_errors(self) -> Chore | None:
         """Errors of earlier steps that were never on the bench as they stand, after one between them was removed."""
@@ -313,24 +309,18 @@ class Bench:
         except Exception as error:  # see below
             self.known(arrangement.key())["no errors"] = sentence(error)
             return
-        if found.errors is None:
-            self._measure(found)
-
-    def _measure(self, found: Fitted) -> None:
-        known = self.known(found.arrangement.key())
-        try:
-            found.errors = errors_of(found, self.own)
-            known |= {"held_out": found.errors.held_out, "later": found.errors.later}
-        except Exception as error:  # effects of the user's own raise whatever they like
-            found.said["errors"] = known["no errors"] = sentence(error)
+        if found.diagnosis is None:
+            self._diagnose(found)
 
     def _diagnose(self, found: Fitted) -> None:
-        X, y = found.data.X, found.data.learned
+        X, y, known = found.data.X, found.data.learned, self.known(found.arrangement.key())
         try:
             found.diagnosis = quietly(lambda: diagnose(found.model, X, y, suspects=self.own))
-            self.known(found.arrangement.key())["verdict"] = found.diagnosis.verdict
-        except Exception as error:  # see above
-            found.said["diagnosis"] = sentence(error)
+            ahead = found.diagnosis.ahead
+            assert ahead is not None
+            known |= {"verdict": found.diagnosis.verdict, "held_out": ahead.held_out_rms, "later": ahead.later_rms()}
+        except Exception as error:  # effects of the user's own raise whatever they like
+            found.said["diagnosis"] = known["no errors"] = sentence(error)
 
     def _draw(self, found: Fitted) -> None:
         """Charts of the report page that belong to the model."""

@@ -76,16 +76,16 @@ def chapters(source: ReadLog, found: Fitted, acts: tuple[Act, ...], own_file: st
         Chapter("The log.", _log(source, arrangement)),
         *([Chapter("Rows that were marked.", marks)] if (marks := _marks(arrangement)) else []),
         Chapter(done, _model_text(found, effects)),
-        Chapter("How large the error is: in sample, and on blocks of time that the fit did not see.", _ERRORS),
         Chapter("What is missing.", "diagnosis = diagnose(model, X, learned)\nprint(diagnosis)"),
+        Chapter("How large the error is: in sample, on blocks held out, and on later data.", _ERRORS),
         Chapter(
             "The corrected readings.", 'corrected = model.evaluate(X, y)\nprint(corrected["corrected"].describe())'
         ),
     ]
 
 
-_ERRORS = """residual = held_out_residuals(model, X, learned)
-print(f"in sample {model.residual_std_:.6g}, held out {np.sqrt(np.nanmean(residual**2)):.6g}")"""
+_ERRORS = """errors = model.residual_std_, diagnosis.held_out_rms, diagnosis.later_rms
+print("in sample {:.6g}, held out {:.6g}, later {:.6g}".format(*errors))"""
 
 
 def _imports(source: ReadLog, effects: list[Effect], own_file: str) -> str:
@@ -101,8 +101,8 @@ def _imports(source: ReadLog, effects: list[Effect], own_file: str) -> str:
         names["thermocorr.foreign"] = {"HowToRead", "read_logs", *(["with_times"] if len(source.files) == 1 else [])}
     elif source.name in SAMPLES:
         names["thermocorr.datasets"] = {SAMPLES[source.name].loader}
-    lines = [*(["import runpy"] if own else []), "import warnings", "", "import numpy as np", ""]
-    lines.append("from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose, held_out_residuals")
+    lines = [*(["import runpy"] if own else []), "import warnings", ""]
+    lines.append("from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose")
     lines += [f"from {module} import {', '.join(sorted(found))}" for module, found in sorted(names.items())]
     if own:
         lines += ["", f"own = runpy.run_path({own_file!r})", *(f"{name} = own[{name!r}]" for name in sorted(own))]

@@ -23,7 +23,7 @@ from ..effects.protocol import Effect
 from ..records import Record
 from ..records.history import Thinned
 from .blocks import averaged_copies
-from .levels import COPIES, FINE, INFLATION, LEAST_MOVED, OUTDONE
+from .levels import COPIES, FINE, INFLATION, LEAST_MOVED
 from .likelihood import Comparison
 from .out_of_sample import OutOfSample
 from .pool import Pool
@@ -61,10 +61,6 @@ class Copies:
         gains, width = other.gained_beside(number, which), sum(map(other.width, which))
         helped = max(worth.both for worth in held.worth([pool.coarse(part) for part in columns]))
         return cls(inflation=float(2 * gains.sum() / max(width, 1)), help=helped)
-
-    def outdone_by(self, later: float) -> bool:
-        """Whether later data [dB] tell the effect from its copies."""
-        return later > OUTDONE * max(self.help, 0.0)
 
     @property
     def excess(self) -> float:

@@ -17,7 +17,7 @@ from ..effects.protocol import Effect
 from ..equations.noise import Kernel, inverse_kernel
 from ..estimators.tables import VERDICTS
 from ..pages import DiagnosisPage, PageData
-from ..pictures.words import each_row, effect_text, left_sentences, suspect_sentence, worst_sentence
+from ..pictures.words import each_row, effect_text, left_sentences, small_sentence, suspect_sentence, worst_sentence
 from ..records import Record, seconds_of
 from ..records.errors import printable
 from ..records.numbers import quantity_texts
@@ -230,6 +230,16 @@ class Diagnosis(DiagnosisPage):
         return self.suspects[: self.n_causes]
 
     @property
+    def later_rms(self) -> float:
+        """Rms error of the model on later stretches, each foretold from all before it, in the unit of y."""
+        return np.nan if self.ahead is None else self.ahead.later_rms()
+
+    @property
+    def held_out_rms(self) -> float:
+        """Rms error of the model on blocks of time held out, each in its turn, in the unit of y."""
+        return np.nan if self.ahead is None else self.ahead.held_out_rms
+
+    @property
     def small(self) -> tuple[FoundSuspect, ...]:
         """What is there, and worth too little to be added: later data would be foretold no better."""
         return self.suspects[self.n_causes : self.n_causes + self.n_small]
@@ -287,6 +297,7 @@ class Diagnosis(DiagnosisPage):
         said = self.causes or self.suspects[:3]
         word = "Cause" if self.causes else "Suspect"
         lines += [f"{word} {k}, {suspect_sentence(suspect)}" for k, suspect in enumerate(said, 1)]
+        lines += [sentence for sentence in [small_sentence(self)] if sentence]
         lines += left_sentences(self.left, self.unit, self.verdict)
         if self.best is not None and self.best.info is not None:
             lines.append(f"To confirm the first on the bench: {self.best.info.bench_check}")

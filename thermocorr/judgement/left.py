@@ -93,12 +93,6 @@ class Left:
     """Whether a drift of several noises would pass for what model and causes have; False beside a model that has
     effects of time alone, and where the reading is exact."""
 
-    between_rows: tuple[str, ...] = ()
-    """Labels of effects that the record speaks for, by no more than the temperature may have made between its rows."""
-
-    swings: float = 0.0
-    """Standard deviation of that, in the unit of y; 0 where nothing is put down to it."""
-
     start_or: tuple[str, ...] = ()
     """Labels of effects that go on with time, as likely as the start of the record that the model takes for them."""
 

@@ -62,33 +62,6 @@ HELPS = 0.9995
 SAME = 1.002
 """Ratio of errors on later data within which two models are considered equal there: a step in the last block of
 a record helps nothing that comes later."""
-MOSTLY = 2.0
-"""Blocks, held out or later, whose error falls, over those in which it rises, from which an effect that is not of time
-alone is kept. What the two errors together favour and this count refuses (products, most of all) raised the error of
-the readings afterwards by 1.75 dB on the average of seven effects; see `benchmarks/refine_rules.py`."""
-TRIES = 4
-"""Causes that are tried in a step, the one worth most on data not learned from first; each costs eleven fits."""
-WIDELY = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)
-"""Steps of the search around the parameters of an effect that was just added, chosen beside other lags."""
-MOVES = 8
-"""Most moves of one length, of each effect."""
-FURTHER_HELP = 0.99
-"""Errors over those before, up to which an effect gets a further lag, or a proven one is kept that few blocks show."""
-FURTHER_LAGS = 3
-"""Lags that an effect may get beside the first, each only where data that it was not learned from are better for it."""
-OTHER_TIMES = (0.25, 0.4, 0.63, 1.6, 2.5, 4.0)
-"""Factors on the time constant of an effect that was just added, at which its errors are compared: coarse, for the
-errors of a few blocks are."""
-CLEARLY_LESS = 0.9
-"""Errors over those before, up to which something else takes the place of what a diagnosis names, such as another time
-constant than the one that explains most. Of the room beside a resistor it is 0.67, and 0.24 ppm on the rest instead of
-0.37; with 0.99, soil had 0.65 K, not 0.61."""
-NEXT_LAG = 2.5
-"""Ratio of neighbouring time constants that are tried as further lags of an effect: closer ones say nearly the same."""
-LOWER = 1 - 1e-4
-"""Residual over the least so far below which moved parameters are kept."""
-JOINTLY = (0.1, 0.03)
-"""Steps of the joint search around the parameters of the effects at the end."""
 
 
 # What is looked at
@@ -98,8 +71,6 @@ MOST_ROWS = 4_000_000
 temperatures is not the average of a column: two million rows in pairs left a second hysteresis of one."""
 MOST_TRIED = 200_000
 """Rows that the trials of a refinement are fitted to at most. What is kept is fitted to all rows and judged on them."""
-HELD_OUT_BLOCKS = 5
-"""Blocks of time that a refinement holds out, one after the other: the usual number of folds."""
 MOST_SOUND = 0.95
 """Share of a recorded column's numbers that must be numbers for it to be a suspect."""
 FINE = 25_000
@@ -228,9 +199,6 @@ OF_PRODUCTS = 1.0
 """Products with a recorded column are given no such allowance (`SCATTER`): there are more of them than of anything
 else, and lagged modulations were what was named of other places on soil, with scatters around 7. Given to all recorded
 columns alike, the current of a heater was no longer named, whose evidence scatters, too."""
-OUTDONE = 2.0
-"""Help over the most that a copy helps, from which a column that helps by `GAIN` is told from its copies. A heater,
-snow and the moisture of soil help 3 to 20 times as much as their copies; those of other places less, or harm."""
 COPIES = 39
 """Copies of a recorded column, moved in time, whose evidence is compared with its own."""
 LEAST_MOVED = 0.05
@@ -239,10 +207,6 @@ INFLATION = 1.5
 """What the copies gain, over what noise that is as it seems would give them, up to which evidence counts in full:
 chance gives more once in forty (chi-square, as many degrees of freedom as copies). Beside columns planted on measured
 records that were found (seed 32) it is 0.6 to 1.8, but 10 to 35 where soil's own law was taken for another place's."""
-EVEN, STRONG = 1.0, 14.0
-"""Scatter up to which, and score from which, a recorded column is a cause though it does harm on data not learned from:
-a slow column may. On measured records (gain 40, seeds 7 to 9), columns of other places that do harm have scores up to
-11.5 where they are so even, and up to 38 where they are not; ten of thirteen planted ones that do harm have more."""
 
 # Later data
 
@@ -273,12 +237,8 @@ HALF = 0.5
 explanation of nearly the same is preferred: which of the two helps more is the chance of few stretches."""
 DRAWS = 200
 """Records drawn from the base's own noise, with a fixed seed."""
-USUAL = 0.9
-"""Quantile of the help that noise gives to a kind and column, by which help is measured."""
 LEAST = 0.3
 """Least that this quantile counts as [dB]: a column that noise never helps would be helped by a hair."""
-BY_CHANCE = 0.01
-"""Share of these records in which some explanation may help as much as one that is named for its help alone."""
 SPEAKS = -6.0
 """Score (log likelihood) below which an explanation is rejected, however much it helps on later data."""
 
@@ -286,10 +246,6 @@ SPEAKS = -6.0
 
 LEVEL = 0.001
 """Error probability of the whole family below which a cause is proven."""
-EVIDENT, SETTLED = 5.0, 0.9
-"""Score (odds of 150 to 1), and share of the structured variance, from which what depends on time alone is named though
-it is not proven, where it also helps by `LEAST`. None was named so in 200 records of slow noise with nothing hidden
-(`benchmarks/null_records.py --records 40 --first 7000`, five kinds)."""
 LOOKS = 4.5
 """Factor on the number of tests: parameters are tuned beyond their list, and the noise is an estimate. Of 720 records
 of coloured noise 1.5 % have an error probability of .01 or less, 2.4 % with a factor of 3 (`benchmarks/null_records.py
@@ -309,80 +265,22 @@ ALIKE = 0.5
 Explanations that are as good but say something else are further causes."""
 PAIRS = 5
 """Likeliest pairs that hide one another, by the noise that stands, for which it is estimated anew."""
-MANY_CAUSES = 6
-"""Causes beyond which none is moved, and the search begins anew with a product alone; with so many kinds of them with
-nothing: what so many explain has no simple law. In soil that freezes, beside ten others, a knee at 0 degC moved to
-3 degC."""
 FRUITLESS = 3
 """Terms in a row that are worth nothing, after which no further one is looked for."""
 MOST = 16
 """Causes that are looked for, one after the other, steps not counted. Soil has a dozen of its own: of 22 effects
 planted there (seed 11), 9 are found with eight, 14 with sixteen, which take half as long again."""
-TRIFLE = 0.05
-"""Share of what is explained below which a further cause in averages of a long record may be what averaging has spoilt
-in those before it: in ten million rows with a hysteresis, four further ones of 3 % and less, worth 0.1 dB and less."""
-TRIFLING_HELP = 0.1
-"""Help [dB] below which it then is no cause."""
 LATE = 8
 """Causes beside which a further recorded column needs strong and even evidence (`STRONG`, `EVEN`): what is left then is
 what no simple law says. On soil (seeds 11, 14, 18), columns of other places found after six to forty causes had scores
 up to 66, those above `STRONG` with scatters of 1.4 and more; of six planted ones three had less than one."""
-OUTWEIGHS = 28.0
-"""Score up to which a recorded column, beside more than `LATE` causes, is none where it does harm on later stretches or
-on held-out blocks. On soil (seeds 62 to 65) three columns of other places that did so had 6 to 27, and four of five
-planted ones 33 to 194: what a slow column does later is told from few swings."""
-MOST_WAVES = 6
-"""Waves that are looked for: noise that comes and goes looks like waves without number. Of eleven effects planted on
-soil at 25 cm (seed 11), five are found with any number of waves, six with six."""
-MOST_STEPS = 40
-"""Steps that are looked for: soil on which rain falls has twenty in three years, a random telegraph one a switch."""
-PLAY = 10.0, 3.0
-"""Width of a hysteresis over the noise, and over the steps, of a thermometer, up to which it is theirs: a play of six
-standard deviations smooths noise on a plateau and follows a ramp. In a climate chamber, noise of 0.1 K made widths of
-0.6 to 1.0 K, steps of 0.1 and 0.25 K widths of 0.3 and 0.5 to 0.7 K."""
 FOLLOWS = 0.5
 """Correlation of the changes of a recorded column with those of the temperature, over one of `CHANGES`, from which
 it may know the temperature better than a noisy thermometer does."""
-CHANGES = (4, 16, 64, 256)
-"""Averaged rows over which they change: more than the noise of a thermometer, no longer than a day or two."""
 OF_THERMOMETER = 2.0
 """Structure that is left over what the errors of the thermometers make in the reading, up to which these are its cause.
 On simulated devices whose thermometers have noise of 0.05 or 0.1 K it is 1.0 to 1.2 on the average, with 0.02 K up to
 1.6, with steps of 0.0625 to 0.25 K 0.6 to 1.3 (`benchmarks/thermometer_noise.py --diagnose`)."""
-BETWEEN_ROWS = 2.0, 8.0
-"""What a cause of temperature alone explains, over what a curve through the rows of the temperature may have made, up
-to which it is put down to that, and up to which it is where it helps nowhere: a jump at one end of a row encloses up to
-twelve times as much. `benchmarks/slow_logs.py` counts what comes of it. When they were chosen (four seeds of a room
-like the brisk one there; seeds 200 to 203 of the calm one), what was wrongly proven of devices that lack nothing was
-0.3 to 1.9, products of lags 2.4, and 1.6 to 7.6 in the calm room. Of true knees, hystereses and leads of the size of
-the noise it was 1.8 to 1e5, but in outdoor records with a row every ten minutes from 0.6 on: leads of many rows."""
-TINY = 0.25
-"""Help [dB] below which a cause helps nowhere. Of 121 effects of half the noise (`benchmarks/hidden_effects.py --seeds
-8400 8401 8402 --strengths 0.5`) that were named, all are."""
-LITTLE = 0.5
-"""Help [dB] below which a cause may be a trace of what the temperature did between rows that resolve it; `GAIN` where
-they do not. Chosen on outdoor records with a row every ten minutes (`benchmarks/hidden_effects.py --seeds 8410 8414
---strengths 0.5 --kinds hysteresis`), where two hystereses that help by 0.9 dB had been put down to the log."""
-SHARP = 1.0
-"""Change of the temperature's slope from row to row over the slope itself, from which a jump is as likely as a curve.
-In rooms with a thermostat that are logged every 100 s and more it is 1.2 to 1.9, in rooms that are resolved 0.7 to 1,
-in a chamber 0.3, outdoors 0.15 (one seed of each, 300 of `benchmarks/slow_logs.py`). Where a hysteresis in a chamber
-was put down to jumps, it was lost."""
-NEAR_ROWS = 5.0
-"""Rows of a lead or delay from which it is not put down to that: a curve between two rows looks like one of a row or
-two. Chosen on two seeds of `benchmarks/hidden_effects.py` (8400 and 8401 at strength 0.5), where leads of 7 and 38 rows
-had been lost, and on delays of 62 rows of a white temperature (`tests/test_shifts.py`)."""
-SIZEABLE = 0.1
-"""Rms of what a missing lag, delay, rate or lead explains, over the usual noise of one sample, that must clearly be
-exceeded beside the model's own lags: they need not be better. Rows count by their weights, where the noise depends on
-time or temperature: counted as one each, three of 300 records whose noise grows with the temperature were said to lack
-a lag (`benchmarks/null_records.py --records 300 --first 100000 --kinds "grows with T"`), none with the weights."""
-OF_MUCH = 0.5
-"""Share of the structure beside the model's own lags from which what they lack is named though it helps on no later
-data. In a strong random walk a fit finds poor lags: what they lack is proven then, .01 to .12 of what is left, and
-worth nothing; the walk is what is to be said."""
-LEAST_STRUCTURE = 0.01
-"""Least structured variance, over the variance of the noise, that shares are told of: of nothing, no share is told."""
 STRUCTURE = 12.0
 """Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: for eight
 parts, 12 has an error probability of 0.002."""
@@ -405,9 +303,6 @@ FINER = (0.01, 0.003)
 NO_MORE = 1e-3
 """Gain of log likelihood up to which parameters stay where they are: rounding gains as much. A step may lie anywhere
 between two rows."""
-LEFT_OVER = 0.75
-"""Share of the log likelihood gained by a second cause of a kind and column, from which a move of the first that gains
-as much says that the second is what the first one's parameters have missed."""
 TUNED = 4
 """Kinds whose parameters are tuned in each turn."""
 WITHIN = 0.3

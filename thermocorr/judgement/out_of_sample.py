@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_solve
@@ -74,10 +75,10 @@ class OutOfSample:
         self.reading, self.base, self.unseen = reading, base, unseen
         self.edges = np.linspace(0, len(base), PIECES + 1).astype(int)
         self.sizes = np.diff(self.edges)
-        self.products = (
-            self._in_pieces(base, base),
-            self._in_pieces(base, reading[:, None])[..., 0],
-            np.array([float(reading[a:b] @ reading[a:b]) for a, b in pairwise(self.edges)]),
+        self.products = Products(
+            base=self._in_pieces(base, base),
+            reading=self._in_pieces(base, reading[:, None])[..., 0],
+            squares=np.array([float(reading[a:b] @ reading[a:b]) for a, b in pairwise(self.edges)]),
         )
         self._folds: dict[tuple[int, int, int], Fold] = {}
 
@@ -93,8 +94,7 @@ class OutOfSample:
         """The model learned from some pieces and tested on others."""
         key = len(learn), test.start, test.stop
         if key not in self._folds:
-            over = [tuple(part[list(pieces)].sum(axis=0) for part in self.products) for pieces in (learn, test)]
-            self._folds[key] = Fold(*over, learn, test, self.unseen * float(self.sizes[list(test)].sum()))
+            self._folds[key] = Fold(self.products, learn, test, self.unseen * self._rows(test))
         return self._folds[key]
 
     def worth(self, explanations: Sequence[np.ndarray], moment: float | None = None) -> list[Worth]:
@@ -106,10 +106,10 @@ class OutOfSample:
             which = [i for i, columns in enumerate(explanations) if columns.shape[1] == width]
             together = np.column_stack([explanations[i] for i in which])
             each = together.reshape(len(together), len(which), width).transpose(1, 0, 2)
-            products = (
-                self._in_pieces(self.base, together),
-                self._in_pieces(together, self.reading[:, None])[..., 0],
-                np.stack([each[:, a:b].swapaxes(1, 2) @ each[:, a:b] for a, b in pairwise(self.edges)]),
+            products = Products(
+                base=self._in_pieces(self.base, together),
+                reading=self._in_pieces(together, self.reading[:, None])[..., 0],
+                squares=np.stack([each[:, a:b].swapaxes(1, 2) @ each[:, a:b] for a, b in pairwise(self.edges)]),
             )
             errors = [[fold.error_with(products) for fold in folds] for folds in (later, blocks)]
             for k, i in enumerate(which):
@@ -154,17 +154,31 @@ def _fall(before: float, after: float) -> float:
     return float(10 * np.log10(before / after))
 
 
+class Products(NamedTuple):
+    """Cross products of some columns in each piece."""
+
+    base: np.ndarray
+    """With the columns of the base."""
+    reading: np.ndarray
+    """With the reading."""
+    squares: np.ndarray
+    """Squares of the reading, where the columns are the base; else products of the columns of each explanation."""
+
+    def over(self, pieces: Sequence[int]) -> Products:
+        """Sums over some pieces."""
+        return Products(*(part[list(pieces)].sum(axis=0) for part in self))
+
+
 class Fold:
     """A ridge of the readings on the base, learned from some pieces and tested on others, by cross products alone.
 
-    Columns are scaled to unit variance where they are learned, and lose their means there. `learned`, `tested` (tuples
-    of arrays): Products of the base, of the base with the reading, and of the reading. `unseen` (float): Sum of squares
-    that the averages of the tested pieces do not show.
+    Columns are scaled to unit variance where they are learned, and lose their means there. `unseen` (float): Sum of
+    squares that the averages of the tested pieces do not show.
     """
 
-    def __init__(self, learned: tuple, tested: tuple, learn: Sequence[int], test: Sequence[int], unseen: float):
-        (A, b, _), (T, t, squares) = learned, tested
-        self.learn, self.test, self.unseen = list(learn), list(test), unseen
+    def __init__(self, products: Products, learn: Sequence[int], test: Sequence[int], unseen: float):
+        (A, b, _), (T, t, squares) = products.over(learn), products.over(test)
+        self.learn, self.test, self.unseen = learn, test, unseen
         self.A, self.constant = A, A[0] / A[0, 0]  # what each column has of the constant
         centred = A - np.outer(A[0], self.constant)
         self.scale = _scale(np.diag(centred)[1:], np.diag(A)[1:])
@@ -182,10 +196,10 @@ class Fold:
         inner = self.scale[:, None] * cho_solve((self.half, True), self.scale[:, None] * centred)
         return np.vstack(((moments[0] - self.A[0, 1:] @ inner) / self.A[0, 0], inner))
 
-    def error_with(self, products: tuple) -> np.ndarray:
+    def error_with(self, products: Products) -> np.ndarray:
         """Squared error with each explanation beside the base, shape (explanations,)."""
         (base, reading, squares), (base_t, reading_t, squares_t) = (
-            tuple(part[pieces].sum(axis=0) for part in products) for pieces in (self.learn, self.test)
+            products.over(pieces) for pieces in (self.learn, self.test)
         )
         count, width = squares.shape[:2]
         made = self._coefficients(base)  # of the explanation by the base
@@ -202,7 +216,7 @@ class Fold:
         squares = squares_t - _each(base_t, made, count) - _each(made, beside, count)
         moments = 2 * missed.reshape(coef.shape) - squares @ coef
         fall = np.sum(coef * moments, axis=1)[:, 0]
-        return np.maximum(self.error - self.unseen - fall, 1e-300) + self.unseen
+        return np.asarray(np.maximum(self.error - self.unseen - fall, 1e-300) + self.unseen)
 
 
 def _scale(variance: np.ndarray, square: np.ndarray) -> np.ndarray:

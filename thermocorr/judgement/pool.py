@@ -15,7 +15,6 @@ from sklearn.base import clone
 from ..effects import Disturbance, InitialTransient, SeveralSteps, StaticPolynomial, Step, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
-from ..estimators.input_errors import BetweenRows, felt_between_rows
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.thermometers import resolution_of, thermometer_errors
 from ..records import Record, RecordError
@@ -172,12 +171,6 @@ class Pool:
         """
         hidden = isinstance(self.record, Thinned)
         return pd.DataFrame() if hidden else thermometer_errors(self.model, self.record)
-
-    @cached_property
-    def between_rows(self) -> BetweenRows:
-        """What the temperature may do between rows, as the model's lags feel it; averages hide it."""
-        hidden = isinstance(self.record, Thinned)
-        return BetweenRows(0.0, 0.0) if hidden else felt_between_rows(self.model, self.record)
 
     @cached_property
     def rounding(self) -> float:

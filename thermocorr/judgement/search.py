@@ -267,7 +267,7 @@ class Search:
 
     def _width(self, k: int) -> int:
         part = self.judged.causes[k]
-        return part.stop - part.start
+        return int(part.stop - part.start)
 
     def _exchange(self) -> None:
         """Put what is likelier by more than a tie in the place of a term."""

@@ -120,14 +120,31 @@ def suspect_sentence(suspect: Any) -> str:
     physics = suspect.effect.info.physics if suspect.effect.info is not None else ""
     return (
         (
-            f"{suspect.title or suspect.effect.title()}: {STANDINGS[suspect.standing]}; "
-            f"explains {suspect.share:.0%} of the structured variance, gain {suspect.gain_db:.2f} dB on "
-            f"held-out blocks and {suspect.later_db:.2f} dB on later data, "
+            f"{suspect.title or suspect.effect.title()}: {STANDINGS[suspect.standing]}; {worth_text(suspect)}, "
             f"error probability {probability_text(suspect.p_value)}{tie}. {when_text(suspect)} {physics}"
         )
         .replace(".  ", ". ")
         .strip()
     )
+
+
+def worth_text(suspect: Any) -> str:
+    """By how much it lowers the error on data that the model was not learned from."""
+    blocks = f"{suspect.gain_db:.2f} dB on blocks held out"
+    if not np.isfinite(suspect.later_db):
+        return f"too late in the record to be tried on later data, lowers the error by {blocks}"
+    return f"lowers the error on later data by {suspect.later_db:.2f} dB, and by {blocks}"
+
+
+def small_sentence(found: Any) -> str:
+    """What is there and too small to matter; empty where there is nothing of the kind."""
+    if not found.small:
+        return ""
+    most = max(found.small, key=lambda suspect: np.nan_to_num(suspect.later_db, nan=-np.inf))
+    what = "Another effect is" if len(found.small) == 1 else f"{len(found.small)} other effects are"
+    largest = f"{max(most.later_db, 0.0):.1f} dB on later data" if np.isfinite(most.later_db) else "too late to tell"
+    most_of_all = f"{most.label}{' most' * (len(found.small) > 1)}, {largest}"
+    return f"{what} significant, and worth too little to be added: {most_of_all}."
 
 
 def moment_texts(low: Any, high: Any) -> list[str]:
@@ -228,12 +245,6 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
             f"The noise is up to {loud.size:.2g} times as large as usual from {span_text(loud.start)} to "
             f"{span_text(loud.end)} after the record began{f', and in {more} more stretches' if more else ''}: these "
             "readings count less. If something happened then, leave them out of the fit (mask=...)."
-        )
-    if left.between_rows:
-        said.append(
-            f"The record speaks for {' and '.join(left.between_rows)}, by no more than the temperature may have made "
-            f"between its rows ({quantity_text(left.swings, unit)} rms), which nobody has seen: that is no cause. Log "
-            "the temperature more often."
         )
     sizes = {"a drift": left.smallest_drift, "a step": left.smallest_step}
     known = {what: size for what, size in sizes.items() if np.isfinite(size)}
