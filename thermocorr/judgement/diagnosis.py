@@ -32,7 +32,7 @@ from .pool import Pool
 from .residual import ThermalBase, beyond_judgement, felt_in_gaps, quiet_share, residuals_of
 from .search import Search, Term
 from .where import where_it_fails
-from .worth import Cause, by_worth
+from .worth import Cause, by_worth, lacking
 
 
 def diagnose(
@@ -97,6 +97,8 @@ def diagnose(
         terms = search.terms()
         missing = [term for term in map(_not_silently, terms) if not term.tried.explanation.in_model]
         causes, small = by_worth(pool, missing, search)
+        if not missing:
+            causes = lacking(pool, exclude)
         search.judged.let_go()
         return _conclude(model, y, seen, read, search, causes, small, _as_likely_as_the_start(terms))
 
@@ -214,8 +216,9 @@ def _cause(cause: Cause, when: tuple[tuple[Any, Any], ...]) -> FoundSuspect:
         later_db=cause.worth.later,
         p_value=term.tried.p_value,
         confusable_with=tuple(alike),
+        each=cause.worth.each,
         moment=cause.moment,
-        always=cause.always,
+        evenly=cause.evenly,
         in_model=any(t.explanation.in_model for t in term.alike),
         when=when,
     )

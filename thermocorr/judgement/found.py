@@ -175,10 +175,12 @@ class FoundSuspect:
     """Error probability, corrected for the number of candidates tried."""
     confusable_with: tuple[Effect, ...] = ()
     """Effects that this record cannot tell it apart from."""
+    each: tuple[float, ...] = ()
+    """Fall of the squared error on each later stretch [dB]."""
     moment: float | None = None
     """Share of the record before the last moment at which it begins or ends; None for kinds without one."""
-    always: bool = False
-    """Whether it must help in every later stretch: a product, or what has memory."""
+    evenly: bool = False
+    """Whether it must help evenly: a product, or what has memory."""
     in_model: bool = False
     """Whether this record cannot tell it apart from slow lags that the model has: a slow body."""
     when: tuple[tuple[Any, Any], ...] = ()

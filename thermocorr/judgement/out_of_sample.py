@@ -38,14 +38,21 @@ def later_pieces(moment: float | None) -> list[tuple[range, range]]:
 
 @dataclass(frozen=True, kw_only=True)
 class Worth:
-    """Fall of the squared error [dB]; positive is good."""
+    """Fall of the squared error [dB], positive is good; means of the logarithm: one bad stretch counts once."""
 
     each: tuple[float, ...]
     """On each later stretch."""
     later: float
-    """On later stretches together; NaN where there are none."""
+    """Mean of these; NaN where there are none."""
     blocks: float
-    """On blocks of time held out."""
+    """Mean on blocks of time that are held out."""
+
+    @classmethod
+    def of(cls, later: np.ndarray, blocks: np.ndarray) -> Worth:
+        """From ratios of squared errors, without an effect over with it, on each stretch and on each block."""
+        falls = 10 * np.log10(later)
+        mean = float(falls.mean()) if len(falls) else np.nan
+        return cls(each=tuple(falls.tolist()), later=mean, blocks=float(10 * np.log10(blocks).mean()))
 
     @property
     def both(self) -> float:
@@ -58,10 +65,13 @@ class Worth:
         fall = self.blocks if np.isnan(self.later) else self.later
         return float(max(1 - 10 ** (-fall / 10), 0.0))
 
-    def adds(self, always: bool) -> bool:
-        """Whether it is worth adding: in most of the later stretches, or in every one where it must `always` help."""
-        helped = [fall > 0 for fall in self.each]
-        return self.later >= GAIN and (all(helped) if always else 2 * sum(helped) > len(helped))
+    def adds(self, evenly: bool = False) -> bool:
+        """Whether it is worth adding: the error falls by `GAIN`, and in most of the later stretches.
+
+        Where it must help `evenly`, none of them may cost more than half of what it gains in all.
+        """
+        most = 2 * sum(fall > 0 for fall in self.each) > len(self.each)
+        return self.later >= GAIN and most and not (evenly and min(self.each) < -self.later / 2)
 
 
 class OutOfSample:
@@ -111,16 +121,10 @@ class OutOfSample:
                 reading=self._in_pieces(together, self.reading[:, None])[..., 0],
                 squares=np.stack([each[:, a:b].swapaxes(1, 2) @ each[:, a:b] for a, b in pairwise(self.edges)]),
             )
-            errors = [[fold.error_with(products) for fold in folds] for folds in (later, blocks)]
+            after = [np.array([fold.error_with(products) for fold in folds]) for folds in (later, blocks)]
+            before = [np.array([fold.error for fold in folds]) for folds in (later, blocks)]
             for k, i in enumerate(which):
-                after = [np.array([float(error[k]) for error in of]) for of in errors]
-                before = [np.array([fold.error for fold in folds]) for folds in (later, blocks)]
-                falls = 10 * np.log10(before[0] / after[0])
-                found[i] = Worth(
-                    each=tuple(falls.tolist()),
-                    later=_fall(before[0].sum(), after[0].sum()) if later else np.nan,
-                    blocks=_fall(before[1].sum(), after[1].sum()),
-                )
+                found[i] = Worth.of(*(b / a[:, k] if len(a) else b for b, a in zip(before, after, strict=True)))
         return [each for each in found if each is not None]
 
     def errors(self, moment: float | None = None) -> np.ndarray:
@@ -128,30 +132,28 @@ class OutOfSample:
         return np.array([self.fold(*pieces).error / self._rows(pieces[1]) for pieces in later_pieces(moment)])
 
     def later_rms(self, moment: float | None = None) -> float:
-        """Rms error on all later stretches, behind a moment; NaN where there are none."""
-        sizes = [self._rows(test) for _, test in later_pieces(moment)]
-        return float(np.sqrt(np.average(self.errors(moment), weights=sizes))) if sizes else np.nan
+        """Rms error on a later stretch, behind a moment: the geometric mean of all; NaN where there are none."""
+        return _geometric_mean(self.errors(moment)) ** 0.5
 
     @property
     def held_out_rms(self) -> float:
-        """Rms error on blocks that are held out, each in its turn."""
-        errors = [self.fold(*pieces).error for pieces in BLOCKS]
-        return float(np.sqrt(sum(errors) / self.sizes.sum()))
+        """Rms error on a block that is held out, the geometric mean of all."""
+        return _geometric_mean(self._on_blocks()) ** 0.5
+
+    def _on_blocks(self) -> np.ndarray:
+        """Mean square error on each block, shape (blocks,)."""
+        return np.array([self.fold(*pieces).error / self._rows(pieces[1]) for pieces in BLOCKS])
 
     def _rows(self, test: range) -> float:
         return float(self.sizes[list(test)].sum())
 
     def against(self, other: OutOfSample, moment: float | None = None) -> Worth:
         """What another model of the same record is worth instead of this one, behind a moment."""
-        return Worth(
-            each=tuple((10 * np.log10(self.errors(moment) / other.errors(moment))).tolist()),
-            later=2 * _fall(self.later_rms(moment), other.later_rms(moment)),
-            blocks=2 * _fall(self.held_out_rms, other.held_out_rms),
-        )
+        return Worth.of(self.errors(moment) / other.errors(moment), self._on_blocks() / other._on_blocks())
 
 
-def _fall(before: float, after: float) -> float:
-    return float(10 * np.log10(before / after))
+def _geometric_mean(values: np.ndarray) -> float:
+    return float(np.exp(np.mean(np.log(values)))) if len(values) else np.nan
 
 
 class Products(NamedTuple):

@@ -89,7 +89,7 @@ def refine(
 
     The first cause that a diagnosis names is added, and the model fitted with it. It is kept if the fitted model
     foretells later stretches better than the one before, by half a decibel and in most of them; a product, or what has
-    memory, in every one. Else the next cause is tried.
+    memory, must not cost much in any. Else the next cause is tried.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def _with_first_that_helps(
         extended = with_missing(model, cause.effect).fit(X, y)
         found = diagnose(extended, X, y, **wanted)
         assert before.ahead is not None and found.ahead is not None
-        if before.ahead.against(found.ahead, cause.moment).adds(cause.always):
+        if before.ahead.against(found.ahead, cause.moment).adds(cause.evenly):
             return extended, found, cause
         say(f"{cause.effect.title()} does not help on later data")
     return None

@@ -123,13 +123,13 @@ class Search:
         return self._weighed(judged, self.family.add([each for each in near if each is not None]))
 
     # ---- the search ------------------------------------------------------------------------------------------------
-    def run(self) -> None:
-        """Find the set; `judged` is the state with it, and `last` what was tried beside it."""
+    def run(self, most: int = MOST) -> None:
+        """Find the set, of `most` terms; `judged` is the state with it, and `last` what was tried beside it."""
         if self.pool.rows.exact:
             return
         self._take_helpful()
         seen, settled = set[frozenset[int]](), False
-        while len(self.judged.adopted) < MOST and not self.rounded and self.fruitless < FRUITLESS:
+        while len(self.judged.adopted) < most and not self.rounded and self.fruitless < FRUITLESS:
             self.family.judged = self.judged
             self.family.add_anywhere()
             self.last = self.look(self.judged)
@@ -201,9 +201,12 @@ class Search:
         while True:
             proven = [t for t in self.last if t.proven]
             worths = self._worth(held, [t.number for t in proven])
-            helping = [t for t in proven if worths[t.number].adds(False)]
+            helping = [t for t in proven if worths[t.number].adds()]
             least = NEAR * max((worths[t.number].later for t in helping), default=0.0)
             best = next((t for t in helping if worths[t.number].later >= least), proven[0] if proven else None)
+            own = next((t for t in proven if t.explanation.in_model), best)
+            if best is not None and own is not None and own.score >= best.score:
+                best = own  # what the model has already comes first
             if best is None or best.key[1] is None or best.key in self.copies:
                 self.fruitless = 0 if best in helping else self.fruitless + 1
                 return best
@@ -235,7 +238,7 @@ class Search:
         """Move the parameters of terms to where they explain most beside the others."""
         for number in which:
             term = self.family.tried[number]
-            if term.in_model or number in self.helpful or not term.n_tuned or len(self.judged.adopted) == 0:
+            if term.in_model or not term.n_tuned or len(self.judged.adopted) == 0:
                 continue
             beside = self.judged.dropped(self.judged.adopted.index(number))
             self.family.judged = beside
@@ -248,6 +251,7 @@ class Search:
             beside.adopt(new)
             if beside.base.level > self.judged.base.level + 0.1:
                 self.judged = beside
+                self.helpful = [new if each == number else each for each in self.helpful]
 
     def _drop(self) -> None:
         """Drop terms that are not proven beside the others, the worst first."""

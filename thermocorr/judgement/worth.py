@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from ..effects import Covariate, LaggedCovariate
+from ..effects import CATALOGUE, Covariate, Hysteresis, LaggedCovariate
 from ..effects.grids import time_grid
 from ..effects.protocol import Effect
 from .anywhere import DATED
@@ -24,8 +24,8 @@ class Cause:
     worth: Worth
     moment: float | None
     """Share of the record before the last moment at which it begins or ends; None for kinds without one."""
-    always: bool
-    """Whether it must help in every later stretch: a product, or what has memory."""
+    evenly: bool
+    """Whether it must help evenly: a product, or what has memory."""
 
 
 def by_worth(pool: Pool, terms: Sequence[Term], search: Search) -> tuple[list[Cause], list[Cause]]:
@@ -44,12 +44,28 @@ def by_worth(pool: Pool, terms: Sequence[Term], search: Search) -> tuple[list[Ca
     return causes, [offer.small for offer in left if offer.term.tried.proven]
 
 
+def lacking(pool: Pool, exclude: Collection[str]) -> list[Cause]:
+    """What the model's own lags lack: at most one lag, delay, rate or lead, if it helps on blocks held out as well.
+
+    Other effects are judged beside many lags, so that a poor thermal part makes none of them look guilty. Where none
+    was found, what the model's few lags leave is looked at.
+    """
+    if pool.rows.exact:
+        return []
+    kinds = [kind for name, kind in CATALOGUE.items() if kind.thermal_rank and name not in exclude]
+    thermal = pool.unmade([effect for kind in kinds for effect in kind.candidates(pool.record)])
+    search = Search(pool.beside(pool.own, thermal), anywhere=())
+    search.run(most=1)
+    return [cause for cause in by_worth(pool, search.terms(), search)[0] if cause.worth.both >= GAIN]
+
+
 class _Offer:
     """A term in the forms that it may have."""
 
     def __init__(self, pool: Pool, term: Term, search: Search):
         effect = term.tried.explanation.effect
-        self.term, self.always = term, effect.is_product or effect.kind == "hysteresis"
+        self.term = term
+        self.evenly = effect.is_product or isinstance(effect, Hysteresis)
         self.moment = pool.moment(effect)
         alike = [t for t in term.alike if not t.explanation.in_model and t.key[0] not in DATED]
         forms = _forms(pool, effect)
@@ -71,17 +87,17 @@ class _Offer:
         if not self.term.tried.proven and self.worth.both < CLEAR:
             return False
         spoilt = self.moment is None and self.worth.blocks < -GAIN
-        return self.worth.adds(self.always) and not spoilt
+        return self.worth.adds(self.evenly) and not spoilt
 
     @property
     def cause(self) -> Cause:
         """It, where it is worth adding; as it was found is among what it cannot be told apart from."""
-        return Cause(term=self.term, effect=self.effect, worth=self.worth, moment=self.moment, always=self.always)
+        return Cause(term=self.term, effect=self.effect, worth=self.worth, moment=self.moment, evenly=self.evenly)
 
     @property
     def small(self) -> Cause:
         """It, as it was found."""
-        return Cause(term=self.term, effect=self.forms[0][0], worth=self.plain, moment=self.moment, always=self.always)
+        return Cause(term=self.term, effect=self.forms[0][0], worth=self.plain, moment=self.moment, evenly=self.evenly)
 
 
 def _forms(pool: Pool, effect: Effect) -> list[Effect]:
