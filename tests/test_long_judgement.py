@@ -10,7 +10,7 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose, refine
 from thermocorr.datasets import make_record
-from thermocorr.judgement import candidates, shorter
+from thermocorr.judgement import candidates
 from thermocorr.records import Layout, read_record
 from thermocorr.records.history import Thinned, thinned
 
@@ -96,21 +96,6 @@ def test_averages_are_judged_as_their_rows(effect, monkeypatch):
     assert found.noise_floor == pytest.approx(expected.noise_floor, rel=0.15 if effect == "hysteresis" else 0.05)
     if effect == "step":
         assert found.best.time == pytest.approx(expected.best.time, abs=360.0)
-
-
-def test_a_long_record_is_refined_by_its_averages(monkeypatch):
-    """What is kept is fitted to all rows; errors are those of single readings, whatever was averaged."""
-    X, y = record_with("covariate")
-    model = DynamicBiasRegressor("temperature")
-    whole = refine(model, X, y)
-    monkeypatch.setattr(shorter, "MOST_TRIED", N // 6)
-    found = refine(model, X, y)
-    assert found.model_.reading_.n_readings == N
-    assert [effect.kind for effect in found.model_.effects] == [effect.kind for effect in whole.model_.effects]
-    assert found.model_.residual_std_ == pytest.approx(whole.model_.residual_std_, rel=0.01)
-    for name, close in (("rms", 0.01), ("held_out_rms", 0.1)):  # lags of averages differ a little
-        assert found.steps[name].iloc[-1] == pytest.approx(whole.steps[name].iloc[-1], rel=close)
-    assert found.diagnoses[-1].verdict == whole.diagnoses[-1].verdict
 
 
 def test_averages_take_little_memory():

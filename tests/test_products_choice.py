@@ -9,7 +9,6 @@ from sklearn.base import clone
 
 from thermocorr import DynamicBiasRegressor, ParquetLog, RecordWarning, compare_variants, load_model, save_model
 from thermocorr.datasets import make_record
-from thermocorr.judgement.worked_out import held_fast
 
 NOISE = 0.2
 
@@ -71,7 +70,7 @@ def test_what_is_chosen_again_or_held_is_the_same():
     model = DynamicBiasRegressor("temperature").fit(X, y)
     assert clone(model).products == "auto"
     assert model.settled().fit(X[:200], y[:200]).products_ is True  # part of the model, as its degree is
-    held = held_fast(model).fit(X, y)
+    held = clone(model).set_params(**model.chosen(), alpha=model.alpha_).fit(X, y)
     np.testing.assert_allclose(held.predict(X), model.predict(X), rtol=0, atol=1e-9)
     assert model.set_params(time_constants=[300.0]).fit(X, y).products_ is False  # an earlier choice is forgotten
 

@@ -55,6 +55,11 @@ class Worth:
         return cls(each=tuple(falls.tolist()), later=mean, blocks=float(10 * np.log10(blocks).mean()))
 
     @property
+    def rank(self) -> float:
+        """What it is sorted by: the fall on later stretches, or on blocks where none are later."""
+        return self.blocks if np.isnan(self.later) else self.later
+
+    @property
     def both(self) -> float:
         """The lesser of the falls on later stretches and on held-out blocks."""
         return min(self.later, self.blocks)
@@ -62,8 +67,7 @@ class Worth:
     @property
     def share(self) -> float:
         """Share of the squared error on later data that it takes away; on held-out blocks where none are later."""
-        fall = self.blocks if np.isnan(self.later) else self.later
-        return float(max(1 - 10 ** (-fall / 10), 0.0))
+        return float(max(1 - 10 ** (-self.rank / 10), 0.0))
 
     def adds(self, evenly: bool = False) -> bool:
         """Whether it is worth adding: the error falls by `GAIN`, and in most of the later stretches.

@@ -87,9 +87,9 @@ def refine(
 ) -> Refinement:
     """Add what is worth adding, fit, diagnose again, until nothing is.
 
-    The first cause that a diagnosis names is added, and the model fitted with it. It is kept if the fitted model
+    The causes that a diagnosis names are added, and the model is fitted with them. They are kept if the fitted model
     foretells later stretches better than the one before, by half a decibel and in most of them; a product, or what has
-    memory, must not cost much in any. Else the next cause is tried.
+    memory, must not cost much in any. Else they are tried one by one.
 
     Parameters
     ----------
@@ -128,17 +128,17 @@ def refine(
         say("fitting the model")
         current.fit(X, y)
         say("looking for what is missing")
-        diagnoses, added, untried = [diagnose(current, X, y, **wanted)], list[FoundSuspect](), False
+        diagnoses, added, untried = [diagnose(current, X, y, **wanted)], list[list[FoundSuspect]](), False
         try:
             while diagnoses[-1].causes:
-                if len(added) == max_steps:
+                if sum(map(len, added)) >= max_steps:
                     untried = True
                     break
-                longer = _with_first_that_helps(current, X, y, diagnoses[-1], wanted, _at_step(len(added) + 1, say))
+                longer = _with_first_that_helps(current, X, y, diagnoses[-1], wanted, _at_step(len(diagnoses), say))
                 if longer is None:
                     break
-                current, found, cause = longer
-                added.append(cause)
+                current, found, causes = longer
+                added.append(causes)
                 diagnoses.append(found)
         except KeyboardInterrupt:
             say("stopped")
@@ -151,24 +151,29 @@ def _at_step(number: int, say: Callable[[str], None]) -> Callable[[str], None]:
 
 def _with_first_that_helps(
     model: DynamicBiasRegressor, X: Any, y: Any, before: Diagnosis, wanted: dict[str, Any], say: Callable[[str], None]
-) -> tuple[DynamicBiasRegressor, Diagnosis, FoundSuspect] | None:
-    """The model with the first cause that the fitted model confirms, and its diagnosis; None where none is."""
-    for cause in before.causes:
-        say(f"adding {cause.effect.title()}")
-        extended = with_missing(model, cause.effect).fit(X, y)
-        found = diagnose(extended, X, y, **wanted)
+) -> tuple[DynamicBiasRegressor, Diagnosis, list[FoundSuspect]] | None:
+    """The model with all causes together, or else the first one, that the fitted model confirms; None for none."""
+    each = [[cause] for cause in before.causes]
+    for causes in each if len(each) == 1 else [list(before.causes), *each]:
+        title = " and ".join(cause.effect.title() for cause in causes)
+        say(f"adding {title}")
+        extended = model
+        for cause in causes:
+            extended = with_missing(extended, cause.effect)
+        found = diagnose(extended.fit(X, y), X, y, **wanted)
         assert before.ahead is not None and found.ahead is not None
-        if before.ahead.against(found.ahead, cause.moment).adds(cause.evenly):
-            return extended, found, cause
-        say(f"{cause.effect.title()} does not help on later data")
+        moment = max((cause.moment for cause in causes if cause.moment is not None), default=None)
+        if before.ahead.against(found.ahead, moment).adds(any(cause.evenly for cause in causes)):
+            return extended, found, causes
+        say(f"{title} does not help on later data")
     return None
 
 
-def _steps(diagnoses: Sequence[Diagnosis], added: Sequence[FoundSuspect]) -> pd.DataFrame:
+def _steps(diagnoses: Sequence[Diagnosis], added: Sequence[Sequence[FoundSuspect]]) -> pd.DataFrame:
     """The table: all errors on the same stretches."""
-    moment = max((cause.moment for cause in added if cause.moment is not None), default=None)
+    moment = max((cause.moment for causes in added for cause in causes if cause.moment is not None), default=None)
     rows = []
-    for number, (cause, found) in enumerate(zip([None, *added], diagnoses, strict=True)):
+    for number, (causes, found) in enumerate(zip([[], *added], diagnoses, strict=True)):
         assert found.ahead is not None and diagnoses[0].ahead is not None
         start = diagnoses[0].ahead
         later, first = found.ahead.later_rms(moment), start.later_rms(moment)
@@ -176,8 +181,8 @@ def _steps(diagnoses: Sequence[Diagnosis], added: Sequence[FoundSuspect]) -> pd.
         rows.append(
             {
                 "step": number,
-                "effect": "" if cause is None else cause.label,
-                "change": "given" if cause is None else "added",
+                "effect": " + ".join(cause.label for cause in causes),
+                "change": "added" if causes else "given",
                 "rms": found.residual_rms,
                 "held_out_rms": found.ahead.held_out_rms,
                 "later_rms": later,

@@ -204,9 +204,8 @@ class Search:
             helping = [t for t in proven if worths[t.number].adds()]
             least = NEAR * max((worths[t.number].later for t in helping), default=0.0)
             best = next((t for t in helping if worths[t.number].later >= least), proven[0] if proven else None)
-            own = next((t for t in proven if t.explanation.in_model), best)
-            if best is not None and own is not None and own.score >= best.score:
-                best = own  # what the model has already comes first
+            if proven and proven[0].explanation.in_model:
+                best = proven[0]  # what the model has already comes first where it is likeliest
             if best is None or best.key[1] is None or best.key in self.copies:
                 self.fruitless = 0 if best in helping else self.fruitless + 1
                 return best

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..effects import CATALOGUE, Covariate, Hysteresis, LaggedCovariate
 from ..effects.grids import time_grid
 from ..effects.protocol import Effect
@@ -29,23 +31,32 @@ class Cause:
 
 
 def by_worth(pool: Pool, terms: Sequence[Term], search: Search) -> tuple[list[Cause], list[Cause]]:
-    """What is worth adding, in the order in which it lowers the error most, and what is there and too small."""
-    left = [_Offer(pool, term, search) for term in terms]
-    held, causes = pool.out_of_sample, list[Cause]()
-    while left:
-        best = max((offer for offer in left if offer.weigh(held)), key=lambda offer: offer.worth.later, default=None)
-        if best is None:
+    """What is worth adding, what lowers the error most first, and what is there and too small.
+
+    Beside all others, for one may hide what another is worth: the least useful is left out, as long as one is that is
+    not worth adding.
+    """
+    kept, left = [_Offer(pool, term, search) for term in terms], list[_Offer]()
+    while kept:
+        worst = min((o for o in kept if not o.weigh(_beside(pool, kept, o))), key=lambda o: o.worth.rank, default=None)
+        if worst is None:
             break
-        left.remove(best)
-        causes.append(best.cause)
-        held = held.with_columns(best.columns)
+        kept.remove(worst)
+        left.append(worst)
+    kept.sort(key=lambda offer: -offer.worth.rank)
     for offer in left:
-        offer.weigh(held)
-    return causes, [offer.small for offer in left if offer.term.tried.proven]
+        offer.weigh(_beside(pool, kept, offer))
+    return [offer.cause for offer in kept], [offer.small for offer in left if offer.term.tried.proven]
+
+
+def _beside(pool: Pool, kept: Sequence[_Offer], one: _Offer) -> OutOfSample:
+    """The user's model with all that is kept but for one."""
+    columns = [offer.columns for offer in kept if offer is not one]
+    return pool.out_of_sample.with_columns(np.column_stack(columns)) if columns else pool.out_of_sample
 
 
 def lacking(pool: Pool, exclude: Collection[str]) -> list[Cause]:
-    """What the model's own lags lack: at most one lag, delay, rate or lead, if it helps on blocks held out as well.
+    """What the model's own lags lack: at most one lag, delay, rate or lead, if it helps much.
 
     Other effects are judged beside many lags, so that a poor thermal part makes none of them look guilty. Where none
     was found, what the model's few lags leave is looked at.
@@ -56,7 +67,7 @@ def lacking(pool: Pool, exclude: Collection[str]) -> list[Cause]:
     thermal = pool.unmade([effect for kind in kinds for effect in kind.candidates(pool.record)])
     search = Search(pool.beside(pool.own, thermal), anywhere=())
     search.run(most=1)
-    return [cause for cause in by_worth(pool, search.terms(), search)[0] if cause.worth.both >= GAIN]
+    return [cause for cause in by_worth(pool, search.terms(), search)[0] if cause.worth.both >= CLEAR]
 
 
 class _Offer:
@@ -66,7 +77,7 @@ class _Offer:
         effect = term.tried.explanation.effect
         self.term = term
         self.evenly = effect.is_product or isinstance(effect, Hysteresis)
-        self.moment = pool.moment(effect)
+        self.moment, self.columns = pool.moment(effect), search.coarse(term.tried)
         alike = [t for t in term.alike if not t.explanation.in_model and t.key[0] not in DATED]
         forms = _forms(pool, effect)
         made = [pool.coarse(each.columns) for each in pool.of(forms)]
