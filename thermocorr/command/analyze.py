@@ -202,8 +202,8 @@ def _judge(
     before = f"Before {further_text(refinement)} was added:\n\n" if further_text(refinement) else ""
     said = (
         f"{before}{first}\n\n{places(first)}\n\n"
-        "The error, step by step (held out: blocks of time that the fit did not see,\n"
-        f"in dB against step 0, negative is good; later: blocks foretold from everything before):\n\n{refinement}\n"
+        "The error, step by step (later: stretches foretold from everything before, in dB\n"
+        f"against step 0, negative is good; held out: blocks of time that the fit did not see):\n\n{refinement}\n"
     )
     return Judged(refinement.model_, said, first, refinement)
 

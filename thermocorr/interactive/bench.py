@@ -316,9 +316,8 @@ class Bench:
         X, y, known = found.data.X, found.data.learned, self.known(found.arrangement.key())
         try:
             found.diagnosis = quietly(lambda: diagnose(found.model, X, y, suspects=self.own))
-            ahead = found.diagnosis.ahead
-            assert ahead is not None
-            known |= {"verdict": found.diagnosis.verdict, "held_out": ahead.held_out_rms, "later": ahead.later_rms()}
+            judged = found.diagnosis
+            known |= {"verdict": judged.verdict, "held_out": judged.held_out_rms, "later": judged.later_rms}
         except Exception as error:  # effects of the user's own raise whatever they like
             found.said["diagnosis"] = known["no errors"] = sentence(error)
 

@@ -158,6 +158,8 @@ def _conclude(
         left=rest,
         residual_rms=rms,
         unit=model.reading_.unit,
+        later_rms=search.pool.out_of_sample.later_rms(),
+        held_out_rms=search.pool.out_of_sample.held_out_rms,
         ahead=search.pool.out_of_sample,
         gather=lambda: PageData.of(model, seen, y, beside=tuple(n for n in beside if n in columns)),
     )

@@ -218,11 +218,15 @@ class Diagnosis(DiagnosisPage):
     """What no cause explains: whether it wanders, for how long it remembers, spikes, and what could have been seen."""
     residual_rms: float
     """Rms residual of the model on these data, in the unit of y."""
+    later_rms: float
+    """Rms error of the model on a later stretch, foretold from all before it, in the unit of y: mean over stretches."""
+    held_out_rms: float
+    """Rms error of the model on a block of time that is held out, in the unit of y: mean over blocks."""
     unit: str
     level: float = LEVEL
     """Error probability of the whole family of suspects, below which one is named."""
     ahead: OutOfSample | None = field(default=None, compare=False)
-    """The model's errors on data that it was not learned from."""
+    """The model's errors on data that it was not learned from, for `refine`; None in a pickled copy."""
     gather: Callable[[], PageData] | None = field(default=None, compare=False)
     """Gathers series, formula and coefficients of the model on the record; None in a pickled copy."""
 
@@ -230,16 +234,6 @@ class Diagnosis(DiagnosisPage):
     def causes(self) -> tuple[FoundSuspect, ...]:
         """What is missing: each proven, or helpful on data that it was not learned from."""
         return self.suspects[: self.n_causes]
-
-    @property
-    def later_rms(self) -> float:
-        """Rms error of the model on later stretches, each foretold from all before it, in the unit of y."""
-        return np.nan if self.ahead is None else self.ahead.later_rms()
-
-    @property
-    def held_out_rms(self) -> float:
-        """Rms error of the model on blocks of time held out, each in its turn, in the unit of y."""
-        return np.nan if self.ahead is None else self.ahead.held_out_rms
 
     @property
     def small(self) -> tuple[FoundSuspect, ...]:
@@ -283,7 +277,7 @@ class Diagnosis(DiagnosisPage):
         return data
 
     def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_data"} | {"gather": None}
+        return {key: value for key, value in self.__dict__.items() if key != "_data"} | {"gather": None, "ahead": None}
 
     def __str__(self) -> str:
         residual, floor = quantity_texts((self.residual_rms, self.noise_floor), self.unit, 4)

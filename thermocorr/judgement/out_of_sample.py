@@ -137,12 +137,12 @@ class OutOfSample:
 
     def later_rms(self, moment: float | None = None) -> float:
         """Rms error on a later stretch, behind a moment: the geometric mean of all; NaN where there are none."""
-        return _geometric_mean(self.errors(moment)) ** 0.5
+        return float(np.sqrt(_geometric_mean(self.errors(moment))))
 
     @property
     def held_out_rms(self) -> float:
         """Rms error on a block that is held out, the geometric mean of all."""
-        return _geometric_mean(self._on_blocks()) ** 0.5
+        return float(np.sqrt(_geometric_mean(self._on_blocks())))
 
     def _on_blocks(self) -> np.ndarray:
         """Mean square error on each block, shape (blocks,)."""

@@ -206,11 +206,11 @@ class Pool:
 
     @cached_property
     def own(self) -> np.ndarray:
-        """Columns of the model and the constant, as they are judged, shape (n, p)."""
+        """Columns of the model but for its decays, and the constant, as they are judged, shape (n, p)."""
         effects = [clone(e) for e in self.model.features_.effect_list() if not isinstance(e, InitialTransient)]
         for effect in effects:
             effect.learn(self.record)
-        return np.column_stack([self.rows.constant, *self._columns(effects), *self.start])
+        return np.column_stack([self.rows.constant, *self._columns(effects)])
 
     @cached_property
     def out_of_sample(self) -> OutOfSample:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -33,20 +34,36 @@ class Cause:
 def by_worth(pool: Pool, terms: Sequence[Term], search: Search) -> tuple[list[Cause], list[Cause]]:
     """What is worth adding, what lowers the error most first, and what is there and too small.
 
-    Beside all others, for one may hide what another is worth: the least useful is left out, as long as one is that is
-    not worth adding.
+    One is added after the other, or two at once where one hides what the other is worth; and left out again where it is
+    worth nothing beside those that came later.
     """
-    kept, left = [_Offer(pool, term, search) for term in terms], list[_Offer]()
-    while kept:
-        worst = min((o for o in kept if not o.weigh(_beside(pool, kept, o))), key=lambda o: o.worth.rank, default=None)
-        if worst is None:
+    kept, left, held = list[_Offer](), [_Offer(pool, term, search) for term in terms], pool.out_of_sample
+    while left:
+        able = [offer for offer in left if offer.weigh(held)]
+        best = [max(able, key=lambda offer: offer.worth.rank)] if able else _best_pair(left, held)
+        if not best:
             break
-        kept.remove(worst)
-        left.append(worst)
-    kept.sort(key=lambda offer: -offer.worth.rank)
-    for offer in left:
+        kept += best
+        left = [offer for offer in left if offer not in best]
+        held = held.with_columns(np.column_stack([offer.columns for offer in best]))
+    for offer in list(kept):
+        if not offer.weigh(_beside(pool, kept, offer)):
+            kept.remove(offer)
+            left.append(offer)
+    for offer in (*kept, *left):
         offer.weigh(_beside(pool, kept, offer))
+    kept.sort(key=lambda offer: -offer.worth.rank)
     return [offer.cause for offer in kept], [offer.small for offer in left if offer.term.tried.proven]
+
+
+def _best_pair(left: Sequence[_Offer], held: OutOfSample) -> list[_Offer]:
+    """The two of which each is worth most beside the other, or none."""
+    best, most = list[_Offer](), 0.0
+    for one, other in combinations(left, 2):
+        if one.weigh(held.with_columns(other.columns)) and other.weigh(held.with_columns(one.columns)):
+            rank = min(one.worth.rank, other.worth.rank)
+            best, most = ([one, other], rank) if rank > most else (best, most)
+    return best
 
 
 def _beside(pool: Pool, kept: Sequence[_Offer], one: _Offer) -> OutOfSample:
@@ -65,7 +82,7 @@ def lacking(pool: Pool, exclude: Collection[str]) -> list[Cause]:
         return []
     kinds = [kind for name, kind in CATALOGUE.items() if kind.thermal_rank and name not in exclude]
     thermal = pool.unmade([effect for kind in kinds for effect in kind.candidates(pool.record)])
-    search = Search(pool.beside(pool.own, thermal), anywhere=())
+    search = Search(pool.beside(np.column_stack((pool.own, *pool.start)), thermal), anywhere=())
     search.run(most=1)
     return [cause for cause in by_worth(pool, search.terms(), search)[0] if cause.worth.both >= CLEAR]
 

@@ -13,7 +13,15 @@ from ..effects.protocol import SINCE_START, TEMPERATURE, TEMPERATURE_DIFFERENCE
 from ..estimators.tables import VERDICTS
 from ..estimators.variants import VariantComparison
 from ..pictures.protocols import DiagnosisLike, RefinementLike
-from ..pictures.words import MINUS, each_row, effect_text, further_text, left_sentences, share_of_samples
+from ..pictures.words import (
+    MINUS,
+    each_row,
+    effect_text,
+    further_text,
+    left_sentences,
+    share_of_samples,
+    small_sentence,
+)
 from ..records.errors import quoted
 from ..records.numbers import Scale, scale_of, span_text
 from ..records.units import difference_unit
@@ -44,7 +52,7 @@ def brief_diagnosis(found: DiagnosisLike) -> str:
     worst = each_row(found.where.head(SHOWN))
     places = [(failing_text(row), percent(row.share), percent(share_of_samples(row))) for row in worst if row.share > 0]
     suspects = [
-        (effect_text(row.effect), percent(row.share), decibels(row.gain_db), probability(row.p_value))
+        (effect_text(row.effect), percent(row.share), decibels(row.later_db), probability(row.p_value))
         for row in found.suspects[:SHOWN]
     ]
     return rendered(
@@ -64,8 +72,8 @@ def brief_refinement(refinement: RefinementLike) -> str:
     rows = [
         (
             f"{row.step} {row.effect or 'as given'}",
-            number(row.held_out_rms, scale=scale),
             number(row.later_rms, scale=scale),
+            number(row.held_out_rms, scale=scale),
             number(row.rms, scale=scale),
             decibels(row.db) if row.step else "",
             row.verdict,
@@ -173,16 +181,14 @@ def places(found: DiagnosisLike, data: PageData, figures: Markup) -> Section:
 
 def suspects(found: DiagnosisLike, data: PageData) -> Section:
     """3: the causes, what lowers the error on later data most first, and the other suspects as they are ranked."""
-    causes = [suspect for suspect in found.suspects if suspect.standing]
-    causes.sort(key=lambda cause: -np.nan_to_num(cause.later_db, nan=-np.inf))
-    ranked = [*causes, *(suspect for suspect in found.suspects if not suspect.standing)]
     return section(
         "what",
         "3 What is missing?",
-        suspects=[(suspect, parameters_text(suspect.effect, data)) for suspect in ranked],
-        physics=by_kind([suspect.effect for suspect in (causes or ranked)[:3]]),
+        suspects=[(suspect, parameters_text(suspect.effect, data)) for suspect in found.suspects],
+        physics=by_kind([suspect.effect for suspect in (found.causes or found.suspects)[:3]]),
         calm=VERDICTS[found.verdict].calm,
         unexplained=VERDICTS[found.verdict].unknown,
+        small=small_sentence(found),
         level=f"{found.level:g}",
     )
 
@@ -273,7 +279,7 @@ def steps(refinement: RefinementLike, title: str, figures: Markup) -> Section:
         title,
         rows=rows,
         in_short=in_short(refinement),
-        largest=float(np.nanmax(refinement.steps["held_out_rms"])),
+        largest=float(np.nanmax(refinement.steps["later_rms"])),
         floor=refinement.diagnoses[-1].noise_floor,
         scale=steps_scale(refinement),
         figures=figures,

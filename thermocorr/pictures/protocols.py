@@ -29,6 +29,12 @@ class DiagnosisLike(Protocol):
     def suspects(self) -> tuple[Any, ...]: ...  # noqa: D102
 
     @property
+    def causes(self) -> tuple[Any, ...]: ...  # noqa: D102
+
+    @property
+    def small(self) -> tuple[Any, ...]: ...  # noqa: D102
+
+    @property
     def left(self) -> Any: ...  # noqa: D102
 
     @property

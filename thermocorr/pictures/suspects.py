@@ -184,10 +184,10 @@ class RefinementDisplay:
         axes = axes_grid(ax, size=(max(5.0, 2.2 + 1.6 * n), 4.2))[0]
         only = axes[0]
         x = np.arange(n)
-        only.plot(x, self.steps["held_out_rms"], "o-", color=VERMILION, label="held out", zorder=3)
         later = self.steps["later_rms"]
         if later.notna().any():
-            only.plot(x, later, "^:", color=GREEN, ms=5, label="later blocks", zorder=3)
+            only.plot(x, later, "o-", color=VERMILION, label="later stretches", zorder=3)
+        only.plot(x, self.steps["held_out_rms"], "^:", color=GREEN, ms=5, label="held out", zorder=3)
         only.plot(x, self.steps["rms"], "s-", color=BLUE, ms=5, label="in sample", zorder=3)
         only.axhline(self.noise_floor, color=GREY, ls="--", lw=1.2, label="noise floor")
         values = np.array([*self.steps["held_out_rms"], *later, *self.steps["rms"], self.noise_floor])
@@ -201,10 +201,10 @@ class RefinementDisplay:
         only.set_xticks(x, [wrapped(_name(step), 16) for step in each_row(self.steps)], fontsize=9)
         only.set_xlim(-0.4, n - 0.6)
         for i, step in enumerate(each_row(self.steps)):
-            if i:
+            if i and np.isfinite(step.later_rms):
                 above = _free_above(step, only.get_yscale() == "log")
                 only.annotate(
-                    f"{step.db:+.1f} dB", (i, step.held_out_rms), xytext=(0, 9 if above else -9),
+                    f"{step.db:+.1f} dB", (i, step.later_rms), xytext=(0, 9 if above else -9),
                     textcoords="offset points", ha="center", va="bottom" if above else "top", fontsize=8,
                     color=VERMILION, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0}, zorder=5,
                 )  # fmt: skip
@@ -216,8 +216,8 @@ class RefinementDisplay:
 
 
 def _free_above(step: Any, logarithmic: bool) -> bool:
-    """Whether there is more room for a label above the error on held-out blocks than below it."""
-    errors = np.array([step.held_out_rms, step.rms, step.later_rms])
+    """Whether there is more room for a label above the error on later stretches than below it."""
+    errors = np.array([step.later_rms, step.rms, step.held_out_rms])
     with np.errstate(divide="ignore"):
         places = np.log(errors) if logarithmic else errors
     apart = places[1:] - places[0]
