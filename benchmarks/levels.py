@@ -22,9 +22,7 @@ from null_records import NOISES
 
 from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.judgement import levels as left_levels
-from thermocorr.judgement import levels as levels
-from thermocorr.judgement import levels as refinement_levels
+from thermocorr.judgement import levels
 
 PLANTED = ("covariate", "lagged_covariate", "interaction", "drift", "step", "hysteresis", "hinge", "periodic",
            "sensitivity_drift", "log_ageing", "lag_products", "initial_transient")  # fmt: skip
@@ -68,8 +66,7 @@ def changed(name: str, value: float) -> None:
 
 def main() -> None:
     """Print the table."""
-    every = vars(levels) | vars(left_levels) | vars(refinement_levels)
-    numbers = {name: value for name, value in every.items() if name.isupper() and isinstance(value, int | float)}
+    numbers = {name: value for name, value in vars(levels).items() if name.isupper() and isinstance(value, int | float)}
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--names", nargs="*", default=list(numbers), choices=list(numbers))
     options = parser.parse_args()
@@ -80,7 +77,7 @@ def main() -> None:
     print(f"{'as they are':24s} named first {first}/{planted}  accused {accused}/{len(cases) - planted}  time 1.00")
     for name in options.names:
         if name in ("PIECES", "TIME_LIKE", "SPEAKS"):
-            continue  # the folds need twenty pieces; a correlation; a negative number
+            continue  # the folds are cut in these; a correlation; a negative number
         for factor in (0.5, 2.0):
             value = numbers[name] * factor
             changed(name, int(value) if isinstance(numbers[name], int) else value)

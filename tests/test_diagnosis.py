@@ -38,7 +38,7 @@ def test_refinement_removes_the_built_in_moisture():
     assert result.diagnoses[-1].verdict == "nothing missing"
     assert result.model_.residual_std_ < 1.03 * record.attrs.get("noise", 5.85e-5)
     assert "lagged covariate: humidity" in str(result)
-    assert "held out [dB]" in str(result).splitlines()[0] and " db " not in str(result)
+    assert "later [dB]" in str(result).splitlines()[0] and " db " not in str(result)
 
 
 def test_an_excluded_kind_or_column_is_not_named():

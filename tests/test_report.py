@@ -139,7 +139,7 @@ def test_tables_hold_the_numbers_of_the_frames(browser, gappy, gappy_page):
     opened(browser, gappy_page)
     where = diagnosis.where[["share", "lift", "rms"]].to_numpy()
     np.testing.assert_array_equal(numbers(browser, ".places"), where)
-    ranking = diagnosis.ranking[["share", "gain_db", "later_db", "p_value"]].to_numpy()
+    ranking = diagnosis.ranking[["share", "later_db", "gain_db", "p_value"]].to_numpy()
     np.testing.assert_array_equal(numbers(browser, ".suspects"), ranking)
     coefficients = gappy[2].coef_table()[["coefficient", "standard_error"]].to_numpy()
     np.testing.assert_array_equal(numbers(browser, ".coefficients"), coefficients)

@@ -22,7 +22,7 @@ def test_a_refinement_shows_before_and_after(browser, tmp_path):
     refinement.save_html(tmp_path / "refinement.html")
     opened(browser, tmp_path / "refinement.html")
     assert complaints(browser) == []
-    expected = refinement.steps[["held_out_rms", "later_rms", "rms", "db"]].to_numpy()
+    expected = refinement.steps[["later_rms", "held_out_rms", "rms", "db", "low", "high"]].to_numpy()
     found = numbers(browser, ".steps")
     assert found[0] == expected[0, :3].tolist()
     assert found[1:] == expected[1:].tolist()

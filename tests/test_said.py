@@ -284,9 +284,11 @@ def test_only_fitted_models_are_judged():
 def test_a_refined_model_is_said_to_be_another_than_the_one_that_the_judgement_speaks_of(capsys, tmp_path):
     assert main(["analyze", "--refine", "--quiet", "--report", str(tmp_path / "page.html")]) == 0
     said = capsys.readouterr().out
-    assert "did not see,\nin dB against step 0, negative is good; later:" in said and "held out [dB]" in said
+    assert "in dB\nagainst step 0, negative is good; held out:" in said and "later [dB]" in said
     kept, _, before = said.splitlines()[:3]
-    assert kept.startswith("Use the refined model, which has lagged covariate: humidity: it misses later blocks by 58.")
+    assert kept.startswith(
+        "Use the refined model, which has lagged covariate: humidity: it misses later blocks by 59 nV"
+    )
     assert before.startswith("(Before that: ")
     assert said.index("Before lagged covariate: humidity was added:") < said.index("Verdict: missing")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from benches import in_python, settled, shown, stretch
 
-from thermocorr import DynamicBiasRegressor, diagnose, held_out_residuals
+from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.interactive.arrangement import Roles, guessed
 from thermocorr.interactive.bench import Bench
@@ -28,8 +28,8 @@ def test_numbers_on_the_screen_are_those_of_the_library(bench, bench_log):
     state = snapshot(bench)
     first = state["history"][0]
     assert first["rms"]["value"] == pytest.approx(found.residual_rms, rel=1e-12)
-    residual = held_out_residuals(model, X, y)
-    assert first["held_out"]["value"] == pytest.approx(np.sqrt(np.nanmean(residual**2)), rel=1e-12)
+    assert first["held_out"]["value"] == pytest.approx(found.held_out_rms, rel=1e-12)
+    assert first["later"]["value"] == pytest.approx(found.later_rms, rel=1e-12)
     assert state["judged"]["verdict"] == found.verdict
     assert [one["exactly"] for one in state["judged"]["suspects"]] == [s.effect.label() for s in found.suspects]
     assert state["fitted"]["equation"] == model.equation()

@@ -10,7 +10,7 @@ import pytest
 from browser import complaints, prefer, requests, resize
 from visitors import running, until
 
-from thermocorr import DynamicBiasRegressor, diagnose, held_out_residuals
+from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import load_voltage_reference, make_record
 
 pytest.importorskip("starlette", reason="the workbench needs starlette: pip install '.[workbench]'")
@@ -90,8 +90,7 @@ def test_humidity_is_added_on_the_built_in_record_in_one_click_and_the_numbers_a
         found = diagnose(model, X, y)
         better = model.with_effect(found.best).fit(X, y)
         for row, one in zip(last["history"], (model, better), strict=True):
-            residual = held_out_residuals(one, X, y)
-            assert row["held_out"]["value"] == pytest.approx(np.sqrt(np.nanmean(residual**2)), rel=1e-12)
+            assert row["held_out"]["value"] == pytest.approx(diagnose(one, X, y).held_out_rms, rel=1e-12)
         shown = person.js("[...document.querySelectorAll('ol.steps .error > data')].map(d => [d.value, d.textContent])")
         assert [float(value) for value, _ in shown] == [row["held_out"]["value"] for row in last["history"]]
         assert [text for _, text in shown] == [row["held_out"]["text"] for row in last["history"]]

@@ -101,7 +101,7 @@ def _imports(source: ReadLog, effects: list[Effect], own_file: str) -> str:
         names["thermocorr.foreign"] = {"HowToRead", "read_logs", *(["with_times"] if len(source.files) == 1 else [])}
     elif source.name in SAMPLES:
         names["thermocorr.datasets"] = {SAMPLES[source.name].loader}
-    lines = [*(["import runpy"] if own else []), "import warnings", ""]
+    lines = [*(["import runpy"] if own else []), "import warnings", "", "import numpy as np", ""]
     lines.append("from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose")
     lines += [f"from {module} import {', '.join(sorted(found))}" for module, found in sorted(names.items())]
     if own:
