@@ -45,7 +45,6 @@ class Hinge(Effect):
     """
 
     kind = "hinge"
-    of_temperature_alone = True
     lags_apart = True
     learned = {"time_constants_": "times", "reference_temperature_": "temperature"}
     info = EffectInfo(

@@ -40,7 +40,6 @@ class Hysteresis(Effect):
     """
 
     kind = "hysteresis"
-    of_temperature_alone = True
     learned = {}
     info = EffectInfo(
         physics="Friction, solder creep or packaging stress makes the reading depend on whether the temperature was "

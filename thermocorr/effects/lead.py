@@ -100,7 +100,6 @@ class Lead(Effect):
     """
 
     kind = "lead"
-    of_temperature_alone = True
     thermal_rank = 5
     foresees = True
     instead = (
@@ -137,10 +136,6 @@ class Lead(Effect):
         """Convert the lead and time constants to seconds."""
         self.lead_ = seconds_of(self.lead, "lead")
         self.time_constants_ = seconds_array(self.time_constants)
-
-    def moves_by(self) -> float:
-        """The lead [s]."""
-        return seconds_of(self.lead, "lead")
 
     def names(self) -> list[str]:
         """``lead[40 s]``, ``lead[40 s] lag[900 s]``, ..."""
@@ -234,9 +229,7 @@ class ThermometerNoise(Effect):
     """
 
     kind = "thermometer_noise"
-    of_temperature_alone = True
     thermal_rank = 4
-    of_thermometer = True
     foresees = True
     instead = "Fit without it, and give each row the mean of several readings of the thermometer, or take a finer one."
     learned = {"span_": "positive"}

@@ -31,7 +31,6 @@ class LagProducts(Effect):
     """
 
     kind = "lag_products"
-    of_temperature_alone = True
     is_product = True
     learned = {"time_constants_": "times", "reference_temperature_": "temperature", "temperature_name_": "column"}
     info = EffectInfo(

@@ -88,8 +88,6 @@ class Effect(ParametersOnce):
     class that does not say it itself is saved and loaded as well, and what a file says of it is not checked."""
     of_time_alone: ClassVar[bool] = False
     """True for what needs nothing but the clock: a noise that wanders can look like it."""
-    of_temperature_alone: ClassVar[bool] = False
-    """True for what needs nothing but the temperature, where what that does between two rows can look like it."""
     is_product: ClassVar[bool] = False
     """True for a product of two signals, which is largest where both leave their usual range: what it seems to help
     elsewhere says little of there."""
@@ -100,8 +98,6 @@ class Effect(ParametersOnce):
     thermal_rank: ClassVar[int] = 0
     """Place among the kinds that a better thermal part, or thermometer, could do without, the most usual one 1; 0 for
     all others."""
-    of_thermometer: ClassVar[bool] = False
-    """True for what a finer thermometer could do without."""
     lags_apart: ClassVar[bool] = False
     """True where each of the `time_constants` has columns of its own, whatever the others are. Each class says it for
     itself: one that is derived from it may have other columns."""
@@ -272,10 +268,6 @@ class Effect(ParametersOnce):
     def memory(self) -> float:
         """Longest time constant of the state [s]: how long an unknown start is felt. 0 without a state."""
         return max((word.memory for word in words_of(self) or ()), default=0.0)
-
-    def moves_by(self) -> float:
-        """By how much it moves the temperature in time, to and fro [s]."""
-        return 0.0
 
     def label(self) -> str:
         """Name of the contribution in tables and plots."""

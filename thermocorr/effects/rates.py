@@ -32,7 +32,6 @@ class Rate(Effect):
     """
 
     kind = "rate"
-    of_temperature_alone = True
     thermal_rank = 3
     learned = {"time_constant_": "positive or None"}
     info = EffectInfo(
@@ -92,7 +91,6 @@ class Delay(Effect):
     """
 
     kind = "delay"
-    of_temperature_alone = True
     thermal_rank = 2
     learned = {"delay_": "positive"}
     info = EffectInfo(
@@ -118,10 +116,6 @@ class Delay(Effect):
     def learn(self, record: Record) -> None:
         """Convert the delay to seconds."""
         self.delay_ = seconds_of(self.delay, "delay")
-
-    def moves_by(self) -> float:
-        """The delay [s]."""
-        return seconds_of(self.delay, "delay")
 
     def names(self) -> list[str]:
         """``delay[600 s]``."""

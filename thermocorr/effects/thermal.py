@@ -68,7 +68,6 @@ class StaticPolynomial(Effect):
     """
 
     kind = "static_polynomial"
-    of_temperature_alone = True
     learned = {"temperature_name_": "column", "reference_temperature_": "temperature"}
     info = EffectInfo(
         physics="The static law of the reading over temperature is curved.",
@@ -159,7 +158,6 @@ class ThermalLag(Effect):
     """
 
     kind = "thermal_lag"
-    of_temperature_alone = True
     lags_apart = True
     thermal_rank = 1
     learned = {"time_constants_": "times"}

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
 from scipy.special import chdtrc
 
 from ..effects import Delay, Effect, Periodic
@@ -65,12 +64,11 @@ class Family:
     """The explanations that are compared; each has the number that it has in the comparison.
 
     `pool` (Pool). `judged` (Comparison): Gets the columns of every explanation. `anywhere` (collection of str): Kinds
-    that are looked for at every row, period or delay. `small` (float): Twice the log likelihood up to which what a
-    better thermal part could do without is too small for a word.
+    that are looked for at every row, period or delay.
     """
 
-    def __init__(self, pool: Pool, judged: Comparison, anywhere: Collection[str], small: float):
-        self.pool, self.judged, self.anywhere, self.small = pool, judged, anywhere, small
+    def __init__(self, pool: Pool, judged: Comparison, anywhere: Collection[str]):
+        self.pool, self.judged, self.anywhere = pool, judged, anywhere
         self.tried: list[Explanation] = []
         """The explanations, those of the pool without their columns, see `Pool.with_columns`."""
         self.coarse: list[np.ndarray] = []
@@ -159,14 +157,12 @@ class Family:
     def p_value(self, gain: float, i: int, found: int | None = None) -> float:
         """Error probability of an explanation, the whole family having been tried (Wilks 1938; Bonferroni).
 
-        It was tried beside each number of causes up to those `found`, all so far by default. What a better thermal part
-        could do without is held against the hypothesis that it is negligible.
+        It was tried beside each number of terms up to those `found`, all so far by default.
         """
         explanation = self.tried[i]
-        tests, width = self.tests.get(explanation.key, 1.0), explanation.columns.shape[1]
-        small, twice = self.small if explanation.effect.thermal_rank else 0.0, 2 * max(gain, 0.0)
-        chance = stats.ncx2.sf(twice, width, small) if small else chdtrc(width, twice)
-        return float(min(1.0, (self.looks if found is None else 1 + found) * tests * chance))
+        chance = chdtrc(explanation.columns.shape[1], 2 * max(gain, 0.0))
+        looks = self.looks if found is None else 1 + found
+        return float(min(1.0, looks * self.tests.get(explanation.key, 1.0) * chance))
 
     def weighed(self, i: int, fit: Fit) -> Tried:
         """An explanation with what speaks for it: its fit beside the base."""

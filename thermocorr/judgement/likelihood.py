@@ -408,10 +408,6 @@ class Comparison:
             reading=np.concatenate((one.reading, other.reading), axis=1),
         )
 
-    def level_with(self, kept: Sequence[int]) -> float:
-        """Log likelihood of the base with some of the adopted explanations only, the noise estimated anew."""
-        return self.without([k for k in range(len(self.causes)) if k not in kept]).base.level
-
     def dropped(self, k: int, tried: bool = True) -> Comparison:
         """The base without one of the adopted explanations, which may be `tried` again as the others are."""
         part, other = self.causes[k], self.copy()
@@ -435,45 +431,6 @@ class Comparison:
             )
         other.base = other.first_fit(self.base.theta)
         return other
-
-    def without(self, dropped: Sequence[int]) -> Comparison:
-        """The base without some of the adopted explanations, the noise estimated anew; nothing is tried beside it."""
-        other = self.copy()
-        other.explanations = []
-        if dropped:
-            gone = np.concatenate([np.r_[self.causes[k]] for k in dropped])
-            columns = np.setdiff1d(np.arange(self.Q.shape[1]), gone)
-            other.causes, other.Q, other.Qz = [], self.Q[:, columns], self.Qz[:, columns]
-            other.QQ = np.ascontiguousarray(self.QQ[:, columns][:, :, columns])
-            other.base = other.first_fit(self.base.theta)
-        return other
-
-    def moves(self, k: int, columns: np.ndarray, least: float) -> bool:
-        """Put no more columns, shape (n, width), in the place of an adopted explanation's; False where less gains."""
-        part, other, p = self.causes[k], copy(self), self.Q.shape[1]
-        other.explanations = []
-        other.add([columns])
-        found = other.explanations[0]
-        if found is None or found.rows.shape[1] > part.stop - part.start:
-            return False
-        order = np.r_[0 : part.start, p : p + found.rows.shape[1], part.stop : p]
-        both = np.block([[self.QQ, found.base], [found.base.transpose(0, 2, 1), found.own]])
-        other.QQ = np.ascontiguousarray(both[:, order][:, :, order])
-        other.Q = np.column_stack((self.Q, found.rows))[:, order]
-        other.Qz = np.concatenate((self.Qz, found.reading), axis=1)[:, order]
-        other.base = other.first_fit(self.base.theta)
-        if other.base.level < self.base.level + least:
-            return False
-        self.explanations = [
-            each and replace(each, base=np.concatenate((each.base, self._crossed(found.rows, each.rows)), 1)[:, order])
-            for each in self.explanations
-        ]
-        self.causes[k] = slice(p, p + found.rows.shape[1])
-        places = [np.flatnonzero(np.isin(order, np.r_[cause])).tolist() for cause in self.causes]
-        self.causes = [slice(place[0], place[-1] + 1) for place in places]
-        self.Q, self.Qz, self.QQ, self.base = other.Q, other.Qz, other.QQ, other.base
-        self.white = self._white()
-        return True
 
     def _fits(self, which: Sequence[int | None], starts: Sequence[np.ndarray], turns: int) -> list[Fit]:
         theta = np.column_stack(starts)

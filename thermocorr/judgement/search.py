@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc
 
+from .anywhere import lasting
 from .copies import Copies
 from .family import ANYWHERE, Family, Tried
 from .levels import (
@@ -28,6 +30,9 @@ from .levels import (
     LOOKS,
     MOST,
     NEAR,
+    NO_MORE,
+    OF_PRODUCTS,
+    PAIRS,
     ROUNDED_OFF,
     SHARES,
     SPEAKS,
@@ -36,10 +41,8 @@ from .levels import (
     WITHIN,
 )
 from .likelihood import Comparison
-from .nearby import moved
 from .out_of_sample import OutOfSample, Worth
-from .pairs import may_hide, pairs
-from .pool import Key, Pool
+from .pool import Explanation, Key, Pool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,10 +64,10 @@ class Search:
     `pool` (Pool). `anywhere` (collection of str): Kinds that are looked for at every row, period or delay.
     """
 
-    def __init__(self, pool: Pool, anywhere: Collection[str] = ANYWHERE, small: float = 0.0):
+    def __init__(self, pool: Pool, anywhere: Collection[str] = ANYWHERE):
         self.pool, self.record = pool, pool.record
         self.judged = pool.compared(pool.base)
-        self.family = Family(pool, self.judged, anywhere, small)
+        self.family = Family(pool, self.judged, anywhere)
         self.copies: dict[Key, Copies] = {}
         self.helpful: list[int] = []
         """Numbers of recorded columns that were taken in for their help on later data."""
@@ -96,10 +99,6 @@ class Search:
     def _weighed(self, judged: Comparison, which: Sequence[int]) -> list[Tried]:
         fits = judged.refit(which)
         return [self._beside_copies(self.family.weighed(i, fit)) for i, fit in zip(which, fits, strict=True)]
-
-    def weighed_only(self, which: Sequence[int]) -> list[Tried]:
-        """Explanations beside the set."""
-        return self._weighed(self.judged, which)
 
     def _beside_copies(self, t: Tried) -> Tried:
         """An explanation, its evidence divided by what copies of its column explain more than noise gives them."""
@@ -332,3 +331,64 @@ class Search:
     def left(self) -> float:
         """Standard deviation of the structure that is left, in the unit of the reading."""
         return self.judged.unit * float(np.sqrt(max(self.judged.unexplained() - self.judged.innovation, 0.0)))
+
+
+# ---- the moves ------------------------------------------------------------------------------------------------------
+def moved(pool: Pool, beside: Comparison, explanation: Explanation, shares: Sequence[float]) -> Explanation | None:
+    """An explanation with its parameters moved to where it gains most, by each of `shares`; None where nowhere more.
+
+    `beside` is the base that it stands beside; what else is tried there is forgotten. See `Effect.nearby`.
+    """
+    beside.explanations = []
+    beside.add([each.columns for each in pool.with_columns([explanation])])
+    theta = beside.refit([0])[0].theta
+    most, best = beside.screen(theta)[0], explanation
+    for share in shares:
+        near = pool.of(best.effect.nearby(pool.record, share))
+        near = [each for each in near if lasting(pool, each.effect)]
+        if not near:
+            break
+        beside.explanations = []
+        beside.add([each.columns for each in near])
+        gains = beside.screen(theta)
+        if gains.max() > most + NO_MORE:
+            first = int(np.argmax(gains > gains.max() - NO_MORE))
+            most, best = gains[first], near[first]
+    return None if best is explanation else best
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """Two explanations that hide one another, as an ageing that a drift opposes, by their numbers in a comparison."""
+
+    first: int
+    """The plainer one."""
+    second: int
+    gain: float
+    """Log likelihood that they gain together, divided by how unevenly the evidence of products lies."""
+
+
+def may_hide(explanation: Explanation) -> bool:
+    """Whether an explanation may be hidden by another one: a slow change, or a product with a recorded column."""
+    effect = explanation.effect
+    return effect.of_time_alone or (effect.is_product and explanation.key[1] is not None)
+
+
+def pairs(judged: Comparison, explanations: Sequence[Explanation], which: Sequence[int]) -> tuple[list[Pair], int]:
+    """The likeliest pairs of kinds with the same column, or none, best first, and the number of all pairs."""
+    every: list[tuple[int, int]] = []
+    for i, j in combinations(sorted(which, key=lambda i: explanations[i].n_tuned), 2):
+        one, other = explanations[i].key, explanations[j].key
+        if one != other and one[1] == other[1]:
+            every.append((i, j))
+    if not every:
+        return [], 0
+    gains = judged.of_pairs(every).screen(judged.base.theta)
+    near = [every[k] for k in np.argsort(-gains)[:PAIRS].tolist()]
+    together = judged.of_pairs(near, rows=True)
+    found = []
+    for k, fit in enumerate(together.refit(range(len(near)))):
+        i, j = near[k]
+        uneven = 0.0 if explanations[i].effect.of_time_alone else together.scatter(k, fit.theta) / OF_PRODUCTS
+        found.append(Pair(first=i, second=j, gain=(fit.level - judged.base.level) / max(1.0, uneven)))
+    return sorted(found, key=lambda pair: -pair.gain), len(every)
