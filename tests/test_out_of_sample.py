@@ -79,6 +79,13 @@ def test_what_is_named_last_is_said_to_be_untried(most, untried):
     assert found.untried is untried and ("No step was left." in str(found)) is untried
 
 
+def test_no_more_effects_are_added_than_asked_for():
+    record = make_record(8000, effects={"covariate": 2.0, "step": 3.0}, seed=12)
+    X, y = record.drop(columns="reading"), record["reading"]
+    found = refine(DynamicBiasRegressor("temperature"), X, y, max_steps=1)
+    assert len(found.diagnoses[0].causes) == 2 and len(found.model_.effects) <= 1
+
+
 def test_what_is_too_small_to_matter_is_said_in_one_line():
     record = make_record(20_000, effects={"hinge": 0.25}, seed=3)
     X, y = record.drop(columns="reading"), record["reading"]

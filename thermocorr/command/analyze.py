@@ -202,7 +202,7 @@ def _judge(
     before = f"Before {further_text(refinement)} was added:\n\n" if further_text(refinement) else ""
     said = (
         f"{before}{first}\n\n{places(first)}\n\n"
-        "The error, step by step (later: stretches foretold from everything before, in dB\n"
+        "The error, step by step (later: stretches predicted from everything before, in dB\n"
         f"against step 0, negative is good; held out: blocks of time that the fit did not see):\n\n{refinement}\n"
     )
     return Judged(refinement.model_, said, first, refinement)

@@ -166,11 +166,12 @@ class FoundSuspect:
     """ "proven": the likelihood of the record leaves no doubt; "helps": it lowers the error on data that it was not
     learned from, and its cause is not proven; "": tried, and not named."""
     share: float
-    """Share of the structured variance that it explains."""
+    """Share of the squared error on later data that it takes away."""
     gain_db: float
-    """Fall of the squared error on blocks of time that it was not learned from [dB]."""
+    """Mean fall of the squared error on blocks of time that are held out [dB]."""
     later_db: float
-    """Fall of the squared error on later stretches, learned from earlier ones [dB]."""
+    """Mean fall of the squared error on later stretches, each predicted from all before it [dB]; NaN for a jump at the
+    end."""
     p_value: float
     """Error probability, corrected for the number of candidates tried."""
     confusable_with: tuple[Effect, ...] = ()
@@ -219,7 +220,7 @@ class Diagnosis(DiagnosisPage):
     residual_rms: float
     """Rms residual of the model on these data, in the unit of y."""
     later_rms: float
-    """Rms error of the model on a later stretch, foretold from all before it, in the unit of y: mean over stretches."""
+    """Rms error of the model on a later stretch, predicted from all before it [unit of y]: mean over stretches."""
     held_out_rms: float
     """Rms error of the model on a block of time that is held out, in the unit of y: mean over blocks."""
     unit: str
@@ -248,7 +249,7 @@ class Diagnosis(DiagnosisPage):
     @property
     def ranking(self) -> pd.DataFrame:
         """`suspects` as a table: label, kind, column, parameters, standing, gain_db (blocks held out), later_db,
-        p_value (of the whole family), share (of the structured variance), confusable_with (labels), sentence.
+        p_value (of the whole family), share (of the later error), confusable_with (labels), sentence.
         """
         rows = [
             {

@@ -1,7 +1,5 @@
 """Thresholds of the judgement.
 
-Those of what is left are in `left_levels`, those of a refinement in `refinement_levels`.
-
 What changes when one of them is halved or doubled is printed by `benchmarks/levels.py`. The campaigns behind them are
 `benchmarks/hidden_effects.py` (simulated devices), `benchmarks/null_records.py` (nothing hidden, thirteen kinds of
 noise), `benchmarks/planted_on_real.py` (known effects on measured backgrounds) and `benchmarks/real_diagnosis.py`.
@@ -57,20 +55,11 @@ FEWEST_AVERAGES = 64
 """Averages below which no bands of frequency are looked at: there would be two, a factor of four each."""
 
 
-HELPS = 0.9995
-"""Held-out error over what it was before, up to which an effect is kept where later data cannot tell."""
-SAME = 1.002
-"""Ratio of errors on later data within which two models are considered equal there: a step in the last block of
-a record helps nothing that comes later."""
-
-
 # What is looked at
 
 MOST_ROWS = 4_000_000
 """Rows that are judged as they are: longer records are averaged over short stretches first. A column of averaged
 temperatures is not the average of a column: two million rows in pairs left a second hysteresis of one."""
-MOST_TRIED = 200_000
-"""Rows that the trials of a refinement are fitted to at most. What is kept is fitted to all rows and judged on them."""
 MOST_SOUND = 0.95
 """Share of a recorded column's numbers that must be numbers for it to be a suspect."""
 FINE = 25_000
@@ -217,7 +206,7 @@ PIECES = 80
 FIRST, AHEAD = 32, 8
 """Pieces that the first forecast is learned from, and pieces that each foretells: six stretches of the later part."""
 BLOCK = 16
-"""Pieces of each of five blocks that are held out, as `HELD_OUT_BLOCKS` in a refinement."""
+"""Pieces of each of the five blocks that are held out."""
 RIDGE = 1e-6
 """Penalty in the forecasts, for columns of unit variance. At 1e-3 the lags of the base are bent so far on simulated
 devices that a true drift makes forecasts worse; on measured records any from 1e-6 to 1e-3 gives much the same."""
@@ -225,22 +214,14 @@ VARIES = 1e-8
 """Variance of a column over its mean square, from which its coefficient is learned: a variance is a difference of sums
 with sixteen digits, and its rounding has to stay far below `RIDGE`. At 1e-11 a matrix was not positive definite."""
 GAIN = 0.5
-"""Fall of the squared error [dB], on later stretches and on held-out blocks alike, that counts as help: a tenth of the
-error is what a user notices."""
+"""Mean fall of the squared error on later stretches [dB] from which an effect is worth adding."""
 CLEAR = 3.0
-"""Help that names a recorded column, or a product with time or of lags, which the likelihood does not prove [dB]. Of
-sixteen sets of columns of other places (eight measured records, seeds 12 and 14) two had one that helped by 2.0 to 2.9
-dB; true ones helped by 4.5 and 5.0. A drift of the sensitivity planted on a voltmeter helps by 8.3 and is not proven;
-none was named in 435 records with nothing hidden (`benchmarks/null_records.py`)."""
+"""Fall [dB], on later stretches and on held-out blocks, from which a recorded column that the likelihood does not prove
+is taken in, or the model's own lags are lacking: half of the squared error."""
 NEAR = 0.75
-"""Share of the greatest help [dB] from which another explanation is nearly as good, and the likelihood decides."""
+"""Share of the greatest fall on later stretches from which an explanation is nearly as good: the likelihood decides."""
 HALF = 0.5
-"""Fraction of the largest help, on the mean of later stretches and held-out blocks [dB], from which a likelier
-explanation of nearly the same is preferred: which of the two helps more is the chance of few stretches."""
-DRAWS = 200
-"""Records drawn from the base's own noise, with a fixed seed."""
-LEAST = 0.3
-"""Least that this quantile counts as [dB]: a column that noise never helps would be helped by a hair."""
+"""Share of a rival's gain that a term leaves it, below which one of the two is enough."""
 SPEAKS = -6.0
 """Score (log likelihood) below which an explanation is rejected, however much it helps on later data."""
 
@@ -270,15 +251,7 @@ PAIRS = 5
 FRUITLESS = 3
 """Terms in a row that are worth nothing, after which no further one is looked for."""
 MOST = 16
-"""Causes that are looked for, one after the other, steps not counted. Soil has a dozen of its own: of 22 effects
-planted there (seed 11), 9 are found with eight, 14 with sixteen, which take half as long again."""
-LATE = 8
-"""Causes beside which a further recorded column needs strong and even evidence (`STRONG`, `EVEN`): what is left then is
-what no simple law says. On soil (seeds 11, 14, 18), columns of other places found after six to forty causes had scores
-up to 66, those above `STRONG` with scatters of 1.4 and more; of six planted ones three had less than one."""
-FOLLOWS = 0.5
-"""Correlation of the changes of a recorded column with those of the temperature, over one of `CHANGES`, from which
-it may know the temperature better than a noisy thermometer does."""
+"""Terms that are looked for. Soil has a dozen of its own."""
 OF_THERMOMETER = 2.0
 """Structure that is left over what the errors of the thermometers make in the reading, up to which these are its cause.
 On simulated devices whose thermometers have noise of 0.05 or 0.1 K it is 1.0 to 1.2 on the average, with 0.02 K up to

@@ -1,9 +1,8 @@
 """Errors on data that were not learned from, of a model and of the same model with more columns.
 
-The record is cut into pieces of equal numbers of rows. Later stretches are foretold from all that came before them, and
-blocks from all the rest, by a ridge on the columns of the user's own model. Everything follows from the cross products
-of the pieces. What begins at a moment is asked behind it: of stretches that begin a piece later, when its level is
-known.
+The record is cut into pieces of equal numbers of rows. Later stretches are predicted from all that came before them,
+and blocks from all the rest, by a ridge on the columns of the user's own model. Everything follows from the cross
+products of the pieces. A jump is asked of the stretches behind it, once the first readings there have told its level.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ BLOCKS = tuple(
 
 
 def later_pieces(moment: float | None) -> list[tuple[range, range]]:
-    """Pieces to learn from, and later pieces to be foretold.
+    """Pieces to learn from, and later pieces to be predicted.
 
     Behind a `moment` (share of the rows), a quarter of what is left tells the level.
     """

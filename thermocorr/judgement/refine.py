@@ -34,7 +34,7 @@ class Refinement(RefinementPage):
 
     steps: pd.DataFrame
     """One row a step: step, effect, change ("given" or "added"), rms (in sample), held_out_rms, later_rms (on stretches
-    of the later part, each foretold from everything before it; behind the last moment where one was added that has a
+    of the later part, each predicted from everything before it; behind the last moment where one was added that has a
     date), db (later_rms against that of step 0 [dB], negative is good; printed as "later [dB]"), low, high (the least
     and the greatest of that among the stretches), verdict (of the diagnosis of that step's model). Step 0 is the given
     model."""
@@ -88,7 +88,7 @@ def refine(
     """Add what is worth adding, fit, diagnose again, until nothing is.
 
     The causes that a diagnosis names are added, and the model is fitted with them. They are kept if the fitted model
-    foretells later stretches better than the one before, by half a decibel and in most of them; a product, or what has
+    predicts later stretches better than the one before, by half a decibel and in most of them; a product, or what has
     memory, must not cost much in any. Else they are tried one by one.
 
     Parameters
@@ -134,7 +134,8 @@ def refine(
                 if sum(map(len, added)) >= max_steps:
                     untried = True
                     break
-                longer = _with_first_that_helps(current, X, y, diagnoses[-1], wanted, _at_step(len(diagnoses), say))
+                some = diagnoses[-1].causes[: max_steps - sum(map(len, added))]
+                longer = _confirmed(current, X, y, diagnoses[-1], some, wanted, _at_step(len(diagnoses), say))
                 if longer is None:
                     break
                 current, found, causes = longer
@@ -149,22 +150,27 @@ def _at_step(number: int, say: Callable[[str], None]) -> Callable[[str], None]:
     return lambda text: say(f"step {number}: {text}")
 
 
-def _with_first_that_helps(
-    model: DynamicBiasRegressor, X: Any, y: Any, before: Diagnosis, wanted: dict[str, Any], say: Callable[[str], None]
+def _confirmed(
+    model: DynamicBiasRegressor,
+    X: Any,
+    y: Any,
+    before: Diagnosis,
+    causes: Sequence[FoundSuspect],
+    wanted: dict[str, Any],
+    say: Callable[[str], None],
 ) -> tuple[DynamicBiasRegressor, Diagnosis, list[FoundSuspect]] | None:
-    """The model with all causes together, or else the first one, that the fitted model confirms; None for none."""
-    each = [[cause] for cause in before.causes]
-    for causes in each if len(each) == 1 else [list(before.causes), *each]:
-        title = " and ".join(cause.effect.title() for cause in causes)
+    """The model with all of some causes, or else with the first one that the fitted model confirms; None for none."""
+    each = [[cause] for cause in causes]
+    for some in each if len(each) == 1 else [list(causes), *each]:
+        title, extended = " and ".join(cause.effect.title() for cause in some), model
         say(f"adding {title}")
-        extended = model
-        for cause in causes:
-            extended = with_missing(extended, cause.effect)
-        found = diagnose(extended.fit(X, y), X, y, **wanted)
+        for cause in some:
+            extended = with_missing(extended, cause.effect).fit(X, y)
+        found = diagnose(extended, X, y, **wanted)
         assert before.ahead is not None and found.ahead is not None
-        moment = max((cause.moment for cause in causes if cause.moment is not None), default=None)
-        if before.ahead.against(found.ahead, moment).adds(any(cause.evenly for cause in causes)):
-            return extended, found, causes
+        moment = max((cause.moment for cause in some if cause.moment is not None), default=None)
+        if before.ahead.against(found.ahead, moment).adds(any(cause.evenly for cause in some)):
+            return extended, found, some
         say(f"{title} does not help on later data")
     return None
 

@@ -52,10 +52,6 @@ class Term:
     tried: Tried
     """Beside all other terms."""
     alike: tuple[Tried, ...]
-    others: tuple[Tried, ...]
-    """Rejected alternatives, best first."""
-    size: float
-    """Standard deviation of what it explains, in the unit of the reading."""
 
 
 class Search:
@@ -75,12 +71,10 @@ class Search:
         """Terms in a row that were worth nothing on later data."""
         self.last: list[Tried] = []
         """What was tried last, best first."""
-        self.n_looks = 0
 
     # ---- one look at everything ------------------------------------------------------------------------------------
     def look(self, judged: Comparison, tuning: bool = True, best_of: int | None = None) -> list[Tried]:
         """The best of each kind and column beside a state, best first."""
-        self.n_looks += 1
         family = self.family
         family.judged = judged
         alive = family.alive()
@@ -236,7 +230,7 @@ class Search:
         """Move the parameters of terms to where they explain most beside the others."""
         for number in which:
             term = self.family.tried[number]
-            if term.in_model or not term.n_tuned or len(self.judged.adopted) == 0:
+            if term.in_model or not term.n_tuned:
                 continue
             beside = self.judged.dropped(self.judged.adopted.index(number))
             self.family.judged = beside
@@ -256,9 +250,9 @@ class Search:
         while len(self.judged.adopted) > 1:
             chances = []
             for k, number in enumerate(self.judged.adopted):
-                beside = self.judged.dropped(k, tried=False)
                 if number in self.helpful:
                     continue
+                beside = self.judged.dropped(k, tried=False)
                 gain = self.judged.base.level - beside.base.level
                 price = self.family.price_of_columns(self._width(k)) + self.family.price_of_tuning(number)
                 chances.append((self.family.p_value(gain, number, 0) if gain > price else 1.0, k))
@@ -303,19 +297,10 @@ class Search:
                 alone = beside.screen(beside.base.theta, [t.number for t in rest])
                 alike += [t for t, one, other in zip(rest, left, alone, strict=True) if one < HALF * other]
             found.append(
-                Term(
-                    tried=replace(me, explanation=self.pool.with_columns([me.explanation])[0]),
-                    alike=tuple(alike),
-                    others=tuple(t for t in tried if t.key != me.key),
-                    size=self.size(beside, number),
-                )
+                Term(tried=replace(me, explanation=self.pool.with_columns([me.explanation])[0]), alike=tuple(alike))
             )
         self.family.judged = self.judged
         return found
-
-    def size(self, judged: Comparison, number: int) -> float:
-        """Standard deviation of what an explanation takes away from a base, in the unit of the reading."""
-        return judged.unit * float(np.sqrt(max(judged.unexplained() - judged.unexplained(number), 0.0)))
 
     def coarse(self, tried: Tried) -> np.ndarray:
         """Columns of an explanation, as data not learned from are judged on."""
@@ -326,11 +311,6 @@ class Search:
         """Whether what is left is no more than the rounding of the reading, which follows all that the reading does."""
         left = self.judged.unit * float(np.sqrt(self.judged.unexplained()))
         return bool(left <= ROUNDED_OFF * self.pool.rounding / np.sqrt(12))
-
-    @property
-    def left(self) -> float:
-        """Standard deviation of the structure that is left, in the unit of the reading."""
-        return self.judged.unit * float(np.sqrt(max(self.judged.unexplained() - self.judged.innovation, 0.0)))
 
 
 # ---- the moves ------------------------------------------------------------------------------------------------------

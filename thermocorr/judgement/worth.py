@@ -129,10 +129,9 @@ class _Offer:
 
 
 def _forms(pool: Pool, effect: Effect) -> list[Effect]:
-    """Other forms of a recorded column: at once, and with a spectrum of lags, as a further thermometer has it."""
+    """Another form of a recorded column: with a spectrum of lags, as a further thermometer has it."""
     if not isinstance(effect, Covariate | LaggedCovariate):
         return []
     power = effect.get_params(deep=False).get("power", 1)
     spectrum = time_grid(pool.record, 2.0, 0.2, 4.0)
-    forms = [LaggedCovariate(effect.column, [float(tau) for tau in spectrum], power=power)]
-    return forms
+    return [LaggedCovariate(effect.column, [float(tau) for tau in spectrum], power=power)]
