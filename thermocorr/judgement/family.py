@@ -14,7 +14,7 @@ from ..effects import Delay, Effect, Periodic
 from ..records import seconds_of
 from .anywhere import DATED, Shifts, dated, delays, filtered, louder, tries, waves
 from .blocks import said
-from .levels import DIFFERENT, IN_GAPS, LEVEL, LOOKS, OF_DATES, OF_PRODUCTS, SCATTER, TIE
+from .levels import DIFFERENT, IN_GAPS, LEVEL, LOOKS, OF_PRODUCTS, SCATTER, TIE
 from .likelihood import Comparison, Fit
 from .pool import Explanation, Key, Pool
 
@@ -146,8 +146,7 @@ class Family:
     def price_of_tuning(self, i: int) -> float:
         """What the tuned parameters and the choice of them gain by chance."""
         tried = self.tried[i]
-        places = max(0.5 * math.log(self.judged.n) * tried.n_tuned, math.log(self.sizes.get(tried.key, 1)))
-        return places + (OF_DATES if tried.key[0] in DATED else 0.0)
+        return max(0.5 * math.log(self.judged.n) * tried.n_tuned, math.log(self.sizes.get(tried.key, 1)))
 
     @property
     def looks(self) -> int:

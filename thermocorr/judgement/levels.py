@@ -177,8 +177,6 @@ has taken it upon itself, so each explanation may also begin with hardly any."""
 TURNS = 3
 """Times that coefficients and noise are estimated in turn."""
 
-OF_DATES = 3.0
-"""Price of what begins at a moment of its own, beside that of the places (log likelihood): odds of 20 to 1."""
 SUMS = 20
 """Pieces of the record that evidence is summed over, to see how evenly it lies."""
 SCATTER = 2.0
