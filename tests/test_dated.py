@@ -13,9 +13,8 @@ from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.effects import Disturbance, InitialTransient, ThermalLag
 from thermocorr.equations.noise import inverse_kernel
-from thermocorr.judgement.anywhere import filtered, squares_of
-from thermocorr.judgement.cuts import change_gains, products_from
-from thermocorr.judgement.likelihood import Comparison
+from thermocorr.judgement.scan import change_gains, filtered, products_from, squares_of
+from thermocorr.judgement.score import Comparison
 
 pytestmark = pytest.mark.newest
 

@@ -12,8 +12,8 @@ from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.equations.noise import Bands, fitted_parts
 from thermocorr.estimators.screening import evenness
-from thermocorr.judgement.anywhere import best_period, filtered, step_gains
-from thermocorr.judgement.likelihood import Comparison
+from thermocorr.judgement.scan import best_period, filtered, step_gains
+from thermocorr.judgement.score import Comparison
 
 
 def test_the_noise_of_segments_is_told_apart_into_white_and_wandering():

@@ -10,7 +10,7 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose, refine
 from thermocorr.datasets import make_record
-from thermocorr.judgement import candidates
+from thermocorr.judgement import data
 from thermocorr.records import Layout, read_record
 from thermocorr.records.history import Thinned, thinned
 
@@ -89,7 +89,7 @@ def test_averages_are_judged_as_their_rows(effect, monkeypatch):
     X, y = record_with(effect)
     model = DynamicBiasRegressor("temperature").fit(X, y)
     expected = diagnose(model, X, y)
-    monkeypatch.setattr(candidates, "MOST_ROWS", N // 6)
+    monkeypatch.setattr(data, "MOST_ROWS", N // 6)
     found = diagnose(model, X, y)
     assert found.best.kind == expected.best.kind == effect
     assert found.residual_rms == pytest.approx(expected.residual_rms, rel=1e-9)

@@ -6,8 +6,8 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.effects import Drift
-from thermocorr.judgement.anywhere import Shifts, filtered
-from thermocorr.judgement.likelihood import Comparison
+from thermocorr.judgement.scan import Shifts, filtered
+from thermocorr.judgement.score import Comparison
 
 
 def delayed(T, segment, rows):

@@ -235,7 +235,7 @@ DIFFERENT = 12
 """Most tests that the candidates of one kind and column count for: neighbours on a grid say nearly the same."""
 MOMENTS = 3.68
 """Fall of the log likelihood up to which a step, another law or a disturbance may begin at another moment: 95 %, see
-`thermocorr.judgement.found`."""
+`thermocorr.judgement.report`."""
 IN_GAPS = 0.15
 """Share of the log likelihood that what nobody saw in gaps may make, which one effect may gain by it: 0.14 at most of
 leads, hinges and hystereses where nothing was hidden, in 20 records with gaps or regular dead times."""

@@ -24,8 +24,8 @@ from ..pictures.words import effect_text
 from ..records.checks import check_int
 from ..records.errors import printable, said_once
 from ..records.numbers import number_text, scale_of
-from .diagnosis import diagnose
-from .found import WIDTH, Diagnosis, FoundSuspect
+from .diagnose import diagnose
+from .report import WIDTH, Diagnosis, FoundSuspect
 
 
 @dataclass(frozen=True, repr=False)

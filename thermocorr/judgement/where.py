@@ -16,7 +16,7 @@ from ..equations import allan_deviation
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record
 from ..records.units import difference_unit
-from .blocks import Averages, averaged
+from .data import Averages, averaged
 from .levels import (
     BAND,
     COLUMN_WEIGHT,

@@ -1,4 +1,7 @@
-"""Everything that may explain a record, in one pool: columns of each explanation, fine and coarse."""
+"""Everything that may explain a record, in one pool: columns of each explanation, fine and coarse.
+
+Rows are judged straight over spikes, weighted by their noise, less what the starts of segments hold.
+"""
 
 from __future__ import annotations
 
@@ -6,27 +9,251 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.sparse import block_diag
 from sklearn.base import clone
 
 from ..effects import Disturbance, InitialTransient, SeveralSteps, StaticPolynomial, Step, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
+from ..equations import decays
+from ..equations.spikes import spikes
+from ..estimators.flat import lags_of
 from ..estimators.regressor import DynamicBiasRegressor
+from ..estimators.screening import evenness
 from ..estimators.thermometers import resolution_of, thermometer_errors
-from ..records import Record, RecordError
+from ..records import Block, Record, RecordError
 from ..records.history import Thinned
-from .blocks import Averages, averaged, averaged_columns, spans, sums_of
-from .directions import orthonormal, visible
-from .judged_rows import JudgedRows
-from .levels import BATCH, COARSE, FEWEST, FINE, MOST_EMPTY, SHORTEST_START, START_TOLD
-from .likelihood import Comparison
+from .data import Averages, ThermalBase, averaged, averaged_columns, spans, sums_of
+from .levels import (
+    BATCH,
+    BEYOND,
+    COARSE,
+    FAR,
+    FEW,
+    FEW_HELD,
+    FEW_STARTS,
+    FEWEST,
+    FINE,
+    GROUPS,
+    HELD,
+    MANY_STARTS,
+    MOST_EMPTY,
+    ROBUST,
+    ROUNDING,
+    SHORTEST_START,
+    START_HELD,
+    START_TOLD,
+    STARTS,
+)
 from .out_of_sample import OutOfSample
-from .residual import ThermalBase
-from .starts import OwnStart, starts_of
+from .score import Comparison, orthonormal, visible
+
+
+class Starts:
+    """The directions that start-up decays hold, segment by segment.
+
+    `columns` (array of shape (n, k)): Decays of each row's own segment. `segment` (array of shape (n,)): Number of
+    each row's segment.
+    """
+
+    def __init__(self, columns: np.ndarray, segment: np.ndarray):
+        edges = np.flatnonzero(np.diff(segment, prepend=-1, append=-1))
+        least = START_HELD if len(edges) - 1 > MANY_STARTS else FEW_HELD
+        parts = [slice(low, high) for low, high in pairwise(edges.tolist())]
+        held = [
+            orthonormal(columns[rows], least) if columns[rows].any() else np.zeros((rows.stop - rows.start, 0))
+            for rows in parts
+        ]
+        self.first, self.lengths = edges[:-1], np.diff(edges)
+        groups, most = min(len(held), GROUPS), max((Q.shape[1] for Q in held), default=0)
+        self.spread = np.zeros((len(segment), groups * most))
+        """All directions once more, those of segments far from one another in common columns, shape (n, k)."""
+        for i, (rows, Q) in enumerate(zip(parts, held, strict=True)):
+            self.spread[rows, i % groups * most :][:, : Q.shape[1]] = Q
+        self.basis = block_diag(held, format="csr") if any(Q.shape[1] for Q in held) else None
+        """Directions of all segments side by side, shape (n, all of them); None where nothing is held."""
+
+    def taken_out(self, columns: np.ndarray) -> np.ndarray:
+        """Columns, shape (n,) or (n, k), less what the decays hold; they are changed in place.
+
+        Where a segment's decays hold all of a column, zeros are left and not its rounding, which would look like a
+        column of its own.
+        """
+        if self.basis is not None:
+            before = np.add.reduceat(columns**2, self.first, axis=0)
+            columns -= self.basis @ (self.basis.T @ columns)
+            left = np.add.reduceat(columns**2, self.first, axis=0) > HELD**2 * before
+            if not left.all():
+                columns *= np.repeat(left, self.lengths, axis=0)
+        return columns
+
+
+class JudgedRows:
+    """What averaged rows are worth, and what is done to every column before it is compared.
+
+    `data` (Averages). `decays` (sequence of arrays of shape (n, k)): Start-up decays, see `starts_of`. `base`
+    (sequence of arrays of shape (n, k)): Columns that are judged beside: spikes and noise are those of what they
+    leave. `span` (array of shape (n,)): Number of the span over which noise goes on.
+    """
+
+    def __init__(self, data: Averages, decays: Sequence[np.ndarray], base: Sequence[np.ndarray], span: np.ndarray):
+        self.data = data
+        rounding = ROUNDING * float(np.median(np.abs(data.reading)))
+        self.spikes = spikes(data.reading, rounding)
+        """Rows that are no readings, shape (n,), booleans."""
+        self.left_out = self.spikes
+        """Spikes, and rows that stand out as nothing but a glitch does, shape (n,), booleans."""
+        self.weight = np.ones(len(self.spikes))
+        """Less than 1 where the noise is larger than usual; readings and columns are multiplied by it, shape (n,)."""
+        self.starts = self._starts(decays)
+        self.left_out = self.spikes = self.spikes | spikes(self._left_beside(base), rounding)
+        left = self._left_beside(base)
+        self.exact = bool(np.sqrt(np.mean(left**2)) <= rounding)
+        """Whether the base leaves nothing of the reading but rounding."""
+        self.weight *= evenness(left, span)
+        self.starts = self._starts(decays)
+        self.left_out = self.spikes | _outstanding(self._left_beside(base))
+
+    def _left_beside(self, columns: Sequence[np.ndarray]) -> np.ndarray:
+        """What least squares leaves of the reading."""
+        Q = orthonormal(np.column_stack([self.constant, *map(self.weighed, columns)]))
+        reading = self.weighed(self.data.reading)
+        return np.asarray(reading - Q @ (Q.T @ reading))
+
+    def _starts(self, decays: Sequence[np.ndarray]) -> Starts:
+        """What start-up decays hold of weighted rows."""
+        together = np.column_stack([np.zeros((len(self.weight), 0)), *decays])
+        return Starts(together * self.weight[:, None], self.data.segment)
+
+    @property
+    def constant(self) -> np.ndarray:
+        """The constant, as columns are judged, shape (n,)."""
+        return self.starts.taken_out(self.weight.copy())
+
+    def weighed(self, columns: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
+        """Columns, shape (n,) or (n, k), as they are judged: straight over spikes, weighted, less what starts hold.
+
+        The same is done to reading and columns, so that noise that wanders has no holes. They lose their means first,
+        to which digits would be lost. They are written to `out`, which may be the columns themselves.
+        """
+        return self.starts.taken_out(self._weighted(columns, out))
+
+    def _weighted(self, columns: np.ndarray, out: np.ndarray | None) -> np.ndarray:
+        """Columns without their means, straight over spikes, times the rows' weights."""
+        known = ~self.left_out
+        centred = np.subtract(columns, (columns if known.all() else columns[known]).mean(axis=0), out=out)
+        if not known.all():
+            rows, kept = np.flatnonzero(self.left_out), np.flatnonzero(known)
+            place = np.searchsorted(kept, rows)
+            low, high = kept[np.maximum(place - 1, 0)], kept[np.minimum(place, len(kept) - 1)]
+            share = np.clip((rows - low) / np.maximum(high - low, 1), 0.0, 1.0)
+            centred[rows] = (centred[low].T * (1 - share) + centred[high].T * share).T
+        by_row = centred.T
+        by_row *= self.weight
+        return np.asarray(centred)
+
+
+def _outstanding(left: np.ndarray) -> np.ndarray:
+    """Rows so far from their neighbours that no noise of one size makes them: glitches among many, heavy tails.
+
+    None where many rows are: a quantised noise has few values.
+    """
+    apart = np.abs(left - pd.Series(left).rolling(5, center=True, min_periods=1).median().to_numpy())
+    far: np.ndarray = apart > FAR * ROBUST * float(np.median(apart))
+    return far if far.mean() <= FEW else np.zeros(len(far), bool)
+
+
+class OwnStart(Effect):
+    """Start-up decays, eq. (18), each segment's in the same columns: from a model's fastest to its slowest, and beyond.
+
+    `transient` (InitialTransient): The model's decays. `slowest` (float): Time constant [s] beyond which a decay
+    competes with drift and ageing instead. `which` (slice): Of which segments. `beyond` (float): How far they reach
+    beyond, as a factor.
+    """
+
+    kind = "own_start"
+    of_time_alone = True
+
+    def __init__(
+        self, transient: InitialTransient, slowest: float = np.inf, which: slice = slice(None), beyond: float = BEYOND
+    ):
+        self.transient, self.slowest, self.which, self.beyond = transient, slowest, which, beyond
+
+    def learn(self, record: Record) -> None:
+        """Find the decays of each segment that has any in the model."""
+        self.transient_ = clone(self.transient)
+        self.transient_.learn(record)
+        number = STARTS if len(record.segments) > MANY_STARTS else FEW_STARTS
+        self.transient_.decays_ = {
+            key: np.geomspace(
+                own.min() / self.beyond, max(min(own.max() * self.beyond, self.slowest), own.min()), number
+            )
+            for key, own in self.transient_.decays_.items()
+            if key in range(len(record.segments))[self.which]
+        }
+
+    def names(self) -> list[str]:
+        """Names of the columns, as many as the segment with most decays has."""
+        return [f"start {k}" for k in range(max(map(len, self.transient_.decays_.values()), default=0))]
+
+    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
+        """Decays of the block's segment, zeros where it has fewer than others."""
+        own = self.transient_.own(block)
+        return np.pad(own, ((0, 0), (0, self.n_columns() - own.shape[1]))), None
+
+
+class Before(Effect):
+    """What the parts of a device keep of the time before the record, each as much as the model says of its lag.
+
+    Of another temperature until then, that is the sum of their decays, eq. (18), times the coefficients of the lags. Of
+    one that was rising, the slow parts keep more: with rank 2, so many times more as they are slower.
+
+    `time_constants`, `coefficients` (array of shape (J,)): Of the lags [s]. `rank` (int): 1 or 2, the number of
+    columns.
+    """
+
+    kind = "own_start"
+    of_time_alone = True
+
+    def __init__(self, time_constants: np.ndarray, coefficients: np.ndarray, rank: int):
+        self.time_constants, self.coefficients, self.rank = time_constants, coefficients, rank
+
+    def learn(self, record: Record) -> None:
+        """Nothing depends on the record."""
+
+    def names(self) -> list[str]:
+        """Names of the columns."""
+        return [f"before {k}" for k in range(self.rank)]
+
+    def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
+        """Sums of decays in the first segment, zeros in the others."""
+        if block.segment != 0:
+            return np.zeros((len(block), self.rank)), None
+        slower = (self.time_constants / self.time_constants.max())[:, None] ** np.arange(self.rank)
+        return decays(block.elapsed, self.time_constants) @ (self.coefficients[:, None] * slower), None
+
+
+def starts_of(model: DynamicBiasRegressor, record: Record, slowest: float) -> tuple[list[Effect], list[Effect]]:
+    """The start-up decays of a model that are held, and those that compete, none slower than a time constant [s].
+
+    Behind a pause nobody knows what a device keeps of the time before. Whether it was at rest when the record began,
+    the record says: an ageing looks like many decays, and what a lag as long as the record keeps like a drift.
+    """
+    own = [effect for effect in model.features_.effect_list() if isinstance(effect, InitialTransient)]
+    if len(record.segments) > MANY_STARTS:
+        return [OwnStart(effect) for effect in own], []
+    later = [OwnStart(effect, slowest, slice(1, None)) for effect in own if len(record.segments) > 1]
+    taus, lags = lags_of(model)
+    kept = taus <= slowest
+    taus, coefficients = taus[kept], model.coef_[lags][kept]
+    before = [Before(taus, coefficients, rank) for rank in (1, 2) if own and len(taus) >= rank]
+    return list(later), [*(OwnStart(effect, slowest, slice(1)) for effect in own), *before]
+
 
 Key = tuple[str, Any]
 

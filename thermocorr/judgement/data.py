@@ -1,0 +1,564 @@
+"""The data of a judgement: columns under suspicion, and averages over short stretches of time.
+
+Averages commute with linear least squares: a model of the readings is a model of their averages, with the same
+coefficients and fewer, quieter rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+
+from ..effects import CATALOGUE, LagProducts, SeveralSteps, StaticPolynomial, ThermalLag
+from ..effects.protocol import Effect
+from ..effects.stream import own_starts, walk
+from ..effects.thermal import seconds_array
+from ..effects.wrap import as_effects
+from ..equations import noise
+from ..equations.noise import made_from, shows_the_same
+from ..estimators.holdout import rms
+from ..estimators.input_errors import MANY, GapError
+from ..estimators.reading import check_columns
+from ..estimators.regressor import DynamicBiasRegressor
+from ..estimators.run_levels import moments_between_runs
+from ..records import Block, Log, ParquetLog, Record, read_record
+from ..records.errors import listing, warn
+from ..records.history import Thinned, thinned
+from ..records.labels import is_state, parted_state, state, states_of
+from ..records.log import SomeColumns
+from ..records.numbers import is_frame, numeric_reading
+from ..records.record_log import RecordLog
+from ..records.screen import LeftOut, screened
+from ..records.types import kind_of
+from .levels import (
+    APART,
+    COARSE,
+    FASTEST,
+    FEWEST_SAMPLES,
+    FINE,
+    LAGS,
+    MANY_STARTS,
+    MOST_ROWS,
+    MOST_SOUND,
+    SLOWEST,
+    TIME_LIKE,
+)
+
+ROWS = 1 << 15
+"""Rows of a block: each of some hundred effects is asked for its columns, block by block."""
+AHEAD_ROWS = 1 << 17
+"""Rows of a block for effects that look ahead, each time over many rows beyond it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Averages:
+    """Averages over stretches of time, none of which crosses from one segment into the next."""
+
+    reading: np.ndarray
+    """Shape (n,)."""
+    columns: list[np.ndarray]
+    """One array of shape (n, width) for each effect."""
+    counts: np.ndarray
+    """Readings in each stretch."""
+    segment: np.ndarray
+    """Number of the segment of each stretch."""
+    seconds: np.ndarray
+    """Middle of each stretch [s]."""
+
+    @property
+    def steps(self) -> np.ndarray:
+        """Times from each stretch to the next of its segment [s]."""
+        return np.asarray(np.diff(self.seconds)[np.diff(self.segment) == 0])
+
+
+def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARSE) -> Averages:
+    """Average the readings and all effects' columns over stretches of equal numbers of rows.
+
+    Rows without a reading are left out of the averages, columns and all. Effects must have learned the record.
+    """
+    assert record.reading is not None
+    width = stretch_of(record, n_stretches)
+    readings, counts, segments, seconds = [], [], [], []
+    for block in record.blocks(_rows(width, ROWS), starts=own_starts(record)):
+        reading, share = np.asarray(record.reading[block.rows], float), _shares(record, block)
+        starts = np.arange(0, len(block), width)
+        count = np.add.reduceat(share, starts)
+        kept, least = count > 0, np.maximum(count, 1)
+        readings.append((np.add.reduceat(np.where(share > 0, reading, 0.0) * share, starts) / least)[kept])
+        seconds.append((np.add.reduceat(block.seconds * share, starts) / least)[kept])
+        counts.append(count[kept])
+        segments.append(np.full(int(kept.sum()), block.segment))
+    return Averages(
+        reading=np.concatenate(readings),
+        columns=averaged_columns(record, effects, n_stretches),
+        counts=np.concatenate(counts),
+        segment=np.concatenate(segments),
+        seconds=np.concatenate(seconds),
+    )
+
+
+def averaged_columns(record: Record, effects: Sequence[Effect], n_stretches: int) -> list[np.ndarray]:
+    """The columns of `averaged` alone: one array of shape (n, width) for each effect."""
+    width = stretch_of(record, n_stretches)
+    near = iter(_columns([(record, e) for e in effects if not e.foresees], width, ROWS))
+    far = iter(_columns([(record, e) for e in effects if e.foresees], width, AHEAD_ROWS))
+    return [next(far if effect.foresees else near) for effect in effects]
+
+
+def averaged_copies(copies: Sequence[tuple[Record, Effect]], n_stretches: int) -> list[np.ndarray]:
+    """As `averaged_columns`, of an effect in many records that have their times and readings in common."""
+    rows = AHEAD_ROWS if copies[0][1].foresees else ROWS
+    return _columns(copies, stretch_of(copies[0][0], n_stretches), rows)
+
+
+def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> list[np.ndarray]:
+    """Columns of effects in records of the same rows, averaged over `width` rows, from blocks of about `rows` rows."""
+    if not pairs:
+        return []
+    record = pairs[0][0]
+    edges = np.cumsum([0, *(effect.n_columns() for _, effect in pairs)]).tolist()
+    most = sum(-(-segment.n_rows // width) for segment in record.segments)
+    means, n = np.empty((most, edges[-1]), order="F"), 0  # at once: memory in small pieces costs more than its use
+    places = [range(low, high) for low, high in pairwise(edges)]
+    exact = [_exact(own, effect, width) for own, effect in pairs]
+    walked = banks([(*pairs[i], places[i]) for i, known in enumerate(exact) if known is None])
+    at, whole = 0, _reads_every_row(record)
+    states: list[Any] = []
+    for block in record.blocks(_rows(width, rows), starts=own_starts(record)):
+        if block.start == record.segments[block.segment].start:
+            states = [None] * len(walked)
+        share = None if whole else _shares(record, block)
+        if share is not None and (share == 1.0).all():
+            share = None  # as many rows as readings
+        starts = np.arange(0, len(block), width)
+        count = np.diff(starts, append=len(block)) if share is None else np.add.reduceat(share, starts)
+        share_of_one, kept = 1 / np.maximum(count, 1), slice(None) if count.all() else count > 0
+        as_it_is = width == 1 and share is None
+        first, n = n, n + int(np.count_nonzero(count))
+        at, before = at + len(starts), at
+        for own, known in zip(places, exact, strict=True):
+            if known is not None:
+                means[first:n, own] = known[before:at][kept]
+        for i, bank in enumerate(walked):
+            seen = block if bank.record is record else block.of(bank.record)
+            columns, states[i] = bank.effect.each_column(seen, states[i])
+            for column, same in zip(columns, bank.places, strict=True):
+                averaged = not as_it_is and np.ndim(column) > 0
+                mean = (_summed(column, share, width) * share_of_one)[kept] if averaged else column
+                for place in same:
+                    means[first:n, place] = mean
+    return [means[:n, low:high] for low, high in pairwise(edges)]
+
+
+def _exact(record: Record, effect: Effect, width: int) -> np.ndarray | None:
+    """Averages that the record knows already, see `with_exact`."""
+    return record.exact.get(said(effect)) if isinstance(record, Thinned) and record.exact_rows == width else None
+
+
+def _summed(column: np.ndarray, share: np.ndarray | None, width: int) -> np.ndarray:
+    """Sums of a column over stretches, each row times its share."""
+    if share is not None:
+        column = column * share
+    return sums_of(column[:, None], width)[:, 0] if width > 1 else np.asarray(column, float)
+
+
+def stretch_of(record: Record, n_stretches: int) -> int:
+    """Rows of a stretch."""
+    return max(1, -(-record.n_used // n_stretches))
+
+
+def _rows(width: int, rows: int) -> int:
+    """Rows of a block of whole stretches."""
+    return max(width, rows // width * width)
+
+
+def _shares(record: Record, block: Block) -> np.ndarray:
+    """How many readings each row of a block stands for, shape (n,)."""
+    assert record.reading is not None
+    known = np.isfinite(np.asarray(record.reading[block.rows], float))
+    return np.where(known, record.counts[block.rows].astype(float) if isinstance(record, Thinned) else 1.0, 0.0)
+
+
+def _reads_every_row(record: Record) -> bool:
+    """Whether each row stands for one reading."""
+    return not isinstance(record, Thinned) and bool(np.isfinite(np.asarray(record.reading, float).sum()))
+
+
+def sums_of(columns: np.ndarray, width: int) -> np.ndarray:
+    """Sums over stretches of `width` rows, shape (stretches, k); the last stretch may be shorter."""
+    if len(columns) % width or not columns.size:
+        return np.asarray(np.add.reduceat(columns, np.arange(0, len(columns), width), axis=0))
+    return np.asarray((columns.T.reshape(columns.shape[1], -1, width) @ np.ones(width)).T)
+
+
+def said(effect: Effect) -> str:
+    """An effect with all its parameters, as text."""
+    return f"{type(effect).__name__}{sorted(effect.get_params(deep=False).items())}"
+
+
+def with_exact(short: Thinned, record: Record, effects: Sequence[Effect], n_stretches: int) -> Thinned:
+    """A thinned record that knows the averages of these effects' columns, from one pass through the longer one.
+
+    A fast lag of averaged temperatures is not the average of the lag: it would leave an error that looks like noise.
+    """
+    assert record.reading is not None
+    for effect in effects:
+        effect.learn(record)
+    width = stretch_of(short, n_stretches)
+    places = np.concatenate([short.places[segment.start : segment.stop : width] for segment in short.segments])
+    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
+    sums, counts = np.zeros((len(places), edges[-1])), np.zeros(len(places))
+    for step in walk(effects, record, starts=own_starts(record)):
+        known = np.isfinite(np.asarray(record.reading[step.block.rows], float))
+        place = np.searchsorted(places, step.block.places, side="right") - 1
+        starts = np.flatnonzero(np.diff(place, prepend=-1))
+        sums[place[starts]] += np.add.reduceat(step.columns * known[:, None], starts, axis=0)
+        counts[place[starts]] += np.add.reduceat(known.astype(float), starts)
+    sums /= np.maximum(counts, 1)[:, None]
+    exact = {said(effect): sums[:, low:high] for effect, (low, high) in zip(effects, pairwise(edges), strict=True)}
+    return replace(short, exact=exact, exact_rows=width)
+
+
+def spans(data: Averages, record: Record) -> np.ndarray:
+    """Number of the span of each stretch, see `thermocorr.equations.noise.spans`."""
+    return noise.spans(data.segment, data.seconds, [segment.run for segment in record.segments])
+
+
+def filled(record: Record, used: Collection[Any], most_missing: float = 1 - MOST_SOUND) -> Record:
+    """The record with short holes in suspect columns filled by straight lines; columns with more missing left out.
+
+    Columns that are `used`, the temperature among them, stay as they are: rows that lack one are passed over.
+    """
+    columns = {}
+    for name, values in record.columns.items():
+        numbers = np.asarray(values, float)
+        missing = np.isnan(numbers)
+        if name in used or not missing.any():
+            columns[name] = values
+        elif missing.mean() <= most_missing:
+            rows = np.arange(len(numbers))
+            columns[name] = np.interp(rows, rows[~missing], numbers[~missing])
+    return replace(record, columns=columns, known_moments={})
+
+
+TIMES = "time_constants"
+Wanted = tuple[Record, Effect, range]
+"""An effect that has learned a record, and where its columns belong among all that are asked for."""
+
+
+@dataclass(frozen=True)
+class Bank:
+    """An effect that is walked through a record, for one that is asked for or for several."""
+
+    record: Record
+    effect: Effect
+    places: Sequence[Sequence[int]]
+    """Where each of its columns belongs among all that are asked for."""
+
+
+def banks(wanted: Sequence[Wanted]) -> list[Bank]:
+    """What to walk through records, so that all columns that are asked for are there."""
+    groups: dict[object, list[Wanted]] = {}
+    for number, each in enumerate(wanted):
+        groups.setdefault(_alike(each) if vars(type(each[1])).get("lags_apart") else number, []).append(each)
+    return [bank for group in groups.values() for bank in _joined(group)]
+
+
+def _alike(wanted: Wanted) -> tuple[object, ...]:
+    """What effects that are walked together have in common: all but their time constants, of which each has some."""
+    record, effect, _ = wanted
+    given = effect.get_params(deep=False)
+    return id(record), type(effect), np.size(given.pop(TIMES)) > 0, str(sorted(given.items()))
+
+
+def _joined(group: Sequence[Wanted]) -> list[Bank]:
+    """One bank for effects that differ in their time constants; one for each where names do not tell columns apart."""
+    record, first, _ = group[0]
+    if len(group) > 1:
+        times = {time for _, effect, _ in group for time in seconds_array(getattr(effect, TIMES)).tolist()}
+        joined = clone(first).set_params(**{TIMES: sorted(times)})
+        joined.learn(record)
+        places: dict[str, list[int]] = {}
+        for _, effect, own in group:
+            for name, place in zip(effect.names(), own, strict=True):
+                places.setdefault(name, []).append(place)
+        names = joined.names()
+        if len(set(names)) == len(names) and set(names) == set(places):
+            return [Bank(record, joined, [places[name] for name in names])]
+    return [Bank(record, effect, [[place] for place in own]) for record, effect, own in group]
+
+
+@dataclass(frozen=True)
+class ThermalBase:
+    """The base: what the model has, with lags of its own in the place of the model's slow ones."""
+
+    effects: list[Effect]
+    """Static law, fast and middle lags, the model's further effects."""
+    slow: list[Effect]
+    """The model's slow lags, which compete with drift and ageing."""
+    slowest: float
+    """Time constant of the slowest lag [s]."""
+
+    @classmethod
+    def of(cls, model: DynamicBiasRegressor, record: Record) -> ThermalBase:
+        """Unlearned effects, for this record or its averages."""
+        slowest, own = _slowest(record), np.asarray(model.time_constants_, float)
+        grid = np.geomspace(FASTEST * record.usual_step(), slowest, LAGS)
+        further = [clone(effect) for _, effect in model.features_.further_effects()]
+        if model.products_:
+            further += [clone(effect) for effect in model.features_.effect_list() if isinstance(effect, LagProducts)]
+        static = StaticPolynomial(model.degree, model.reference_temperature)
+        taus = np.unique(np.concatenate((grid, own[own <= slowest])))
+        taus = taus[np.concatenate(([True], np.diff(np.log(taus)) > APART))]
+        slow: list[Effect] = [ThermalLag([tau]) for tau in own[own > slowest]]
+        return cls([static, ThermalLag(taus.tolist()), *further], slow, slowest)
+
+
+def _slowest(record: Record) -> float:
+    """Time constant of the slowest lag of the base [s]: a share of all segments together, none longer than a segment.
+
+    It is at least a few samples long, however short the segments.
+    """
+    together = sum(record.read_duration(segment) for segment in record.segments)
+    return max(min(SLOWEST * together, record.longest_read()), FEWEST_SAMPLES * record.usual_step())
+
+
+def residuals_of(model: DynamicBiasRegressor, read: Record, judged: Record) -> tuple[np.ndarray, float]:
+    """Residual of each row of the judged record, NaN where there is none, and the rms residual of single readings.
+
+    `model` (DynamicBiasRegressor): Fitted. `read` (Record): The user's record with its readings, see `record_of`.
+    `judged` (Record): What `suspect_record` made of it.
+    """
+    if isinstance(judged, Thinned) and not isinstance(read, Thinned):
+        return _averages(model, read, judged)
+    residual = np.full(read.n_rows, np.nan)
+    for block, values in _blocks(model, read, judged):
+        residual[block.rows] = values
+    return residual, single_rms(residual, judged) if isinstance(judged, Thinned) else rms(residual)
+
+
+def beyond_judgement(model: DynamicBiasRegressor, read: Record) -> tuple[float, float]:
+    """Share of the readings that gaps or filled cells have spoilt, where it is large, and the rms that is left of them.
+
+    (0, 0) where they are few. They are neither learned from nor judged, and corrected all the same.
+    """
+    if not isinstance(read.reading, LeftOut):
+        return 0.0, 0.0
+    whole, spoilt = replace(read, reading=read.reading.column), np.zeros(read.n_rows, bool)
+    rows = read.reading.rows
+    spoilt[rows] = np.isfinite(np.asarray(read.reading.column[rows], float))
+    share = float(spoilt.sum() / max(whole.reading_moments().n, 1))
+    if share <= MANY:
+        return 0.0, 0.0
+    return share, rms(np.concatenate([values[spoilt[block.rows]] for block, values in model.residual_blocks(whole)]))
+
+
+def felt_in_gaps(model: DynamicBiasRegressor, read: Record, slowest: float) -> float:
+    """Sum of the variances of the judged readings by what the temperature did in gaps, in the unit of y squared.
+
+    By lags up to the `slowest` [s]: slower ones may be there for a drift, and have weights that no body has. 0 where
+    gaps have spoilt no reading: what is left of them in others is small.
+    """
+    if not isinstance(read.reading, LeftOut):
+        return 0.0
+    laws = [
+        replace(law, weights=np.where(law.time_constants <= slowest, law.weights, 0.0))
+        for law in model.gap_error().laws
+    ]
+    variance = GapError(laws, model.features_.history_.gaps).of_record(read, {})
+    return 0.0 if variance is None else float(variance[np.isfinite(read.reading[:])].sum())
+
+
+def _averages(model: DynamicBiasRegressor, read: Record, judged: Thinned) -> tuple[np.ndarray, float]:
+    """`residuals_of` a record that is judged by averages of its rows."""
+    sums, counts, squares, n = np.zeros(judged.n_rows), np.zeros_like(judged.counts), 0.0, 0
+    for block, values in _blocks(model, read, judged):
+        known = values[np.isfinite(values)]
+        squares, n = squares + float(known @ known), n + len(known)
+        _added(judged, block.places, values, sums, counts)
+    means = np.divide(sums, counts, out=sums, where=counts > 0)
+    means[counts == 0] = np.nan
+    return means, float(np.sqrt(squares / max(n, 1)))
+
+
+def _blocks(model: DynamicBiasRegressor, read: Record, judged: Record) -> Iterator[tuple[Block, np.ndarray]]:
+    """Residuals block by block, NaN where the screen of a model's fit would refuse the reading or the temperature."""
+    refused = np.concatenate([np.zeros(0, np.intp), *(found.rows for found in judged.refused if model.screen)])
+    places = refused if read.order is None else np.flatnonzero(np.isin(read.order, refused))
+    for block, values in model.residual_blocks(read):
+        if len(places):
+            values[np.isin(block.places, places)] = np.nan
+        yield block, values
+
+
+def _added(record: Thinned, rows: np.ndarray, values: np.ndarray, sums: np.ndarray, counts: np.ndarray) -> None:
+    """Add values of rows of the longer record, in time order, to the sums and counts of the rows they fall into."""
+    place = record.places_of(rows)
+    inside = (place >= 0) & np.isfinite(values)
+    if inside.any():
+        place = place[inside]
+        low, high = int(place.min()), int(place.max()) + 1
+        sums[low:high] += np.bincount(place - low, values[inside], high - low)
+        counts[low:high] += np.bincount(place - low, minlength=high - low).astype(counts.dtype)
+
+
+def quiet_share(residual: np.ndarray, record: Record, loud: Sequence[tuple[float, float]]) -> float:
+    """Rms residual outside of stretches of loud noise, first and last time [s], over that of all rows."""
+    quiet = quiet_rows(residual, record, loud)
+    return rms(quiet) / max(rms(residual), 1e-300) if loud and np.isfinite(quiet).any() else 1.0
+
+
+def quiet_rows(residual: np.ndarray, record: Record, loud: Sequence[tuple[float, float]]) -> np.ndarray:
+    """The residual of rows outside of stretches of loud noise, first and last time [s]."""
+    if not loud:
+        return residual
+    seconds = record.times.seconds(np.arange(len(residual)), record.first_stamp())
+    return residual[np.all([(seconds < start) | (seconds > end) for start, end in loud], axis=0)]
+
+
+def single_rms(residual: np.ndarray, record: Thinned) -> float:
+    """Rms residual of single readings, from that of averages and what they do not show."""
+    known = np.isfinite(residual)
+    return float(np.sqrt(np.average(residual[known] ** 2, weights=record.counts[known]) + record.unseen))
+
+
+def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Effect] = ()) -> Record:
+    """The user's record with its readings and the columns that model and further effects use."""
+    check_columns(model.features_, as_fitted(model, X), reset=False)
+    own = [name for effect in (*model.features_.effect_list(), *further) for name in effect.inputs()]
+    features = model.features_
+    fill = features.fill_in if features.filling_.stand_ins else None
+    return model.without_spoilt(
+        read_record(X, features.layout(), y=numeric_reading(y, X), needed=own, quiet=True, fill=fill)
+    )
+
+
+def suspect_record(
+    model: DynamicBiasRegressor,
+    read: Record,
+    X: Any,
+    y: Any,
+    columns: Sequence[Any] | None,
+    exactly: Sequence[Effect],
+    most: int | None = None,
+) -> Record:
+    """A record of `record_of` in at most `most` rows, with every suspect column beside its own.
+
+    Where its rows are averages, those of the columns of `exactly` these effects are computed in the longer record. Its
+    `refused` rows are left out as the model leaves them out in its fit, or only named.
+    """
+    layout = model.features_.layout()
+    special = {layout.time, layout.run, getattr(y, "name", None) if isinstance(X, Log) else None}
+    if columns is None:
+        columns = [name for name in _numeric(X) if name not in special and not _is_of(name, special)]
+    told = screened(read, model.features_.longest_step())[0]
+    read = told if model.screen else replace(read, refused=told.refused)
+    suspects = {name: _recorded(X, name) for name in columns if name not in read.columns}
+    short, sound = thinned(read, suspects, most or MOST_ROWS)
+    values = {name: short.columns[name] for name in suspects if sound[name] > MOST_SOUND}
+    holey = [name for name in suspects if 0 < sound[name] <= MOST_SOUND]
+    if holey:
+        least = 1 - max(sound[name] for name in holey)
+        warn(
+            f"{listing(holey)}: no number in {least:.0%} of the rows or more. Not under suspicion. Where the holes are "
+            "short, fill them first: X[column].interpolate()."
+        )
+    known = {name: column for name, column in values.items() if not _clock(column, short)}
+    order = slice(None) if short.order is None else short.order
+    reading = np.asarray(short.reading, float)[order]
+    copies = [name for name, column in known.items() if made_from(column[order], reading)]
+    if copies:
+        warn(
+            f"{listing(copies)}: made from the reading (the reading itself, a line, a mean, a low pass or an earlier "
+            "value of it), whose own noise it carries, so it explains nothing. Not under suspicion. Leave such columns "
+            "out of X."
+        )
+        known = {name: column for name, column in known.items() if name not in copies}
+    same = [name for name, column in known.items() if shows_the_same(column[order], reading)]
+    if same:
+        warn(
+            f"{listing(same)}: the numbers of the reading, on its scale. Where that is a second measurement of the "
+            "same, leave it out of X: it explains the reading, and correcting by it takes away what is to be measured."
+        )
+    kept = {**{name: short.columns[name] for name in read.columns}, **known}
+    found = filled(replace(short, columns=kept, known_moments={}), used=read.columns)
+    if isinstance(found, Thinned) and short is not read and not isinstance(read, Thinned):
+        own = [clone(effect) for effect in (*exactly, *model.features_.effect_list())]
+        return with_exact(found, read, own, FINE)
+    return found
+
+
+def _recorded(X: Any, name: Any) -> Any:
+    """A column of the data, or a state of one."""
+    if is_state(X, name):
+        return state(X, name)
+    return X[name] if is_frame(X) else np.asarray(X)[:, name]
+
+
+def _numeric(X: Any) -> list[Any]:
+    """Columns that hold numbers or switches, and the states of columns that hold words."""
+    if isinstance(X, ParquetLog):
+        return [name for name in X.columns if X[name].kind == "number"]
+    if isinstance(X, Log):
+        return list(X.columns)
+    if not is_frame(X):
+        return [*range(np.shape(X)[1])]
+    return [*(name for name in X.columns if kind_of(X[name]) in ("number", "switch")), *states_of(X)]
+
+
+def _is_of(name: Any, special: Collection[Any]) -> bool:
+    """Whether a state is one of a column that plays another role: a run's label, a date."""
+    return isinstance(name, str) and any(parted_state(name, [column]) for column in special if column is not None)
+
+
+def _clock(column: np.ndarray, read: Record) -> bool:
+    """Whether a column tells nothing but the time."""
+    rows = np.arange(len(column)) if read.order is None else np.argsort(read.order)
+    if len(rows) != len(column):
+        return False
+    sound = np.isfinite(column)
+    together = np.corrcoef(rows[sound], column[sound])
+    return bool(abs(together[0, 1]) > TIME_LIKE)
+
+
+def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:
+    """The columns of a frame that the model was fitted with; it may hold more, all of them suspects."""
+    names = list(getattr(model, "feature_names_in_", ()))
+    if isinstance(X, RecordLog):
+        return X.with_columns(names)
+    if not (names and is_frame(X) and set(names) < set(X.columns)):
+        return X
+    return SomeColumns(X, names) if isinstance(X, Log) else X[names]
+
+
+def candidates_of(record: Record, exclude: Collection[str], further: Any) -> list[Effect]:
+    """All suspects of a record: those of the catalogue, and a user's own.
+
+    Effects and transformers of the user's are taken as they are, classes of effects over their range.
+    """
+    columns = [name for name in record.columns if name != record.temperature_name]
+    found = [
+        effect
+        for kind, effects in CATALOGUE.items()
+        if effects.tried and kind not in exclude
+        for effect in effects.candidates(record, columns)
+    ]
+    between = moments_between_runs(record)
+    if SeveralSteps.kind not in exclude and 1 < len(between) < MANY_STARTS:  # one alone is among the steps at any row
+        found.append(SeveralSteps(list(between)))
+    for item in further:
+        if isinstance(item, type) and issubclass(item, Effect):
+            found += item.candidates(record, columns)
+        else:
+            found.append(clone(as_effects([item], "suspects")[0][1]))
+    return found
+
+
+def given_effects(further: Any) -> list[Effect]:
+    """A user's own suspects, as far as they are effects already."""
+    return [as_effects([item], "suspects")[0][1] for item in further if not isinstance(item, type)]
