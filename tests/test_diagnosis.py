@@ -55,7 +55,7 @@ def test_the_place_of_a_hinge_is_found():
     record = make_record(N, effects={"hinge": 2.0}, seed=64)
     X, y = record.drop(columns="reading"), record["reading"]
     where = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y).where
-    assert {"time", "temperature", "hour", "rate", "column", "frequency"} <= set(where["aspect"])
+    assert {"time", "temperature", "hour", "rate", "column"} <= set(where["aspect"])
     assert "humidity" in set(where["column"]) and (where["low"] <= where["high"]).all()
     parts = where[where["aspect"] == "temperature"]
     assert parts["share"].sum() == pytest.approx(1.0, abs=1e-6)

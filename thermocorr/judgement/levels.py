@@ -33,27 +33,12 @@ WANDERS = 0.1
 
 # Where it fails
 
-TIME_BINS, VALUE_BINS, HOUR_BINS = 20, 10, 12
-"""Stretches of time, ranges of a condition (deciles), and parts of a day that the residual is looked at in."""
-DAYS = 4.0
-"""Length of a record from which hours of the day are conditions: each has come often enough not to be a date."""
+PLACES = 12
+"""Stretches of time, ranges of a condition, and parts of a day that the residual is looked at in."""
 STATES = 4
 """Different values of a column up to which each is a condition of its own: a switch, a mode."""
-END_ROWS = 1 << 15
-"""Rows at the beginning and at the end of a record that tell how many values a column has."""
-TIME_WEIGHT = 0.85
-"""Weight of stretches of time in the order: a slow residual is large somewhere by chance; what recurs says more."""
-COLUMN_WEIGHT = 0.8
-"""Weight of recorded columns in the order: a temperature or an hour is less easily right by chance."""
 PLACES_BEYOND = 3.0
 """Error beyond the noise, in standard deviations of what noise alone shows. Below this, no place is shown."""
-FEWEST_WITHIN = 3
-"""Averages in a place below which nothing is said of it: their rms could be that of a single one."""
-BAND = 4.0
-"""Highest over lowest frequency of a band of the residual that is looked at."""
-FEWEST_AVERAGES = 64
-"""Averages below which no bands of frequency are looked at: there would be two, a factor of four each."""
-
 
 # What is looked at
 

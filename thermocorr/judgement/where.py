@@ -17,20 +17,7 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record
 from ..records.units import difference_unit
 from .data import Averages, averaged
-from .levels import (
-    BAND,
-    COLUMN_WEIGHT,
-    DAYS,
-    END_ROWS,
-    FEWEST_AVERAGES,
-    FEWEST_WITHIN,
-    HOUR_BINS,
-    PLACES_BEYOND,
-    STATES,
-    TIME_BINS,
-    TIME_WEIGHT,
-    VALUE_BINS,
-)
+from .levels import PLACES, PLACES_BEYOND, STATES
 
 ALLAN_COLUMNS = ["averaging_time", "deviation", "low", "high", "white", "excess"]
 COLUMNS = ["aspect", "column", "time_constant", "low", "high", "unit", "n", "rms", "share", "lift"]
@@ -83,14 +70,14 @@ def _places(
     aspects: list[dict[str, Any]],
     values: list[np.ndarray],
 ) -> pd.DataFrame:
-    """Rank stretches of time and ranges of temperature, rate, lag, hour, recorded columns and frequency.
+    """Rank stretches of time and ranges of temperature, rate, lag, hour and recorded columns.
 
     One place a row, worst first: by how much more than its part of the record it has, in standard deviations. Empty
     where the error is not clearly beyond the noise. Columns: aspect ("time", "temperature", "rate", "lag difference",
-    "hour", "column" or "frequency"), column (its name, where the temperature or a recorded column is the aspect),
+    "hour" or "column"), column (its name, where the temperature or a recorded column is the aspect),
     time_constant [s] (of the lag difference), low, high (the same for a state of a switch) and unit ("date": seconds
-    since 1970; for frequencies the periods [s]; "h" or "h (UTC)" of the hour), n (samples), rms (of single
-    readings; of a band of frequencies that of short averages), share (of the error beyond the noise, 0 where there is
+    since 1970; "h" or "h (UTC)" of the hour), n (samples), rms (of single
+    readings), share (of the error beyond the noise, 0 where there is
     none beyond it: those of an aspect may be more than 1 together), lift (share over the share of samples).
     """
     excess = data.reading**2 - floor**2 / data.counts
@@ -100,11 +87,8 @@ def _places(
     rows = [
         {**place, **_figures(data, squares, excess, total, inside)}
         for place, inside in _bins(record, data, aspects, values)
-        if inside.sum() >= FEWEST_WITHIN
+        if inside.sum() >= 3
     ]
-    for row in rows:
-        row["concentration"] *= {"column": COLUMN_WEIGHT, "time": TIME_WEIGHT}.get(row["aspect"], 1.0)
-    rows += _frequencies(data, floor)
     frame = pd.DataFrame(rows, columns=[*COLUMNS, "concentration"])
     frame["unit"] = frame["unit"].fillna("")
     return frame.sort_values("concentration", ascending=False, ignore_index=True)[COLUMNS]
@@ -151,10 +135,10 @@ def _bins(
 ) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
     """Each place (aspect and interval), and which averages lie in it."""
     n = len(data.reading)
-    place = np.arange(n) * TIME_BINS // n
+    place = np.arange(n) * PLACES // n
     since = record.since_1970()
     zero, unit = (0.0, "s") if since is None else (since, "date")
-    for i in range(TIME_BINS):
+    for i in range(PLACES):
         inside = place == i
         if inside.any():
             first, last = zero + data.seconds[inside][[0, -1]]
@@ -166,15 +150,15 @@ def _bins(
             for number, state in enumerate(states.tolist()):
                 yield {**aspect, "low": state, "high": state}, nearest == number
             continue
-        edges = np.unique(np.quantile(column, np.linspace(0, 1, VALUE_BINS + 1)))
+        edges = np.unique(np.quantile(column, np.linspace(0, 1, PLACES + 1)))
         for low, high in pairwise(edges):
             inside = (column >= low) & ((column < high) | (high == edges[-1]))
             yield {**aspect, "low": low, "high": high}, inside
-    if since is not None and np.ptp(data.seconds) >= DAYS * 86_400:
+    if since is not None and np.ptp(data.seconds) >= 4 * 86_400:
         hour = ((zero + data.seconds) % 86_400) / 3600
         clock = "h" if record.times.kind == "datetime" else "h (UTC)"
-        for i in range(HOUR_BINS):
-            low, high = 24.0 * i / HOUR_BINS, 24.0 * (i + 1) / HOUR_BINS
+        for i in range(PLACES):
+            low, high = 24.0 * i / PLACES, 24.0 * (i + 1) / PLACES
             yield {"aspect": "hour", "low": low, "high": high, "unit": clock}, (hour >= low) & (hour < high)
 
 
@@ -182,7 +166,7 @@ def _states(record: Record, column: Any) -> np.ndarray | None:
     """The values of a column that has few of them, in order; None for others."""
     if column is None:
         return None
-    ends = record.columns[column][:END_ROWS], record.columns[column][max(record.n_rows - END_ROWS, 0) : record.n_rows]
+    ends = record.columns[column][:(1 << 15)], record.columns[column][max(record.n_rows - (1 << 15), 0) : record.n_rows]
     values = np.concatenate([np.asarray(end, float) for end in ends])
     found = np.unique(values[np.isfinite(values)])
     return found if 2 <= len(found) <= STATES else None
@@ -200,36 +184,3 @@ def _figures(
         "lift": max(share, 0.0) / weight,
         "concentration": (share - weight) / np.sqrt(weight * (1 - weight)) if weight < 1 else 0.0,
     }
-
-
-def _frequencies(data: Averages, floor: float) -> list[dict[str, Any]]:
-    """Share of the error beyond white noise in bands of a factor of four, from the periodogram of the averages."""
-    first = data.segment == data.segment[0]
-    values = data.reading[first] - data.reading[first].mean()
-    n = len(values)
-    if n < FEWEST_AVERAGES:
-        return []
-    step = float(np.median(np.diff(data.seconds[first])))
-    power = np.abs(np.fft.rfft(values))[1:] ** 2 / n
-    frequency = np.fft.rfftfreq(n, step)[1:]
-    white = floor**2 / float(np.median(data.counts))
-    total = float(np.sum(power - white))
-    rows, low = [], frequency[0]
-    while low < frequency[-1] and total > 0:
-        inside = (frequency >= low) & (frequency < BAND * low)
-        share = float(np.sum(power[inside] - white) / total)
-        rows.append(
-            {
-                "aspect": "frequency",
-                "low": 1 / (BAND * low),
-                "high": 1 / low,
-                "unit": "s",
-                "n": int(data.counts[first].sum()),
-                "rms": float(np.sqrt(2 * power[inside].sum() / n)),
-                "share": max(share, 0.0),
-                "lift": max(share, 0.0) / float(inside.mean()),
-                "concentration": 0.0,  # a band is another view of the same error, not a place where it is
-            }
-        )
-        low *= BAND
-    return rows

@@ -153,24 +153,18 @@ class WherePlace(NamedTuple):
 
 
 def places(found: DiagnosisLike, data: PageData, figures: Markup) -> Section:
-    """2: where the model fails; the worst place and the worst band of frequencies in words."""
+    """2: where the model fails; the worst place in words."""
     where, calm = found.where, VERDICTS[found.verdict].calm
     shown = 0 if calm else SHOWN_PLACES
-    bands = where[where["aspect"] == "frequency"]
-    longest = float(max(where["share"].drop(bands.index).max(), 1e-300)) if len(where) else 1.0
+    longest = float(max(where["share"].max(), 1e-300)) if len(where) else 1.0
     rows = [
-        WherePlace(
-            row,
-            1.0 if row.aspect == "frequency" else longest,
-            placed(data, row.low, row.high) if row.aspect == "time" else None,
-        )
+        WherePlace(row, longest, placed(data, row.low, row.high) if row.aspect == "time" else None)
         for row in each_row(where)
     ]
     return section(
         "where",
         "2 Where does it fail?",
         worst=rows[0].row if rows else None,
-        band=bands.nlargest(1, "share").iloc[0] if len(bands) else None,
         calm=calm,
         shown=rows[:shown],
         folded=rows[shown:],

@@ -65,9 +65,7 @@ class WhereDisplay:
     def plot(self, ax: Any = None) -> WhereDisplay:
         """Draw in `ax`, or in a new figure."""
         frame = self.frame()
-        bands = frame[frame["aspect"] == "frequency"]  # another view of the same error, not a place where it is
-        strips = [strip for _, strip in frame.drop(bands.index).groupby(["aspect", "condition"], sort=False)][:STRIPS]
-        strips += [bands] if len(bands) else []
+        strips = [strip for _, strip in frame.groupby(["aspect", "condition"], sort=False)][:STRIPS]
         axes = axes_grid(ax, size=(9.0, 1.3 + 0.52 * max(len(strips), 1)))[0]
         only = axes[0]
         self.axes_, self.ax_, self.figure_ = axes, only, only.figure
@@ -96,8 +94,6 @@ class WhereDisplay:
 
         width = 1.0 / len(strip)
         worst = int(np.argmax(strip["share"] - strip["n"] / strip["n"].sum()))
-        if strip["aspect"].iloc[0] == "frequency":
-            worst = int(np.argmax(strip["share"]))
         for i, tile in enumerate(each_row(strip)):
             strength = float(np.clip(tile.lift / HIGHEST, 0.0, 1.0))
             colour = colormaps["YlOrBr"](0.05 + 0.85 * strength)
@@ -124,8 +120,6 @@ class WhereDisplay:
 
     def _name(self, place: Any) -> str:
         """An aspect with its unit."""
-        if place.aspect == "frequency":
-            return "period"
         if place.aspect in ("column", "temperature"):
             return labelled(place.condition, self.units.get(place.condition, ""))
         return str(place.condition)

@@ -66,12 +66,11 @@ def ends_text(row: Any, span: float = 0.0) -> tuple[str, str]:
 
 
 def interval_text(row: Any) -> str:
-    """``20.1 to 22.4``, ``periods of 2 h to 8 h``, two dates, ``1`` for a state of a switch."""
-    start = "periods of " if row.aspect == "frequency" else ""
+    """``20.1 to 22.4``, two dates, ``1`` for a state of a switch."""
     low, high = ends_text(row)
     if row.aspect == "column" and row.low == row.high:
         return low
-    return f"{start}{low} to {high}" + (" h" if row.aspect == "hour" else "")
+    return f"{low} to {high}" + (" h" if row.aspect == "hour" else "")
 
 
 def place_text(row: Any) -> str:
