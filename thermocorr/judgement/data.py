@@ -22,7 +22,7 @@ from ..effects.wrap import as_effects
 from ..equations import noise
 from ..equations.noise import made_from, shows_the_same
 from ..estimators.holdout import rms
-from ..estimators.input_errors import MANY, GapError
+from ..estimators.input_errors import MANY
 from ..estimators.reading import check_columns
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.run_levels import moments_between_runs
@@ -42,7 +42,7 @@ from .levels import (
     FEWEST_SAMPLES,
     FINE,
     LAGS,
-    MANY_STARTS,
+    MOST_LEVELS,
     MOST_ROWS,
     MOST_SOUND,
     SLOWEST,
@@ -358,22 +358,6 @@ def beyond_judgement(model: DynamicBiasRegressor, read: Record) -> tuple[float, 
     return share, rms(np.concatenate([values[spoilt[block.rows]] for block, values in model.residual_blocks(whole)]))
 
 
-def felt_in_gaps(model: DynamicBiasRegressor, read: Record, slowest: float) -> float:
-    """Sum of the variances of the judged readings by what the temperature did in gaps, in the unit of y squared.
-
-    By lags up to the `slowest` [s]: slower ones may be there for a drift, and have weights that no body has. 0 where
-    gaps have spoilt no reading: what is left of them in others is small.
-    """
-    if not isinstance(read.reading, LeftOut):
-        return 0.0
-    laws = [
-        replace(law, weights=np.where(law.time_constants <= slowest, law.weights, 0.0))
-        for law in model.gap_error().laws
-    ]
-    variance = GapError(laws, model.features_.history_.gaps).of_record(read, {})
-    return 0.0 if variance is None else float(variance[np.isfinite(read.reading[:])].sum())
-
-
 def _averages(model: DynamicBiasRegressor, read: Record, judged: Thinned) -> tuple[np.ndarray, float]:
     """`residuals_of` a record that is judged by averages of its rows."""
     sums, counts, squares, n = np.zeros(judged.n_rows), np.zeros_like(judged.counts), 0.0, 0
@@ -549,7 +533,7 @@ def candidates_of(record: Record, exclude: Collection[str], further: Any) -> lis
         for effect in effects.candidates(record, columns)
     ]
     between = moments_between_runs(record)
-    if SeveralSteps.kind not in exclude and 1 < len(between) < MANY_STARTS:  # one alone is among the steps at any row
+    if SeveralSteps.kind not in exclude and 1 < len(between) < MOST_LEVELS:  # one alone is among the steps at any row
         found.append(SeveralSteps(list(between)))
     for item in further:
         if isinstance(item, type) and issubclass(item, Effect):

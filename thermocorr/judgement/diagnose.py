@@ -29,7 +29,6 @@ from .data import (
     as_fitted,
     beyond_judgement,
     candidates_of,
-    felt_in_gaps,
     given_effects,
     quiet_share,
     record_of,
@@ -220,7 +219,7 @@ def diagnose(
         base = ThermalBase.of(model, read)
         record = suspect_record(model, read, X, y, columns, [*base.effects, *base.slow])
         candidates = candidates_of(record, (*exclude, *DATED), suspects)
-        pool = Pool(model, record, base, candidates, felt_in_gaps(model, read, base.slowest))
+        pool = Pool(model, record, base, candidates)
         search = Search(pool, [kind for kind in ANYWHERE if kind not in exclude])
         search.run()
         terms = search.terms()

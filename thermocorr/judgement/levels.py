@@ -19,12 +19,8 @@ TO_A_DECADE = 8
 """Points that a spectrum has to a factor of ten in frequency."""
 RANKED = 10
 """Suspects that are listed at most, causes among them."""
-FILTER_LENGTH, FILTER_SHARE, FILTER_WHITE, HARDLY_A_FILTER, FILTER_TAILS = 15.0, 0.6, 0.1, 2.0, (2.4, 4.5)
-"""Memory of a filter's noise at most [samples]; its share of what wanders; white noise beside it, of all, at most,
-unless it remembers for so few samples; fourth moments between which what is left, and its steps, are Gaussian."""
-BELOW_FILTER, FEWEST_BELOW, FLAT = 3.0, 15, 4.0
-"""Memories of a filter in the period, over two pi, beyond which its noise is white; rows there at least; log likelihood
-of what wanders there, over white noise, from which more is left."""
+FILTER_LENGTH, FILTER_WHITE = (15.0, 2.0), 0.1
+"""Memory of a filter's noise at most [samples], without white noise and with some; share of all that is some."""
 TAILS, NINE_TENTHS = 3.0, 1.645
 """Rms of the residual over its usual size (nine tenths of Gaussian noise are below 1.645), from which a few readings
 make most of it. Student's t with three degrees has 1.2, one reading in thirty of sixty times the size 10."""
@@ -71,13 +67,13 @@ STARTS = 7
 beyond them keep of the time before. In 300 runs of an hour that was a hysteresis."""
 BEYOND = 2.0
 """How far they reach beyond the model's fastest and slowest, as a factor."""
-START_HELD = 0.1
+START_HELD = 0.03
 """Size of a direction that they span, over that of the first, below which it is left out: each takes of slow causes. In
 300 runs all that thirteen decays span hid a humidity, and two directions left a hysteresis that was not there."""
-MANY_STARTS = 30
-"""Segments beyond which so few are held: in fewer, what they left behind a pause of a device not at rest was told."""
-FEW_STARTS, FEW_HELD, START_TOLD = 14, 0.01, 0.003
-"""Decays, and size of a direction, in fewer segments; the last of the first start, which competes and is not held."""
+START_TOLD = 0.003
+"""The same of the first start, which competes and is not held."""
+MOST_LEVELS = 30
+"""Runs from which a level for each of them is no suspect."""
 GROUPS = 16
 """Groups of segments, every sixteenth in one, whose starts are taken together for what they cost in each band of
 frequency: what one segment's directions share with another's so far away is next to nothing."""
@@ -101,9 +97,8 @@ NYQUIST = 0.98
 """Fastest wave that is tried, over half the sampling frequency: at it, sine and cosine are one column."""
 LATEST = 0.01
 """Longest delay that is looked for, as a share of the longest segment. Longer ones are much like slow lags."""
-BETWEEN = (-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
-"""Rows beside the best delay of whole rows at which delays are tried, too: on a measured record of uneven steps, the
-best of whole rows had 12 of the 28 in log likelihood of the true delay."""
+BETWEEN = (-0.5, 0.0, 0.5)
+"""Rows beside the best delay of whole rows at which delays are tried, too."""
 SHORTEST_STRETCH = 8
 """Rows of the shortest disturbance that is looked for, however it is tuned. With 5, three large readings of heavy tails
 (Student, three degrees) that follow on one another were taken for a disturbance in one of twelve records."""
@@ -221,9 +216,6 @@ DIFFERENT = 12
 MOMENTS = 3.68
 """Fall of the log likelihood up to which a step, another law or a disturbance may begin at another moment: 95 %, see
 `thermocorr.judgement.report`."""
-IN_GAPS = 0.15
-"""Share of the log likelihood that what nobody saw in gaps may make, which one effect may gain by it: 0.14 at most of
-leads, hinges and hystereses where nothing was hidden, in 20 records with gaps or regular dead times."""
 TIE = 4.0
 """Difference of scores (log likelihood) below which two explanations cannot be told apart: odds of 55 to 1."""
 ALIKE = 0.5
@@ -242,9 +234,6 @@ On simulated devices whose thermometers have noise of 0.05 or 0.1 K it is 1.0 to
 STRUCTURE = 12.0
 """Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: for eight
 parts, 12 has an error probability of 0.002."""
-LONG_WAVE, LOUDEST, AROUND_WAVE, ROWS_AROUND, MEDIAN_SQUARE, AS_USUAL = 30.0, 6.0, 0.2, 50, 0.4549, 1.25
-"""Rows in a wave's period, and loudness nearby, beyond which nothing is asked; nearby: logarithm of frequency to either
-side, and nearest rows; median of a square of standard Gaussian noise; ratio up to which noise is usual."""
 ROUNDED_OFF = 1.5
 """What is left over the usual rounding error of the reading (its step over the root of 12), up to which it is that."""
 SEVERAL = 3

@@ -28,6 +28,8 @@ from .data import quiet_rows
 from .levels import (
     DRIFT_TO_NOISE,
     DRIFT_TO_STEP,
+    FILTER_LENGTH,
+    FILTER_WHITE,
     HARMONICS,
     LEVEL,
     MOMENTS,
@@ -42,7 +44,7 @@ from .levels import (
 )
 from .out_of_sample import OutOfSample
 from .scan import DATED, products_from
-from .score import Comparison, filter_memory, solved
+from .score import Comparison, solved
 from .search import Search, Term, together
 from .terms import Pool
 
@@ -96,15 +98,13 @@ class Left:
     """Step of the reading, in its unit, where what is left is no more than its rounding; else 0."""
     tails: float = 1.0
     """Rms of the model's residual, stretches of loud noise aside, over what nine tenths of it say of Gaussian noise."""
-    in_gaps: float = 0.0
-    """Rms of what the temperature may have done in gaps to judged readings, in the unit of y; 0 where it is small."""
     unjudged: float = 0.0
     """Share of the readings that are behind gaps, or beside filled cells, and neither learned from nor judged; 0 where
     they are few."""
     unjudged_rms: float = 0.0
     """Rms residual of these readings, in the unit of y."""
     filtered: float = 0.0
-    """How long noise remembers [s] that an instrument makes which filters or averages, see `filter_memory`; else 0."""
+    """How long the noise of an instrument remembers that filters or averages, a few samples [s]; else 0."""
     drift_hides: bool = False
     """Whether a drift of several noises would pass for what model and causes have; False beside a model that has
     effects of time alone, and where the reading is exact."""
@@ -140,12 +140,13 @@ def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (
     floor = float(np.sqrt(innovation * counts)) * judged.unit
     times = pool.spacing * judged.bands.times
     wanders = bool(judged.wanders and not (pool.rows.exact or search.rounded) and wandering > WANDERS * floor)
-    filtered = pool.spacing * filter_memory(judged, pool.spacing / pool.record.usual_step()) if wanders else 0.0
+    memory = float(np.average(times, weights=theta[1:])) if wanders else 0.0
+    longest = FILTER_LENGTH[int(theta[0] > FILTER_WHITE * theta.sum())] * pool.record.usual_step()
+    filtered = memory if memory <= longest else 0.0
     structured = wanders and not filtered
     if filtered:  # all of it is the instrument's
         floor = float(np.sqrt(total * counts)) * judged.unit
     seconds = pool.data.seconds
-    in_gaps = float(np.sqrt(pool.felt_in_gaps / pool.data.counts.sum()))
     middle = pool.rows.weighed(np.arange(judged.n) >= judged.n // 2)
     drift = pool.rows.weighed(seconds / max(float(np.ptp(seconds)), 1e-300))
     smallest_drift, smallest_step = judged.smallest(drift, PROVABLE), judged.smallest(middle, PROVABLE)
@@ -162,7 +163,6 @@ def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (
         copied=tuple(copied),
         spikes=_spikes(pool),
         loud=loud,
-        in_gaps=in_gaps if in_gaps > WANDERS * floor else 0.0,
         rounding=pool.rounding if search.rounded else 0.0,
         tails=_tails(quiet_rows(residual, pool.record, [(each.start, each.end) for each in loud])),
         thermometers=pool.thermometers if structured else pd.DataFrame(),

@@ -28,8 +28,6 @@ from ..equations.noise import Kernel, decaying_sums, inverse_kernel
 from .levels import (
     ALIVE,
     AROUND,
-    AROUND_WAVE,
-    AS_USUAL,
     BETWEEN,
     FAINT,
     LATEST,
@@ -37,14 +35,10 @@ from .levels import (
     LEAST_RULE,
     LENGTHS,
     LEVEL,
-    LONG_WAVE,
     LONGEST_STRETCH,
-    LOUDEST,
-    MEDIAN_SQUARE,
     NYQUIST,
     OUTSTANDING,
     ROBUST,
-    ROWS_AROUND,
     SHORTEST_STRETCH,
     STRETCHES,
     TAKEN,
@@ -332,26 +326,6 @@ def waves(pool: Pool, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -
     most = pool.record.longest_read() / pool.spacing / 3
     period = best_period(judged, theta, pool.place, most, rows)
     return [] if period is None else [Periodic(six_digits(period * pool.spacing), 1)]
-
-
-def louder(judged: Comparison, theta: np.ndarray, angle: float) -> float:
-    """How much louder what is left is near an angular frequency [rad per row] than under an assumed noise; at least 1.
-
-    That noise falls smoothly with frequency; a running mean's does in lobes, whose tops are no waves. By the median
-    power of the nearest rows: a wave, and others nearby, are a few of them only. Waves of many rows, as a day has, or
-    near which it is far louder, are asked nothing: their heights change.
-    """
-    if angle < 2 * np.pi / LONG_WAVE:
-        return 1.0
-    bands = judged.bands
-    off = np.abs(np.log(np.maximum(bands.angle[bands.order], 1e-300) / angle))
-    near = np.flatnonzero(off < AROUND_WAVE)
-    if len(near) < ROWS_AROUND:
-        return 1.0
-    near = near[np.argpartition(off[near], ROWS_AROUND - 1)[:ROWS_AROUND]]
-    power = judged.left(theta)[near] ** 2 / bands.each_row(judged.S(theta))[near]
-    louder_by = float(np.median(power)) / MEDIAN_SQUARE
-    return 1.0 if louder_by > LOUDEST else max(1.0, louder_by / AS_USUAL)
 
 
 def six_digits(seconds: float) -> float:

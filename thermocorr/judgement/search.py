@@ -22,7 +22,7 @@ from sklearn.base import clone
 
 from ..effects import Delay, Periodic
 from ..effects.protocol import Effect
-from ..records import Record, seconds_of
+from ..records import Record
 from ..records.history import Thinned
 from .data import averaged_copies, said
 from .levels import (
@@ -35,7 +35,6 @@ from .levels import (
     FRUITLESS,
     GAIN,
     HALF,
-    IN_GAPS,
     INFLATION,
     LEAST_MOVED,
     LEVEL,
@@ -54,7 +53,7 @@ from .levels import (
     WITHIN,
 )
 from .out_of_sample import OutOfSample, Worth
-from .scan import DATED, Shifts, dated, delays, filtered, lasting, louder, tries, waves
+from .scan import DATED, Shifts, dated, delays, filtered, lasting, tries, waves
 from .score import Comparison, Fit
 from .terms import Explanation, Key, Pool
 
@@ -198,8 +197,6 @@ class Family:
         for group in pool.groups():
             for i in self.add(group):
                 self.tried[i] = self.tried[i].forgotten()
-        self.unseen = IN_GAPS * _of_gaps(pool, judged)
-        """Log likelihood that one explanation may gain by what the temperature did in gaps."""
         keys = [explanation.key for explanation in self.tried]
         self.sizes = {key: keys.count(key) for key in dict.fromkeys(keys)}
         every = {WAVE: judged.n, **tries(judged.n)}  # every row, every period
@@ -256,15 +253,6 @@ class Family:
         """What so many columns gain by chance."""
         return 0.5 * math.log(self.judged.n) * width
 
-    def seen(self, full: float, i: int) -> float:
-        """The log likelihood that an explanation gains, less what it may tell of gaps that nobody saw.
-
-        It may by the temperature, or at moments or periods that were looked for.
-        """
-        effect = self.tried[i].effect
-        sought = self.tried[i].key[0] in ANYWHERE or not effect.of_time_alone
-        return full - self.unseen if sought and not effect.inputs() else full
-
     def price_of_tuning(self, i: int) -> float:
         """What the tuned parameters and the choice of them gain by chance."""
         tried = self.tried[i]
@@ -287,7 +275,7 @@ class Family:
 
     def weighed(self, i: int, fit: Fit) -> Tried:
         """An explanation with what speaks for it: its fit beside the base."""
-        full = self.seen(fit.level - self.judged.base.level, i) / self._louder(i, fit)
+        full = fit.level - self.judged.base.level
         gain = full / max(1.0, self._scatter(i, fit, full) / self.usual_scatter(i))
         chance = self.p_value(gain, i)
         return Tried(
@@ -299,13 +287,6 @@ class Family:
             p_value=chance,
             uneven=chance > LEVEL >= self.p_value(full, i),
         )
-
-    def _louder(self, i: int, fit: Fit) -> float:
-        """How much louder than its noise the record is around a wave."""
-        effect = self.tried[i].effect
-        if not isinstance(effect, Periodic):
-            return 1.0
-        return louder(self.judged, fit.theta, 2 * np.pi * self.pool.spacing / seconds_of(effect.period, "period"))
 
     def _scatter(self, i: int, fit: Fit, gain: float) -> float:
         """How unevenly the evidence for an explanation lies over the record; 0 where it does not matter."""
@@ -320,16 +301,6 @@ class Family:
         """
         explanation = self.tried[i]
         return OF_PRODUCTS if explanation.effect.is_product and explanation.key[1] is not None else SCATTER
-
-
-def _of_gaps(pool: Pool, judged: Comparison) -> float:
-    """Log likelihood that what the temperature did in gaps may make, by its share of all that is to be explained."""
-    rows = float(pool.data.counts.sum())
-    moved = pool.felt_in_gaps / rows / judged.unit**2
-    white, structure = judged.innovation, judged.unexplained() - judged.innovation
-    if not moved > 0 or not structure > 0:
-        return 0.0
-    return rows * moved / (2 * white * float(np.median(pool.data.counts))) * min(1.0, moved / structure)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -35,13 +35,10 @@ from .levels import (
     COARSE,
     FAR,
     FEW,
-    FEW_HELD,
-    FEW_STARTS,
     FEWEST,
     FINE,
     GROUPS,
     HELD,
-    MANY_STARTS,
     MOST_EMPTY,
     ROBUST,
     ROUNDING,
@@ -63,10 +60,9 @@ class Starts:
 
     def __init__(self, columns: np.ndarray, segment: np.ndarray):
         edges = np.flatnonzero(np.diff(segment, prepend=-1, append=-1))
-        least = START_HELD if len(edges) - 1 > MANY_STARTS else FEW_HELD
         parts = [slice(low, high) for low, high in pairwise(edges.tolist())]
         held = [
-            orthonormal(columns[rows], least) if columns[rows].any() else np.zeros((rows.stop - rows.start, 0))
+            orthonormal(columns[rows], START_HELD) if columns[rows].any() else np.zeros((rows.stop - rows.start, 0))
             for rows in parts
         ]
         self.first, self.lengths = edges[:-1], np.diff(edges)
@@ -188,10 +184,9 @@ class OwnStart(Effect):
         """Find the decays of each segment that has any in the model."""
         self.transient_ = clone(self.transient)
         self.transient_.learn(record)
-        number = STARTS if len(record.segments) > MANY_STARTS else FEW_STARTS
         self.transient_.decays_ = {
             key: np.geomspace(
-                own.min() / self.beyond, max(min(own.max() * self.beyond, self.slowest), own.min()), number
+                own.min() / self.beyond, max(min(own.max() * self.beyond, self.slowest), own.min()), STARTS
             )
             for key, own in self.transient_.decays_.items()
             if key in range(len(record.segments))[self.which]
@@ -245,8 +240,6 @@ def starts_of(model: DynamicBiasRegressor, record: Record, slowest: float) -> tu
     the record says: an ageing looks like many decays, and what a lag as long as the record keeps like a drift.
     """
     own = [effect for effect in model.features_.effect_list() if isinstance(effect, InitialTransient)]
-    if len(record.segments) > MANY_STARTS:
-        return [OwnStart(effect) for effect in own], []
     later = [OwnStart(effect, slowest, slice(1, None)) for effect in own if len(record.segments) > 1]
     taus, lags = lags_of(model)
     kept = taus <= slowest
@@ -309,17 +302,8 @@ def _times(effect: ThermalLag | InitialTransient) -> np.ndarray:
 class Pool:
     """A record, the base that explanations are judged beside, and the explanations."""
 
-    def __init__(
-        self,
-        model: DynamicBiasRegressor,
-        record: Record,
-        thermal: ThermalBase,
-        candidates: Sequence[Effect],
-        felt_in_gaps: float = 0.0,
-    ):
+    def __init__(self, model: DynamicBiasRegressor, record: Record, thermal: ThermalBase, candidates: Sequence[Effect]):
         self.model, self.record = model, record
-        self.felt_in_gaps = felt_in_gaps
-        """Sum over the readings of what the temperature may have done to them in gaps, in the unit of y squared."""
         base, slow, least = thermal.effects, thermal.slow, thermal.slowest
         step = record.usual_step()
         candidates = [e for e in candidates if not (isinstance(e, ThermalLag) and _times(e).max(initial=0.0) <= least)]

@@ -166,7 +166,10 @@ def _states(record: Record, column: Any) -> np.ndarray | None:
     """The values of a column that has few of them, in order; None for others."""
     if column is None:
         return None
-    ends = record.columns[column][:(1 << 15)], record.columns[column][max(record.n_rows - (1 << 15), 0) : record.n_rows]
+    ends = (
+        record.columns[column][: (1 << 15)],
+        record.columns[column][max(record.n_rows - (1 << 15), 0) : record.n_rows],
+    )
     values = np.concatenate([np.asarray(end, float) for end in ends])
     found = np.unique(values[np.isfinite(values)])
     return found if 2 <= len(found) <= STATES else None

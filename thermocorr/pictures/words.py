@@ -189,11 +189,6 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
             f"nor judged: there the model leaves {quantity_text(left.unjudged_rms, unit)} rms. What it lacks may be "
             "what makes it feel gaps for so long."
         )
-    if left.in_gaps:
-        said.append(
-            "What the temperature did in gaps may have moved the judged readings by "
-            f"{quantity_text(left.in_gaps, unit)} rms, and is no cause: log the temperature through them."
-        )
     if left.structured:
         said.append(
             f"What is left wanders by {quantity_text(left.wandering, unit)} and remembers for about "
