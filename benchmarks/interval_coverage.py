@@ -26,7 +26,7 @@ from null_records import NOISES, remembering
 from thermocorr import DynamicBiasRegressor, RecordWarning, StepResponseDisplay
 from thermocorr.datasets import make_record
 from thermocorr.datasets._devices import make_device
-from thermocorr.estimators.uncertainty.budget import coverage_factor
+from thermocorr.estimators.uncertainty.signed import coverage_factor
 
 NOISE = 0.2
 """Standard deviation of the white part [ppm]."""

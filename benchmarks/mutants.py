@@ -38,7 +38,7 @@ from mutating.touched import SUITE, Touched, Watch
 ROOT = Path(__file__).parents[1]
 ROOMS = (
     "thermocorr/records", "thermocorr/files", "thermocorr/live/corrector.py", "thermocorr/live/advance.py",
-    "thermocorr/live/state.py", "thermocorr/live/clock.py", "thermocorr/live/clock.py",
+    "thermocorr/live/state.py", "thermocorr/live/filled.py", "thermocorr/live/filled.py",
     "thermocorr/command/correct.py", "thermocorr/command/log_rows.py", "thermocorr/command/correct.py",
     "thermocorr/command/lines.py", "thermocorr/command/stopping.py",
 )  # fmt: skip

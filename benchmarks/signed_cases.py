@@ -25,7 +25,7 @@ from real_records import cases
 from thermocorr import DynamicBiasRegressor, RecordWarning
 from thermocorr.datasets import make_record
 from thermocorr.datasets._devices import make_device
-from thermocorr.estimators.uncertainty.budget import coverage_factor
+from thermocorr.estimators.uncertainty.signed import coverage_factor
 
 
 def measured(X: pd.DataFrame, y: pd.Series, share: float) -> tuple[float, float]:

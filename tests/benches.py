@@ -6,7 +6,7 @@ import json
 
 import pandas as pd
 
-from thermocorr.interactive.arrangement import guessed
+from thermocorr.interactive.acts import guessed
 from thermocorr.interactive.bench import Bench
 from thermocorr.interactive.snapshots import snapshot
 from thermocorr.interactive.source import opened

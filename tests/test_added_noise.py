@@ -9,7 +9,7 @@ from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate
 from thermocorr.equations import allan_deviation
-from thermocorr.pictures.allan_deviation import added_noise
+from thermocorr.pictures.residual_displays import added_noise
 
 
 def noisy(kelvin, seed):

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from thermocorr.live.clock import MovingAverage, Tracker
+from thermocorr.live.filled import MovingAverage, Tracker
 
 SIZES = ("1", "N-1", "N", "N+1", "2N+1", "8191", "8192", "8193", "mixed")
 

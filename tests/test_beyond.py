@@ -9,7 +9,7 @@ import pytest
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, load_model, save_model
 from thermocorr.datasets import make_record
 from thermocorr.datasets._devices import make_device
-from thermocorr.estimators.uncertainty.budget import coverage_factor
+from thermocorr.estimators.uncertainty.signed import coverage_factor
 
 
 def learned_cold(seed):

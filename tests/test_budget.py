@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermocorr.estimators.uncertainty.budget import Budget, BudgetLine, concise, coverage_factor
+from thermocorr.estimators.uncertainty.signed import Budget, BudgetLine, concise, coverage_factor
 
 GAUGE = {  # GUM (JCGM 100:2008), example H.1: calibration of an end gauge; nm, contributions of table H.1
     "standard": (25.0, 1.0, 18.0),

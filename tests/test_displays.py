@@ -32,7 +32,7 @@ from thermocorr import (
 from thermocorr.datasets import make_record
 from thermocorr.effects import Delay, Drift
 from thermocorr.equations import allan_deviation, moving_average
-from thermocorr.estimators.uncertainty.budget import BudgetLine
+from thermocorr.estimators.uncertainty.signed import BudgetLine
 
 pytestmark = pytest.mark.usefixtures("drawing")
 

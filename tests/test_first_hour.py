@@ -21,10 +21,10 @@ from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.effects.grids import since_start
 from thermocorr.foreign import HowToRead, joined
-from thermocorr.interactive.arrangement import guessed
+from thermocorr.interactive.acts import guessed
 from thermocorr.interactive.bench import Bench
-from thermocorr.interactive.session_file import reopened, session_text
 from thermocorr.interactive.source import opened
+from thermocorr.interactive.takeaway import reopened, session_text
 from thermocorr.interactive.tiles import Store
 from thermocorr.records import Layout, read_record, seconds_of
 

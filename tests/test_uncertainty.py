@@ -14,9 +14,9 @@ from sklearn.base import clone
 from thermocorr import DynamicBiasRegressor, ParquetLog, load_model, save_model
 from thermocorr.datasets import make_record
 from thermocorr.estimators import fused as binned
-from thermocorr.estimators.uncertainty.budget import coverage_factor
+from thermocorr.estimators.uncertainty.covariance import BandSums
 from thermocorr.estimators.uncertainty.joint import NoiseModel
-from thermocorr.estimators.uncertainty.restricted import BandSums
+from thermocorr.estimators.uncertainty.signed import coverage_factor
 
 pytestmark = pytest.mark.newest
 

@@ -11,7 +11,7 @@ from benches import in_python, settled, shown, stretch
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.interactive.arrangement import Roles, guessed
+from thermocorr.interactive.acts import Roles, guessed
 from thermocorr.interactive.bench import Bench
 from thermocorr.interactive.snapshots import snapshot
 from thermocorr.interactive.source import opened

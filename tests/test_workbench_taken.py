@@ -15,13 +15,11 @@ from benches import settled, stretch
 from thermocorr import load_model
 from thermocorr.datasets import make_record
 from thermocorr.files.codec import ModelFileError
-from thermocorr.interactive.arrangement import guessed
+from thermocorr.interactive.acts import guessed
 from thermocorr.interactive.bench import Bench
-from thermocorr.interactive.own_effects import effects_in
-from thermocorr.interactive.session_file import is_session, reopened
 from thermocorr.interactive.snapshots import snapshot
-from thermocorr.interactive.source import opened
-from thermocorr.interactive.takeaway import KINDS, taken
+from thermocorr.interactive.source import effects_in, opened
+from thermocorr.interactive.takeaway import KINDS, is_session, reopened, taken
 from thermocorr.interactive.tiles import Store
 from thermocorr.records import RecordError
 

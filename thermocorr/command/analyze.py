@@ -18,7 +18,7 @@ from ..files.result_files import write_corrected, write_model
 from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..pages import Findings
 from ..pages.report import report_text
-from ..pictures.allan_deviation import added_noise
+from ..pictures.residual_displays import added_noise
 from ..pictures.words import aspect_text, each_row, further_text, interval_text, kept_sentence
 from ..records import RecordError, RecordWarning
 from ..records.errors import printable

@@ -48,9 +48,9 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
         if str(error.name).split(".")[0] not in ("starlette", "uvicorn"):
             raise
         raise ImportError(NEEDS) from None
-    from ..interactive.arrangement import ModelSettings
+    from ..interactive.acts import ModelSettings
     from ..interactive.browser.worker import Opening
-    from ..interactive.session_file import is_session
+    from ..interactive.takeaway import is_session
 
     check_numbers(options)
     for path in (*options.log, *([options.effects] if options.effects else [])):

@@ -19,8 +19,15 @@ from ..records import Log, Record, RecordError, RecordWarning
 from ..records.history import ThinnedLog, thinned
 from .features import DiffusiveFeatures
 from .thermometers import Thermometers
-from .time_constants.resolution import spectrum_table
-from .time_constants.search import Factored, SearchSettings, TimeConstantChoice, factors_of, learned, search
+from .time_constants.search import (
+    Factored,
+    SearchSettings,
+    TimeConstantChoice,
+    factors_of,
+    learned,
+    search,
+    spectrum_table,
+)
 from .time_constants.spectrum import POOL_SIZE
 
 MOST_ROWS = 20_000

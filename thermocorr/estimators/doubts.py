@@ -15,7 +15,7 @@ from ..records import Record
 from .flat import flat_columns
 from .prior import LawPrior, check_like
 from .reading import Reading
-from .time_constants.resolution import unresolved
+from .time_constants.search import unresolved
 
 FURTHEST_REACH = 1000.0
 """Reach of the contributions, in standard deviations of the readings, from which a fit is told to cancel.

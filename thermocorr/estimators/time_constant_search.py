@@ -18,8 +18,6 @@ from .fitting import learned_readings
 from .progress import one_blas_thread
 from .regressor import DynamicBiasRegressor
 from .thermometers import Thermometers
-from .time_constants.projection import refined, sensitivity
-from .time_constants.resolution import interval_table, spectrum_table
 from .time_constants.search import (
     METHODS,
     CandidateRow,
@@ -27,7 +25,11 @@ from .time_constants.search import (
     TimeConstantChoice,
     check_alphas,
     check_candidates,
+    interval_table,
+    refined,
     search,
+    sensitivity,
+    spectrum_table,
 )
 
 
@@ -79,7 +81,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         The choice with 95 % intervals [s]: columns time_constant, low, high, relative_error.
     spectrum_ : DataFrame
         Diffusive spectrum mu(tau) over the pool and what the record can see of it, see
-        `thermocorr.estimators.time_constants.resolution.spectrum_table`. None where sets were given.
+        `thermocorr.estimators.time_constants.search.spectrum_table`. None where sets were given.
     n_splits_ : int
     refit_time_, search_time_ : float
         [s].

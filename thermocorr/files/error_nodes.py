@@ -13,7 +13,7 @@ from ..effects.protocol import Effect
 from ..effects.thermal import ThermalLag
 from ..estimators.filling import RULES, Filling, StandIn
 from ..estimators.reading import Reading, unit_by_size
-from ..estimators.uncertainty.beyond import Beyond
+from ..estimators.uncertainty.covariance import Beyond
 from ..estimators.uncertainty.joint import JointErrors, NoiseModel
 from ..records import History
 from ..records.gaps import Gaps

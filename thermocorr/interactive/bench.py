@@ -18,13 +18,27 @@ from ..judgement import diagnose
 from ..judgement.refine import with_missing
 from ..pages import PageData, figures
 from ..pages.charts import Chart
-from .acts import MARKS, MOST_SPIKES, Act, Add, Columns, Mark, Past, folded, roles_of, shape_of
-from .arrangement import AddedEffect, Arrangement, ModelSettings, Moment, Roles, Stretch
-from .learning import Fitted, fitted, quietly
-from .previews import preview_of
+from .acts import (
+    MARKS,
+    MOST_SPIKES,
+    Act,
+    Add,
+    AddedEffect,
+    Arrangement,
+    Columns,
+    Mark,
+    ModelSettings,
+    Moment,
+    Past,
+    Roles,
+    Stretch,
+    folded,
+    roles_of,
+    shape_of,
+)
+from .learning import Fitted, axis_of, chosen_lags, fitted, moment_words, preview_of, quietly, sentence
 from .source import ReadLog
 from .tiles import Store
-from .wording import axis_of, chosen_lags, moment_words, sentence
 
 HELD = 12
 """Fitted arrangements that are kept; others are fitted again when they are asked for, to the same bits."""

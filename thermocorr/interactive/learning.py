@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -16,16 +17,20 @@ from ..effects import Rate, SeveralSteps, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts, walk
 from ..estimators import DynamicBiasRegressor
+from ..estimators.holdout import rms
 from ..estimators.thermometers import Thermometers
 from ..files.effect_nodes import EffectCodec
 from ..judgement import Diagnosis
+from ..judgement.refine import with_missing
 from ..judgement.where import largest_lag
+from ..pages import figures
 from ..pages.charts import recorded
-from ..pictures.timeline import TimeLine
-from ..pictures.walk import Walk
+from ..pages.html import percent_text, quantity
+from ..pictures.axes import TimeLine, Walk
 from ..records import Record, RecordError, RecordWarning
+from ..records.numbers import Scale, scale_of, span_texts
 from ..records.types import kind_of
-from .arrangement import Arrangement
+from .acts import Arrangement
 from .source import ReadLog
 from .tiles import Store
 
@@ -214,3 +219,110 @@ def quietly(run: Callable[[], Any]) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordWarning)
         return run()
+
+
+def axis_of(found: Fitted) -> figures.Axis:
+    """The axis of time on which a fitted arrangement is drawn; its x is left empty."""
+    return figures.axis_of(found.timeline, np.zeros(0))
+
+
+def moment_words(found: Fitted, places: np.ndarray, seconds: np.ndarray) -> str:
+    """From when to when two rows lie: places in the order of time, and seconds since the first row."""
+    line = found.timeline
+    if line.samples:
+        return f"samples {places[0] + 1} to {places[1] + 1}"
+    if line.dates:
+        first, last = (pd.Timestamp(moment).round("s") for moment in line.times(seconds))
+        start, end = f"{first:%Y-%m-%d %H:%M:%S}", f"{last:%Y-%m-%d %H:%M:%S}"
+        return f"{start} to {end.removeprefix(f'{first:%Y-%m-%d} ')}"
+    return f"{' to '.join(span_texts(seconds[:2]))} after the first row"
+
+
+def chosen_lags(given: str) -> Any:
+    """How many time constants to choose, "auto", or which: as a person types it."""
+    words = given.strip()
+    if words == "auto":
+        return words
+    return int(words) if words.isascii() and words.isdigit() and len(words) < 4 else spans(words)
+
+
+def sentence(error: BaseException) -> str:
+    """What an error says, in one line; the kind of error where it is none that was made for people."""
+    said = " ".join(str(error).split())
+    if isinstance(error, ValueError | TypeError | OSError) and said:
+        return said
+    return f"{type(error).__name__}: {said}" if said else type(error).__name__
+
+
+def spans(given: str) -> list[float | str]:
+    """Time constants as a person types them: ``60, 15min, 2h``; ValueError for what is none."""
+    found: list[float | str] = []
+    for part in (word.strip() for word in given.split(",")):
+        if not part:
+            continue
+        try:
+            seconds: float | str = float(part)
+        except ValueError:
+            seconds = part
+        if isinstance(seconds, float) and not (math.isfinite(seconds) and seconds > 0):
+            raise ValueError(f"{part!r} is no time constant. Write such as 60, 15min, 2h.")
+        found.append(seconds)
+    if not found:
+        raise ValueError("Say how many time constants to choose (6), auto, or which: 60, 15min, 2h.")
+    return found
+
+
+def figure(value: float | None, scale: Scale, digits: int = 4) -> dict[str, Any] | None:
+    """A number as text with a unit that suits it and its neighbours, and as it is; None for one that nobody knows."""
+    if value is None or not math.isfinite(value):
+        return None
+    return {"text": quantity(float(value), digits=digits, scale=scale), "value": float(value)}
+
+
+def share(value: float) -> dict[str, Any]:
+    """A share; of what nobody knows it is nothing."""
+    known = float(value) if math.isfinite(value) else 0.0
+    return {"text": percent_text(known), "value": known}
+
+
+def gain(value: float) -> dict[str, Any] | None:
+    """Decibels, with their sign."""
+    if not math.isfinite(value):
+        return None
+    return {"text": f"{value:+.1f}\u00a0dB".replace("-", "\u2212"), "value": float(value)}
+
+
+def fall(after: float | None, before: float | None) -> dict[str, Any] | None:
+    """By how many decibels an error has changed: negative is good."""
+    if not (after and before) or not (math.isfinite(after) and math.isfinite(before)):
+        return None
+    return gain(20 * math.log10(after / before))
+
+
+AFTER, TAKEN = "preview after", "preview taken"
+"""Names of curves: the residual that an effect would leave, and what it would take away."""
+
+
+def preview_of(found: Fitted, effect: Effect, store: Store) -> dict[str, Any]:
+    """Fit the model with one effect more, its time constants held, and put its curves beside those there are.
+
+    Returns dict: curves (names in the store), before and after (rms residual of the rows that are learned from),
+    label.
+    """
+    extended = with_missing(found.model, effect)
+    if not isinstance(effect, ThermalLag):
+        extended.set_params(**found.model.chosen())
+    extended.set_params(alpha=found.model.alpha_).fit(found.data.X, found.data.learned)
+    rows = store.get(found.curves["row"]).astype(int)
+    after = extended.evaluate(found.data.X, found.data.y)["residual"].to_numpy(float)[rows]
+    before = np.asarray(store.get(found.curves["residual"]))
+    learned = np.isfinite(found.data.learned.to_numpy(float)[rows]) & np.isfinite(after) & np.isfinite(before)
+    found.curves |= {AFTER: store.put(after), TAKEN: store.put(before - after)}
+    errors = rms(before[learned]), rms(after[learned])
+    scale = scale_of(errors, found.model.reading_.unit)
+    return {
+        "curves": {name: found.curves[name] for name in (AFTER, TAKEN)},
+        "before": figure(errors[0], scale),
+        "after": figure(errors[1], scale),
+        "label": effect.label(),
+    }

@@ -28,14 +28,12 @@ from ..records.errors import printable
 from ..records.numbers import scale_of, span_text
 from ..records.types import kind_of
 from ..records.units import difference_unit, unit_of
-from .acts import MARKS, Add, Columns, Mark
-from .arrangement import Roles, guessed_run, guessed_time
+from .acts import MARKS, Add, Columns, Mark, Roles, guessed_run, guessed_time
 from .bench import Bench
-from .learning import COLUMN, EFFECT, Fitted
+from .learning import COLUMN, EFFECT, Fitted, axis_of, fall, figure, gain, share
+from .source import SAMPLES
 from .takeaway import KINDS
 from .tiles import Store
-from .trial_records import SAMPLES
-from .wording import axis_of, fall, figure, gain, share
 
 PLACES = 12
 """Places of failure that are listed."""

@@ -1,21 +1,59 @@
-"""A log on the workbench: where it came from, how it was understood, and its fingerprint."""
+"""Built-in records to try the workbench on: in most of them something is hidden."""
 
 from __future__ import annotations
 
 import hashlib
+import importlib.util
+import sys
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
+from ..datasets import load_voltage_reference, make_record
+from ..effects import CATALOGUE
+from ..effects.protocol import Effect
 from ..foreign import ForeignTable, HowToRead, read_logs, with_times
 from ..records import RecordError, RecordWarning
 from ..records.paths import existing_file
 from ..records.times import dates_once
-from .trial_records import FIRST, SAMPLES
+
+
+class TrialRecord(NamedTuple):
+    """A built-in record."""
+
+    title: str
+    make: partial[pd.DataFrame]
+
+    @property
+    def loader(self) -> str:
+        """Name of the function in `thermocorr.datasets` that makes it."""
+        return self.make.func.__name__
+
+    def code(self) -> str:
+        """What makes it, as Python."""
+        given = [*map(repr, self.make.args), *(f"{name}={value!r}" for name, value in self.make.keywords.items())]
+        return f"{self.loader}({', '.join(given)})"
+
+
+def _simulated(title: str, seed: int, **effects: float) -> TrialRecord:
+    return TrialRecord(title, partial(make_record, 20_000, effects=effects, seed=seed))
+
+
+FIRST = "the built-in voltage reference with a hidden effect"
+SAMPLES = {
+    FIRST: TrialRecord("voltage reference, two weeks", partial(load_voltage_reference, hidden="moisture")),
+    "simulated device 1": _simulated("simulated device 1", 11, hysteresis=1.5),
+    "simulated device 2": _simulated("simulated device 2", 12, step=1.0, lagged_covariate=1.5),
+    "simulated device 3": _simulated("simulated device 3", 13, covariate=0.0),
+    "simulated device 4": _simulated("simulated device 4", 14, drift=1.0, interaction=1.0),
+}
+"""Name -> record. What is hidden is for the diagnosis to find; in one of them it is nothing."""
+
 
 CHUNK = 1 << 20
 
@@ -110,3 +148,35 @@ def fingerprint(paths: Sequence[str | Path]) -> str:
         except OSError as error:
             raise RecordError(f"{path} cannot be read: {error.strerror or error}.") from None
     return digest.hexdigest()
+
+
+def effects_in(path: str | Path) -> tuple[type[Effect], ...]:
+    """The classes of effects that a file defines; the file is run.
+
+    Raises RecordError for a file that cannot be run, or defines none.
+    """
+    path = existing_file(path)
+    name = path.stem
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None or not name.isidentifier():
+        raise RecordError(f"{path} is no Python file. Effects of your own are classes in a file such as my_effects.py.")
+    if name in sys.modules and getattr(sys.modules[name], "__file__", None) != str(path):
+        raise RecordError(f"{path} is called like the module {name!r}, which is loaded already. Rename the file.")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        raise RecordError(f"{path} cannot be run: {type(error).__name__}: {error}.") from None
+    found = tuple(
+        thing
+        for thing in vars(module).values()
+        if isinstance(thing, type) and issubclass(thing, Effect) and thing.__module__ == name
+    )
+    if not found:
+        raise RecordError(f"{path} defines no effect: a class that is derived from thermocorr.effects.Effect.")
+    taken = next((cls for cls in found if cls.kind in CATALOGUE), None)
+    if taken is not None:
+        raise RecordError(f"{path}: {taken.__name__} has the kind {taken.kind!r}, which is taken. Give it another one.")
+    return found

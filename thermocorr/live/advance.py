@@ -18,8 +18,7 @@ from ..records import Record, Segment, SegmentStart
 from ..records.gate import EMPTY, JUMP, Doubt, Gate
 from ..records.read import GAP_STEPS
 from ..records.segments import Flags
-from .clock import Clock
-from .filled import NOTHING, LiveErrors, LiveFilling, outside
+from .filled import NOTHING, Clock, LiveErrors, LiveFilling, outside
 from .state import StreamState
 
 SUSPECT_GAPS = 1000.0

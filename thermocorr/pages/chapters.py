@@ -12,9 +12,10 @@ from markupsafe import Markup
 from ..effects.protocol import SINCE_START, TEMPERATURE, TEMPERATURE_DIFFERENCE
 from ..estimators.tables import VERDICTS
 from ..estimators.variants import VariantComparison
-from ..pictures.protocols import DiagnosisLike, RefinementLike
 from ..pictures.words import (
     MINUS,
+    DiagnosisLike,
+    RefinementLike,
     each_row,
     effect_text,
     further_text,

@@ -11,8 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from ..equations.statistics import Moments
-from ..pictures.axes import FINE_TIMES, TIMES
-from ..pictures.timeline import TimeLine
+from ..pictures.axes import FINE_TIMES, TIMES, TimeLine
 from ..records.labels import is_state, state
 from ..records.numbers import SPANS, is_frame, numeric_reading
 from ..records.units import without_unit
@@ -33,7 +32,7 @@ class Traces:
 
     seconds: np.ndarray
     """Place on the time line [s], shape (n,), never decreasing: time since the first row, unless runs overlap or the
-    record is mostly gaps, see `thermocorr.pictures.timeline.TimeLine`."""
+    record is mostly gaps, see `thermocorr.pictures.axes.TimeLine`."""
     columns: dict[str, np.ndarray]
     """Temperature, reading, model, corrected, residual, and recorded columns asked for; NaN where unknown, and between
     segments."""

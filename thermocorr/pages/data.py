@@ -13,9 +13,8 @@ import pandas as pd
 from .._version import __version__
 from ..effects.thermal import column_text
 from ..pictures import AllanDisplay, ContributionsDisplay, ResidualLoopDisplay, StepResponseDisplay
-from ..pictures.allan_deviation import added_noise_shown
-from ..pictures.timeline import TimeLine
-from ..pictures.walk import Walk
+from ..pictures.axes import TimeLine, Walk
+from ..pictures.residual_displays import added_noise_shown
 from ..records import Record
 from ..records.numbers import quantity_texts, span_text
 from ..records.units import unit_of

@@ -12,8 +12,7 @@ from markupsafe import Markup
 
 from ..estimators.variants import VariantComparison
 from ..pictures.axes import stretches
-from ..pictures.protocols import DiagnosisLike, RefinementLike
-from ..pictures.words import kept_sentence
+from ..pictures.words import DiagnosisLike, RefinementLike, kept_sentence
 from . import chapters as chapters
 from . import figures
 from .chapters import judged

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..estimators.time_constants.resolution import CONFIDENCE_95
+from ..estimators.time_constants.search import CONFIDENCE_95
 from ..pictures import SpectrumDisplay
-from ..pictures.protocols import DiagnosisLike
-from ..pictures.timeline import TimeLine
+from ..pictures.axes import TimeLine
+from ..pictures.words import DiagnosisLike
 from ..records.numbers import SPANS, span_text, span_unit
 from ..records.units import difference_unit
 from .charts import Chart, ChartLine, Panel

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..estimators import DynamicBiasRegressor, VariantComparison
 from ..files import write_file
-from ..pictures.protocols import DiagnosisLike, RefinementLike
+from ..pictures.words import DiagnosisLike, RefinementLike
 from . import Findings, PageData, page
 
 

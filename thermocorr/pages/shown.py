@@ -5,7 +5,7 @@ from __future__ import annotations
 from os import PathLike
 
 from ..files import write_file
-from ..pictures.protocols import DiagnosisLike, RefinementLike
+from ..pictures.words import DiagnosisLike, RefinementLike
 from .chapters import brief_diagnosis, brief_refinement
 from .document import Findings, page
 

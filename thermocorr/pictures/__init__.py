@@ -1,14 +1,21 @@
 """Pictures: each answers one question at a glance. `frame()` has the numbers, `plot()` draws (extra "plot")."""
 
-from .allan_deviation import AllanDisplay
-from .budget_shares import BudgetDisplay
-from .comparison import VariantsDisplay
-from .contributions import ContributionsDisplay, InnerTemperaturesDisplay
-from .residual_loop import ResidualLoopDisplay
-from .residuals import ResidualsDisplay
-from .step_response import StepResponseDisplay
-from .suspects import RefinementDisplay, SuspectsDisplay, WhereDisplay, plot_diagnosis, plot_refinement
-from .time_constant_spectrum import SpectrumDisplay
+from .diagnosis_displays import (
+    RefinementDisplay,
+    SuspectsDisplay,
+    VariantsDisplay,
+    WhereDisplay,
+    plot_diagnosis,
+    plot_refinement,
+)
+from .model_displays import (
+    BudgetDisplay,
+    ContributionsDisplay,
+    InnerTemperaturesDisplay,
+    SpectrumDisplay,
+    StepResponseDisplay,
+)
+from .residual_displays import AllanDisplay, ResidualLoopDisplay, ResidualsDisplay
 
 __all__ = [
     "AllanDisplay",

@@ -1,19 +1,172 @@
-"""Axes, labels and tick marks of pictures, series thinned out for them."""
+"""Where a record's times stand on the axis of a picture, from milliseconds to years."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from ..estimators.tables import VERDICTS
+from ..effects.thermal import column_text
+from ..estimators.flat import Inner
+from ..estimators.regressor import DynamicBiasRegressor
+from ..estimators.tables import VERDICTS, distinct
+from ..estimators.time_constant_search import TimeConstantSearch
+from ..estimators.uncertainty.joint import ErrorWalk
+from ..records import Block, Record
 from ..records.errors import printable
-from ..records.numbers import scale_of, span_text
+from ..records.numbers import SPANS, is_frame, scale_of, span_text, span_unit
 from ..records.units import without_unit
-from .protocols import DiagnosisLike
-from .timeline import TimeLine
+from .words import DiagnosisLike
+
+EMPTY = 0.5
+"""Share of the span without rows, above which long gaps are left out of the axis."""
+LONG_GAP = 0.05
+"""Gaps longer than this share of the recorded time are then cut to a fifth of it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeLine:
+    """Times of a record's segments, and their places on an axis.
+
+    Seconds count from the first row. Places are seconds too: those of the times, unless runs overlap or the record is
+    mostly gaps; then segments stand one after the other.
+    """
+
+    first: float
+    """Stamp of the first row: nanoseconds for dates."""
+    dates: bool
+    """Whether the record has dates."""
+    zone: Any
+    """Time zone of the dates, or None."""
+    samples: bool
+    """Whether rows have no times at all, so that only their number is known."""
+    shifts: np.ndarray
+    """Place less seconds of each segment [s]."""
+    starts: np.ndarray
+    """Place of the start of each segment [s]."""
+    runs: tuple[object, ...]
+    span: float
+    """Length of the axis [s]."""
+    usual_step: float
+    in_order: bool
+    """Whether places are the times themselves."""
+    overlapping: bool
+    """Whether a segment begins before the one before has ended, so that a time has several places."""
+
+    @classmethod
+    def of(cls, record: Record, zone: Any = None, samples: bool = False) -> TimeLine:
+        """Lay out the segments of a record."""
+        times, zero, since = record.times, record.first_stamp(), record.since_1970()
+        start = np.array([times.between(record.stamp(s.start), zero) for s in record.segments])
+        stop = np.array([times.between(record.stamp(s.stop - 1), zero) for s in record.segments])
+        recorded, places = float(np.sum(stop - start)), start
+        gaps = start[1:] - stop[:-1]
+        if (gaps <= 0).any():
+            places = np.concatenate(([0.0], np.cumsum(stop[:-1] - start[:-1] + _small(recorded))))
+        elif gaps.sum() > EMPTY * (stop[-1] - start[0]):
+            gaps = np.where(gaps > LONG_GAP * recorded, _small(recorded), gaps)
+            places = np.concatenate(([0.0], np.cumsum(stop[:-1] - start[:-1] + gaps)))
+        return cls(
+            first=zero if since is None or times.kind != "seconds" else since * 1e9,
+            dates=since is not None,
+            zone=zone,
+            samples=samples,
+            shifts=places - start,
+            starts=places,
+            runs=tuple(segment.run for segment in record.segments),
+            span=float(np.max(places + stop - start)),
+            usual_step=record.usual_step(),
+            in_order=places is start,
+            overlapping=bool((stop[:-1] >= start[1:]).any()),
+        )
+
+    def times(self, seconds: np.ndarray) -> Any:
+        """Dates where the record has them, else seconds since the first row [s], or numbers of rows."""
+        if not self.dates:
+            return seconds
+        nanoseconds = int(self.first) + np.round(np.asarray(seconds) * 1e9).astype("i8")
+        stamps = pd.DatetimeIndex(nanoseconds.view("M8[ns]"))
+        return stamps if self.zone is None else stamps.tz_localize("UTC").tz_convert(self.zone)
+
+    @property
+    def zero(self) -> float:
+        """What times as numbers count from: the first row since 1970 for dates, else 0 [s]."""
+        return self.first / 1e9 if self.dates else 0.0
+
+    def interval(self, low: float, high: float) -> tuple[float, float]:
+        """Places of the ends of a ``time`` interval of `Diagnosis.where` [s]."""
+        seconds = np.array((low, high)) - self.zero
+        begins = self.starts - self.shifts  # seconds at which each segment begins
+        segment = np.clip(np.searchsorted(begins, seconds, side="right") - 1, 0, None)
+        first, last = seconds + self.shifts[segment]
+        return float(first), float(last)
+
+    def on_axis(self, places: np.ndarray) -> np.ndarray:
+        """What matplotlib draws places at: days for dates, else the unit of the axis."""
+        if self._shows_dates:
+            from matplotlib import dates
+
+            first = dates.date2num(np.datetime64(int(self.first), "ns"))
+            return np.asarray(first + np.asarray(places) / 86_400.0)
+        return np.asarray(places) / (1.0 if self.samples else SPANS[span_unit(self.span)])
+
+    @property
+    def _shows_dates(self) -> bool:
+        return self.dates and self.in_order
+
+    def label(self) -> str:
+        """Label of the axis."""
+        if self._shows_dates:
+            return "time" if self.zone is None else f"time ({self.zone})"
+        if self.samples:
+            return "sample"
+        what = "time" if self.in_order else "recorded time, long gaps left out"
+        if self.overlapping:
+            what = "recorded time, runs one after the other"
+        return f"{what} [{span_unit(self.span)}]"
+
+    def dress(self, axis: Any) -> None:
+        """Give an axis of matplotlib its ticks; its label is left to the caller."""
+        if self._shows_dates:
+            from matplotlib import dates
+
+            locator = dates.AutoDateLocator(tz=self.zone, minticks=3, maxticks=8)
+            axis.set_major_locator(locator)
+            ticks = ["%Y", "%b %Y", "%d %b", "%H:%M", "%H:%M", "%S.%f"]
+            # the date stands beside the axis only where the ticks are times of day
+            beside = ["", "", "%Y", "%d %b %Y", "%d %b %Y", "%d %b %Y %H:%M"]
+            zeros = ["", "%Y", "%d %b", "%d %b", "%H:%M", "%H:%M"]
+            axis.set_major_formatter(
+                dates.ConciseDateFormatter(
+                    locator, tz=self.zone, formats=ticks, offset_formats=beside, zero_formats=zeros
+                )
+            )
+
+    def joints(self, most: int = 12) -> list[tuple[float, str]]:
+        """Where segments begin, all but the first, and the names of their runs; none where there are too many."""
+        if not 1 < len(self.starts) <= most:
+            return []
+        return [
+            (float(place), "" if run is None or run == before else str(run))
+            for place, run, before in zip(self.starts[1:], self.runs[1:], self.runs[:-1], strict=True)
+        ]
+
+
+def _small(recorded: float) -> float:
+    """What stands for a long gap on the axis [s]."""
+    return LONG_GAP * recorded / 5
+
+
+def zone_of(X: Any, time: Any) -> Any:
+    """Time zone of the data's dates, or None."""
+    if time is not None and is_frame(X) and time in X.columns:  # a record that was read has none
+        return getattr(getattr(X[time], "dtype", None), "tz", None)
+    return getattr(getattr(X, "index", None), "tz", None)
+
 
 WORSE = 1.5
 """A stretch is shown as failing above this ratio of its share of the excess error to its share of the samples."""
@@ -326,3 +479,100 @@ def log_time_axis(ax: Any, label: str, samples: bool = False) -> None:
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, position: span_text(value)))
     ax.xaxis.set_minor_locator(NullLocator())
     ax.set_xlabel(label)
+
+
+class SegmentRows(NamedTuple):
+    """Rows of one segment, in time order."""
+
+    segment: int
+    rows: Any
+    """Rows of the user's data, a slice or numbers."""
+    seconds: np.ndarray
+    """Since the first row of the record [s]."""
+    temperature: np.ndarray
+    measured: np.ndarray
+    """NaN where no readings are given."""
+    contributions: np.ndarray
+    """Shape (n, number of effects)."""
+
+
+class Walk:
+    """A model on a record: its time line, and its rows block by block.
+
+    `model` (DynamicBiasRegressor, or a fitted search with a ``best_estimator_``). `X`, `y` (as for
+    `DynamicBiasRegressor.evaluate_blocks`; y may be left out).
+    """
+
+    def __init__(self, model: Any, X: Any, y: Any = None):
+        self.model = regressor_of(model)
+        self._reading = None if y is None else self.model.reading_numbers(X, y)
+        self._blocks = self.model.contribution_blocks(X)
+        self._first = next(self._blocks)  # a record has at least one block
+        self.record: Record = self._first[0].record
+        self.timeline = TimeLine.of(self.record, zone_of(X, self.model.features_.time), without_times(self.model))
+        self._shift = self.record.times.between(self.record.first_stamp(), self._first[0].zero)
+
+    @property
+    def n_rows(self) -> int:
+        """Rows inside segments."""
+        return self.record.n_used
+
+    @property
+    def temperature_name(self) -> str:
+        """Name of the temperature, as in the user's data."""
+        return column_text(self.record.temperature_name)
+
+    def labels(self) -> list[str]:
+        """Names of the effects."""
+        return distinct([effect.label() for effect in self.model.features_.effect_list()])
+
+    def corrected(self, part: SegmentRows) -> np.ndarray:
+        """Readings of a part less the bias that `correct` removes."""
+        return np.asarray(part.measured - self.model.removed_part(part.contributions))
+
+    def parts(self) -> Iterator[SegmentRows]:
+        """Walk; once."""
+        for block, contributions in chain([self._first], self._blocks):
+            yield self._part(block, contributions)
+
+    def inner(self) -> Iterator[tuple[int, np.ndarray, np.ndarray, Inner]]:
+        """Segment, seconds since the first row, ambient and inner temperatures of the rows, block by block."""
+        for inner in self.model.inner_blocks(self.record):
+            block = inner.block
+            yield block.segment, block.seconds - self._shift, block.temperature, inner
+
+    def uncertainties(self) -> Iterator[np.ndarray]:
+        """Standard uncertainty of a reading in the rows of each of the `parts`, shape (n,)."""
+        joint = self.model.joint_errors()
+        for _, _, errors in ErrorWalk(self.model, joint, removed=False).blocks(self.record):
+            yield np.sqrt(errors.of_readings(joint.noise))
+
+    def _part(self, block: Block, contributions: np.ndarray) -> SegmentRows:
+        if self._reading is None:
+            measured = np.full(len(block), np.nan)
+        else:
+            measured = self.model.believed(block, np.asarray(self._reading[block.rows], float))
+        return SegmentRows(
+            segment=block.segment,
+            rows=block.rows,
+            seconds=block.seconds - self._shift,
+            temperature=block.temperature,
+            measured=measured,
+            contributions=contributions,
+        )
+
+
+def regressor_of(model: Any) -> DynamicBiasRegressor:
+    """The fitted `DynamicBiasRegressor`, also of a search."""
+    found = getattr(model, "best_estimator_", model)
+    if isinstance(found, TimeConstantSearch):
+        raise TypeError("The search has no fitted model. Fit it first, with refit=True.")
+    if not isinstance(found, DynamicBiasRegressor):
+        raise TypeError(f"A fitted DynamicBiasRegressor is needed, or a search with one. Got {type(found).__name__}.")
+    found.features_  # noqa: B018 - raises NotFittedError where nothing is fitted
+    return found
+
+
+def without_times(fitted: DynamicBiasRegressor) -> bool:
+    """Whether the rows of a model's record have no times, so that only their number is known."""
+    return fitted.features_.history_.kind == "rows" and fitted.features_.sampling_period is None

@@ -1,11 +1,11 @@
-"""Places where a model fails, and effects, in words: what a row of `Diagnosis.where` says to a person."""
+"""What pictures and pages read of a diagnosis and a refinement, which are made on a floor above."""
 
 from __future__ import annotations
 
 import re
 import textwrap
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,66 @@ from ..effects.wrap import as_effects
 from ..estimators.tables import VERDICTS
 from ..records.errors import printable
 from ..records.numbers import quantity_text, quantity_texts, span_text, span_texts
-from .protocols import RefinementLike
+
+
+class DiagnosisLike(Protocol):
+    """What is shown of a `thermocorr.Diagnosis`, where each of these is explained."""
+
+    @property
+    def verdict(self) -> str: ...  # noqa: D102
+
+    @property
+    def noise_floor(self) -> float: ...  # noqa: D102
+
+    @property
+    def explainable(self) -> float: ...  # noqa: D102
+
+    @property
+    def where(self) -> pd.DataFrame: ...  # noqa: D102
+
+    @property
+    def ranking(self) -> pd.DataFrame: ...  # noqa: D102
+
+    @property
+    def suspects(self) -> tuple[Any, ...]: ...  # noqa: D102
+
+    @property
+    def causes(self) -> tuple[Any, ...]: ...  # noqa: D102
+
+    @property
+    def small(self) -> tuple[Any, ...]: ...  # noqa: D102
+
+    @property
+    def left(self) -> Any: ...  # noqa: D102
+
+    @property
+    def best(self) -> Any: ...  # noqa: D102
+
+    @property
+    def residual_rms(self) -> float: ...  # noqa: D102
+
+    @property
+    def unit(self) -> str: ...  # noqa: D102
+
+    @property
+    def level(self) -> float: ...  # noqa: D102
+
+    @property
+    def data(self) -> Any: ...  # noqa: D102
+
+
+class RefinementLike(Protocol):
+    """What is shown of a `thermocorr.Refinement`, where each of these is explained."""
+
+    @property
+    def steps(self) -> pd.DataFrame: ...  # noqa: D102
+
+    @property
+    def diagnoses(self) -> tuple[DiagnosisLike, ...]: ...  # noqa: D102
+
+    @property
+    def model_(self) -> Any: ...  # noqa: D102
+
 
 MINUS = "\u2212"
 YEARLY = 200 * 86_400.0

@@ -18,9 +18,7 @@ from ..progress import one_blas_thread
 from ..reading import no_flags
 from ..run_levels import level_variance
 from ..tables import VERDICTS
-from .declared import Reference, Sensor
-from .joint import UNKNOWN, JointErrors, joint_errors
-from .rows import ErrorWalk, sensor_variance
+from .joint import UNKNOWN, ErrorWalk, JointErrors, Reference, Sensor, joint_errors, sensor_variance
 from .signed import PARTS, Uncertainty
 
 OTHER = 2.0

@@ -28,8 +28,8 @@ from starlette.routing import Route
 from ...foreign.containers import FEATHER, PACKED, SHEETS
 from ...records import RecordError
 from ...records.files import FORMATS
+from ..learning import sentence
 from ..takeaway import KINDS
-from ..wording import sentence
 from . import page_assets
 from .guard import Guard
 from .hub import Changed, Hub, NotDone

@@ -22,14 +22,13 @@ from ...estimators.thermometers import Thermometers
 from ...foreign import ForeignTable
 from ...judgement import diagnose
 from ...records.numbers import as_pandas
-from ..acts import Add, Columns, Past
-from ..arrangement import AddedEffect, ModelSettings, Roles
+from ..acts import Add, AddedEffect, Columns, ModelSettings, Past, Roles
 from ..bench import Bench
+from ..learning import sentence
 from ..snapshots import snapshot
 from ..source import ReadLog
 from ..takeaway import KINDS, taken
 from ..tiles import Store, Tiles
-from ..wording import sentence
 from . import page_assets
 from .pieces import NoSuchCurve, cloud_of, known_json, piece_of
 

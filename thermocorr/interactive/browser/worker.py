@@ -19,15 +19,13 @@ from typing import Any
 from ...estimators.progress import one_blas_thread
 from ...foreign import HowToRead
 from ...records import RecordError
-from ..arrangement import ModelSettings, guessed
+from ..acts import ModelSettings, guessed
 from ..bench import Bench
-from ..own_effects import effects_in
-from ..session_file import past_node, reopened, with_past
+from ..learning import sentence
 from ..snapshots import snapshot
-from ..source import built_in, opened
-from ..takeaway import taken
+from ..source import built_in, effects_in, opened
+from ..takeaway import past_node, reopened, taken, with_past
 from ..tiles import Store
-from ..wording import sentence
 
 CANCELLED = "Cancelled: everything stands as it was."
 

@@ -1,0 +1,499 @@
+"""What each effect adds, and what the late parts of the device feel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..effects.expressions import follows_temperature
+from ..effects.protocol import Effect
+from ..estimators import Budget
+from ..estimators.time_constants.search import CONFIDENCE_95, UNDETERMINED
+from ..records import Layout, read_record
+from ..records.numbers import quantity_text, scale_of, span_text
+from ..records.units import difference_unit
+from .axes import (
+    BLUE,
+    COLOURS,
+    GREY,
+    ORANGE,
+    TimeLine,
+    Walk,
+    axes_grid,
+    cells_of,
+    draw_cells,
+    dress_time,
+    label_values,
+    legend_above,
+    log_time_axis,
+    name_runs,
+    plain,
+    regressor_of,
+    without_times,
+)
+from .words import each_row
+
+MOST_PANELS = 8
+"""Effects that get a panel; the smallest of more are added together."""
+
+
+class ContributionsDisplay:
+    """Contribution of each effect over time, the largest first, one panel each.
+
+    Attributes
+    ----------
+    rms : Series
+        Root mean square of each effect's contribution about its mean, the largest first, in the unit of the reading.
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`.
+    """
+
+    def __init__(self, cells: pd.DataFrame, timeline: TimeLine, rms: pd.Series, unit: str):
+        self.cells = cells
+        self.timeline = timeline
+        self.rms = rms
+        self.unit = unit
+
+    @classmethod
+    def from_estimator(cls, model: Any, X: Any) -> ContributionsDisplay:
+        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
+
+        Parameters
+        ----------
+        model : DynamicBiasRegressor
+            Fitted; or a search with a ``best_estimator_``.
+        X : as for `DynamicBiasRegressor.contributions`
+        """
+        walk = Walk(model, X)
+        labels = walk.labels()
+        count = np.zeros(1)
+        moments = np.zeros((2, len(labels)))
+
+        def parts() -> Any:
+            for part in walk.parts():
+                known = part.contributions[np.isfinite(part.contributions).all(axis=1)]
+                count[:] += len(known)
+                moments[:] += known.sum(axis=0), np.einsum("ij,ij->j", known, known)
+                yield part.segment, part.seconds, part.contributions
+
+        cells = cells_of(walk.timeline, labels, walk.n_rows, parts())
+        mean, square = moments / np.maximum(count, 1)
+        rms = pd.Series(np.sqrt(np.maximum(square - mean**2, 0.0)), index=labels, name="rms")
+        return cls(cells, walk.timeline, rms.sort_values(ascending=False, kind="stable"), walk.model.reading_.unit)
+
+    def frame(self) -> pd.DataFrame:
+        """The numbers drawn: time, segment, seconds, n, and of each effect its mean, ``_low`` and ``_high``.
+
+        One row per cell of time; every row of the record up to 4000 rows.
+        """
+        return self.cells.copy()
+
+    def plot(self, ax: Any = None) -> ContributionsDisplay:
+        """Draw one panel per effect; `ax` may be one Axes, whose place is divided, or one for each effect."""
+        labels = self.rms.index[:MOST_PANELS]
+        axes = axes_grid(ax, len(labels), size=(9.0, 1.0 + 1.5 * len(labels)), sharex=True)[:, 0]
+        for axes_, label, colour in zip(axes, labels, (COLOURS * 2)[: len(labels)], strict=True):
+            draw_cells(axes_, self.cells, self.timeline, label, colour)
+            plain(axes_)
+            axes_.margins(x=0.01)
+            dress_time(axes_, self.timeline, labels=axes_ is axes[-1])
+            label_values(axes_.yaxis, "adds", self.unit)
+            axes_.set_title(f"{label}: rms {quantity_text(self.rms[label], self.unit)}", loc="left", fontsize=10)
+            axes_.tick_params(labelbottom=axes_ is axes[-1])
+        name_runs(axes[0], self.timeline)
+        axes[0].figure.align_ylabels(axes)
+        self.axes_, self.ax_, self.figure_ = axes, axes[0], axes[0].figure
+        return self
+
+
+MOST_LINES = 8
+"""Time constants that are drawn, evenly over all."""
+AMBIENT = "ambient"
+KINDS = ("temperature", "start", "difference")
+
+
+class InnerTemperaturesDisplay:
+    """Ambient and inner temperatures, what is left of their starts, and inner less ambient temperature, over time.
+
+    Attributes
+    ----------
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`.
+    """
+
+    def __init__(self, cells: pd.DataFrame, timeline: TimeLine, time_constants: np.ndarray, name: str, unit: str):
+        self.cells = cells
+        self.timeline = timeline
+        self.time_constants = time_constants
+        self.name = name
+        self.unit = unit
+
+    @classmethod
+    def from_estimator(cls, model: Any, X: Any) -> InnerTemperaturesDisplay:
+        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
+
+        Parameters
+        ----------
+        model : DynamicBiasRegressor
+            Fitted, with lags; or a search with a ``best_estimator_``.
+        X : as for `DynamicBiasRegressor.inner_temperatures`
+
+        Raises
+        ------
+        ValueError
+            For a model without lags.
+        """
+        walk = Walk(model, X)
+        taus = np.asarray(walk.model.time_constants_, float)
+        chosen = np.unique(np.linspace(0, len(taus) - 1, min(len(taus), MOST_LINES)).round().astype(int))
+        names = [AMBIENT, *(f"{kind} {span_text(tau)}" for kind in KINDS for tau in taus[chosen])]
+
+        def parts() -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+            for segment, seconds, ambient, inner in walk.inner():
+                each = [part[:, chosen] for part in (inner.temperature, inner.start, inner.difference)]
+                yield segment, seconds, np.column_stack((ambient, *each))
+
+        cells = cells_of(walk.timeline, names, walk.n_rows, parts())
+        return cls(cells, walk.timeline, taus[chosen], walk.temperature_name, walk.model.reading_.temperature_unit)
+
+    def frame(self) -> pd.DataFrame:
+        """The numbers drawn: time, segment, seconds, n, and of each temperature its mean, ``_low`` and ``_high``.
+
+        One row per cell of time; every row of the record up to 4000 rows.
+        """
+        return self.cells.copy()
+
+    def plot(self, ax: Any = None) -> InnerTemperaturesDisplay:
+        """Draw three panels; `ax` may be one Axes, whose place is divided, or three."""
+        axes = axes_grid(ax, 3, size=(9.0, 7.5), sharex=True)[:, 0]
+        colours = (COLOURS * 2)[: len(self.time_constants)]
+        draw_cells(axes[0], self.cells, self.timeline, AMBIENT, "0.55", label=AMBIENT)
+        for axes_, kind in zip(axes, KINDS, strict=True):
+            for tau, colour in zip(self.time_constants, colours, strict=True):
+                label = span_text(tau) if kind == KINDS[0] else None
+                draw_cells(axes_, self.cells, self.timeline, f"{kind} {span_text(tau)}", colour, label=label)
+            plain(axes_)
+            axes_.margins(x=0.01)
+            dress_time(axes_, self.timeline, labels=axes_ is axes[-1])
+            axes_.tick_params(labelbottom=axes_ is axes[-1])
+        degree = difference_unit(self.unit)
+        said = ((self.name, self.unit), ("left of the start", degree), ("inner less ambient", degree))
+        for axes_, (name, unit) in zip(axes, said, strict=True):
+            label_values(axes_.yaxis, name, unit)
+        legend_above(axes[0], ncols=5)
+        name_runs(axes[0], self.timeline)
+        axes[0].figure.align_ylabels(axes)
+        self.axes_, self.ax_, self.figure_ = axes, axes[0], axes[0].figure
+        return self
+
+
+POINTS = 200
+INSTANT = 1e-6
+"""Length of the step, as a share of the first time drawn."""
+
+
+class StepResponseDisplay:
+    """Bias after a step of temperature from the reference temperature, device at rest, over time.
+
+    The band joins all coefficients' errors with their correlations: neighbouring lags err in opposite directions, and
+    their sum is known far better than each of them.
+
+    Attributes
+    ----------
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`.
+    """
+
+    def __init__(
+        self,
+        response: pd.DataFrame,
+        time_constants: np.ndarray,
+        step: float,
+        temperature_unit: str,
+        unit: str,
+        samples: bool = False,
+    ):
+        self.response = response
+        self.time_constants = time_constants
+        self.step = step
+        self.temperature_unit = temperature_unit
+        self.unit = unit
+        self.samples = samples
+
+    @classmethod
+    def from_estimator(cls, model: Any, *, step: float = 1.0) -> StepResponseDisplay:
+        """Create it from a fitted model.
+
+        Parameters
+        ----------
+        model : DynamicBiasRegressor
+            Fitted; or a search with a ``best_estimator_``. Of its effects those count that follow the temperature:
+            static law, lags and their products, delay, hinge, hysteresis, a smoothed rate. The effects of other
+            columns, of time alone and of the plain rate of change are left out.
+        step : float, default 1.0
+            Height, in the unit of the temperature (K for degC). It is a step of the air where the model was told that
+            its thermometer is late itself (`Thermometer`), else one of what the thermometer shows.
+        """
+        fitted = regressor_of(model)
+        effects = fitted.features_.effect_list()
+        times = _times(fitted)
+        columns = _columns(fitted, effects, times, step)
+        value = columns @ fitted.coef_
+        if fitted.knows_noise:
+            joint = fitted.joint_errors()
+            error = joint.combined(_columns(fitted, joint.effects, times, step), value)
+        else:
+            error = fitted.standard_errors(columns)
+        response = pd.DataFrame({"time": times, "response": value, "standard_error": error})
+        reading = fitted.reading_
+        return cls(
+            response=response,
+            time_constants=fitted.time_constants_,
+            step=step,
+            temperature_unit=difference_unit(reading.temperature_unit),
+            unit=reading.unit,
+            samples=without_times(fitted),
+        )
+
+    def frame(self) -> pd.DataFrame:
+        """Time after the step [s], response of the bias, and its standard error, in the unit of the reading."""
+        return self.response.copy()
+
+    def plot(self, ax: Any = None) -> StepResponseDisplay:
+        """Draw in `ax`, or in a new figure."""
+        axes = axes_grid(ax, size=(7.0, 4.2))[0]
+        only = axes[0]
+        time, value = self.response["time"], self.response["response"]
+        error = CONFIDENCE_95 * self.response["standard_error"]
+        only.fill_between(time, value - error, value + error, color=BLUE, alpha=0.25, lw=0, label="95 % confidence")
+        only.plot(time, value, color=BLUE, lw=1.8, label="response")
+        only.axhline(float(value.iloc[-1]), color=GREY, ls="--", lw=1.0, label="at rest again")
+        only.axhline(0.0, color="0.4", lw=0.8, zorder=1)
+        if len(self.time_constants):
+            ends = np.zeros(len(self.time_constants))
+            place = only.get_xaxis_transform()
+            only.plot(self.time_constants, ends + 0.02, "|k", ms=9, mew=1.6, transform=place, label="time constants")
+        only.set_xlim(time.iloc[0], time.iloc[-1])
+        plain(only)
+        log_time_axis(only, "time after the step", self.samples)
+        label_values(only.yaxis, f"bias after a step of {self.step:g} {self.temperature_unit}", self.unit)
+        legend_above(only)
+        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
+        return self
+
+
+def _times(fitted: Any) -> np.ndarray:
+    """Times to look at [s]: from well before the first time constant to well after the last."""
+    memories = np.array([e.memory() for e in fitted.features_.effect_list() if follows_temperature(e)])
+    taus = np.concatenate((fitted.time_constants_, memories[memories > 0]))
+    if not len(taus):
+        step = fitted.features_.history_.usual_step
+        return np.asarray(np.geomspace(step, 1000 * step, POINTS))
+    return np.asarray(np.geomspace(taus.min() / 10, 8 * taus.max(), POINTS))
+
+
+def _columns(fitted: Any, effects: list[Effect], times: np.ndarray, step: float) -> np.ndarray:
+    """Columns of the model after the step less those before it, shape (n, p); zeros for effects that do not follow.
+
+    The effects' own columns, on a record of the step: eqs. (3) (19) (25) stand where they stand.
+    """
+    instant = INSTANT * times[0]
+    T0 = fitted.reference_temperature_
+    seconds = np.concatenate(([0.0, instant], instant + times))
+    name = fitted.features_.history_.record.temperature_name
+    late = fitted.features_.thermometers().of_column(name).late
+    shown = -np.expm1(-seconds / late) if late else np.arange(len(seconds)) > 0
+    frame = pd.DataFrame({"seconds": seconds, name: T0 + step * shown})
+    record = read_record(frame, Layout(name, "seconds"), quiet=True)
+    result = np.zeros((len(times), sum(effect.n_columns() for effect in effects)))
+    at = 0
+    for effect in effects:
+        width = effect.n_columns()
+        if follows_temperature(effect):
+            block = next(record.blocks(len(seconds)))
+            columns = np.asarray(effect.columns(block, None)[0]).reshape(len(seconds), width)
+            result[:, at : at + width] = columns[2:] - columns[0]
+        at += width
+    return result
+
+
+class SpectrumDisplay:
+    """Coefficient of each lag over its time constant, 95 % intervals of both, and the whole spectrum mu(tau) below.
+
+    The spectrum is that of the search for time constants, over its whole pool. Grey is what the record could not have
+    seen: coefficients below twice their standard error, were each the only lag and the residuals white.
+
+    Attributes
+    ----------
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`.
+    """
+
+    def __init__(self, lags: pd.DataFrame, spectrum: pd.DataFrame | None, unit: str, samples: bool = False):
+        self.lags = lags
+        self.spectrum = spectrum
+        self.unit = unit
+        self.samples = samples
+
+    @classmethod
+    def from_estimator(cls, model: Any) -> SpectrumDisplay:
+        """Create it from a fitted model, or from a fitted `TimeConstantSearch`.
+
+        A search knows intervals of its time constants, and the spectrum; a model that chose its own time constants
+        keeps the spectrum; given time constants have neither.
+
+        Raises
+        ------
+        ValueError
+            For a model without lags.
+        """
+        fitted = regressor_of(model)
+        if not len(fitted.time_constants_):
+            raise ValueError("The model has no time constants: a static model has no spectrum.")
+        intervals, spectrum = _known(model, fitted)
+        table = fitted.coef_table()
+        lag = table[table["effect"] == "thermal lag"].iloc[: len(fitted.time_constants_)]
+        taus = fitted.time_constants_
+        lags = pd.DataFrame(
+            {
+                "time_constant": taus,
+                "low": np.nan,
+                "high": np.nan,
+                "coefficient": lag["coefficient"].to_numpy(),
+                "standard_error": lag["standard_error"].to_numpy(),
+            }
+        )
+        if intervals is not None and np.allclose(intervals["time_constant"], taus, rtol=1e-9):
+            lags[["low", "high"]] = intervals[["low", "high"]].to_numpy()
+        return cls(lags, spectrum, str(lag["unit"].iloc[0]), without_times(fitted))
+
+    def frame(self) -> pd.DataFrame:
+        """The lags: time_constant [s], its 95 % interval low to high, coefficient and standard_error.
+
+        The spectrum is the attribute `spectrum`: time_constant, coefficient, excitation, smallest_coefficient,
+        alike_next, see `thermocorr.estimators.time_constants.search.spectrum_table`; None for given time constants.
+        """
+        return self.lags.copy()
+
+    def plot(self, ax: Any = None) -> SpectrumDisplay:
+        """Draw; `ax` may be one Axes, whose place is divided where there is a spectrum, or two."""
+        rows = 1 if self.spectrum is None else 2
+        axes = axes_grid(ax, rows, size=(7.0, 2.9 * rows), sharex=True)[:, 0]
+        top = axes[0]
+        taus = self.lags["time_constant"].to_numpy()
+        errors = CONFIDENCE_95 * self.lags["standard_error"].to_numpy()
+        top.vlines(taus, 0.0, self.lags["coefficient"], color=BLUE, lw=1.0, alpha=0.6)
+        values, spans, vague = self.lags["coefficient"].to_numpy(), self._spans(), self._vague()
+        for chosen, fill, label in (
+            (~vague, BLUE, "lags of the model, 95 % intervals"),
+            (vague, "white", "time constant not determined by the record"),
+        ):
+            if chosen.any():
+                top.errorbar(
+                    taus[chosen], values[chosen], yerr=errors[chosen], xerr=spans[:, chosen], fmt="o", color=BLUE,
+                    mfc=fill, ms=6, lw=1.6, capsize=3, label=label,
+                )  # fmt: skip
+        limits = np.array([taus.min() / 4, taus.max() * 4])
+        if self.spectrum is not None:
+            self._draw_spectrum(axes[1])
+            ends = self.spectrum["time_constant"].iloc[[0, -1]].to_numpy() * (0.8, 1.25)
+            limits = np.array([min(limits[0], ends[0]), max(limits[1], ends[1])])
+        for axes_ in axes:
+            axes_.set_xlim(*limits)
+            axes_.axhline(0.0, color="0.4", lw=0.8, zorder=1)
+            plain(axes_)
+            log_time_axis(axes_, "time constant", self.samples)
+            legend_above(axes_)
+        for axes_ in axes[:-1]:
+            axes_.set_xlabel("")
+            axes_.tick_params(labelbottom=False)
+        label_values(top.yaxis, "coefficient", self.unit)
+        if self.spectrum is not None:
+            label_values(axes[1].yaxis, r"spectrum $\mu(\tau)$", self.unit)
+        self.axes_, self.ax_, self.figure_ = axes, top, top.figure
+        return self
+
+    def _vague(self) -> np.ndarray:
+        """Which time constants the record does not determine; none where nobody has asked."""
+        return np.asarray(self.lags["high"] > UNDETERMINED * self.lags["low"])
+
+    def _spans(self) -> np.ndarray:
+        """Distances to both ends of the intervals of the time constants, shape (2, J); NaN where none is drawn."""
+        lags = self.lags
+        spans = np.vstack((lags["time_constant"] - lags["low"], lags["high"] - lags["time_constant"]))
+        spans[:, self._vague()] = np.nan
+        return spans
+
+    def _draw_spectrum(self, ax: Any) -> None:
+        assert self.spectrum is not None
+        tau, mu = self.spectrum["time_constant"], self.spectrum["coefficient"]
+        ax.plot(tau, mu, "o-", color=ORANGE, ms=4, lw=1.4, label="search's spectrum")
+        ax.fill_between(tau, 0.0, mu, color=ORANGE, alpha=0.2, lw=0)
+        low, high = ax.get_ylim()
+        least = self.spectrum["smallest_coefficient"]
+        label = "too small to be seen" if least.max() > 0.01 * (high - low) else None
+        ax.fill_between(tau, -least, least, color=GREY, alpha=0.25, lw=0, zorder=1, label=label)
+        ax.set_ylim(low, high)
+
+
+def _known(model: Any, fitted: Any) -> tuple[pd.DataFrame | None, pd.DataFrame | None]:
+    """Intervals of the time constants and the spectrum, as far as somebody has searched for them."""
+    if hasattr(model, "spectrum_"):
+        return model.time_constants_, model.spectrum_
+    if fitted.search_ is None or fitted.search_.spectrum is None:
+        return None, None
+    return None, pd.DataFrame(fitted.search_.spectrum)
+
+
+PALE = "#B8C4CE"
+SMALLEST = 0.0005
+"""Share below which a quantity gets no bar: it would print as 0.0 %."""
+
+
+class BudgetDisplay:
+    """Horizontal bars: each quantity's share of the variance, declared ones (type B) paler.
+
+    Attributes
+    ----------
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`.
+    """
+
+    def __init__(self, budget: Budget):
+        self.budget = budget
+
+    @classmethod
+    def from_budget(cls, budget: Budget) -> BudgetDisplay:
+        """Create it from what `Uncertainty.budget` or `Uncertainty.mean` gives."""
+        return cls(budget)
+
+    def frame(self) -> pd.DataFrame:
+        """The budget's table, the largest share first."""
+        return self.budget.frame().sort_values("share", ascending=False, ignore_index=True)
+
+    def plot(self, ax: Any = None) -> BudgetDisplay:
+        """Draw in `ax`, or in a new figure."""
+        frame = self.frame()
+        shown = frame[frame["share"] >= SMALLEST]
+        axes = axes_grid(ax, size=(8.0, 1.5 + 0.42 * max(len(shown), 1)))[0]
+        only = axes[0]
+        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
+        only.set_title(self.budget.result(), loc="left", fontsize=10)
+        percent = 100 * shown["share"]
+        colors = [BLUE if kind == "A" else PALE for kind in shown["type"]]
+        only.barh(range(len(shown)), percent, color=colors, height=0.62)
+        scale = scale_of(shown["contribution"], self.budget.unit)
+        for row, line in enumerate(each_row(shown)):
+            text = f"{100 * line.share:.1f} %, {scale.text(line.contribution, 2)}"
+            only.text(100 * line.share + 1.0, row, text, va="center", fontsize=8)
+        only.set_yticks(range(len(shown)), [f"{line.quantity} ({line.type})" for line in each_row(shown)])
+        only.invert_yaxis()
+        only.set_xlim(0, 125)
+        only.set_xticks(range(0, 101, 20))
+        plain(only)
+        only.grid(False, axis="y")
+        label_values(only.xaxis, "share of the variance; blue: from the data (A), pale: declared (B)", "%")
+        return self

@@ -1,0 +1,511 @@
+"""`ResidualsDisplay`: readings and model over time, and what is left below."""
+
+from __future__ import annotations
+
+from itertools import repeat
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..equations import AllanDeviation, AllanStream, allan_deviation
+from ..estimators.time_constants.search import CONFIDENCE_95
+from ..records import Log, Record
+from ..records.errors import printable
+from ..records.numbers import quantity_texts, span_text
+from .axes import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    MARKED,
+    SEQUENTIAL,
+    SHADE,
+    VERMILION,
+    TimeLine,
+    Walk,
+    axes_grid,
+    cells_of,
+    draw_cells,
+    dress_time,
+    label_log_values,
+    label_values,
+    legend_above,
+    log_time_axis,
+    name_runs,
+    places,
+    plain,
+    regressor_of,
+    stretches,
+    with_breaks,
+)
+from .words import DiagnosisLike
+
+TRACES = ("measured", "modelled", "residual")
+
+
+class ResidualsDisplay:
+    """Measured, modelled and corrected readings over time, residuals below, failing stretches shaded.
+
+    Make it with `from_estimator`. Records of more than 4000 rows are drawn in 2000 cells of
+    time: the mean as a line, lowest to highest value as a band, so that no spike is hidden.
+
+    Attributes
+    ----------
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`: upper axes, both axes, figure.
+    """
+
+    def __init__(
+        self,
+        cells: pd.DataFrame,
+        timeline: TimeLine,
+        name: str,
+        unit: str,
+        failing: list[tuple[float, float]] | None = None,
+        noise_floor: float | None = None,
+    ):
+        self.cells = cells
+        self.timeline = timeline
+        self.name = name
+        self.unit = unit
+        self.failing = failing or []
+        self.noise_floor = noise_floor
+
+    @classmethod
+    def from_estimator(
+        cls, model: Any, X: Any, y: Any, diagnosis: DiagnosisLike | None = None, *, uncertainty: bool = False
+    ) -> ResidualsDisplay:
+        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
+
+        Parameters
+        ----------
+        model : DynamicBiasRegressor
+            Fitted; or a search with a ``best_estimator_``.
+        X, y : as for `DynamicBiasRegressor.evaluate_blocks`
+        diagnosis : DiagnosisLike, optional
+            Of the same model and record: its worst stretches of time are shaded, its noise floor is drawn.
+        uncertainty : bool, default False
+            Draw a band around the residuals that holds 95 % of them, from ``predict(X, return_std=True)``.
+        """
+        walk = Walk(model, X, y)
+        U0 = walk.model.intercept_
+        names = (*TRACES, "corrected", *(["u"] if uncertainty else []))
+
+        def parts() -> Any:
+            stated = walk.uncertainties() if uncertainty else repeat(None)
+            for part, u in zip(walk.parts(), stated, strict=False):
+                modelled = part.contributions.sum(axis=1) + U0
+                values = [part.measured, modelled, part.measured - modelled, walk.corrected(part)]
+                yield part.segment, part.seconds, np.column_stack(values if u is None else [*values, u])
+
+        cells = cells_of(walk.timeline, names, walk.n_rows, parts())
+        failing = [] if diagnosis is None else stretches(diagnosis, walk.timeline)
+        reading = walk.model.reading_
+        floor = None if diagnosis is None else diagnosis.noise_floor
+        return cls(
+            cells=cells,
+            timeline=walk.timeline,
+            name=reading.name,
+            unit=reading.unit,
+            failing=failing,
+            noise_floor=floor,
+        )
+
+    def frame(self) -> pd.DataFrame:
+        """The numbers drawn: one row per cell of time, every row of the record up to 4000 rows.
+
+        Columns time (dates, else seconds since the first row), segment, seconds, n (rows in the cell), and of each of
+        measured, modelled, residual and corrected (and ``u``, the standard uncertainty of a
+        reading, where it was asked for) its mean and its extremes ``_low`` and ``_high``.
+        """
+        return self.cells.copy()
+
+    def plot(self, ax: Any = None) -> ResidualsDisplay:
+        """Draw; `ax` may be one Axes, whose place is divided, or two."""
+        axes = axes_grid(ax, 2, size=(9.0, 5.4), sharex=True, height_ratios=(3, 2))[:, 0]
+        top, bottom = axes
+        draw_cells(top, self.cells, self.timeline, "measured", BLUE, "measured", lw=1.8)
+        draw_cells(top, self.cells, self.timeline, "modelled", VERMILION, "modelled")
+        if "corrected" in self.cells:
+            draw_cells(top, self.cells, self.timeline, "corrected", GREEN, "corrected")
+        draw_cells(bottom, self.cells, self.timeline, "residual", BLUE)
+        bottom.axhline(0.0, color="0.4", lw=0.8, zorder=1)
+        if "u" in self.cells:
+            x, spaced = with_breaks(self.cells, self.timeline)
+            half = CONFIDENCE_95 * spaced["u"]
+            bottom.fill_between(x, -half, half, color=GREY, alpha=0.25, lw=0, zorder=1, label="95 % of readings")
+        if self.noise_floor is not None:
+            for sign in (-2, 2):
+                label = "noise floor, two standard deviations" if sign > 0 else None
+                bottom.axhline(sign * self.noise_floor, color=GREY, lw=1.0, ls="--", zorder=4, label=label)
+        for number, (low, high) in enumerate(self.failing):
+            for axes_ in axes:
+                x = self.timeline.on_axis(np.array((low, high)))
+                label = "fails most" if number == 0 and axes_ is top else None
+                axes_.axvspan(*x, color=SHADE, alpha=0.45, lw=0, zorder=0, label=label)
+        for axes_ in axes:
+            plain(axes_)
+            axes_.margins(x=0.01)
+            dress_time(axes_, self.timeline, labels=axes_ is bottom)
+        label_values(top.yaxis, self.name, self.unit)
+        label_values(bottom.yaxis, "residual", self.unit)
+        top.tick_params(labelbottom=False)
+        name_runs(top, self.timeline)
+        legend_above(top)
+        legend_above(bottom, fontsize="small")
+        top.figure.align_ylabels(axes)
+        self.axes_, self.ax_, self.figure_ = axes, top, top.figure
+        return self
+
+
+FINE_CELLS = 20_000
+"""Cells of time while a record passes."""
+MERGED = (200, 100, 50, 20, 10, 5, 2)
+"""Cells that are averaged into one: the first of these numbers that keeps the swings of the temperature."""
+KEPT = 0.98
+"""Share of the temperature's standard deviation that averaging must keep."""
+FEWEST = 250
+"""Merging ends before fewer averages than this are left: these can be followed by eye."""
+FOLLOWED = 1200
+"""Averages up to which the path from one to the next is drawn."""
+BINS = 15
+"""Bins of temperature of the curves for heating and cooling."""
+LEAST_AVERAGES = 3
+"""A bin of fewer averages has no mean."""
+NAMES = ("temperature", "residual")
+
+
+class ResidualLoopDisplay:
+    """Residual against temperature, coloured by time: a loop is a lag or a hysteresis that the model does not have.
+
+    Long records are averaged over stretches of time that are short beside the swings of the temperature, so that
+    loops rise from the noise. Two curves give the mean for rising and for falling temperature: where they part, the
+    device is late, or remembers.
+
+    Attributes
+    ----------
+    curves : DataFrame
+        Temperature (middle of a bin), and mean residual while it rises (heating) and falls (cooling).
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`.
+    """
+
+    def __init__(self, cells: pd.DataFrame, timeline: TimeLine, temperature: str, temperature_unit: str, unit: str):
+        self.cells = cells
+        self.timeline = timeline
+        self.temperature = temperature
+        self.temperature_unit = temperature_unit
+        self.unit = unit
+        self.curves = _curves(cells)
+
+    @classmethod
+    def from_estimator(cls, model: Any, X: Any, y: Any) -> ResidualLoopDisplay:
+        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
+
+        Parameters
+        ----------
+        model : DynamicBiasRegressor
+            Fitted; or a search with a ``best_estimator_``.
+        X, y : as for `DynamicBiasRegressor.evaluate_blocks`
+        """
+        walk = Walk(model, X, y)
+        U0 = walk.model.intercept_
+        parts = (
+            (
+                part.segment,
+                part.seconds,
+                np.column_stack((part.temperature, part.measured - part.contributions.sum(axis=1) - U0)),
+            )
+            for part in walk.parts()
+        )
+        fine = cells_of(walk.timeline, NAMES, walk.n_rows, parts, FINE_CELLS)
+        reading = walk.model.reading_
+        cells = _merged(fine, walk.timeline)
+        return cls(cells, walk.timeline, walk.temperature_name, reading.temperature_unit, reading.unit)
+
+    def frame(self) -> pd.DataFrame:
+        """The numbers drawn: time, segment, seconds, n, mean temperature and residual of each stretch."""
+        return self.cells.copy()
+
+    def plot(self, ax: Any = None) -> ResidualLoopDisplay:
+        """Draw in `ax`, or in a new figure."""
+        axes = axes_grid(ax, size=(7.4, 4.8))[0]
+        only = axes[0]
+        ends = self.timeline.on_axis(np.array((0.0, self.timeline.span)))
+        followed = len(self.cells) <= FOLLOWED
+        if followed:
+            self._path(only, ends)
+        dots = only.scatter(
+            self.cells["temperature"],
+            self.cells["residual"],
+            c=self.timeline.on_axis(places(self.cells, self.timeline)),
+            cmap=SEQUENTIAL,
+            vmin=ends[0],
+            vmax=ends[1],
+            s=18 if len(self.cells) <= MARKED else 8 if followed else 2,
+            lw=0,
+            zorder=3,
+        )
+        for name, colour, style in (("heating", VERMILION, "-"), ("cooling", BLACK, "--")):
+            if len(self.curves):
+                label = f"mean while {name}"
+                only.plot(self.curves["temperature"], self.curves[name], style, color=colour, lw=2.2, label=label,
+                          zorder=4)  # fmt: skip
+        only.axhline(0.0, color="0.4", lw=0.8, zorder=1)
+        plain(only)
+        label_values(only.xaxis, self.temperature, self.temperature_unit)
+        averaged = "residual, averages" if (self.cells["n"] > 1).any() else "residual"
+        label_values(only.yaxis, averaged, self.unit)
+        legend_above(only)
+        bar = only.figure.colorbar(dots, ax=only, pad=0.02, aspect=30)
+        self.timeline.dress(bar.ax.yaxis)
+        bar.set_label(self.timeline.label())
+        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
+        return self
+
+    def _path(self, ax: Any, ends: np.ndarray) -> None:
+        """Lines from each average to the next of its segment."""
+        from matplotlib.collections import LineCollection
+
+        x, spaced = with_breaks(self.cells, self.timeline)
+        points = spaced[list(NAMES)].to_numpy()
+        lines = np.stack((points[:-1], points[1:]), axis=1)
+        whole = np.isfinite(lines).all(axis=(1, 2))
+        path = LineCollection(list(lines[whole]), array=x[:-1][whole], cmap=SEQUENTIAL, lw=0.9, alpha=0.6)
+        path.set_clim(*ends)
+        ax.add_collection(path)
+
+
+def _merged(fine: pd.DataFrame, timeline: TimeLine) -> pd.DataFrame:
+    """Averages over as many neighbouring cells of a segment as leave the swings of the temperature whole."""
+    fine = fine[np.isfinite(fine["residual"].to_numpy())].reset_index(drop=True)
+    spread = float(np.std(fine["temperature"])) if len(fine) else 0.0
+    for factor in MERGED:
+        if len(fine) < FEWEST * factor:
+            continue
+        averages = _averaged(fine, factor)
+        weights = averages["n"] / averages["n"].sum()
+        mean = float(np.sum(weights * averages["temperature"]))
+        if np.sqrt(np.sum(weights * (averages["temperature"] - mean) ** 2)) >= KEPT * spread:
+            averages.insert(0, "time", timeline.times(averages["seconds"].to_numpy()))
+            return averages
+    return fine[["time", "segment", "seconds", "n", *NAMES]]
+
+
+def _averaged(fine: pd.DataFrame, factor: int) -> pd.DataFrame:
+    """Means over `factor` neighbouring cells of a segment, each with the weight of its rows."""
+    group = fine.groupby("segment").cumcount() // factor
+    weighted = fine[["seconds", *NAMES]].mul(fine["n"], axis=0).assign(n=fine["n"])
+    sums = weighted.groupby([fine["segment"], group]).sum().reset_index(level=0).reset_index(drop=True)
+    means = sums[["seconds", *NAMES]].div(sums["n"], axis=0)
+    return pd.concat((sums[["segment", "n"]], means), axis=1)[["segment", "seconds", "n", *NAMES]]
+
+
+def _curves(cells: pd.DataFrame) -> pd.DataFrame:
+    """Mean residual in bins of temperature, for rising and for falling temperature; empty for few cells."""
+    columns = ["temperature", "heating", "cooling"]
+    T = cells["temperature"].to_numpy()
+    if len(cells) < MARKED or T.min() == T.max():
+        return pd.DataFrame(columns=columns, dtype=float)
+    inside = cells["segment"].to_numpy()
+    change = np.zeros(len(T))  # from the neighbour before to the one behind, ends of segments left out
+    whole = inside[2:] == inside[:-2]
+    change[1:-1][whole] = (T[2:] - T[:-2])[whole]
+    edges = np.linspace(T.min(), T.max(), BINS + 1)
+    number = np.clip(np.searchsorted(edges, T, side="right") - 1, 0, BINS - 1)
+    curves = {"temperature": (edges[1:] + edges[:-1]) / 2}
+    for name, chosen in (("heating", change > 0), ("cooling", change < 0)):
+        weight = np.where(chosen, cells["n"], 0.0)
+        count = np.bincount(number, weight, BINS)
+        sure = np.bincount(number, chosen, BINS) >= LEAST_AVERAGES
+        with np.errstate(invalid="ignore"):
+            curves[name] = np.where(sure, np.bincount(number, weight * cells["residual"], BINS) / count, np.nan)
+    return pd.DataFrame(curves)
+
+
+WORTH_A_WORD = 1.05
+"""Allan deviation after over before, from which the correction adds noise: ten per cent of the variance."""
+KNOWN = 30
+"""Degrees of freedom from which the two are compared: their ratio is known far better than either, since they share
+their noise."""
+
+
+def added_noise(model: Any, X: Any, y: Any) -> str:
+    """A sentence on the averaging times at which a correction adds noise, and the column that does it; "" for none.
+
+    `model` (DynamicBiasRegressor): Fitted; or a search with a ``best_estimator_``. `X`, `y` (as for
+    `DynamicBiasRegressor.evaluate`): A frame or an array.
+
+    Examples
+    --------
+    >>> from thermocorr import DynamicBiasRegressor
+    >>> from thermocorr.datasets import make_record
+    >>> record = make_record(2000, seed=1)
+    >>> X, y = record[["temperature"]], record["reading"]
+    >>> added_noise(DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X, y), X, y)
+    ''
+    """
+    fitted = regressor_of(model)
+    return added_noise_shown(AllanDisplay.from_estimator(fitted, X, y), fitted, X)
+
+
+def added_noise_shown(display: AllanDisplay, model: Any, X: Any) -> str:
+    """What `added_noise` says, from a display of what the model makes of X; no column is named for a log in a file."""
+    before, after = display.before, display.after
+    n = min(len(before.deviation), len(after.deviation))
+    ratio = after.deviation[:n] / np.maximum(before.deviation[:n], 1e-300)
+    worse = (ratio > WORTH_A_WORD) & (np.minimum(before.degrees_of_freedom, after.degrees_of_freedom)[:n] >= KNOWN)
+    if not worse.any():
+        return ""
+    at = int(np.argmax(np.where(worse, ratio, 0.0)))
+    tau, last = float(after.averaging_times[at]), float(after.averaging_times[:n][worse].max())
+    now, then = quantity_texts([after.deviation[at], before.deviation[at]], display.unit, 2)
+    said = (
+        f"At averaging times up to {_times(last, display)} the correction adds noise: Allan deviation "
+        f"{now} after and {then} before at {_times(tau, display)}"
+    )
+    if isinstance(X, Log):
+        return f"{said}."
+    through = _loudest(model, X, tau / float(after.averaging_times[0]))
+    return printable(f"{said}, most of it through {through}, which passes on the noise of its input.")
+
+
+def _times(seconds: float, display: AllanDisplay) -> str:
+    return f"{seconds:.0f} samples" if display.samples else span_text(seconds)
+
+
+def _loudest(model: Any, X: Any, n_rows: float) -> str:
+    """Name of the column whose contribution has the largest Allan deviation at an averaging time [rows]."""
+    record = Walk(model, X).record
+    longest = record.longest()
+    rows = record.rows(longest.start, min(longest.stop, longest.start + LOOKED_AT))
+    columns = np.asarray(model.features_.transform(X.iloc[rows] if hasattr(X, "iloc") else X[rows]), float)
+    removed = np.concatenate(
+        [np.full(effect.n_columns(), effect.removed_by_correct) for effect in model.features_.effect_list()]
+    )
+    made = columns * model.coef_ * removed
+    sizes = [allan_deviation(part[np.isfinite(part)], 1.0, [round(n_rows)]).deviation for part in made.T]
+    return str(model.features_.get_feature_names_out()[int(np.argmax([s[0] if len(s) else 0.0 for s in sizes]))])
+
+
+LOOKED_AT = 1 << 14
+"""Rows whose steps are looked at."""
+UNEVEN = 1.5
+"""Step that nine in ten do not exceed, over the usual one, above which steps differ much."""
+
+
+class AllanDisplay:
+    """Overlapping Allan deviation of the reading before and after correction, with confidence bands.
+
+    The dashed line is what white noise alone would give, from the corrected reading's shortest averaging time. Where a
+    curve leaves it, longer averaging no longer helps. Irregular times are averaged into regular cells, gaps are left
+    out, see `thermocorr.equations.allan`.
+
+    Attributes
+    ----------
+    before, after : AllanDeviation
+    ax_, axes_, figure_ : of matplotlib
+        After `plot`.
+    """
+
+    def __init__(
+        self,
+        before: AllanDeviation,
+        after: AllanDeviation,
+        name: str,
+        unit: str,
+        confidence: float = 0.95,
+        samples: bool = False,
+    ):
+        self.before = before
+        self.after = after
+        self.name = name
+        self.unit = unit
+        self.confidence = confidence
+        self.samples = samples
+
+    @classmethod
+    def from_estimator(
+        cls, model: Any, X: Any, y: Any, *, averaging_times: str = "octave", confidence: float = 0.95
+    ) -> AllanDisplay:
+        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
+
+        Parameters
+        ----------
+        model : DynamicBiasRegressor
+            Fitted; or a search with a ``best_estimator_``.
+        X, y : as for `DynamicBiasRegressor.evaluate_blocks`
+        averaging_times : {"octave", "log"}
+            Factors of 2 from one another, or eight per factor of 10.
+        confidence : float
+            Probability of the bands.
+        """
+        walk = Walk(model, X, y)
+        step = cell_length(walk.record)
+        gap = max(walk.n_rows, 1)
+        length = min(walk.record.times.between(*_ends(walk)) / step, walk.n_rows * (gap + 1))  # longer gaps are cut out
+        n_cells = max(int(length), walk.n_rows)
+        streams = [AllanStream(step, n_cells, gap, averaging_times, confidence) for _ in range(2)]
+        for part in walk.parts():
+            for stream, values in zip(streams, (part.measured, walk.corrected(part)), strict=True):
+                stream.add(walk.timeline.runs[part.segment], part.seconds, values)
+        before, after = (stream.result() for stream in streams)
+        reading = walk.model.reading_
+        return cls(
+            before=before,
+            after=after,
+            name=reading.name,
+            unit=reading.unit,
+            confidence=confidence,
+            samples=walk.timeline.samples,
+        )
+
+    def frame(self) -> pd.DataFrame:
+        """One row per averaging time [s]: deviation, low, high, degrees of freedom and noise exponent, of both."""
+        frames = [
+            pd.DataFrame(vars(found)).set_index("averaging_times").add_suffix(f"_{name}")
+            for name, found in (("before", self.before), ("after", self.after))
+        ]
+        return pd.concat(frames, axis=1).reset_index().rename(columns={"averaging_times": "averaging_time"})
+
+    def plot(self, ax: Any = None) -> AllanDisplay:
+        """Draw in `ax`, or in a new figure."""
+        axes = axes_grid(ax, size=(7.0, 4.6))[0]
+        only = axes[0]
+        for found, colour, label, marker in (
+            (self.before, VERMILION, "before correction", "s"),
+            (self.after, BLUE, "after", "o"),
+        ):
+            only.plot(found.averaging_times, found.deviation, f"{marker}-", color=colour, ms=4, lw=1.4, label=label)
+            band = None if found is self.before else f"{100 * self.confidence:g} % confidence"
+            only.fill_between(found.averaging_times, found.low, found.high, color=colour, alpha=0.2, lw=0, label=band)
+        first = self.after.averaging_times[:1]
+        times = np.unique(np.concatenate((self.before.averaging_times, self.after.averaging_times)))
+        if len(first):
+            white = self.after.deviation[0] * np.sqrt(first[0] / times)
+            only.plot(times, white, "--", color=GREY, lw=1.2, label="white noise", zorder=1)
+        else:
+            only.text(0.5, 0.5, "Too few readings in a row to compare.", ha="center", transform=only.transAxes)
+        only.set_yscale("log")
+        plain(only)
+        log_time_axis(only, "averaging time", self.samples)
+        label_log_values(only.yaxis, f"Allan deviation of {self.name}", self.unit)
+        legend_above(only)
+        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
+        return self
+
+
+def cell_length(record: Record) -> float:
+    """The sampling step [s]; where steps differ much, one that nine in ten of them do not exceed."""
+    longest = record.longest()
+    rows = record.rows(longest.start, min(longest.stop, longest.start + LOOKED_AT))
+    steps = record.times.steps(rows)[1:]
+    usual, wide = record.usual_step(), float(np.quantile(steps, 0.9)) if len(steps) else 0.0
+    return wide if wide > UNEVEN * usual else usual
+
+
+def _ends(walk: Walk) -> tuple[float, float]:
+    """Stamps of the last and of the first row."""
+    stamps = [walk.record.stamp(k) for s in walk.record.segments for k in (s.start, s.stop - 1)]
+    return max(stamps), min(stamps)
