@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr.records import by_arrow
+from thermocorr.records import times
 from thermocorr.records.times import dates_once
 
 pytest.importorskip("pyarrow", reason="long CSV files are read by pyarrow: pip install '.[parquet]'")
@@ -25,9 +25,9 @@ FORMS = (
 def test_dates_are_those_of_pandas(form, monkeypatch):
     for usual in ("2024-01-01 00:00:00", "2024-01-01T00:00:00Z"):
         text = pd.Series([usual, None, form, usual], index=[3, 4, 7, 9], name="time")
-        monkeypatch.setattr(by_arrow, "MANY", 1 << 60)
+        monkeypatch.setattr(times, "MANY", 1 << 60)
         want = dates_once(text)
-        monkeypatch.setattr(by_arrow, "MANY", 1)
+        monkeypatch.setattr(times, "MANY", 1)
         got = dates_once(text)
         pd.testing.assert_series_equal(got, want, check_exact=True)
 
@@ -51,7 +51,7 @@ def table_to_write(n=12_000):
 @pandas_3
 def test_what_is_written_reads_back_to_the_last_bit():
     frame, file = table_to_write(), io.BytesIO()
-    assert by_arrow.written_by_arrow(frame, file)
+    assert times.written_by_arrow(frame, file)
     again = pd.read_csv(io.BytesIO(file.getvalue()), keep_default_na=False, na_values=[""])
     by_pandas = pd.read_csv(io.StringIO(frame.to_csv(index=False)), keep_default_na=False, na_values=[""])
     pd.testing.assert_frame_equal(again, by_pandas, check_exact=True)
@@ -65,5 +65,5 @@ def test_what_is_written_reads_back_to_the_last_bit():
 def test_text_that_needs_quotes_is_left_to_pandas(cell):
     frame, file = table_to_write(), io.BytesIO()
     frame.loc[7, "flag"] = cell
-    assert not by_arrow.written_by_arrow(frame, file)
+    assert not times.written_by_arrow(frame, file)
     assert not file.getvalue()

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from thermocorr import ParquetLog, RecordError
 from thermocorr.records import files as csvlines
+from thermocorr.records.errors import existing_file
 from thermocorr.records.files import check_lines, fields_of, header_of, read_table, require_column
 from thermocorr.records.grammar import LARGEST, MISSING, label, number
 from thermocorr.records.numbers import as_numbers
-from thermocorr.records.paths import existing_file
 from thermocorr.records.types import kind_of, kind_of_arrow, require_role
 
 # ---------------------------------------------------------------------------------------------------------------- cells

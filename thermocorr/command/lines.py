@@ -21,9 +21,9 @@ from ..foreign.several import plain_head
 from ..foreign.timed import time_column
 from ..foreign.values import is_unit, is_value
 from ..records import RecordError
+from ..records.errors import existing_file
 from ..records.files import LONGEST, fields_of, format_of
 from ..records.grammar import is_missing
-from ..records.paths import existing_file
 from ..records.types import kind_of
 from .stopping import StopSignal
 

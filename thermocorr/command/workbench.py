@@ -10,7 +10,7 @@ import webbrowser
 from collections.abc import Callable
 
 from ..records import RecordError
-from ..records.paths import existing_file
+from ..records.errors import existing_file
 from .loading import (
     add_column_options,
     add_model_options,

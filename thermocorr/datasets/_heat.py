@@ -7,10 +7,12 @@ chosen.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eigh_tridiagonal
 
@@ -274,3 +276,78 @@ def _checked(time: ArrayLike, temperature: ArrayLike) -> tuple[Array, Array]:
         row = int(np.argmax(np.diff(times) <= 0)) + 1
         raise ValueError(f"Times must increase. Row {row} does not come after row {row - 1}.")
     return times, air
+
+
+# Each part of a record has its own random stream: changing one part leaves the others as they were.
+STREAMS = (
+    "temperature",
+    "humidity",
+    "pressure",
+    "supply",
+    "noise",
+    "coloured_noise",
+    "times",
+    "contributions",
+    "mains",
+)  # new ones go to the end: the place in this list is part of the seed
+
+
+def stream(seed: int, run: int, part: str) -> np.random.Generator:
+    """Random generator of one part of one run."""
+    return np.random.default_rng([seed, run, STREAMS.index(part)])
+
+
+def coloured_noise(rng: np.random.Generator, time: Array, deviation: float, correlation_time: float) -> Array:
+    """First-order autoregressive noise at any times [s]: correlation exp(-|t - s|/correlation_time)."""
+    decay = np.exp(-np.diff(time) / correlation_time)[:, None]
+    white = rng.standard_normal(time.size)
+    later = scan(decay, np.sqrt(1 - decay**2) * white[1:, None], white[:1])[:, 0]
+    return deviation * np.concatenate([white[:1], later])
+
+
+def compose_reading(
+    device: Array, contributions: Mapping[str, Array], noise: Array, base: float = 0.0
+) -> tuple[Array, dict[str, Array]]:
+    """Add up a reading and keep its parts.
+
+    `device` (ndarray of shape (n,)): Thermal bias of the device. `contributions` (mapping of str to ndarray of shape
+    (n,)): Further effects that a thermal model does not know; each becomes a column of the truth. `noise` (ndarray of
+    shape (n,)): White noise. `base` (float, default=0.0): The unbiased reading U0. Returns reading (ndarray of shape
+    (n,)): what the logger keeps. Returns truth (dict of str to ndarray): "noise_free", "device", one entry per
+    contribution, "noise"; noise_free + noise is the reading.
+    """
+    noise_free = base + device + sum(contributions.values(), np.zeros_like(device))
+    return noise_free + noise, {"noise_free": noise_free, "device": device, **contributions, "noise": noise}
+
+
+def truth_frame(parts: Mapping[str, Array], index: pd.Index, attrs: Mapping[str, Any]) -> pd.DataFrame:
+    """Parts of a simulated reading as columns, with the true parameters in `attrs`."""
+    frame = pd.DataFrame(dict(parts), index=index)
+    for key, value in attrs.items():
+        frame.attrs[key] = value
+    return frame
+
+
+def check_float(function: str, name: str, value: Any, interval: str) -> float:
+    """Return `value` as a finite float inside `interval`, written as "[0.0, 1.0)", or raise ValueError."""
+    low, high = (float(end) for end in interval[1:-1].split(","))
+    if (
+        isinstance(value, int | float | np.integer | np.floating)
+        and not isinstance(value, bool)
+        and np.isfinite(float(value))
+    ):
+        number = float(value)
+        above = number >= low if interval[0] == "[" else number > low
+        below = number <= high if interval[-1] == "]" else number < high
+        if above and below:
+            return number
+    raise ValueError(
+        f"The '{name}' parameter of {function} must be a float in the range {interval}. Got {value!r} instead."
+    )
+
+
+def check_choice(function: str, name: str, value: Any, choices: Collection[str | None]) -> None:
+    """Raise ValueError unless `value` is one of `choices`."""
+    if value not in choices:
+        options = ", ".join(repr(choice) for choice in choices)
+        raise ValueError(f"The '{name}' parameter of {function} must be one of {options}. Got {value!r} instead.")

@@ -10,11 +10,9 @@ import numpy as np
 import pandas as pd
 
 from ..records import seconds_of
-from ..records.checks import check_int
+from ..records.errors import check_int
 from ..records.times import date_of, span_of
-from ._checks import check_choice, check_float
-from ._compose import STREAMS
-from ._heat import Array
+from ._heat import STREAMS, Array, check_choice, check_float
 from ._planted import PLANTS, Parameters, Run, Scene, of_own_columns
 
 _WHO = "make_record"

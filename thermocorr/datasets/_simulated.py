@@ -7,14 +7,12 @@ from typing import Any, Literal, NamedTuple, overload
 import numpy as np
 import pandas as pd
 
-from ..records.checks import check_int
+from ..records.errors import check_int
 from ..records.times import date_of
-from ._checks import check_choice, check_float
 from ._climate import TEMPERATURES, air_pressure, mains_voltage, outdoor_humidity, room_humidity, supply_voltage
-from ._compose import coloured_noise as make_coloured_noise
-from ._compose import compose_reading, stream, truth_frame
 from ._devices import DEVICE_NAMES, Device, make_device
-from ._heat import Array
+from ._heat import Array, check_choice, check_float, compose_reading, stream, truth_frame
+from ._heat import coloured_noise as make_coloured_noise
 from ._planted import Run
 from ._planting import plant, read_plantings
 

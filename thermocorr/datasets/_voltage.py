@@ -8,11 +8,9 @@ from typing import Literal, overload
 import numpy as np
 import pandas as pd
 
-from ._checks import check_choice
 from ._climate import DAY, LabClimate, air_pressure, follow, lab_temperature, room_humidity, supply_voltage
-from ._compose import compose_reading, stream, truth_frame
 from ._devices import Device, package_stack
-from ._heat import Array
+from ._heat import Array, check_choice, compose_reading, stream, truth_frame
 
 _ROWS = 84_000
 _SAMPLING_PERIOD = 15.0  # [s]

@@ -13,10 +13,9 @@ import pandas as pd
 
 from ..effects import Events
 from ..records import RecordError, read_record
-from ..records.checks import check_int
-from ..records.errors import printable, said_once
+from ..records.errors import check_int, printable, said_once
 from ..records.numbers import number_text, scale_of
-from ..records.reach import where_read
+from ..records.record import where_read
 from .progress import Progress, told
 from .regressor import DynamicBiasRegressor
 from .run_levels import unlearned

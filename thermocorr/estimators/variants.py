@@ -14,8 +14,7 @@ from sklearn.base import clone
 
 from ..equations import moving_average, reduction_db
 from ..records import Record, read_record
-from ..records.checks import check_int
-from ..records.errors import printable, said_once
+from ..records.errors import check_int, printable, said_once
 from ..records.numbers import Scale, number_text, scale_of
 from .choosing import count_to_choose
 from .holdout import residuals_of_blocks, rms, time_blocks

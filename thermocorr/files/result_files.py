@@ -10,8 +10,8 @@ import pandas as pd
 
 from ..estimators import DynamicBiasRegressor
 from ..records import RecordError
-from ..records.by_arrow import written_by_arrow
 from ..records.errors import printable
+from ..records.times import written_by_arrow
 from .model_file import content_of
 from .writer import TEXT_MARK, Outputs
 

@@ -15,9 +15,8 @@ import numpy as np
 import pandas as pd
 
 from ..records import RecordError
-from ..records.errors import listing, quoted
+from ..records.errors import existing_file, listing, quoted
 from ..records.files import format_of, read_table
-from ..records.paths import existing_file
 from ..records.times import dates_once
 from ..records.types import kind_of
 from ..records.units import unit_of

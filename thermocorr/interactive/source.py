@@ -19,7 +19,7 @@ from ..effects import CATALOGUE
 from ..effects.protocol import Effect
 from ..foreign import ForeignTable, HowToRead, read_logs, with_times
 from ..records import RecordError, RecordWarning
-from ..records.paths import existing_file
+from ..records.errors import existing_file
 from ..records.times import dates_once
 
 

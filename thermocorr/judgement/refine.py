@@ -21,8 +21,7 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.thermometers import Thermometers
 from ..pages import RefinementPage
 from ..pictures.words import effect_text
-from ..records.checks import check_int
-from ..records.errors import printable, said_once
+from ..records.errors import check_int, printable, said_once
 from ..records.numbers import number_text, scale_of
 from .diagnose import diagnose
 from .report import WIDTH, Diagnosis, FoundSuspect

@@ -15,8 +15,7 @@ from ..effects.thermal import column_text
 from ..estimators import DynamicBiasRegressor
 from ..estimators.reading import check_block, check_reading_unit
 from ..records import RecordError, read_record
-from ..records.checks import check_bool, check_int
-from ..records.errors import quoted
+from ..records.errors import check_bool, check_int, quoted
 from ..records.numbers import is_frame
 from ..records.read import times_of
 from ..records.record_log import as_data

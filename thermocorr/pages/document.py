@@ -6,16 +6,18 @@ import base64
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any
 
 from markupsafe import Markup
 
 from ..estimators.variants import VariantComparison
+from ..files import write_file
 from ..pictures.axes import stretches
 from ..pictures.words import DiagnosisLike, RefinementLike, kept_sentence
 from . import chapters as chapters
 from . import figures
-from .chapters import judged
+from .chapters import brief_diagnosis, brief_refinement, judged
 from .charts import Chart, places
 from .data import PageData
 from .html import Section, asset, rendered, script_data, section, with_signs
@@ -118,3 +120,42 @@ def document(title: str, leads: Sequence[Any], body: Sequence[Section], charts: 
 def digest(script: str) -> str:
     """SHA-256 of a script, as a content security policy writes it."""
     return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+
+
+class Page:
+    """Base of what can be shown as a page."""
+
+    def to_html(self, *, source: str = "", command: str = "") -> str:
+        """One self-contained HTML page that needs no network; `source` and `command` are named at its end."""
+        raise NotImplementedError
+
+    def save_html(self, path: str | PathLike[str], *, source: str = "", command: str = "", force: bool = False) -> None:
+        """Write `to_html` to a file; OutputError for one that thermocorr did not write, unless forced."""
+        write_file(path, self.to_html(source=source, command=command), force=force)
+
+
+class DiagnosisPage(Page):
+    """Page of a `Diagnosis`."""
+
+    def to_html(self: DiagnosisLike, *, source: str = "", command: str = "") -> str:
+        """One self-contained HTML page that needs no network; `source` and `command` are named at its end."""
+        if self.data is None:
+            raise ValueError("This diagnosis holds no data to draw. Make it with diagnose(model, X, y).")
+        return page(self.data, Findings(diagnosis=self, source=source, command=command))
+
+    def _repr_html_(self: DiagnosisLike) -> str:
+        return brief_diagnosis(self)
+
+
+class RefinementPage(Page):
+    """Page of a `Refinement`: its last model's, with the diagnosis of the first."""
+
+    def to_html(self: RefinementLike, *, source: str = "", command: str = "") -> str:
+        """One self-contained HTML page that needs no network; `source` and `command` are named at its end."""
+        data = self.diagnoses[-1].data
+        if data is None:
+            raise ValueError("This refinement holds no data to draw. Make it with refine(model, X, y).")
+        return page(data, Findings(refinement=self, source=source, command=command))
+
+    def _repr_html_(self: RefinementLike) -> str:
+        return brief_refinement(self)

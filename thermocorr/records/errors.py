@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import inspect
 import re
+import stat
 import unicodedata
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 _LINE_ENDS = ("Zl", "Zp")
 """Categories of the separators of lines and paragraphs: they end a line as a newline does."""
@@ -101,3 +106,37 @@ def quoted(name: object) -> str:
 def times_word(count: int, noun: str) -> str:
     """``1 gap``, ``3 gaps``."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def check_int(function: str, name: str, value: Any, low: int) -> int:
+    """Return `value` as an int of at least `low`, or raise ValueError."""
+    if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= low:
+        return int(value)
+    raise ValueError(
+        f"The '{name}' parameter of {function} must be an int in the range [{low}, inf). Got {value!r} instead."
+    )
+
+
+def check_bool(function: str, name: str, value: Any) -> bool:
+    """Return `value` as a bool, or raise ValueError: text such as "False" would count as true."""
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    raise ValueError(f"The '{name}' parameter of {function} must be True or False. Got {value!r} instead.")
+
+
+def existing_file(path: str | PathLike[str]) -> Path:
+    """The path of a file that can be read; RecordError where there is none, or only a folder or a device."""
+    path = Path(path)
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        raise RecordError(
+            f"There is no file {path}. Check its name and the folder you are in ({Path.cwd()})."
+        ) from None
+    except (OSError, ValueError) as error:
+        raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
+    if stat.S_ISDIR(mode):
+        raise RecordError(f"{path} is a folder. Name the log file in it.")
+    if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+        raise RecordError(f"{path} is a device, and may never end. Name a log file.")
+    return path

@@ -17,10 +17,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .errors import RecordError, listing, quoted, warn
+from .errors import RecordError, existing_file, listing, quoted, warn
 from .grammar import MISSING
 from .parquet import open_parquet
-from .paths import existing_file
 from .units import name_and_unit
 
 Places = NDArray[np.intp]

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import RecordError, listing, quoted
+from .errors import RecordError, existing_file, listing, quoted
 from .log import Log
-from .paths import existing_file
 from .times import Kind, Times, seconds_within_range, within_range
 from .types import ColumnKind, kind_of_arrow, require_role
 
