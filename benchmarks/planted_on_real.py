@@ -28,7 +28,7 @@ from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose
 from thermocorr.datasets import load_real_record
 from thermocorr.effects import CATALOGUE, StaticPolynomial, ThermalLag
 from thermocorr.effects.protocol import Effect
-from thermocorr.judgement.data import averaged
+from thermocorr.estimators.averages import averaged
 from thermocorr.judgement.score import Comparison
 from thermocorr.records import Record, read_record
 from thermocorr.records.read import Layout

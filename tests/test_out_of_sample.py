@@ -8,8 +8,7 @@ from sklearn.linear_model import Ridge
 
 from thermocorr import DynamicBiasRegressor, diagnose, refine
 from thermocorr.datasets import make_record
-from thermocorr.judgement.levels import PIECES, RIDGE
-from thermocorr.judgement.out_of_sample import BLOCKS, OutOfSample, later_pieces
+from thermocorr.estimators.out_of_sample import BLOCKS, PIECES, RIDGE, OutOfSample, later_pieces
 
 N = 1600
 

@@ -13,7 +13,7 @@ from thermocorr.effects import Covariate, Delay, Hinge, LaggedCovariate, LagProd
 from thermocorr.effects.covariates import ColumnLags
 from thermocorr.effects.signals import BlockSignals, DelayState
 from thermocorr.effects.stream import own_starts
-from thermocorr.judgement import data
+from thermocorr.estimators import averages
 
 
 @pytest.mark.parametrize("holes", [(), (150,)], ids=["one segment", "two"])
@@ -67,9 +67,9 @@ def test_effects_walked_together_have_the_columns_of_each(missing):
     record = replace(read(X), reading=np.where(missing & (np.arange(3000) % 7 == 3), np.nan, X["temperature"]))
     for effect in effects:
         effect.learn(record)
-    together = data.averaged_columns(record, effects, 500)
+    together = averages.averaged_columns(record, effects, 500)
     for effect, columns in zip(effects, together, strict=True):
-        (alone,) = data.averaged_columns(record, [effect], 500)
+        (alone,) = averages.averaged_columns(record, [effect], 500)
         np.testing.assert_allclose(columns, alone, rtol=1e-12, atol=1e-12, err_msg=str(effect))
 
 
@@ -117,6 +117,6 @@ def test_effects_derived_from_those_with_lags_are_walked_alone(effects):
     record = replace(read(log(3000)), reading=np.arange(3000.0))
     for effect in effects:
         effect.learn(record)
-    together = data.averaged_columns(record, effects, 500)
+    together = averages.averaged_columns(record, effects, 500)
     for effect, columns in zip(effects, together, strict=True):
-        np.testing.assert_array_equal(columns, data.averaged_columns(record, [effect], 500)[0])
+        np.testing.assert_array_equal(columns, averages.averaged_columns(record, [effect], 500)[0])

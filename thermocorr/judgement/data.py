@@ -1,14 +1,9 @@
-"""The data of a judgement: columns under suspicion, and averages over short stretches of time.
-
-Averages commute with linear least squares: a model of the readings is a model of their averages, with the same
-coefficients and fewer, quieter rows.
-"""
+"""The data of a judgement: columns under suspicion, the base it stands on, and residuals."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,11 +11,9 @@ from sklearn.base import clone
 
 from ..effects import CATALOGUE, LagProducts, SeveralSteps, StaticPolynomial, ThermalLag
 from ..effects.protocol import Effect
-from ..effects.stream import own_starts, walk
-from ..effects.thermal import seconds_array
 from ..effects.wrap import as_effects
-from ..equations import noise
 from ..equations.noise import made_from, shows_the_same
+from ..estimators.averages import with_exact
 from ..estimators.holdout import rms
 from ..estimators.input_errors import MANY
 from ..estimators.reading import check_columns
@@ -35,198 +28,7 @@ from ..records.numbers import is_frame, numeric_reading
 from ..records.record_log import RecordLog
 from ..records.screen import LeftOut, screened
 from ..records.types import kind_of
-from .levels import (
-    APART,
-    COARSE,
-    FASTEST,
-    FEWEST_SAMPLES,
-    FINE,
-    LAGS,
-    MOST_LEVELS,
-    MOST_ROWS,
-    MOST_SOUND,
-    SLOWEST,
-    TIME_LIKE,
-)
-
-ROWS = 1 << 15
-"""Rows of a block: each of some hundred effects is asked for its columns, block by block."""
-AHEAD_ROWS = 1 << 17
-"""Rows of a block for effects that look ahead, each time over many rows beyond it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Averages:
-    """Averages over stretches of time, none of which crosses from one segment into the next."""
-
-    reading: np.ndarray
-    """Shape (n,)."""
-    columns: list[np.ndarray]
-    """One array of shape (n, width) for each effect."""
-    counts: np.ndarray
-    """Readings in each stretch."""
-    segment: np.ndarray
-    """Number of the segment of each stretch."""
-    seconds: np.ndarray
-    """Middle of each stretch [s]."""
-
-    @property
-    def steps(self) -> np.ndarray:
-        """Times from each stretch to the next of its segment [s]."""
-        return np.asarray(np.diff(self.seconds)[np.diff(self.segment) == 0])
-
-
-def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARSE) -> Averages:
-    """Average the readings and all effects' columns over stretches of equal numbers of rows.
-
-    Rows without a reading are left out of the averages, columns and all. Effects must have learned the record.
-    """
-    assert record.reading is not None
-    width = stretch_of(record, n_stretches)
-    readings, counts, segments, seconds = [], [], [], []
-    for block in record.blocks(_rows(width, ROWS), starts=own_starts(record)):
-        reading, share = np.asarray(record.reading[block.rows], float), _shares(record, block)
-        starts = np.arange(0, len(block), width)
-        count = np.add.reduceat(share, starts)
-        kept, least = count > 0, np.maximum(count, 1)
-        readings.append((np.add.reduceat(np.where(share > 0, reading, 0.0) * share, starts) / least)[kept])
-        seconds.append((np.add.reduceat(block.seconds * share, starts) / least)[kept])
-        counts.append(count[kept])
-        segments.append(np.full(int(kept.sum()), block.segment))
-    return Averages(
-        reading=np.concatenate(readings),
-        columns=averaged_columns(record, effects, n_stretches),
-        counts=np.concatenate(counts),
-        segment=np.concatenate(segments),
-        seconds=np.concatenate(seconds),
-    )
-
-
-def averaged_columns(record: Record, effects: Sequence[Effect], n_stretches: int) -> list[np.ndarray]:
-    """The columns of `averaged` alone: one array of shape (n, width) for each effect."""
-    width = stretch_of(record, n_stretches)
-    near = iter(_columns([(record, e) for e in effects if not e.foresees], width, ROWS))
-    far = iter(_columns([(record, e) for e in effects if e.foresees], width, AHEAD_ROWS))
-    return [next(far if effect.foresees else near) for effect in effects]
-
-
-def averaged_copies(copies: Sequence[tuple[Record, Effect]], n_stretches: int) -> list[np.ndarray]:
-    """As `averaged_columns`, of an effect in many records that have their times and readings in common."""
-    rows = AHEAD_ROWS if copies[0][1].foresees else ROWS
-    return _columns(copies, stretch_of(copies[0][0], n_stretches), rows)
-
-
-def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> list[np.ndarray]:
-    """Columns of effects in records of the same rows, averaged over `width` rows, from blocks of about `rows` rows."""
-    if not pairs:
-        return []
-    record = pairs[0][0]
-    edges = np.cumsum([0, *(effect.n_columns() for _, effect in pairs)]).tolist()
-    most = sum(-(-segment.n_rows // width) for segment in record.segments)
-    means, n = np.empty((most, edges[-1]), order="F"), 0  # at once: memory in small pieces costs more than its use
-    places = [range(low, high) for low, high in pairwise(edges)]
-    exact = [_exact(own, effect, width) for own, effect in pairs]
-    walked = banks([(*pairs[i], places[i]) for i, known in enumerate(exact) if known is None])
-    at, whole = 0, _reads_every_row(record)
-    states: list[Any] = []
-    for block in record.blocks(_rows(width, rows), starts=own_starts(record)):
-        if block.start == record.segments[block.segment].start:
-            states = [None] * len(walked)
-        share = None if whole else _shares(record, block)
-        if share is not None and (share == 1.0).all():
-            share = None  # as many rows as readings
-        starts = np.arange(0, len(block), width)
-        count = np.diff(starts, append=len(block)) if share is None else np.add.reduceat(share, starts)
-        share_of_one, kept = 1 / np.maximum(count, 1), slice(None) if count.all() else count > 0
-        as_it_is = width == 1 and share is None
-        first, n = n, n + int(np.count_nonzero(count))
-        at, before = at + len(starts), at
-        for own, known in zip(places, exact, strict=True):
-            if known is not None:
-                means[first:n, own] = known[before:at][kept]
-        for i, bank in enumerate(walked):
-            seen = block if bank.record is record else block.of(bank.record)
-            columns, states[i] = bank.effect.each_column(seen, states[i])
-            for column, same in zip(columns, bank.places, strict=True):
-                averaged = not as_it_is and np.ndim(column) > 0
-                mean = (_summed(column, share, width) * share_of_one)[kept] if averaged else column
-                for place in same:
-                    means[first:n, place] = mean
-    return [means[:n, low:high] for low, high in pairwise(edges)]
-
-
-def _exact(record: Record, effect: Effect, width: int) -> np.ndarray | None:
-    """Averages that the record knows already, see `with_exact`."""
-    return record.exact.get(said(effect)) if isinstance(record, Thinned) and record.exact_rows == width else None
-
-
-def _summed(column: np.ndarray, share: np.ndarray | None, width: int) -> np.ndarray:
-    """Sums of a column over stretches, each row times its share."""
-    if share is not None:
-        column = column * share
-    return sums_of(column[:, None], width)[:, 0] if width > 1 else np.asarray(column, float)
-
-
-def stretch_of(record: Record, n_stretches: int) -> int:
-    """Rows of a stretch."""
-    return max(1, -(-record.n_used // n_stretches))
-
-
-def _rows(width: int, rows: int) -> int:
-    """Rows of a block of whole stretches."""
-    return max(width, rows // width * width)
-
-
-def _shares(record: Record, block: Block) -> np.ndarray:
-    """How many readings each row of a block stands for, shape (n,)."""
-    assert record.reading is not None
-    known = np.isfinite(np.asarray(record.reading[block.rows], float))
-    return np.where(known, record.counts[block.rows].astype(float) if isinstance(record, Thinned) else 1.0, 0.0)
-
-
-def _reads_every_row(record: Record) -> bool:
-    """Whether each row stands for one reading."""
-    return not isinstance(record, Thinned) and bool(np.isfinite(np.asarray(record.reading, float).sum()))
-
-
-def sums_of(columns: np.ndarray, width: int) -> np.ndarray:
-    """Sums over stretches of `width` rows, shape (stretches, k); the last stretch may be shorter."""
-    if len(columns) % width or not columns.size:
-        return np.asarray(np.add.reduceat(columns, np.arange(0, len(columns), width), axis=0))
-    return np.asarray((columns.T.reshape(columns.shape[1], -1, width) @ np.ones(width)).T)
-
-
-def said(effect: Effect) -> str:
-    """An effect with all its parameters, as text."""
-    return f"{type(effect).__name__}{sorted(effect.get_params(deep=False).items())}"
-
-
-def with_exact(short: Thinned, record: Record, effects: Sequence[Effect], n_stretches: int) -> Thinned:
-    """A thinned record that knows the averages of these effects' columns, from one pass through the longer one.
-
-    A fast lag of averaged temperatures is not the average of the lag: it would leave an error that looks like noise.
-    """
-    assert record.reading is not None
-    for effect in effects:
-        effect.learn(record)
-    width = stretch_of(short, n_stretches)
-    places = np.concatenate([short.places[segment.start : segment.stop : width] for segment in short.segments])
-    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
-    sums, counts = np.zeros((len(places), edges[-1])), np.zeros(len(places))
-    for step in walk(effects, record, starts=own_starts(record)):
-        known = np.isfinite(np.asarray(record.reading[step.block.rows], float))
-        place = np.searchsorted(places, step.block.places, side="right") - 1
-        starts = np.flatnonzero(np.diff(place, prepend=-1))
-        sums[place[starts]] += np.add.reduceat(step.columns * known[:, None], starts, axis=0)
-        counts[place[starts]] += np.add.reduceat(known.astype(float), starts)
-    sums /= np.maximum(counts, 1)[:, None]
-    exact = {said(effect): sums[:, low:high] for effect, (low, high) in zip(effects, pairwise(edges), strict=True)}
-    return replace(short, exact=exact, exact_rows=width)
-
-
-def spans(data: Averages, record: Record) -> np.ndarray:
-    """Number of the span of each stretch, see `thermocorr.equations.noise.spans`."""
-    return noise.spans(data.segment, data.seconds, [segment.run for segment in record.segments])
+from .levels import APART, FASTEST, FEWEST_SAMPLES, FINE, LAGS, MOST_LEVELS, MOST_ROWS, MOST_SOUND, SLOWEST, TIME_LIKE
 
 
 def filled(record: Record, used: Collection[Any], most_missing: float = 1 - MOST_SOUND) -> Record:
@@ -244,53 +46,6 @@ def filled(record: Record, used: Collection[Any], most_missing: float = 1 - MOST
             rows = np.arange(len(numbers))
             columns[name] = np.interp(rows, rows[~missing], numbers[~missing])
     return replace(record, columns=columns, known_moments={})
-
-
-TIMES = "time_constants"
-Wanted = tuple[Record, Effect, range]
-"""An effect that has learned a record, and where its columns belong among all that are asked for."""
-
-
-@dataclass(frozen=True)
-class Bank:
-    """An effect that is walked through a record, for one that is asked for or for several."""
-
-    record: Record
-    effect: Effect
-    places: Sequence[Sequence[int]]
-    """Where each of its columns belongs among all that are asked for."""
-
-
-def banks(wanted: Sequence[Wanted]) -> list[Bank]:
-    """What to walk through records, so that all columns that are asked for are there."""
-    groups: dict[object, list[Wanted]] = {}
-    for number, each in enumerate(wanted):
-        groups.setdefault(_alike(each) if vars(type(each[1])).get("lags_apart") else number, []).append(each)
-    return [bank for group in groups.values() for bank in _joined(group)]
-
-
-def _alike(wanted: Wanted) -> tuple[object, ...]:
-    """What effects that are walked together have in common: all but their time constants, of which each has some."""
-    record, effect, _ = wanted
-    given = effect.get_params(deep=False)
-    return id(record), type(effect), np.size(given.pop(TIMES)) > 0, str(sorted(given.items()))
-
-
-def _joined(group: Sequence[Wanted]) -> list[Bank]:
-    """One bank for effects that differ in their time constants; one for each where names do not tell columns apart."""
-    record, first, _ = group[0]
-    if len(group) > 1:
-        times = {time for _, effect, _ in group for time in seconds_array(getattr(effect, TIMES)).tolist()}
-        joined = clone(first).set_params(**{TIMES: sorted(times)})
-        joined.learn(record)
-        places: dict[str, list[int]] = {}
-        for _, effect, own in group:
-            for name, place in zip(effect.names(), own, strict=True):
-                places.setdefault(name, []).append(place)
-        names = joined.names()
-        if len(set(names)) == len(names) and set(names) == set(places):
-            return [Bank(record, joined, [places[name] for name in names])]
-    return [Bank(record, effect, [[place] for place in own]) for record, effect, own in group]
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects import CATALOGUE, Covariate, Drift, Hysteresis, LaggedCovariate, LogAgeing
 from ..effects.grids import time_grid
 from ..effects.protocol import SINCE_START, TEMPERATURE_DIFFERENCE, Effect
+from ..estimators.out_of_sample import GAIN, OutOfSample, Worth
 from ..estimators.progress import one_blas_thread
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.tables import Grounds, verdict_on
@@ -35,8 +36,7 @@ from .data import (
     residuals_of,
     suspect_record,
 )
-from .levels import CLEAR, GAIN, RANKED
-from .out_of_sample import OutOfSample, Worth
+from .levels import CLEAR, RANKED
 from .report import Diagnosis, FoundSuspect, Interval, as_one, intervals, what_is_left
 from .scan import DATED
 from .search import ANYWHERE, Search, Term, Tried

@@ -46,8 +46,6 @@ MOST_SOUND = 0.95
 FINE = 25_000
 """Stretches that a record is averaged over at most. A delay of a few samples is blurred in long averages: with 12 000,
 a second, neighbouring delay is named beside the true one in two of seven simulated records, not in one."""
-COARSE = 2_500
-"""Stretches on which data not learned from are foretold: the user gains in slow structure, which noise would hide."""
 FEWEST = 100
 """Readings below which a record is too short to judge: there are about twenty columns in the base."""
 LAGS = 14
@@ -179,20 +177,6 @@ records that were found (seed 32) it is 0.6 to 1.8, but 10 to 35 where soil's ow
 
 # Later data
 
-PIECES = 80
-"""Pieces of equal numbers of rows that the record is cut into."""
-FIRST, AHEAD = 32, 8
-"""Pieces that the first forecast is learned from, and pieces that each foretells: six stretches of the later part."""
-BLOCK = 16
-"""Pieces of each of the five blocks that are held out."""
-RIDGE = 1e-6
-"""Penalty in the forecasts, for columns of unit variance. At 1e-3 the lags of the base are bent so far on simulated
-devices that a true drift makes forecasts worse; on measured records any from 1e-6 to 1e-3 gives much the same."""
-VARIES = 1e-8
-"""Variance of a column over its mean square, from which its coefficient is learned: a variance is a difference of sums
-with sixteen digits, and its rounding has to stay far below `RIDGE`. At 1e-11 a matrix was not positive definite."""
-GAIN = 0.5
-"""Mean fall of the squared error on later stretches [dB] from which an effect is worth adding."""
 CLEAR = 3.0
 """Fall [dB], on later stretches and on held-out blocks, from which a recorded column that the likelihood does not prove
 is taken in, or the model's own lags are lacking: half of the squared error."""

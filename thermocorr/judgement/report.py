@@ -16,6 +16,7 @@ from ..effects import Disturbance, InitialTransient, Periodic, SeveralSteps, Ste
 from ..effects.protocol import Effect
 from ..equations.noise import Kernel, inverse_kernel
 from ..estimators.holdout import rms
+from ..estimators.out_of_sample import OutOfSample
 from ..estimators.screening import BURST
 from ..estimators.tables import VERDICTS
 from ..pages import DiagnosisPage, PageData
@@ -42,7 +43,6 @@ from .levels import (
     TO_A_DECADE,
     WANDERS,
 )
-from .out_of_sample import OutOfSample
 from .scan import DATED, products_from
 from .score import Comparison, solved
 from .search import Search, Term, together

@@ -22,9 +22,10 @@ from sklearn.base import clone
 
 from ..effects import Delay, Periodic
 from ..effects.protocol import Effect
+from ..estimators.averages import averaged_copies, said
+from ..estimators.out_of_sample import GAIN, OutOfSample, Worth
 from ..records import Record
 from ..records.history import Thinned
-from .data import averaged_copies, said
 from .levels import (
     ALIKE,
     CLEAR,
@@ -33,7 +34,6 @@ from .levels import (
     FINE,
     FINER,
     FRUITLESS,
-    GAIN,
     HALF,
     INFLATION,
     LEAST_MOVED,
@@ -52,7 +52,6 @@ from .levels import (
     TUNED,
     WITHIN,
 )
-from .out_of_sample import OutOfSample, Worth
 from .scan import DATED, Shifts, dated, delays, filtered, lasting, tries, waves
 from .score import Comparison, Fit
 from .terms import Explanation, Key, Pool

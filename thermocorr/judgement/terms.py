@@ -22,17 +22,18 @@ from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..equations import decays
 from ..equations.spikes import spikes
+from ..estimators.averages import COARSE, Averages, averaged, averaged_columns, spans, sums_of
 from ..estimators.flat import lags_of
+from ..estimators.out_of_sample import OutOfSample
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.screening import evenness
 from ..estimators.thermometers import resolution_of, thermometer_errors
 from ..records import Block, Record, RecordError
 from ..records.history import Thinned
-from .data import Averages, ThermalBase, averaged, averaged_columns, spans, sums_of
+from .data import ThermalBase
 from .levels import (
     BATCH,
     BEYOND,
-    COARSE,
     FAR,
     FEW,
     FEWEST,
@@ -47,7 +48,6 @@ from .levels import (
     START_TOLD,
     STARTS,
 )
-from .out_of_sample import OutOfSample
 from .score import Comparison, orthonormal, visible
 
 
