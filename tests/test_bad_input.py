@@ -15,7 +15,6 @@ from thermocorr import (
     compare_variants,
     diagnose,
     held_out_residuals,
-    later_errors,
     refine,
 )
 from thermocorr.datasets import load_real_record, make_record
@@ -159,8 +158,6 @@ CASES = {
     "one block of variants": (lambda: compare_variants(X, Y, n_blocks=1), r"'n_blocks' parameter.*\[2"),
     "one held-out block": (lambda: held_out_residuals(model, X, Y, n_blocks=1), r"'n_blocks' parameter.*\[2"),
     "half a block": (lambda: held_out_residuals(model, X, Y, n_blocks=2.5), "'n_blocks' parameter.*2.5"),
-    "no later block": (lambda: later_errors({"a": model}, X, Y, n_blocks=0), "'n_blocks' parameter.*0"),
-    "no variants": (lambda: later_errors({}, X, Y), "needs fitted variants"),
     "steps below none": (lambda: refine(model, X, Y, max_steps=-1), "'max_steps' parameter.*-1"),
     "suspects that are none": (lambda: diagnose(model, X, Y, suspects="drift"), "'suspects' parameter"),
     "decimal comma in a span": (lambda: fit(max_gap="1,5 h"), "'max_gap' parameter.*'1,5 h'"),

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import DynamicBiasRegressor, ParquetLog, compare_variants, diagnose, later_errors, refine
+from thermocorr import DynamicBiasRegressor, ParquetLog, compare_variants, diagnose, refine
 from thermocorr.datasets import make_record
 from thermocorr.equations import lag_differences
 from thermocorr.equations.lags import bridge_error
@@ -185,7 +185,7 @@ def test_a_gap_in_one_run_is_not_felt_in_the_next():
     assert (error > 0).all() and all(rows[runs[rows] == run].min() == start for run, start in first.items())
 
 
-@pytest.mark.parametrize("work", ["variants", "refine", "later"])
+@pytest.mark.parametrize("work", ["variants", "refine"])
 def test_what_many_fits_say_is_said_once(work):
     record = make_record(3000, gaps=3, seed=717)
     X, y = record[["temperature"]], record["reading"]
@@ -197,6 +197,6 @@ def test_what_many_fits_say_is_said_once(work):
         if work == "variants":
             compare_variants(X, y, model=model)
         else:
-            refine(model, X, y) if work == "refine" else later_errors({"model": model}, X, y)
+            refine(model, X, y)
     said = [" ".join(str(one.message).split()[:2]) for one in caught]
     assert sorted(said) == ["Sampling has", "The temperature"]

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
         Budget,
         DiffusiveFeatures,
         DynamicBiasRegressor,
-        LaterErrors,
         MergedRidge,
         Sensor,
         Thermometer,
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
         VariantComparison,
         compare_variants,
         held_out_residuals,
-        later_errors,
     )
     from .estimators import thermometers as thermometer_errors
     from .files.codec import ModelFileError
@@ -45,9 +43,9 @@ if TYPE_CHECKING:
 
 _ROOMS = {
     "estimators": (
-        "Budget", "DiffusiveFeatures", "DynamicBiasRegressor", "LaterErrors", "MergedRidge", "Sensor",
+        "Budget", "DiffusiveFeatures", "DynamicBiasRegressor", "MergedRidge", "Sensor",
         "Thermometer", "TimeConstantSearch", "Uncertainty", "VariantComparison", "compare_variants",
-        "held_out_residuals", "later_errors", "thermometer_errors",
+        "held_out_residuals", "thermometer_errors",
     ),
     "files.codec": ("ModelFileError",),
     "files.model_file": ("load_model", "save_model"),
@@ -73,7 +71,6 @@ __all__ = [
     "DiffusiveFeatures",
     "DynamicBiasRegressor",
     "InnerTemperaturesDisplay",
-    "LaterErrors",
     "MergedRidge",
     "ModelFileError",
     "OnlineCorrector",
@@ -98,7 +95,6 @@ __all__ = [
     "compare_variants",
     "diagnose",
     "held_out_residuals",
-    "later_errors",
     "load_model",
     "refine",
     "save_model",

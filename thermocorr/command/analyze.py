@@ -11,7 +11,10 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from ..estimators import DynamicBiasRegressor, compare_variants, later_errors
+from ..equations import reduction_db
+from ..estimators import DynamicBiasRegressor, compare_variants
+from ..estimators.advice import Advice
+from ..estimators.out_of_sample import GAIN
 from ..estimators.progress import Progress, has_bars, told
 from ..files import Outputs
 from ..files.result_files import write_corrected, write_model
@@ -35,6 +38,8 @@ from .loading import (
     readings_to_learn,
 )
 
+VARIANTS = ("static-linear", "static-nonlinear", "dynamic-linear", "dynamic-nonlinear")
+"""Corrections to choose from, as options have them."""
 RESULTS = ("corrected.csv", "model.json", "model.txt")
 """Files in the folder of --out."""
 
@@ -58,6 +63,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="0|2|3",
         help="add the products of two lags, eq. (21), or of three too; 0: none (default: of two, where they clearly "
         "lower the error on later data)",
+    )
+    model.add_argument(
+        "--variant",
+        choices=VARIANTS,
+        metavar="NAME",
+        help=f"use this correction, and not the one that is advised: {', '.join(VARIANTS)}",
     )
     model.add_argument("--window", type=int, default=25, metavar="N", help="samples of the moving average (default 25)")
     model.add_argument(
@@ -109,13 +120,15 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
             n_blocks=options.blocks,
             progress=progress,
         )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RecordWarning)  # of parts of the record
-        later = later_errors(comparison.models, X, y, n_blocks=options.blocks, progress=progress)
-        kept, best = list(comparison.models.items())[-1]
+    advice, advised = comparison.advice, comparison.advice.sentence()
+    best = comparison.best_ or list(comparison.models.values())[-1]
+    if options.variant is not None:
+        best = comparison.models[options.variant.replace("-", " ")]
     judged = _judge(best, X, y, options, progress)
-    used = "" if judged.refinement is None else kept_sentence(judged.refinement)
-    advised = later.advice(kept)
+    refined = judged.refinement is not None and _is_better(judged.refinement, advice)
+    used = kept_sentence(judged.refinement) if judged.refinement is not None and refined else ""
+    unwritten = advice.choice == "none" and options.variant is None and not refined
+    folder = None if unwritten else folder
     say(f"{used}\n\n(Before that: {advised})\n" if used else f"{advised}\n")
     if loaded.understood:
         say(f"Read as: {', '.join(loaded.understood)}.\n")
@@ -128,7 +141,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
     )
     for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
         say(f"Note: {note}\n")
-    say(f"{comparison}\n\n{later}\n")
+    say(f"{comparison}\n\n{comparison.advice}\n")
     for name, taus in thermometers.items():
         of_which = f", {name}" if len(thermometers) > 1 else ""
         say(f"Time constants of the last model{of_which}: {', '.join(map(span_text, taus)) or 'none'}\n")
@@ -156,8 +169,16 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
     outputs.commit()
     if folder is not None:
         say(f"Written: {', '.join(str(path) for path in written)}")
+    elif options.out is not None:
+        say("Nothing is written: no correction is advised. To write one all the same: --variant dynamic-linear")
     if report is not None:
         say(f"Report: {report}")
+
+
+def _is_better(refinement: Refinement, advice: Advice) -> bool:
+    """Whether a refined model is better than no correction by temperature, where that is what is advised."""
+    later = float(refinement.steps["later_rms"].iloc[-1])
+    return advice.choice != "none" or (len(refinement.steps) > 1 and reduction_db(later, advice.before) <= -GAIN)
 
 
 def _evaluated(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series, say: Callable[[str], None]) -> pd.DataFrame:

@@ -2,7 +2,7 @@
 
 from .features import DiffusiveFeatures
 from .fitting import MergedRidge
-from .holdout import LaterErrors, held_out_residuals, later_errors
+from .holdout import held_out_residuals
 from .regressor import DynamicBiasRegressor
 from .thermometers import Thermometer, thermometer_errors
 from .time_constant_search import TimeConstantSearch
@@ -13,7 +13,6 @@ __all__ = [
     "Budget",
     "DiffusiveFeatures",
     "DynamicBiasRegressor",
-    "LaterErrors",
     "MergedRidge",
     "Sensor",
     "Thermometer",
@@ -22,6 +21,5 @@ __all__ = [
     "VariantComparison",
     "compare_variants",
     "held_out_residuals",
-    "later_errors",
     "thermometer_errors",
 ]

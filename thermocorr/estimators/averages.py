@@ -248,15 +248,3 @@ def _joined(group: Sequence[Wanted]) -> list[Bank]:
         if len(set(names)) == len(names) and set(names) == set(places):
             return [Bank(record, joined, [places[name] for name in names])]
     return [Bank(record, effect, [[place] for place in own]) for record, effect, own in group]
-
-
-class Temperature(Effect):
-    """The temperature itself."""
-
-    def names(self) -> list[str]:
-        """Its name."""
-        return ["temperature"]
-
-    def columns(self, block: Any, state: Any) -> tuple[np.ndarray, Any]:
-        """It, in a block."""
-        return block.temperature, state

@@ -149,12 +149,12 @@ class OutOfSample:
 
     def later_rms(self, moment: float | None = None) -> float:
         """Rms error on a later stretch, behind a moment: the geometric mean of all; NaN where there are none."""
-        return float(np.sqrt(_geometric_mean(self.errors(moment))))
+        return float(np.sqrt(geometric_mean(self.errors(moment))))
 
     @property
     def held_out_rms(self) -> float:
         """Rms error on a block that is held out, the geometric mean of all."""
-        return float(np.sqrt(_geometric_mean(self.block_errors())))
+        return float(np.sqrt(geometric_mean(self.block_errors())))
 
     def block_errors(self) -> np.ndarray:
         """Mean square error on each block, shape (blocks,)."""
@@ -168,7 +168,8 @@ class OutOfSample:
         return Worth.of(self.errors(moment) / other.errors(moment), self.block_errors() / other.block_errors())
 
 
-def _geometric_mean(values: np.ndarray) -> float:
+def geometric_mean(values: np.ndarray) -> float:
+    """Of positive values; NaN of none."""
     return float(np.exp(np.mean(np.log(values)))) if len(values) else np.nan
 
 

@@ -16,6 +16,7 @@ from ..equations import moving_average, reduction_db
 from ..records import Record, read_record
 from ..records.errors import check_int, printable, said_once
 from ..records.numbers import Scale, number_text, scale_of
+from .advice import Advice, advise
 from .choosing import count_to_choose
 from .holdout import residuals_of_blocks, rms, time_blocks
 from .progress import Progress, told
@@ -54,8 +55,15 @@ class VariantComparison:
     window: int
     """Samples of the moving average."""
     n_blocks: int
+    advice: Advice
+    """Which of them to use, if any, by their errors on data that they were not learned from."""
     record: Record | None = field(default=None, repr=False)
     """Times, temperatures and readings compared: views of the user's data."""
+
+    @property
+    def best_(self) -> DynamicBiasRegressor | None:
+        """The fitted variant that is advised; None where no correction by temperature is."""
+        return self.models.get(self.advice.variant)
 
     def frame(self) -> pd.DataFrame:
         """The figures: one row per variant."""
@@ -150,7 +158,7 @@ def compare_variants(
     Returns
     -------
     VariantComparison
-        ``print`` it, or take ``frame()``, ``to_html()``, ``models``, ``residuals``.
+        ``print`` it, or take ``best_``, ``advice``, ``frame()``, ``to_html()``, ``models``, ``residuals``.
 
     Raises
     ------
@@ -195,12 +203,14 @@ def compare_variants(
     inside: dict[str, np.ndarray] = {}
     outside: dict[str, np.ndarray] = {}
     fitted: dict[str, DynamicBiasRegressor] = {}
-    with told(progress, len(variants) * (1 + len(blocks))) as tell:
+    with told(progress, len(variants) * (1 + len(blocks)) + 1) as tell:
         for name, variant in variants.items():
             tell(f"{name}: fitting")
             fitted[name] = variant.settled().fit(X, y)
             inside[name] = np.asarray(fitted[name].residuals(X, y))
             outside[name] = residuals_of_blocks(variant, X, reading, n_blocks, partial(_tell, tell, name))
+        tell("which of them to use")
+        advice = advise(fitted, X, y)
     record = read_record(X, fitted["static linear"].features_.layout(), y=y, quiet=True)
     smooth = _Smoothing(record, blocks, window)
     raw = reading - np.nanmean(reading)
@@ -217,6 +227,7 @@ def compare_variants(
         unit=fitted["static linear"].reading_.unit,
         window=window,
         n_blocks=len(blocks),
+        advice=advice,
         record=record,
     )
 

@@ -13,7 +13,7 @@ import pandas as pd
 from ..effects import Covariate, Rate, ThermalLag
 from ..effects.protocol import Effect
 from ..equations import allan_deviation
-from ..estimators.averages import Averages, Temperature, averaged
+from ..estimators.averages import Averages, averaged
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Record
 from ..records.units import difference_unit
@@ -42,7 +42,7 @@ def where_it_fails(
     aspects.append({"aspect": "temperature", "column": record.temperature_name})
     for effect in effects:
         effect.learn(record)
-    data = averaged(replace(record, reading=residual), [*effects, Temperature(), _Square()])
+    data = averaged(replace(record, reading=residual), [*effects, _Temperature(), _Square()])
     *values, squares = (columns[:, 0] for columns in data.columns)
     squares = squares + max(rms**2 - float(np.average(squares, weights=data.counts)), 0.0)  # what averaged rows hide
     values[0] = values[0] * 3600.0
@@ -108,6 +108,16 @@ def _against_white(data: Averages, floor: float) -> pd.DataFrame:
     excess = found.deviation / np.maximum(white, 1e-300)
     figures = (found.averaging_times, found.deviation, found.low, found.high, white, excess)
     return pd.DataFrame(dict(zip(ALLAN_COLUMNS, figures, strict=True)))
+
+
+class _Temperature(Effect):
+    """The temperature itself."""
+
+    def names(self) -> list[str]:
+        return ["temperature"]
+
+    def columns(self, block: Any, state: Any) -> tuple[np.ndarray, Any]:
+        return block.temperature, state
 
 
 class _Square(Effect):

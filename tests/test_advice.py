@@ -1,0 +1,128 @@
+"""Which correction, if any: what `analyze` begins with, and what `compare_variants(...).best_` is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import lfilter
+
+from thermocorr import DynamicBiasRegressor, compare_variants, load_model
+from thermocorr.command.cli import main
+from thermocorr.datasets import make_record
+
+N = 600
+
+
+def wandering(rng, rows, n=N):
+    kept = np.exp(-1 / rows)
+    return lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.standard_normal(n + 2000))[2000:]
+
+
+def hourly(temperature, reading):
+    times = pd.date_range("2024-01-01", periods=len(reading), freq="h", name="time")
+    return pd.DataFrame({"temperature": temperature}, index=times), pd.Series(reading, times, name="reading")
+
+
+def advised(X, y, **options):
+    return compare_variants(X, y, temperature="temperature", **options)
+
+
+NOISES = {
+    "white": lambda rng: rng.standard_normal(N),
+    "wander": lambda rng: wandering(rng, 10) + 0.3 * rng.standard_normal(N),
+    "slow wander": lambda rng: wandering(rng, 100) + 0.3 * rng.standard_normal(N),
+    "walk": lambda rng: 0.2 * np.cumsum(rng.standard_normal(N)) + 0.3 * rng.standard_normal(N),
+    "jumps": lambda rng: np.repeat(3 * rng.standard_normal(4), N // 4) + 0.3 * rng.standard_normal(N),
+    "drift": lambda rng: np.linspace(0, 3, N) + 0.3 * rng.standard_normal(N),
+}
+ROOMS = {"white": lambda rng: rng.standard_normal(N), "weather": lambda rng: 3 * wandering(rng, 60) + wandering(rng, 8)}
+
+
+@pytest.mark.newest
+def test_a_thermometer_that_has_nothing_to_do_with_the_reading_is_not_corrected_by():
+    """More of them, with other seeds: `benchmarks/placebo.py`."""
+    chosen = []
+    for room, temperature in ROOMS.items():
+        for noise, reading in NOISES.items():
+            for seed in range(2):
+                rng = np.random.default_rng([seed, 11])
+                found = advised(*hourly(20 + temperature(rng), reading(rng)))
+                chosen += [(room, noise, seed)] if found.advice.choice != "none" else []
+    assert len(chosen) <= 1
+
+
+def test_a_static_device_is_corrected_by_a_static_law():
+    rng = np.random.default_rng(3)
+    X, _ = hourly(20 + ROOMS["weather"](rng), np.zeros(N))
+    y = 0.35 * X["temperature"] + 0.0098 * rng.standard_normal(N)
+    found = advised(X, y)
+    assert found.advice.variant == "static linear" and found.best_ is found.models["static linear"]
+    assert found.advice.after == pytest.approx(0.0098, rel=0.15)
+    assert found.advice.before > 50 * found.advice.after
+    assert found.advice.sentence().startswith("Use the static linear correction: on later stretches it leaves 0.0")
+
+
+def test_a_dynamic_device_is_corrected_by_a_dynamic_law():
+    record = make_record(4000, seed=7)
+    found = advised(record[["temperature"]], record["reading"], time_constants=["5 min", "90 min"])
+    assert (found.advice.choice, found.advice.variant) == ("dynamic", "dynamic linear")
+    assert list(found.advice.table.index) == ["level", "latest level", "level and drift", *found.models]
+    assert "dynamic linear *" in str(found.advice) and "static linear *" not in str(found.advice)
+
+
+def test_each_stretch_is_predicted_from_what_came_before():
+    record = make_record(2400, seed=7)
+    X, y = record[["temperature"]], record["reading"]
+    table = advised(X, y, time_constants=["5 min", "90 min"]).advice.table
+    for number in range(6):
+        low, high = 960 + 240 * number, 1200 + 240 * number
+        T, known = np.vander(X["temperature"] - 20, 2), slice(0, low)
+        missed = (y - T @ np.linalg.lstsq(T[known], y[known], rcond=None)[0])[low:high]
+        assert table.loc["static linear", number + 1] == pytest.approx(np.sqrt(np.mean(missed**2)), rel=1e-3)
+        plain = y[low:high] - y[:low].mean()
+        assert table.loc["level", number + 1] == pytest.approx(np.sqrt(np.mean(plain**2)), rel=1e-6)
+    assert table["all"].to_numpy() == pytest.approx(np.exp(np.log(table.drop(columns="all")).mean(axis=1)))
+
+
+@pytest.mark.parametrize("levels", [(13.0, 47.5), (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)])
+def test_plateaus_are_corrected_by_a_static_law(levels):
+    rng = np.random.default_rng(5)
+    T = np.repeat(levels, N // len(levels)) + 0.02 * rng.standard_normal(N)
+    found = advised(*hourly(T, 0.5 * T + 0.01 * rng.standard_normal(N)))
+    assert found.advice.choice == "static"
+
+
+def test_a_course_that_repeats_itself_is_said_to_be_no_proof():
+    rng = np.random.default_rng(6)
+    T = 20 + 5 * np.sin(2 * np.pi * np.arange(N) / 24)
+    found = advised(*hourly(T, T + 0.1 * rng.standard_normal(N)))
+    assert found.advice.choice == "static" and np.isnan(found.advice.copies_db)
+    assert "cannot be shown" in found.advice.sentence()
+
+
+def test_too_short_a_record_says_so():
+    record = make_record(80, seed=1)
+    found = advised(record[["temperature"]], record["reading"], time_constants=["5 min"])
+    assert found.advice.choice == "" and found.best_ is None
+    assert "too short" in found.advice.sentence() and "too short" in str(found.advice)
+
+
+def test_the_command_writes_what_is_advised(tmp_path, capsys):
+    rng = np.random.default_rng(8)
+    room = ROOMS["weather"](rng)
+    logs = {"none": rng.standard_normal(N), "static": 0.5 * room + 0.01 * rng.standard_normal(N)}
+    for name, reading in logs.items():
+        X, y = hourly(20 + room, reading)
+        X.assign(reading=y).to_csv(tmp_path / f"{name}.csv")
+    command = ["analyze", "--quiet", "--temperature", "temperature", "--reading", "reading", "--time", "time"]
+    assert main([*command, str(tmp_path / "static.csv"), "--out", str(tmp_path / "static")]) == 0
+    assert capsys.readouterr().out.startswith("Use the static linear correction")
+    assert len(load_model(tmp_path / "static" / "model.json").time_constants_) == 0
+    assert main([*command, str(tmp_path / "none.csv"), "--out", str(tmp_path / "none")]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("Use no correction by temperature") and "Nothing is written" in said
+    assert not (tmp_path / "none" / "model.json").exists()
+    more = ["--variant", "dynamic-linear", "--out", str(tmp_path / "none")]
+    assert main([*command, str(tmp_path / "none.csv"), *more]) == 0
+    assert isinstance(load_model(tmp_path / "none" / "model.json"), DynamicBiasRegressor)

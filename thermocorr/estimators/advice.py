@@ -1,0 +1,281 @@
+"""Which correction, if any: what each variant of a model is worth on data that it was not learned from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+
+from ..effects import Events, InitialTransient, SeveralSteps, StaticPolynomial, ThermalLag
+from ..effects.protocol import Effect
+from ..equations import reduction_db
+from ..records import Record, read_record
+from ..records.errors import printable
+from ..records.history import thinned
+from ..records.numbers import Scale, number_text, numeric_reading, scale_of
+from ..records.screen import screened
+from .averages import COARSE, Averages, averaged, averaged_columns
+from .out_of_sample import GAIN, PIECES, OutOfSample, geometric_mean, later_pieces
+
+FEWEST = 100
+"""Readings below which nothing is advised."""
+COPIES = 39
+"""Copies of the temperature, moved in time, that it must outdo."""
+LEAST_MOVED = 0.05
+"""Least move of such a copy, as a share of the record."""
+SAME = 0.75
+"""Share of the temperature's variance that laws of a copy may make: one that makes more is no other temperature."""
+PROBED, LAGS, TOGETHER = 100_000, 14, 3
+"""Rows, lags and lags at once at most of the laws by which temperature and copies are compared."""
+LEVEL, LATEST, DRIFT = "level", "latest level", "level and drift"
+"""What needs no temperature: the mean of all readings so far, that of the last ones, a straight line."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Advice:
+    """Which of some corrections to use, if any. Prints as a table."""
+
+    choice: str
+    """ "none", "static" or "dynamic"; "" where the record is too short to say."""
+    variant: str
+    """Name of the variant to use; "" for none."""
+    table: pd.DataFrame
+    """Rms error in the unit of the reading: a row for each correction, the simplest first, a column for each later
+    stretch, predicted from all before it, and "all", their geometric mean. Empty where nothing is advised."""
+    copies_db: float
+    """Error of laws of the temperature over that of the best copy moved in time [dB]; negative is good. NaN where no
+    copy differs enough from it, or it was not asked."""
+    unit: str
+
+    @property
+    def before(self) -> float:
+        """Error of the best correction that needs no temperature."""
+        return float(self.table["all"].loc[[name for name in NEEDLESS if name in self.table.index]].min())
+
+    @property
+    def after(self) -> float:
+        """Error of what is advised."""
+        return float(self.table["all"].loc[self.variant]) if self.variant else self.before
+
+    def scale(self) -> Scale:
+        """The unit in which errors are printed."""
+        return scale_of(self.table, printable(self.unit))
+
+    def sentence(self) -> str:
+        """What to do, and what it is worth."""
+        if not self.choice:
+            return "Whether a correction helps on data not learned from cannot be told: the record is too short."
+        scale = self.scale()
+        whole = self.table["all"]
+        best = str(whole.drop(list(NEEDLESS), errors="ignore").idxmin())
+        without = f"{scale.text(self.before)} without the temperature"
+        if self.choice == "none":
+            said = "Use no correction by temperature: on later stretches the best one, "
+            said += f"{best}, leaves {scale.text(whole[best])} rms"
+            if reduction_db(whole[best], self.before) > -GAIN:
+                return f"{said}, against {without}."
+            return f"{said} ({without}), and the same temperature moved in time does as well."
+        said = f"Use the {self.variant} correction: on later stretches it leaves {scale.text(self.after)} rms, "
+        said += f"against {without}."
+        if best != self.variant:
+            said += f" The {best} one is not better by {GAIN:g} dB."
+        if np.isnan(self.copies_db):
+            said += " That it is this temperature cannot be shown: moved in time, it is much the same."
+        return said
+
+    def __str__(self) -> str:
+        if not self.choice:
+            return self.sentence()
+        scale = self.scale()
+        shown = self.table.rename(index={self.variant: f"{self.variant} *"})
+        text = (scale.factor * shown).to_string(float_format=number_text)
+        head = "Rms error on later stretches, each predicted from everything before"
+        return f"{head}{f' [{scale.unit}]' if scale.unit else ''}; * is advised:\n{text}"
+
+    __repr__ = __str__
+
+
+NEEDLESS = (LEVEL, LATEST, DRIFT)
+
+
+def advise(variants: Mapping[str, Any], X: Any, y: Any) -> Advice:
+    """Choose between variants of a model, and no correction by temperature at all.
+
+    Each is predicted on the same later stretches, from all before them. The simplest within `GAIN` of the best is
+    chosen, if it is better by as much than what needs no temperature, and laws of the temperature are than laws of
+    copies of it that are moved in time (Ebisuzaki, Journal of Climate 10, 1997).
+
+    `variants` (mapping of str to fitted DynamicBiasRegressor): The simplest first. `X`, `y` (as for their `fit`).
+    """
+    models = list(variants.values())
+    last = models[-1]
+    record = _record(last, X, numeric_reading(y, X))
+    effects = {name: _effects(model, record) for name, model in variants.items()}
+    data = averaged(record, [effect for some in effects.values() for effect in some])
+    unit = last.reading_.unit
+    if len(data.reading) < FEWEST:
+        return Advice(choice="", variant="", table=pd.DataFrame(), copies_db=np.nan, unit=unit)
+    levels = _levels(last)
+    groups = np.searchsorted(levels, data.seconds, side="right")
+    made = iter(data.columns)
+    columns = {name: _level_free(np.column_stack([next(made) for _ in some]), groups) for name, some in effects.items()}
+    reading = _level_free(data.reading[:, None], groups)[:, 0]
+    known = _Stretches(reading, _hidden(reading, columns[list(columns)[-1]], data))
+    table = {LEVEL: known.errors(reading[:, None][:, :0])}
+    table[LATEST] = known.of_latest()
+    table[DRIFT] = known.errors(data.seconds[:, None] - data.seconds.mean())
+    needless = min(geometric_mean(errors) for errors in table.values())
+    table |= {name: known.errors(own) for name, own in columns.items()}
+    whole = {name: geometric_mean(errors) for name, errors in table.items()}
+    best = min(whole[name] for name in variants)
+    chosen, copies = "", np.nan
+    if _db(needless, best) >= GAIN:
+        copies = _beside_copies(record, max(model.degree for model in models), levels)
+        if not copies < GAIN:
+            chosen = next(name for name in variants if _db(whole[name], best) < GAIN)
+    frame = pd.DataFrame({name: np.sqrt(errors) for name, errors in table.items()}).T
+    frame = frame.set_axis(range(1, frame.shape[1] + 1), axis=1)
+    dynamic = bool(chosen) and any(map(len, variants[chosen].thermometers_.values()))
+    return Advice(
+        choice=("dynamic" if dynamic else "static") if chosen else "none",
+        variant=chosen,
+        table=frame.assign(all=[np.sqrt(whole[name]) for name in frame.index]),
+        copies_db=-copies,
+        unit=unit,
+    )
+
+
+def _db(worse: float, better: float) -> float:
+    """How much lower a mean square is than another one [dB]."""
+    return float(10 * np.log10(worse / better))
+
+
+def _record(model: Any, X: Any, reading: np.ndarray) -> Record:
+    """The user's record with the columns of a model, and the readings that are learned from."""
+    features = model.features_
+    needed = [name for effect in features.effect_list() for name in effect.inputs()]
+    fill = features.fill_in if features.filling_.stand_ins else None
+    read = read_record(X, features.layout(), y=reading, needed=needed, quiet=True, fill=fill)
+    found: Record = model.without_spoilt(read)
+    return screened(found, features.longest_step())[0] if model.screen else found
+
+
+def _levels(model: Any) -> tuple[float, ...]:
+    """Moments at which the reading has another level [s], which its corrections keep: of events, and between runs."""
+    events = [effect for effect in model.features_.effect_list() if isinstance(effect, Events)]
+    return tuple(sorted({*model.run_levels_.times, *(float(time) for event in events for time in event.seconds_)}))
+
+
+def _effects(model: Any, record: Record) -> list[Effect]:
+    """Effects of a model that tell something of other stretches: no start-up, no level of a run or behind an event."""
+    own = [
+        clone(effect)
+        for effect in model.features_.effect_list()
+        if not isinstance(effect, InitialTransient | Events)
+        and not (isinstance(effect, SeveralSteps) and model.run_levels_.times == tuple(effect.times))
+    ]
+    for effect in own:
+        effect.learn(record)
+    return own
+
+
+def _level_free(columns: np.ndarray, groups: np.ndarray) -> np.ndarray:
+    """Columns without the mean of each run that has a level of its own."""
+    if not groups.any():
+        return columns
+    return np.asarray(columns - pd.DataFrame(columns).groupby(groups).transform("mean").to_numpy())
+
+
+def _hidden(reading: np.ndarray, columns: np.ndarray, data: Averages) -> float:
+    """Variance of single readings that their averages do not show."""
+    count = float(np.median(data.counts))
+    if count <= 1:
+        return 0.0
+    base = np.column_stack((np.ones(len(reading)), columns))
+    size = np.linalg.norm(base, axis=0)
+    left = reading - base @ (np.linalg.lstsq(base / np.where(size > 0, size, 1.0), reading, rcond=1e-9)[0] / size)
+    return float(np.mean(np.diff(left) ** 2)) / 2 * (count - 1)
+
+
+class _Stretches:
+    """A reading, shape (n,), and mean square errors of laws of it on stretches that they were not learned from."""
+
+    def __init__(self, reading: np.ndarray, hidden: float = 0.0):
+        self.reading, self.hidden = reading, hidden
+
+    def with_columns(self, columns: np.ndarray) -> OutOfSample:
+        """A law of columns, shape (n, k), and a constant."""
+        return OutOfSample(self.reading, np.column_stack((np.ones(len(columns)), columns)), self.hidden)
+
+    def errors(self, columns: np.ndarray) -> np.ndarray:
+        """Errors of a law, shape (stretches,)."""
+        return self.with_columns(columns).errors()
+
+    def of_latest(self) -> np.ndarray:
+        """Errors of the mean of the last readings before each stretch."""
+        edges = np.linspace(0, len(self.reading), PIECES + 1).astype(int)
+        found = []
+        for learn, test in later_pieces(None):
+            level = self.reading[edges[learn.stop - 4] : edges[learn.stop]].mean()
+            found.append(np.mean((self.reading[edges[test.start] : edges[test.stop]] - level) ** 2))
+        return np.array(found) + self.hidden
+
+    def least(self, static: np.ndarray, lags: np.ndarray) -> float:
+        """Least error of static laws, and of lags taken in beside them one after the other."""
+        least, base = geometric_mean(self.errors(static[:, :1])), static
+        for _ in range(TOGETHER + 1):
+            law = self.with_columns(base)
+            least = min(least, geometric_mean(law.errors()))
+            worths = [each.later for each in law.worth(list(lags.T[:, :, None]))]
+            base = np.column_stack((base, lags[:, int(np.argmax(worths))]))
+        return least
+
+
+def _beside_copies(record: Record, degree: int, levels: tuple[float, ...]) -> float:
+    """How much lower the error of laws of the temperature is than that of laws of any copy [dB].
+
+    Every second copy is turned round. NaN where the laws of all copies can make the temperature itself.
+    """
+    short = thinned(record, {}, PROBED)[0]
+    data = averaged(short, [])
+    lags = np.geomspace(short.usual_step() / 2, short.longest_read() / 2, LAGS).tolist()
+    groups = np.searchsorted(levels, data.seconds, side="right")
+    known = _Stretches(_level_free(data.reading[:, None], groups)[:, 0])
+
+    def laws(of: Record) -> list[np.ndarray]:
+        effects: list[Effect] = [StaticPolynomial(degree), ThermalLag(lags)]
+        for effect in effects:
+            effect.learn(of)
+        return [_level_free(part, groups) for part in averaged_columns(of, effects, COARSE)]
+
+    own = laws(short)
+    least, falls = known.least(*own), []
+    for k in range(1, COPIES + 1):
+        move = LEAST_MOVED + (1 - 2 * LEAST_MOVED) * (k * (5**0.5 - 1) / 2 % 1)
+        copy = laws(_moved(short, round(move * short.n_rows), -1 if k % 2 else 1))
+        if _explained(np.column_stack(copy), own[0][:, 0]) <= SAME:
+            falls.append(_db(known.least(*copy), least))
+    return min(falls, default=np.nan)
+
+
+def _moved(record: Record, rows: int, way: int) -> Record:
+    """The record with its temperature moved by so many rows; what is moved beyond the end comes in at the beginning."""
+    name = record.temperature_name
+    values = np.asarray(record.columns[name], float)
+    order = slice(None) if record.order is None else record.order
+    moved = values.copy()
+    moved[order] = np.roll(values[order], rows)[::way]
+    return replace(record, columns={**record.columns, name: moved}, known_moments={})
+
+
+def _explained(columns: np.ndarray, target: np.ndarray) -> float:
+    """Share of a column's variance that least squares on others explains."""
+    target, columns = target - target.mean(), columns - columns.mean(axis=0)
+    size = columns.std(axis=0)
+    columns = columns[:, size > 0] / size[size > 0]
+    left = target - columns @ np.linalg.lstsq(columns, target, rcond=1e-6)[0]
+    return float(1 - left @ left / max(float(target @ target), 1e-300))
