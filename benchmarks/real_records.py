@@ -3,8 +3,7 @@
     python benchmarks/real_records.py ../shared/records
     python benchmarks/real_records.py ../shared/records --time-constants 6      # so many, instead of "auto"
 
-Prints test rms (offset included), the naive script's figure, and their ratio, with the package's defaults; and whether
-what `later_errors` says of the first part, "use it" or "not shown to help", is what the rest shows beside a static law.
+Prints test rms (offset included), the naive script's figure, and their ratio, with the package's defaults.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from thermocorr import DynamicBiasRegressor, RecordWarning, later_errors
+from thermocorr import DynamicBiasRegressor, RecordWarning
 from thermocorr.datasets import load_real_record
 
 NAIVE = {
@@ -54,15 +53,6 @@ def error_on_the_rest(
     return float(np.sqrt(np.nanmean(model.residuals(X[n:], y[n:]) ** 2))), model
 
 
-def advice(X: pd.DataFrame, y: pd.Series, share: float, dynamic: DynamicBiasRegressor) -> tuple[bool, bool]:
-    """Whether later blocks of the first part say that a dynamic model helps, and whether it does on the rest."""
-    n = int(share * len(X))
-    static = DynamicBiasRegressor(X.columns[0], ()).fit(X[:n], y[:n])
-    said = later_errors({"static nonlinear": static, "dynamic nonlinear": dynamic}, X[:n], y[:n])
-    left, right = (np.nanmean(model.residuals(X[n:], y[n:]) ** 2) for model in (static, dynamic))
-    return bool(said.helps("dynamic nonlinear")), bool(right < left)
-
-
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -71,18 +61,13 @@ def main() -> None:
     parser.add_argument("--time-constants", type=int, help="how many to choose (default: that too)")
     options = parser.parse_args()
     warnings.simplefilter("ignore", RecordWarning)
-    ratios, right = [], 0
+    ratios = []
     for name, X, y in cases(options.folder):
         rms, model = error_on_the_rest(X, y, options.share, options.time_constants or "auto")
-        said, shown = advice(X, y, options.share, model)
-        right += said == shown
         ratios.append(rms / NAIVE[name])
         chosen = ", ".join(f"{tau:.4g}" for tau in model.time_constants_)
         print(f"{name:25s} test rms {rms:8.4f}  naive {NAIVE[name]:8.4f}  ratio {ratios[-1]:.2f}  tau/s {chosen}")
-        sentence = "use it" if said else "not shown to help"
-        print(f"{'':25s} later blocks: {sentence}; the rest: {'better' if shown else 'no better'} than static")
     print(f"geometric mean of the ratios {np.exp(np.mean(np.log(ratios))):.3f}, worst {max(ratios):.2f}")
-    print(f"advice right on {right} of {len(ratios)}")
 
 
 if __name__ == "__main__":

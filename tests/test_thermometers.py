@@ -241,7 +241,7 @@ def test_the_command_takes_several_thermometers(device, tmp_path, capsys):
     assert main(["analyze", str(tmp_path / "log.csv"), *options, "--out", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out
     assert "temperatures 'case', 'room'" in said
-    assert "Time constants of the last model, room:" in said
+    assert "Time constants, room:" in said
     assert (
         main(["correct", "--model", str(tmp_path / "out" / "model.json"), str(tmp_path / "log.csv"), "--reading", "U"])
         == 0

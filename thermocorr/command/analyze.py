@@ -144,7 +144,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
     say(f"{comparison}\n\n{comparison.advice}\n")
     for name, taus in thermometers.items():
         of_which = f", {name}" if len(thermometers) > 1 else ""
-        say(f"Time constants of the last model{of_which}: {', '.join(map(span_text, taus)) or 'none'}\n")
+        say(f"Time constants{of_which}: {', '.join(map(span_text, taus)) or 'none'}\n")
     say(judged.said)
     best = judged.model
     noise = added_noise(best, X, y)

@@ -1,5 +1,6 @@
 """Floor 3: estimators in scikit-learn's manner."""
 
+from .advice import Advice
 from .features import DiffusiveFeatures
 from .fitting import MergedRidge
 from .holdout import held_out_residuals
@@ -10,6 +11,7 @@ from .uncertainty import Budget, Sensor, Uncertainty
 from .variants import VariantComparison, compare_variants
 
 __all__ = [
+    "Advice",
     "Budget",
     "DiffusiveFeatures",
     "DynamicBiasRegressor",

@@ -81,8 +81,6 @@ class Advice:
             return f"{said} ({without}), and the same temperature moved in time does as well."
         said = f"Use the {self.variant} correction: on later stretches it leaves {scale.text(self.after)} rms, "
         said += f"against {without}."
-        if best != self.variant:
-            said += f" The {best} one is not better by {GAIN:g} dB."
         if np.isnan(self.copies_db):
             said += " That it is this temperature cannot be shown: moved in time, it is much the same."
         return said
