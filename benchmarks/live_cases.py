@@ -179,7 +179,7 @@ def command_case(rng, counts: Counter) -> list[str]:
         layout.dressed(log).assign(reading=log["reading"]).to_csv(path, index=False, na_rep=rng.choice(["", "NaN"]))
         if rng.random() < 0.5:
             given = ("--reading", "reading", "--quiet", "--blocks", 2, "--out", folder)
-            said = run("analyze", path, *given, *options(rng, layout, max_gap, labels))
+            said = run("analyze", path, "--variant", "dynamic-linear", *given, *options(rng, layout, max_gap, labels))
         else:
             table, fitted, said = read_table(path), random_model(rng, layout, max_gap, labels is not None), []
             fitted.set_params(effects=[effect for effect in fitted.effects if isinstance(effect, fx.Effect)])

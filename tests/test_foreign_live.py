@@ -32,7 +32,16 @@ def analyzed(tmp_path_factory):
     def of(text, *options):
         folder = tmp_path_factory.mktemp("analyzed")
         (folder / "fitted.csv").write_text(text, encoding="utf-8")
-        command = ["analyze", str(folder / "fitted.csv"), *options, "--time-constants", "5min", "--quiet"]
+        command = [
+            "analyze",
+            str(folder / "fitted.csv"),
+            *options,
+            "--time-constants",
+            "5min",
+            "--variant",
+            "dynamic-linear",
+            "--quiet",
+        ]
         assert main([*command, "--out", str(folder)]) == 0
         return folder
 
@@ -49,7 +58,23 @@ def test_a_foreign_log_is_followed_while_it_grows(name, written, tmp_path, capsy
         f"--{role}={next(c for c in names if str(c).lower().startswith(begins))}"
         for role, begins in (("temperature", "temp"), ("reading", ("read", "mess")))
     ]
-    assert main(["analyze", str(path), *options, "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
+    assert (
+        main(
+            [
+                "analyze",
+                str(path),
+                *options,
+                "--time-constants",
+                "5min",
+                "--variant",
+                "dynamic-linear",
+                "--out",
+                str(out),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     model = ["--model", str(out / "model.json"), *options]
     assert main(["correct", str(path), *model, "--out", str(tmp_path / "whole.csv")]) == 0
     lines = content.splitlines(keepends=True)
@@ -65,7 +90,22 @@ def test_a_foreign_log_is_followed_while_it_grows(name, written, tmp_path, capsy
 
 def test_a_line_in_another_way_of_writing_is_left_out_and_named(written, tmp_path, capsys):
     path, out = written(semicolons()), tmp_path / "out"  # as many lines as tell the dialect
-    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
+    assert (
+        main(
+            [
+                "analyze",
+                str(path),
+                "--time-constants",
+                "5min",
+                "--variant",
+                "dynamic-linear",
+                "--out",
+                str(out),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     follow = ["--model", str(out / "model.json"), "--follow", "--idle", "0"]
     with path.open("ab") as file:
         file.write(
@@ -94,7 +134,22 @@ def test_a_line_in_another_way_of_writing_is_left_out_and_named(written, tmp_pat
 
 def test_correct_says_how_it_has_read_a_log(written, tmp_path, capsys):
     path, out = written(semicolons()), tmp_path / "out"
-    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
+    assert (
+        main(
+            [
+                "analyze",
+                str(path),
+                "--time-constants",
+                "5min",
+                "--variant",
+                "dynamic-linear",
+                "--out",
+                str(out),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     capsys.readouterr()
     assert main(["correct", str(path), "--model", str(out / "model.json")]) == 0
     assert capsys.readouterr().err == (
@@ -109,7 +164,22 @@ def test_a_damaged_line_is_called_by_its_number_in_the_file(before, place, tmp_p
     )
     path = tmp_path / "log.csv"
     path.write_text(before + text)
-    assert main(["analyze", str(path), "--time-constants", "5", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    assert (
+        main(
+            [
+                "analyze",
+                str(path),
+                "--time-constants",
+                "5",
+                "--variant",
+                "dynamic-linear",
+                "--out",
+                str(tmp_path / "out"),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     lines = text.splitlines(keepends=True)
     lines[6] = lines[6].replace(";22", ";abc22")
     path.write_text(before + "".join(lines))
@@ -183,7 +253,22 @@ def test_comments_before_the_header_of_a_pipe_are_passed_over(tmp_path, capsys, 
     path, model = tmp_path / "log.csv", tmp_path / "out" / "model.json"
     rows = dated_rows("dates").splitlines(keepends=True)
     path.write_text("# Counter 5, gate 10 s\n  # lab 3\n" + "".join(rows))
-    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    assert (
+        main(
+            [
+                "analyze",
+                str(path),
+                "--time-constants",
+                "5min",
+                "--variant",
+                "dynamic-linear",
+                "--out",
+                str(tmp_path / "out"),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     rows[7] = rows[7].replace(",22", ",?!22")
     path.write_text("# Counter 5, gate 10 s\n  # lab 3\n" + "".join(rows))
     found = []
@@ -218,7 +303,22 @@ def test_a_comment_with_as_many_commas_as_the_header_is_passed_over(comment, uni
     path, model = tmp_path / "log.csv", tmp_path / "out" / "model.json"
     header, rows = dated_rows("dates").split("\n", 1)
     path.write_text(f"{comment}\n{header}\n{units}{rows}", encoding="utf-8")
-    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    assert (
+        main(
+            [
+                "analyze",
+                str(path),
+                "--time-constants",
+                "5min",
+                "--variant",
+                "dynamic-linear",
+                "--out",
+                str(tmp_path / "out"),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     found = []
     for way in WAYS:
         capsys.readouterr()

@@ -287,7 +287,7 @@ def test_a_refined_model_is_said_to_be_another_than_the_one_that_the_judgement_s
     assert "in dB\nagainst step 0, negative is good; held out:" in said and "later [dB]" in said
     kept, _, before = said.splitlines()[:3]
     assert kept.startswith(
-        "Use the refined model, which has lagged covariate: humidity: it misses later blocks by 59 nV"
+        "Use the refined model, which has lagged covariate: humidity: it misses later blocks by 59.4 nV"
     )
     assert before.startswith("(Before that: ")
     assert said.index("Before lagged covariate: humidity was added:") < said.index("Verdict: missing")

@@ -220,7 +220,7 @@ class _Stretches:
         for learn, test in later_pieces(None):
             level = self.reading[edges[learn.stop - 4] : edges[learn.stop]].mean()
             found.append(np.mean((self.reading[edges[test.start] : edges[test.stop]] - level) ** 2))
-        return np.array(found) + self.hidden
+        return np.maximum(found, 1e-300) + self.hidden
 
     def least(self, static: np.ndarray, lags: np.ndarray) -> float:
         """Least error of static laws, and of lags taken in beside them one after the other."""
@@ -264,9 +264,10 @@ def _moved(record: Record, rows: int, way: int) -> Record:
     """The record with its temperature moved by so many rows; what is moved beyond the end comes in at the beginning."""
     name = record.temperature_name
     values = np.asarray(record.columns[name], float)
-    order = slice(None) if record.order is None else record.order
+    used = (np.arange(record.n_rows) if record.order is None else record.order)[: record.n_used]
+    used = used[np.isfinite(values[used])]
     moved = values.copy()
-    moved[order] = np.roll(values[order], rows)[::way]
+    moved[used] = np.roll(values[used], rows)[::way]
     return replace(record, columns={**record.columns, name: moved}, known_moments={})
 
 
