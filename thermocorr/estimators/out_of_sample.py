@@ -212,7 +212,9 @@ class Fold:
     def _coefficients(self, moments: np.ndarray) -> np.ndarray:
         """Coefficients of the base for columns with these learned moments, shape (p, columns)."""
         centred = moments[1:] - np.outer(self.constant[1:], moments[0])
-        inner = self.scale[:, None] * cho_solve((self.half, True), self.scale[:, None] * centred)
+        inner = self.scale[:, None] * centred
+        if len(inner):  # old releases of SciPy refuse what is empty
+            inner = self.scale[:, None] * cho_solve((self.half, True), inner)
         return np.vstack(((moments[0] - self.A[0, 1:] @ inner) / self.A[0, 0], inner))
 
     def error_with(self, products: Products) -> np.ndarray:
