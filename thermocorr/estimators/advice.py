@@ -228,8 +228,7 @@ class _Stretches:
         for _ in range(TOGETHER + 1):
             law = self.with_columns(base)
             least = min(least, geometric_mean(law.errors()))
-            worths = [each.later for each in law.worth(list(lags.T[:, :, None]))]
-            base = np.column_stack((base, lags[:, int(np.argmax(worths))]))
+            base = np.column_stack((base, lags[:, law.most_helpful(lags)]))
         return least
 
 
