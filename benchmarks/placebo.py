@@ -23,8 +23,6 @@ from thermocorr import RecordWarning, VariantComparison, compare_variants
 
 N = 600
 Draw = Callable[[np.random.Generator], np.ndarray]
-SAME_DRIVER = ("vhd200", "hp34420a", "oldtown", "groundwater")
-"""Beginnings of names of records with the same thermometer, or the weather of one place."""
 
 
 def remembering(rng: np.random.Generator, rows: float) -> np.ndarray:
@@ -84,7 +82,7 @@ def measured(folder: str) -> None:
             flush=True,
         )
         for other, (others, _, theirs, _) in records.items():
-            if other == name or (other.startswith(SAME_DRIVER) and name.startswith(other.split()[0])):
+            if other.split()[0] == name.split()[0]:  # the same thermometer, or the weather of one place
                 continue
             T = np.asarray(others[theirs].dropna(), float)
             T = np.interp(np.linspace(0, len(T) - 1, n), np.arange(len(T)), T) if len(T) < n else T[:n]

@@ -72,9 +72,15 @@ def test_later_readings_of_such_an_instrument_are_signed_and_covered():
     assert calm >= 3
 
 
+def switched(rng, often):
+    return np.cumsum(rng.random(N) < often) % 2
+
+
 OTHERS = {
     "slow": lambda rng: low_pass(0.97)(rng),
     "slow beside the instrument's": lambda rng: 0.7 * low_pass(0.9)(rng) + 0.7 * rng.standard_normal(N),
+    "switched, far above the noise": lambda rng: 2 * switched(rng, 0.15) + 0.1 * rng.standard_normal(N),
+    "switched often": lambda rng: switched(rng, 0.3) + 0.1 * rng.standard_normal(N),
     "a filter and slow": lambda rng: low_pass(0.6)(rng) + 0.7 * low_pass(0.99)(rng),
 }
 

@@ -11,10 +11,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from ..equations import reduction_db
 from ..estimators import DynamicBiasRegressor, compare_variants
-from ..estimators.advice import Advice
-from ..estimators.out_of_sample import GAIN
 from ..estimators.progress import Progress, has_bars, told
 from ..files import Outputs
 from ..files.result_files import write_corrected, write_model
@@ -125,10 +122,9 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
     if options.variant is not None:
         best = comparison.models[options.variant.replace("-", " ")]
     judged = _judge(best, X, y, options, progress)
-    refined = judged.refinement is not None and _is_better(judged.refinement, advice)
-    used = kept_sentence(judged.refinement) if judged.refinement is not None and refined else ""
-    unwritten = advice.choice == "none" and options.variant is None and not refined
-    folder = None if unwritten else folder
+    used = "" if judged.refinement is None else kept_sentence(judged.refinement, advice)
+    if advice.choice == "none" and options.variant is None and not used:
+        folder = None
     say(f"{used}\n\n(Before that: {advised})\n" if used else f"{advised}\n")
     if loaded.understood:
         say(f"Read as: {', '.join(loaded.understood)}.\n")
@@ -160,7 +156,6 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
             diagnosis=judged.diagnosis,
             refinement=judged.refinement,
             comparison=comparison,
-            advice=advised,
             unjudged=judged.reason,
             source=", ".join(options.log) or "the built-in voltage reference with a hidden effect",
             command=options.as_written,
@@ -173,12 +168,6 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         say("Nothing is written: no correction is advised. To write one all the same: --variant dynamic-linear")
     if report is not None:
         say(f"Report: {report}")
-
-
-def _is_better(refinement: Refinement, advice: Advice) -> bool:
-    """Whether a refined model is better than no correction by temperature, where that is what is advised."""
-    later = float(refinement.steps["later_rms"].iloc[-1])
-    return advice.choice != "none" or (len(refinement.steps) > 1 and reduction_db(later, advice.before) <= -GAIN)
 
 
 def _evaluated(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series, say: Callable[[str], None]) -> pd.DataFrame:

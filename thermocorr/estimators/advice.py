@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,16 +19,14 @@ from ..records.history import thinned
 from ..records.numbers import Scale, number_text, numeric_reading, scale_of
 from ..records.screen import screened
 from .averages import COARSE, Averages, averaged, averaged_columns
+from .copies import moved
 from .out_of_sample import GAIN, PIECES, OutOfSample, geometric_mean, later_pieces
 
 FEWEST = 100
 """Readings below which nothing is advised."""
-COPIES = 39
-"""Copies of the temperature, moved in time, that it must outdo."""
-LEAST_MOVED = 0.05
-"""Least move of such a copy, as a share of the record."""
 SAME = 0.75
-"""Share of the temperature's variance that laws of a copy may make: one that makes more is no other temperature."""
+"""Share of the temperature's variance above which laws of a copy reproduce it, and the copy proves nothing. Without
+this, none of 20 exact daily cycles but one is corrected."""
 PROBED, LAGS, TOGETHER = 100_000, 14, 3
 """Rows, lags and lags at once at most of the laws by which temperature and copies are compared."""
 LEVEL, LATEST, DRIFT = "level", "latest level", "level and drift"
@@ -40,7 +38,7 @@ class Advice:
     """Which of some corrections to use, if any. Prints as a table."""
 
     choice: str
-    """ "none", "static" or "dynamic"; "" where the record is too short to say."""
+    """ "none", "static" or "dynamic"; "" where the record is too short to say: fewer than 100 readings."""
     variant: str
     """Name of the variant to use; "" for none."""
     table: pd.DataFrame
@@ -105,7 +103,7 @@ def advise(variants: Mapping[str, Any], X: Any, y: Any) -> Advice:
 
     Each is predicted on the same later stretches, from all before them. The simplest within `GAIN` of the best is
     chosen, if it is better by as much than what needs no temperature, and laws of the temperature are than laws of
-    copies of it that are moved in time (Ebisuzaki, Journal of Climate 10, 1997).
+    copies of it that are moved in time, see `thermocorr.estimators.copies`.
 
     `variants` (mapping of str to fitted DynamicBiasRegressor): The simplest first. `X`, `y` (as for their `fit`).
     """
@@ -132,7 +130,7 @@ def advise(variants: Mapping[str, Any], X: Any, y: Any) -> Advice:
     best = min(whole[name] for name in variants)
     chosen, copies = "", np.nan
     if _db(needless, best) >= GAIN:
-        copies = _beside_copies(record, max(model.degree for model in models), levels)
+        copies = _against_copies(record, max(model.degree for model in models), levels)
         if not copies < GAIN:
             chosen = next(name for name in variants if _db(whole[name], best) < GAIN)
     frame = pd.DataFrame({name: np.sqrt(errors) for name, errors in table.items()}).T
@@ -223,19 +221,19 @@ class _Stretches:
         return np.maximum(found, 1e-300) + self.hidden
 
     def least(self, static: np.ndarray, lags: np.ndarray) -> float:
-        """Least error of static laws, and of lags taken in beside them one after the other."""
-        least, base = geometric_mean(self.errors(static[:, :1])), static
-        for _ in range(TOGETHER + 1):
-            law = self.with_columns(base)
+        """Least error of static laws, and of these with lags that are added one after the other."""
+        law = self.with_columns(static)
+        least = min(geometric_mean(self.errors(static[:, :1])), geometric_mean(law.errors()))
+        for _ in range(TOGETHER):
+            law = law.with_columns(lags[:, [law.most_helpful(lags)]])
             least = min(least, geometric_mean(law.errors()))
-            base = np.column_stack((base, lags[:, law.most_helpful(lags)]))
         return least
 
 
-def _beside_copies(record: Record, degree: int, levels: tuple[float, ...]) -> float:
+def _against_copies(record: Record, degree: int, levels: tuple[float, ...]) -> float:
     """How much lower the error of laws of the temperature is than that of laws of any copy [dB].
 
-    Every second copy is turned round. NaN where the laws of all copies can make the temperature itself.
+    NaN where the laws of all copies can make the temperature itself.
     """
     short = thinned(record, {}, PROBED)[0]
     data = averaged(short, [])
@@ -251,23 +249,10 @@ def _beside_copies(record: Record, degree: int, levels: tuple[float, ...]) -> fl
 
     own = laws(short)
     least, falls = known.least(*own), []
-    for k in range(1, COPIES + 1):
-        move = LEAST_MOVED + (1 - 2 * LEAST_MOVED) * (k * (5**0.5 - 1) / 2 % 1)
-        copy = laws(_moved(short, round(move * short.n_rows), -1 if k % 2 else 1))
+    for copy in map(laws, moved(short, [short.temperature_name])):
         if _explained(np.column_stack(copy), own[0][:, 0]) <= SAME:
             falls.append(_db(known.least(*copy), least))
     return min(falls, default=np.nan)
-
-
-def _moved(record: Record, rows: int, way: int) -> Record:
-    """The record with its temperature moved by so many rows; what is moved beyond the end comes in at the beginning."""
-    name = record.temperature_name
-    values = np.asarray(record.columns[name], float)
-    used = (np.arange(record.n_rows) if record.order is None else record.order)[: record.n_used]
-    used = used[np.isfinite(values[used])]
-    moved = values.copy()
-    moved[used] = np.roll(values[used], rows)[::way]
-    return replace(record, columns={**record.columns, name: moved}, known_moments={})
 
 
 def _explained(columns: np.ndarray, target: np.ndarray) -> float:

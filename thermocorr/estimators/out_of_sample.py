@@ -18,7 +18,7 @@ from scipy.linalg import cho_solve
 PIECES = 80
 """Pieces of equal numbers of rows that the record is cut into."""
 FIRST, AHEAD = 32, 8
-"""Pieces that the first forecast is learned from, and pieces that each foretells: six stretches of the later part."""
+"""Pieces that the first forecast is learned from, and pieces that each predicts: six stretches of the later part."""
 BLOCK = 16
 """Pieces of each of the five blocks that are held out."""
 RIDGE = 1e-6

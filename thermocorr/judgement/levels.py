@@ -21,6 +21,8 @@ RANKED = 10
 """Suspects that are listed at most, causes among them."""
 FILTER_LENGTH, FILTER_WHITE = (15.0, 2.0), 0.1
 """Memory of a filter's noise at most [samples], without white noise and with some; share of all that is some."""
+GAUSSIAN = (2.4, 4.5)
+"""Fourth moments between which noise is Gaussian, as a filter's is."""
 TAILS, NINE_TENTHS = 3.0, 1.645
 """Rms of the residual over its usual size (nine tenths of Gaussian noise are below 1.645), from which a few readings
 make most of it. Student's t with three degrees has 1.2, one reading in thirty of sixty times the size 10."""
@@ -90,7 +92,7 @@ TAKEN = 2_000
 change is wrong by less than 1 % on simulated devices, with 250 rows by up to 3 %."""
 LEAST_RULE = 0.05
 """Share of the record before and after the moment at which another law begins: one learned from a few last rows is
-tested by none. Of a heater's record, one in the last 3 % helped by 2 dB, and made four times the later error."""
+tested by none."""
 NYQUIST = 0.98
 """Fastest wave that is tried, over half the sampling frequency: at it, sine and cosine are one column."""
 LATEST = 0.01
@@ -128,7 +130,7 @@ a disturbance. Without a limit, two of four records with heavy tails (Student, t
 with bursts were said to have short disturbances."""
 AROUND = 33
 """Rows of that median: the shortest disturbance must not move it. With 5, three to five large readings of heavy tails
-that follow on one another moved it, and were named in three of 240 records (seeds 8400 to 8639), with 33 in none."""
+that follow on one another moved it, and were named in three of 240 records, with 33 in none."""
 ROUNDING = 1e-14
 """Size of what the base leaves of the reading, over the usual reading, that is arithmetic: nothing is looked for."""
 
@@ -140,8 +142,7 @@ VISIBLE = 0.1
 """Size that a law of the record's own strength has in a direction of the base, over the noise from row to row, below
 which the base does without it: coefficients ten times those of the law would hardly show there. Without this, what a
 delay planted on measured records makes was in the base of 22 lags, with coefficients that no device has. With 0, 0.1,
-90.4, 95.7 % of 230 plants are declared (soil and heater aside):
-`python benchmarks/planted_on_real.py ../shared/records --gain 40 --seeds 42 45 46`."""
+90.4, 95.7 % of 230 plants are declared (`benchmarks/planted_on_real.py`)."""
 ALIVE = 1e-4
 """Length of a column outside the base, over its whole length, below which it is nothing new."""
 BATCH = 24
@@ -160,20 +161,15 @@ SUMS = 20
 SCATTER = 2.0
 """Variance of an explanation's evidence between twenty pieces of the record, over what even noise gives, up to which it
 counts in full; beyond, its gain is divided by the excess. Chance gives 2.3 once in a thousand. Effects planted on
-measured records have 0.08 to 2.2, half of them below 0.7, but up to 16 on soil, whose law the base does not hold;
+measured records have 0.08 to 2.2, half of them below 0.7, but up to 16 where the base does not hold the law;
 there, columns of other places that the likelihood alone would blame have 6 to 15 (the middle half)."""
 OF_PRODUCTS = 1.0
 """Products with a recorded column are given no such allowance (`SCATTER`): there are more of them than of anything
-else, and lagged modulations were what was named of other places on soil, with scatters around 7. Given to all recorded
-columns alike, the current of a heater was no longer named, whose evidence scatters, too."""
-COPIES = 39
-"""Copies of a recorded column, moved in time, whose evidence is compared with its own."""
-LEAST_MOVED = 0.05
-"""Least move of such a copy, as a share of the record."""
+else, and lagged modulations were what was named of other places, with scatters around 7."""
 INFLATION = 1.5
 """What the copies gain, over what noise that is as it seems would give them, up to which evidence counts in full:
 chance gives more once in forty (chi-square, as many degrees of freedom as copies). Beside columns planted on measured
-records that were found (seed 32) it is 0.6 to 1.8, but 10 to 35 where soil's own law was taken for another place's."""
+records that were found it is 0.6 to 1.8, but 10 to 35 where a record's own law was taken for another column's."""
 
 # Later data
 
@@ -210,7 +206,7 @@ PAIRS = 5
 FRUITLESS = 3
 """Terms in a row that are worth nothing, after which no further one is looked for."""
 MOST = 16
-"""Terms that are looked for. Soil has a dozen of its own."""
+"""Terms that are looked for."""
 OF_THERMOMETER = 2.0
 """Structure that is left over what the errors of the thermometers make in the reading, up to which these are its cause.
 On simulated devices whose thermometers have noise of 0.05 or 0.1 K it is 1.0 to 1.2 on the average, with 0.02 K up to

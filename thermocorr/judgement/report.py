@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 from sklearn.base import clone
 
 from ..effects import Disturbance, InitialTransient, Periodic, SeveralSteps, Step
@@ -31,6 +32,7 @@ from .levels import (
     DRIFT_TO_STEP,
     FILTER_LENGTH,
     FILTER_WHITE,
+    GAUSSIAN,
     HARMONICS,
     LEVEL,
     MOMENTS,
@@ -142,7 +144,7 @@ def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (
     wanders = bool(judged.wanders and not (pool.rows.exact or search.rounded) and wandering > WANDERS * floor)
     memory = float(np.average(times, weights=theta[1:])) if wanders else 0.0
     longest = FILTER_LENGTH[int(theta[0] > FILTER_WHITE * theta.sum())] * pool.record.usual_step()
-    filtered = memory if memory <= longest else 0.0
+    filtered = memory if memory <= longest and _is_gaussian(judged) else 0.0
     structured = wanders and not filtered
     if filtered:  # all of it is the instrument's
         floor = float(np.sqrt(total * counts)) * judged.unit
@@ -172,6 +174,16 @@ def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (
         and smallest_drift > max(DRIFT_TO_STEP * smallest_step, DRIFT_TO_NOISE * floor),
         spectrum=_spectrum(pool, judged),
     )
+
+
+def _is_gaussian(judged: Comparison) -> bool:
+    """Whether fourth moments of what is left, and of its steps, are those of Gaussian noise.
+
+    What is switched has two levels or rare large steps: popcorn noise is no filter's.
+    """
+    left = judged.bands.back(judged.left(judged.base.theta)[:, None])[:, 0]
+    moments = [float(stats.kurtosis(rows, fisher=False)) for rows in (left, np.diff(left))]
+    return all(GAUSSIAN[0] < moment < GAUSSIAN[1] for moment in moments)
 
 
 def _spectrum(pool: Pool, judged: Comparison) -> pd.DataFrame:

@@ -9,7 +9,7 @@ probability, the whole family having been tried, is below `LEVEL`, beside all ot
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, islice
@@ -23,20 +23,18 @@ from sklearn.base import clone
 from ..effects import Delay, Periodic
 from ..effects.protocol import Effect
 from ..estimators.averages import averaged_copies, said
+from ..estimators.copies import moved
 from ..estimators.out_of_sample import GAIN, OutOfSample, Worth
 from ..records import Record
-from ..records.history import Thinned
 from .levels import (
     ALIKE,
     CLEAR,
-    COPIES,
     DIFFERENT,
     FINE,
     FINER,
     FRUITLESS,
     HALF,
     INFLATION,
-    LEAST_MOVED,
     LEVEL,
     LOOKS,
     MOST,
@@ -64,8 +62,6 @@ def together(thermometers: pd.DataFrame) -> float:
 
 AT_ONCE = 1 << 22
 """Rows of all copies that are walked through together."""
-GOLDEN = (5**0.5 - 1) / 2
-"""Shares of the record, multiples of which are spread evenly and meet no period."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +82,10 @@ class Copies:
     @classmethod
     def of(cls, pool: Pool, judged: Comparison, held: OutOfSample, number: int, effect: Effect) -> Copies:
         """Copies of an effect of recorded columns; `number` is its own among the explanations of the comparison."""
-        records, columns = moved_in_time(pool.record, effect), []
+        names = [
+            name for name in effect.inputs() if name in pool.record.columns and name != pool.record.temperature_name
+        ]
+        records, columns = moved(pool.record, names), []
         while together := _columns_of(islice(records, max(1, AT_ONCE // pool.record.n_rows)), effect):
             columns += [pool.rows.weighed(part, out=part) for part in together]
         other, first = judged.copy(), len(judged.explanations)
@@ -108,34 +107,6 @@ def _columns_of(records: Iterable[Record], effect: Effect) -> list[np.ndarray]:
     for record, copied in copies:
         copied.learn(record)
     return averaged_copies(copies, FINE) if copies else []
-
-
-def moved_in_time(record: Record, effect: Effect) -> Iterator[Record]:
-    """The record with the columns of an effect moved in time, what is moved beyond the end coming in at the beginning.
-
-    Every second copy is turned round. Rows in which a cell is missing are no part of the record, and keep theirs.
-    """
-    names = [name for name in effect.inputs() if name in record.columns and name != record.temperature_name]
-    whole = {name: np.asarray(record.columns[name], float) for name in names}
-    known = np.logical_and.reduce([np.isfinite(column) for column in whole.values()])
-    if isinstance(record, Thinned):
-        record = replace(record, exact={})
-    every = known.all() and record.n_used == record.n_rows  # the same numbers in another order
-    stays = {of: moments for of, moments in record.known_moments.items() if every or of[0] not in names}
-    for k in range(1, COPIES + 1):
-        rows = round((LEAST_MOVED + (1 - 2 * LEAST_MOVED) * (k * GOLDEN % 1)) * np.count_nonzero(known))
-        columns = {name: _rolled(column, known, rows, -1 if k % 2 else 1) for name, column in whole.items()}
-        yield replace(record, columns={**record.columns, **columns}, known_moments=dict(stays))
-        del columns  # before those of the next one are there
-
-
-def _rolled(column: np.ndarray, known: np.ndarray, rows: int, way: int) -> np.ndarray:
-    """A column whose `known` rows are moved by so many, turned round where `way` is -1."""
-    if known.all():
-        return np.roll(column, rows)[::way]
-    copy = column.copy()
-    copy[known] = np.roll(column[known], rows)[::way]
-    return copy
 
 
 WAVE: Key = (Periodic.kind, None)
@@ -249,7 +220,7 @@ class Family:
         return self.price_of_columns(self.judged.width(i)) + self.price_of_tuning(i)
 
     def price_of_columns(self, width: int) -> float:
-        """What so many columns gain by chance."""
+        """What a number of columns gain by chance."""
         return 0.5 * math.log(self.judged.n) * width
 
     def price_of_tuning(self, i: int) -> float:
@@ -369,7 +340,7 @@ class Search:
         kinds = list(dict.fromkeys(t.key for t in able))[:TUNED]
         laws = {t.explanation.law: t for t in reversed(able) if t.key in kinds}
         bare = judged.copy()
-        near = [moved(self.pool, bare, t.explanation, SHARES) for t in laws.values()]
+        near = [retuned(self.pool, bare, t.explanation, SHARES) for t in laws.values()]
         return self._weighed(judged, self.family.add([each for each in near if each is not None]))
 
     # ---- the search ------------------------------------------------------------------------------------------------
@@ -491,7 +462,7 @@ class Search:
                 continue
             beside = self.judged.dropped(self.judged.adopted.index(number))
             self.family.judged = beside
-            there = moved(self.pool, beside.copy(), self.pool.with_columns([term])[0], (*SHARES, *FINER))
+            there = retuned(self.pool, beside.copy(), self.pool.with_columns([term])[0], (*SHARES, *FINER))
             if there is None:
                 continue
             new = self.family.add([there])[0]
@@ -571,7 +542,7 @@ class Search:
 
 
 # ---- the moves ------------------------------------------------------------------------------------------------------
-def moved(pool: Pool, beside: Comparison, explanation: Explanation, shares: Sequence[float]) -> Explanation | None:
+def retuned(pool: Pool, beside: Comparison, explanation: Explanation, shares: Sequence[float]) -> Explanation | None:
     """An explanation with its parameters moved to where it gains most, by each of `shares`; None where nowhere more.
 
     `beside` is the base that it stands beside; what else is tried there is forgotten. See `Effect.nearby`.

@@ -206,7 +206,7 @@ class Before(Effect):
     """What the parts of a device keep of the time before the record, each as much as the model says of its lag.
 
     Of another temperature until then, that is the sum of their decays, eq. (18), times the coefficients of the lags. Of
-    one that was rising, the slow parts keep more: with rank 2, so many times more as they are slower.
+    one that was rising, the slow parts keep more: with rank 2, in proportion to their time constants.
 
     `time_constants`, `coefficients` (array of shape (J,)): Of the lags [s]. `rank` (int): 1 or 2, the number of
     columns.

@@ -31,8 +31,6 @@ class Findings:
     """Diagnosis of the first model; by default the refinement's first."""
     refinement: RefinementLike | None = None
     comparison: VariantComparison | None = None
-    advice: str = ""
-    """Whether the correction of the first model is shown to help on later data."""
     unjudged: str = ""
     """Why there is no diagnosis."""
     source: str = ""
@@ -91,11 +89,13 @@ def page(data: PageData, findings: Findings) -> str:
 
 def leads(data: PageData, findings: Findings) -> list[Any]:
     """What stands above everything: what the model to use is worth on later data, and what the record is."""
-    refinement, advice = findings.refinement, findings.advice
-    used = "" if refinement is None else kept_sentence(refinement)
-    if used and advice:
-        advice = f"(Before that: {advice})"
-    said: list[Any] = [*map(with_signs, filter(None, (used, advice))), *data.warnings, data.record_sentence()]
+    refinement = findings.refinement
+    advice = None if findings.comparison is None else findings.comparison.advice
+    used = "" if refinement is None else kept_sentence(refinement, advice)
+    advised = "" if advice is None else advice.sentence()
+    if used and advised:
+        advised = f"(Before that: {advised})"
+    said: list[Any] = [*map(with_signs, filter(None, (used, advised))), *data.warnings, data.record_sentence()]
     if refinement is not None and len(refinement.steps) > 1:
         said.append(chapters.in_short(refinement))
     return said

@@ -168,7 +168,7 @@ KEPT = 0.98
 FEWEST = 250
 """Merging ends before fewer averages than this are left: these can be followed by eye."""
 FOLLOWED = 1200
-"""Averages up to which the path from one to the next is drawn."""
+"""Most averages between which the path is drawn."""
 BINS = 15
 """Bins of temperature of the curves for heating and cooling."""
 LEAST_AVERAGES = 3

@@ -12,6 +12,9 @@ import pandas as pd
 
 from ..effects import Disturbance
 from ..effects.wrap import as_effects
+from ..equations import reduction_db
+from ..estimators.advice import Advice
+from ..estimators.out_of_sample import GAIN
 from ..estimators.tables import VERDICTS
 from ..records.errors import printable
 from ..records.numbers import quantity_text, quantity_texts, span_text, span_texts
@@ -361,12 +364,17 @@ def further_text(refinement: RefinementLike) -> str:
     return ", ".join(effect_text(effect) for _, effect in as_effects(refinement.model_.effects))
 
 
-def kept_sentence(refinement: RefinementLike) -> str:
-    """Which model is to be used, and what it leaves on later blocks; empty where that is the given one."""
+def kept_sentence(refinement: RefinementLike, advice: Advice | None = None) -> str:
+    """Which model is to be used, and what it leaves on later blocks.
+
+    Empty where that is the given one, or where no correction is advised and the refined one is no better than none.
+    """
     effects = further_text(refinement)
     if not effects:
         return ""
     before, now = refinement.steps["later_rms"].iloc[[0, -1]].tolist()
+    if advice is not None and advice.choice == "none" and reduction_db(now, advice.before) > -GAIN:
+        return ""
     said = f"{'Use the refined model, which' if now < before else 'The model to use from here'} has {effects}"
     if not np.isfinite([now, before]).all():
         return f"{said}."
