@@ -1,4 +1,4 @@
-"""Nothing hidden, thirteen kinds of noise: is anybody accused, and is the stated error probability true?
+"""Nothing hidden, thirteen kinds of noise: is anybody accused, and is the stated p-value true?
 
     python benchmarks/null_records.py --records 20               # per kind, seeds that served no tuning
     python benchmarks/null_records.py --records 300 --kinds white flicker walk
@@ -9,7 +9,7 @@ standard deviation (random walks and slow noises: twice that over the record). W
 for time constants, so that the model's fast part is wrong by more than 0.14 of the noise, a lag, delay or rate that
 is named is no accusation ("lags found wanting"); nor is a start that brings the model of a device that was not at
 rest nearer to the truth by a fifth. Printed for each kind: accused, told "nothing missing", and how often the
-smallest error probability of the family lies at or below 0.001, 0.01 and 0.05.
+smallest p-value of the family lies at or below 0.001, 0.01 and 0.05.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ TESTS = Path(__file__).parents[1] / "tests"
 def job(log_path: str, page_path: str) -> None:
     """Fit and report; prints seconds of both, size [MB], rows in a cell, whether a planted spike is there, memory."""
     from thermocorr import DynamicBiasRegressor, ParquetLog
-    from thermocorr.pages import Findings, PageData, page
+    from thermocorr.pages import Answer, PageData, page
 
     if log_path:
         log = ParquetLog(log_path)
@@ -38,7 +38,7 @@ def job(log_path: str, page_path: str) -> None:
         model.fit(log, log["reading"])
         fitted = time.perf_counter()
         data = PageData.of(model, log, log["reading"])
-        text = page(data, Findings(unjudged="A benchmark: not judged."))
+        text = page(data, Answer(unjudged="A benchmark: not judged."))
         Path(page_path).write_text(text, encoding="utf-8")
         written = time.perf_counter()
         largest = max(float(np.abs(block["residual"]).max()) for block in model.evaluate_blocks(log, log["reading"]))

@@ -34,7 +34,7 @@ def test_corrected_log_has_the_same_rows_and_the_model_loads(log, tmp_path, caps
     out = tmp_path / "result"
     assert analyze(log, "--out", str(out)) == 0
     printed = capsys.readouterr()
-    assert "dynamic nonlinear" in printed.out
+    assert "dynamic linear *" in printed.out
     assert printed.err == ""
     before, after = pd.read_csv(log), pd.read_csv(out / "corrected.csv", keep_default_na=False)
     pd.testing.assert_frame_equal(after[before.columns], before)
@@ -58,9 +58,12 @@ def test_parquet_and_runs(log, tmp_path, capsys):
     assert "decay[600 s, a]" in (tmp_path / "r" / "model.txt").read_text()
 
 
-def test_progress_goes_to_standard_error(log, capsys):
-    assert main(["analyze", str(log), "--reading", "reading", "--time-constants", "10min"]) == 0
-    assert "held-out block" in capsys.readouterr().err
+def test_progress_goes_to_standard_error_where_that_is_a_terminal(log, capsys, monkeypatch):
+    command = ["analyze", str(log), "--reading", "reading", "--time-constants", "10min"]
+    monkeypatch.setattr("thermocorr.command.analyze.has_bars", lambda: False)
+    assert main(command) == 0 and capsys.readouterr().err == ""
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert main(command) == 0 and "held-out block" in capsys.readouterr().err
 
 
 def changed(log, **columns):
@@ -251,7 +254,7 @@ def test_a_corrected_log_is_plain_csv_that_both_commands_read_again(tmp_path, ca
     frame["time"] = frame["time"].dt.tz_localize(stamped or None)
     frame.to_csv(tmp_path / "log.csv", index=False, **written)
     assert analyze(tmp_path / "log.csv", *options, "--out", str(tmp_path / "one")) == 0
-    before = capsys.readouterr().out
+    before = capsys.readouterr().out.replace("\n  ", " ")
     lines = (tmp_path / "one" / "corrected.csv").read_text().splitlines()
     assert lines[0] == "time,temperature,humidity,reading,corrected,model,residual,flag,u"
     assert lines[1].startswith(f"{first},") and not any(";" in line for line in lines)
@@ -267,9 +270,9 @@ def test_a_corrected_log_is_plain_csv_that_both_commands_read_again(tmp_path, ca
     capsys.readouterr()
     for number, name in enumerate((tmp_path / "one" / "corrected.csv", tmp_path / "again.csv")):
         assert analyze(name, "--out", str(tmp_path / f"two{number}")) == 0
-        said = capsys.readouterr().out
-        assert "Note: 'corrected', 'model', 'residual', 'flag', 'u'" in said and "no suspects" in said
-        judged = [text[text.index("Verdict") : text.index("Written")] for text in (before, said)]
+        said = capsys.readouterr().out.replace("\n  ", " ")
+        assert "Data: 'corrected', 'model', 'residual', 'flag', 'u'" in said and "no suspects" in said
+        judged = [text[text.index("Verdict") : text.index("Data")] for text in (before, said)]
         assert judged[0] == judged[1]
         second = pd.read_csv(tmp_path / f"two{number}" / "corrected.csv")
         newest = "corrected" + (number + 1) * "_thermocorr"

@@ -27,7 +27,7 @@ def device(n=6000, seed=0):
 @pytest.mark.parametrize("swing", [3.0, 15.0])
 @pytest.mark.parametrize("noise", [0.0, 0.1, 0.2])
 def test_the_rounding_of_a_reading_is_no_structure(swing, noise):
-    """Five steps and an error probability of 1e-5 were told of it, or structure that nothing explains."""
+    """Five steps and a p-value of 1e-5 were told of it, or structure that nothing explains."""
     X, y, rng = device()
     reading = (swing * y + noise * rng.standard_normal(len(y))).round().rename("reading_mV")
     found = diagnose(DynamicBiasRegressor("temperature").fit(X, reading), X, reading)
@@ -60,7 +60,7 @@ def test_an_effect_larger_than_the_rounding_is_found():
 @pytest.mark.parametrize("height", [20.0, 60.0, 300.0])
 @pytest.mark.parametrize(("n", "number"), [(3000, 15), (3000, 50), (30_000, 60), (30_000, 500)])
 def test_spikes_are_told_up_to_nearly_a_fiftieth_of_the_readings(n, number, height):
-    """From 0.3 % on none was: what is rare enough to be foretold held spikes only."""
+    """From 0.3 % on none was: what is rare enough to be predicted held spikes only."""
     rng = np.random.default_rng(number)
     values, rows = rng.standard_normal(n), rng.choice(np.arange(2, n, 6), number, replace=False)
     values[rows] += height * rng.choice([-1, 1], number)

@@ -49,7 +49,7 @@ def test_it_is_the_error_of_fits_made_anew(given, moment):
 
 
 def test_a_jump_is_asked_behind_itself(given):
-    """Before it there is nothing to learn; behind it a quarter tells its level, and nothing is foretold at the end."""
+    """Before it there is nothing to learn; behind it a quarter tells its level, and nothing is predicted at the end."""
     base, _, y = given
     step = (np.arange(N) >= 1200)[:, None].astype(float)
     ahead = OutOfSample(y + 40 * step[:, 0], base)

@@ -14,7 +14,7 @@ import thermocorr.pages
 from thermocorr import DynamicBiasRegressor, ParquetLog
 from thermocorr.datasets import make_record
 from thermocorr.effects import Disturbance, Events, Hinge, Hysteresis, SeveralSteps, Step
-from thermocorr.pages import Findings, PageData, document
+from thermocorr.pages import Answer, PageData, document
 from thermocorr.pages.chapters import Scales, digits_down_to, parameters_text
 from thermocorr.pages.charts import Extremes
 from thermocorr.pages.html import number, plain, rendered, script_data, unit_text, units_of_axis, with_signs, with_unit
@@ -175,7 +175,7 @@ def test_a_page_says_where_the_correction_leaves_the_readings_or_adds_noise():
     assert PageData.of(model, X, y).warnings == ()
     left, louder = PageData.of(model, X + 30.0, y).warnings
     assert left.startswith("The corrected readings have a mean of ") and "the correction adds noise" in louder
-    page_text = document.page(PageData.of(model, X + 30.0, y), Findings())
+    page_text = document.page(PageData.of(model, X + 30.0, y), Answer())
     assert page_text.index("The corrected readings have a mean of") < page_text.index("<nav>")
     elsewhere = DynamicBiasRegressor("temperature", ["10 min"], reference_temperature=60.0).fit(X, y)
     assert PageData.of(elsewhere, X, y).warnings == ()  # asked for

@@ -15,7 +15,7 @@ from browser import complaints, numbers, opened, prefer, requests, resize, serie
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.estimators.tables import VERDICTS
-from thermocorr.pages import Findings, PageData, page
+from thermocorr.pages import Answer, PageData, page
 
 SINGLE = 6e-8
 """Relative rounding of the single precision in which series are written, of half their span."""
@@ -104,8 +104,8 @@ def test_a_record_of_many_segments_does_not_swell_the_page(gappy):
     data = gappy[3].data
     many = pd.concat([data.coefficients] * 500)
     long = replace(data, coefficients=many, equation="\n".join(["+ 1 * decay"] * len(many)))
-    assert len(page(long, Findings())) < len(page(data, Findings())) + 1e5
-    assert f"{len(many)} coefficients, the first" in page(long, Findings())
+    assert len(page(long, Answer())) < len(page(data, Answer())) + 1e5
+    assert f"{len(many)} coefficients, the first" in page(long, Answer())
 
 
 def test_a_diagnosis_without_data_says_so(gappy):
@@ -272,5 +272,5 @@ def test_a_page_says_which_thermometer_has_which_lags(tmp_path):
     record["room"] = make_record(2000, seed=10)["temperature"].to_numpy()
     X, y = record.drop(columns="reading"), record["reading"]
     model = DynamicBiasRegressor(["case", "room"], {"case": ["5 min"], "room": ["90 min", "5 h"]}).fit(X, y)
-    text = page(PageData.of(model, X, y), Findings())
+    text = page(PageData.of(model, X, y), Answer())
     assert "Its lags of case have the time constants 5 min. Its lags of room have" in " ".join(text.split())

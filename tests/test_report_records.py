@@ -10,7 +10,7 @@ from browser import complaints, numbers, opened, series
 from thermocorr import DynamicBiasRegressor, ParquetLog, refine
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.pages import Findings, PageData, page
+from thermocorr.pages import Answer, PageData, page
 from thermocorr.pages.report import write_report
 
 
@@ -60,7 +60,7 @@ def test_runs_that_overlap_in_time_stand_one_after_the_other(browser, tmp_path):
     data = PageData.of(model, X, 2 * X["temperature"])
     assert not data.timeline.in_order
     path = tmp_path / "overlap.html"
-    path.write_text(page(data, Findings()), encoding="utf-8")
+    path.write_text(page(data, Answer()), encoding="utf-8")
     opened(browser, path)
     assert complaints(browser) == []
     x, _ = series(browser, 1, 1)
@@ -92,7 +92,7 @@ def test_the_command_writes_the_report(tmp_path, capsys):
     report = tmp_path / "sub" / "page.html"
     options = ["--reading", "reading", "--time-constants", "10min,2h", "--quiet", "--blocks", "2"]
     assert main(["analyze", str(log), *options, "--report", str(report)]) == 0
-    assert f"Report: {report}" in capsys.readouterr().out
+    assert f"Written: page.html in {report.parent}" in capsys.readouterr().out.replace("\n  ", "")
     html = report.read_text(encoding="utf-8")
     assert "Static and dynamic" in html and "thermocorr analyze" in html and "<i>.csv" not in html
     assert main(["analyze", str(log), *options, "--report", str(tmp_path)]) == 2  # a folder

@@ -13,7 +13,7 @@ from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.files.model_file import load, save
 from thermocorr.firmware import export_c
-from thermocorr.pages import Findings, PageData, document
+from thermocorr.pages import Answer, PageData, document
 
 TO = {"degC": lambda T: T, "degF": lambda T: 1.8 * T + 32.0, "K": lambda T: T + 273.15}
 N = 1200
@@ -115,7 +115,7 @@ def test_a_unit_that_the_header_names_is_one_that_is_known(record):
 def test_page_and_export_say_that_a_unit_was_taken_by_its_size(named, record, tmp_path):
     X = stated(record, "degC", "degC" if named else "")
     model = DynamicBiasRegressor("temperature", ["5 min"]).fit(X, record["reading"])
-    page = document.page(PageData.of(model, X, record["reading"]), Findings())
+    page = document.page(PageData.of(model, X, record["reading"]), Answer())
     assert ("name no unit of &#39;temperature&#39;: its values were taken for °C by their size" in page) != named
     export_c(model, tmp_path / "bias", name="bias")
     line = next(line for line in (tmp_path / "bias" / "bias.h").read_text().splitlines() if "Temperature: " in line)

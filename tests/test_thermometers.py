@@ -68,7 +68,7 @@ def device():
 
 
 @pytest.mark.parametrize("seed", [2, 3, 4])
-def test_both_sets_of_time_constants_are_found_and_later_rows_are_foretold_to_the_noise(seed):
+def test_both_sets_of_time_constants_are_found_and_later_rows_are_predicted_to_the_noise(seed):
     X, y, U, noise = two_surfaces(seed)
     model = DynamicBiasRegressor(["case", "room"]).fit(X[:LEARNED], y[:LEARNED])
     for name, true in BODIES.items():
@@ -165,7 +165,7 @@ def with_hole(X, column, start, rows=60):
 @pytest.mark.parametrize("seed", [6, 7])
 @pytest.mark.parametrize("column", ["case", "room"])
 def test_a_thermometer_lost_for_an_hour_is_flagged_and_the_error_stays_below_twice_the_usual(column, seed):
-    """The fan of the case is foretold by nothing: in an hour it moves the case by 0.1 K, the reading by 0.03."""
+    """The fan of the case is predicted by nothing: in an hour it moves the case by 0.1 K, the reading by 0.03."""
     X, y, U, noise = two_surfaces(seed, noise=0.03)
     model = DynamicBiasRegressor(["case", "room"]).fit(X[:LEARNED], y[:LEARNED])
     errors, said = [], []

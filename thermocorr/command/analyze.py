@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
 
-from ..estimators import DynamicBiasRegressor, compare_variants
+from ..estimators import DynamicBiasRegressor, VariantComparison, compare_variants
 from ..estimators.progress import Progress, has_bars, told
 from ..files import Outputs
 from ..files.result_files import write_corrected, write_model
 from ..judgement import Diagnosis, Refinement, diagnose, refine
-from ..pages import Findings
+from ..pages import Answer
 from ..pages.report import report_text
 from ..pictures.residual_displays import added_noise
-from ..pictures.words import aspect_text, each_row, further_text, interval_text, kept_sentence
+from ..pictures.words import aspect_text, each_row, further_text, interval_text
 from ..records import RecordError, RecordWarning
 from ..records.errors import printable
 from ..records.numbers import number_text, scale_of, span_text
 from ..records.units import unit_of
 from .loading import (
+    Loaded,
     add_column_options,
     add_learning_options,
     add_model_options,
@@ -81,6 +84,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         const="",
         help="write everything as one HTML page (default: report.html, in the folder of --out)",
     )
+    parser.add_argument("--verbose", action="store_true", help="print every figure, not the answer alone")
+    parser.add_argument("--json", action="store_true", help="print the answer as JSON, and nothing else")
     parser.add_argument("--force", action="store_true", help="overwrite files that thermocorr did not write")
     parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
 
@@ -88,7 +93,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> None:
     """Do it: `say` prints results, `progress` shows what is being done."""
     check_numbers(options)
-    shown: Progress = None if options.quiet else True if has_bars() and sys.stderr.isatty() else progress
+    shown: Progress = None
+    if not options.quiet and sys.stderr.isatty():
+        shown = True if has_bars() else progress
     with Outputs(options.log, options.force) as outputs:
         _run(options, say, shown, outputs)
 
@@ -117,75 +124,84 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
             n_blocks=options.blocks,
             progress=progress,
         )
-    advice, advised = comparison.advice, comparison.advice.sentence()
-    best = comparison.best_ or list(comparison.models.values())[-1]
-    if options.variant is not None:
-        best = comparison.models[options.variant.replace("-", " ")]
-    judged = _judge(best, X, y, options, progress)
-    used = "" if judged.refinement is None else kept_sentence(judged.refinement, advice)
-    if advice.choice == "none" and options.variant is None and not used:
-        folder = None
-    say(f"{used}\n\n(Before that: {advised})\n" if used else f"{advised}\n")
-    if loaded.understood:
-        say(f"Read as: {', '.join(loaded.understood)}.\n")
-    thermometers, unit = best.thermometers_, best.reading_.temperature_unit
+    asked = (options.variant or "").replace("-", " ")
+    judged = _judge(comparison.models[asked or comparison.begun], X, y, options, progress)
+    noted = list(dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)))
+    answer = Answer.of(
+        X,
+        y,
+        diagnosis=judged.diagnosis,
+        refinement=judged.refinement,
+        comparison=comparison,
+        asked=asked,
+        unjudged=judged.reason,
+        source=", ".join(options.log) or "the built-in voltage reference with a hidden effect",
+        command=options.as_written,
+        notes=(*noted, *_read_as(loaded, comparison)),
+    )
+    best = _chosen(answer, comparison, judged)
+    files: list[str] = []
+    if folder is not None and answer.choice != "none":
+        evaluated, more = _evaluated(best, X, read)
+        answer = replace(answer, notes=(*answer.notes, *more))
+        files.append(str(write_corrected(outputs, folder, loaded.written, evaluated, loaded.has_index)))
+        files += map(str, write_model(outputs, folder, best, (X, y)))
+    if report is not None:
+        files.append(str(report))
+        outputs.write(report, report_text(best, X, y, answer))
+    outputs.commit()
+    answer = replace(answer, files=tuple(files))
+    if options.json:
+        say(json.dumps(answer.to_dict(), indent=1, allow_nan=False))
+        return
+    say(str(answer))
+    if folder is not None and answer.choice == "none":
+        say("No correction is written, as none is advised. To write one all the same: --variant dynamic-linear")
+    if options.verbose:
+        say(_everything(answer, judged, best, X, y))
+
+
+def _read_as(loaded: Loaded, comparison: VariantComparison) -> list[str]:
+    """How the log was understood."""
+    model = next(iter(comparison.models.values()))
+    thermometers, unit = model.thermometers_, model.reading_.temperature_unit
     named = f"temperature{'s' * (len(thermometers) > 1)} {', '.join(map(repr, thermometers))}"
     by_size = "" if unit_of(next(iter(thermometers)), loaded.log) else " by their size"
-    say(
-        f"{best.reading_.n_readings} readings of {loaded.reading!r}, {named} ({unit}{by_size}), a row every "
-        f"{span_text(best.features_.history_.usual_step)}\n"
-    )
-    for note in dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)):
-        say(f"Note: {note}\n")
-    say(f"{comparison}\n\n{comparison.advice}\n")
-    for name, taus in thermometers.items():
-        of_which = f", {name}" if len(thermometers) > 1 else ""
-        say(f"Time constants{of_which}: {', '.join(map(span_text, taus)) or 'none'}\n")
-    say(judged.said)
-    best = judged.model
-    noise = added_noise(best, X, y)
-    if noise:
-        say(f"{noise}\n")
-    if folder is not None:
-        written = [
-            write_corrected(outputs, folder, loaded.written, _evaluated(best, X, read, say), loaded.has_index),
-            *write_model(outputs, folder, best, (X, y)),
-        ]
-    if report is not None:
-        findings = Findings(
-            diagnosis=judged.diagnosis,
-            refinement=judged.refinement,
-            comparison=comparison,
-            unjudged=judged.reason,
-            source=", ".join(options.log) or "the built-in voltage reference with a hidden effect",
-            command=options.as_written,
-        )
-        outputs.write(report, report_text(best, X, y, findings))
-    outputs.commit()
-    if folder is not None:
-        say(f"Written: {', '.join(str(path) for path in written)}")
-    elif options.out is not None:
-        say("Nothing is written: no correction is advised. To write one all the same: --variant dynamic-linear")
-    if report is not None:
-        say(f"Report: {report}")
+    return [
+        f"{model.reading_.n_readings} readings of {loaded.reading!r}, {named} ({unit}{by_size}), a row every "
+        f"{span_text(model.features_.history_.usual_step)}",
+        *loaded.understood,
+    ]
 
 
-def _evaluated(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series, say: Callable[[str], None]) -> pd.DataFrame:
-    """`evaluate` with uncertainties, its warnings among what is said."""
+def _chosen(answer: Answer, comparison: VariantComparison, judged: Judged) -> DynamicBiasRegressor:
+    """The model of the answer; where no correction is advised, the one that was judged."""
+    if answer.refined and judged.refinement is not None:
+        return judged.refinement.model_
+    return comparison.models[answer.asked or comparison.begun]
+
+
+def _everything(answer: Answer, judged: Judged, best: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series) -> str:
+    """What the answer leaves out."""
+    said = ["", *(f"Data: {note}" for note in answer.notes), str(answer.comparison), str(answer.advised)]
+    for name, taus in best.thermometers_.items():
+        of_which = f", {name}" if len(best.thermometers_) > 1 else ""
+        said.append(f"Time constants{of_which}: {', '.join(map(span_text, taus)) or 'none'}")
+    return "\n\n".join(filter(None, [*said, judged.said, added_noise(best, X, y)]))
+
+
+def _evaluated(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series) -> tuple[pd.DataFrame, list[str]]:
+    """`evaluate` with uncertainties, and its warnings."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RecordWarning)
         evaluated = model.evaluate(X, y, return_std=True)
-    for warning in caught:
-        say(f"Note: {warning.message}\n")
-    return evaluated
+    return evaluated, [str(warning.message) for warning in caught]
 
 
 class Judged(NamedTuple):
-    """The model to keep, and what was found."""
+    """What was found."""
 
-    model: DynamicBiasRegressor
     said: str
-    """What is told of it."""
     diagnosis: Diagnosis | None = None
     refinement: Refinement | None = None
     reason: str = ""
@@ -203,11 +219,10 @@ def _judge(
                 with told(progress) as show:
                     show("looking for what is missing")
                     found = diagnose(model, X, y)
-                more = "\n\nAdd --refine to add what is missing and watch the error fall."
-                return Judged(model, f"{found}\n\n{places(found)}{more if found.best is not None else ''}", found)
+                return Judged(f"{found}\n\n{places(found)}", found)
             refinement = refine(model, X, y, progress=progress)
     except RecordError as error:
-        return Judged(model, f"Not judged: {error}", reason=f"Not judged: {error}")
+        return Judged(f"Not judged: {error}", reason=f"Not judged: {error}")
     first = refinement.diagnoses[0]
     before = f"Before {further_text(refinement)} was added:\n\n" if further_text(refinement) else ""
     said = (
@@ -215,7 +230,7 @@ def _judge(
         "The error, step by step (later: stretches predicted from everything before, in dB\n"
         f"against step 0, negative is good; held out: blocks of time that the fit did not see):\n\n{refinement}\n"
     )
-    return Judged(refinement.model_, said, first, refinement)
+    return Judged(said, first, refinement)
 
 
 def places(found: Diagnosis) -> str:

@@ -2,7 +2,7 @@
 
 A spike is told from what a device really does by three things. It is alone or one of a pair, and what comes after it
 agrees with what came before: a step, a pulse that decays, a warm-up do not return. It is far beyond the record's own
-increments, whose tail is foretold from its bulk by a power law: noise with heavy tails has no spikes. And no fewer of
+increments, whose tail is predicted from its bulk by a power law: noise with heavy tails has no spikes. And no fewer of
 the record's jumps of that size return than stay: a random telegraph has no spikes either.
 
 A logger that asks more often than its instrument measures writes readings down more than once: such a record has fewer
@@ -38,13 +38,13 @@ Gaussian noise reaches it once in 1e11 rows; at 4, the tails of ordinary noise w
 
 
 DECADES = 1.0
-"""Decades beyond the largest peak that is expected of the whole record, out to which the tail of its peaks is foretold.
+"""Decades beyond the largest peak that is expected of the whole record, out to which the tail of its peaks is predicted.
 Of 40 records of Student's t with three degrees, 20 000 rows each, 6 lose a row; at 0 27
 do, at 2 one, but of spikes of 12 standard deviations in white noise 15 % are kept then."""
 
 
 SHARES = (3e-3, 1e-2, 3e-2)
-"""Shares of the rows from which, too, the tail is foretold: where as many are spikes, they are no part of it."""
+"""Shares of the rows from which, too, the tail is predicted: where as many are spikes, they are no part of it."""
 
 
 GAP = 2.0
@@ -126,14 +126,14 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None, temperature
     fewest = max(1e-3, 10 / len(values))
     shares = [fewest, *(share for share in SHARES if share > fewest)]
     n = max(n_rows or 0, len(values))
-    foretold = min(_foretold(peaks, share, n, noise) for share in shares)
-    reach = max(SPIKE * noise, min(foretold, _below_a_gap(peaks, noise)))
+    predicted = min(_predicted(peaks, share, n, noise) for share in shares)
+    reach = max(SPIKE * noise, min(predicted, _below_a_gap(peaks, noise)))
     return Usual(
         middle=middle, low=low, high=high, noise=noise, reach=float(reach), repeats=repeats, near_lines=near, ends=ends
     )
 
 
-def _foretold(peaks: Floats, rare: float, n_rows: int, noise: float) -> float:
+def _predicted(peaks: Floats, rare: float, n_rows: int, noise: float) -> float:
     """Height of the largest of `n_rows` peaks, by a power law: what a share exceeds, and ten times it."""
     often = min(10 * rare, 0.3)
     q_rare, q_often = _share(peaks, 1 - rare), _share(peaks, 1 - often)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,8 +29,10 @@ SAME = 0.75
 this, none of 20 exact daily cycles but one is corrected."""
 PROBED, LAGS, TOGETHER = 100_000, 14, 3
 """Rows, lags and lags at once at most of the laws by which temperature and copies are compared."""
-LEVEL, LATEST, DRIFT = "level", "latest level", "level and drift"
+LEVEL, LATEST, DRIFT = NEEDLESS = ("level", "latest level", "level and drift")
 """What needs no temperature: the mean of all readings so far, that of the last ones, a straight line."""
+REFINED = "refined"
+"""Choice of, and variant with, effects that were found to be missing."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -38,12 +40,13 @@ class Advice:
     """Which of some corrections to use, if any. Prints as a table."""
 
     choice: str
-    """ "none", "static" or "dynamic"; "" where the record is too short to say: fewer than 100 readings."""
+    """ "none", "static", "dynamic" or "refined"; "" where the record is too short to say: fewer than 100 readings."""
     variant: str
     """Name of the variant to use; "" for none."""
     table: pd.DataFrame
     """Rms error in the unit of the reading: a row for each correction, the simplest first, a column for each later
-    stretch, predicted from all before it, and "all", their geometric mean. Empty where nothing is advised."""
+    stretch, predicted from all before it, and "all", their geometric mean. Empty where nothing is advised. Where a
+    refined model has effects with a date, the stretches lie behind the last one."""
     copies_db: float
     """Error of laws of the temperature over that of the best copy moved in time [dB]; negative is good. NaN where no
     copy differs enough from it, or it was not asked."""
@@ -52,22 +55,40 @@ class Advice:
     @property
     def before(self) -> float:
         """Error of the best correction that needs no temperature."""
-        return float(self.table["all"].loc[[name for name in NEEDLESS if name in self.table.index]].min())
+        return float(self.table["all"].loc[[*NEEDLESS]].min())
 
     @property
     def after(self) -> float:
         """Error of what is advised."""
         return float(self.table["all"].loc[self.variant]) if self.variant else self.before
 
+    @property
+    def range(self) -> tuple[float, float]:
+        """Least and greatest error of what is advised on a later stretch."""
+        name = self.variant or str(self.table["all"].loc[[*NEEDLESS]].idxmin())
+        each = self.table.loc[name].drop("all")
+        return float(each.min()), float(each.max())
+
     def scale(self) -> Scale:
         """The unit in which errors are printed."""
         return scale_of(self.table, printable(self.unit))
 
-    def sentence(self) -> str:
-        """What to do, and what it is worth."""
+    @property
+    def unproven(self) -> str:
+        """A sentence where copies of the temperature prove nothing; else empty."""
+        if not self.variant or not np.isnan(self.copies_db):
+            return ""
+        return " That it is this temperature cannot be shown: moved in time, it is much the same."
+
+    def using(self, name: str, models: Mapping[str, Any]) -> Advice:
+        """The advice as if a variant were advised that the user asked for."""
+        return replace(self, choice=_kind(models[name]), variant=name)
+
+    def sentence(self, scale: Scale | None = None) -> str:
+        """What to do, and what it is worth; `scale` is the unit of its errors."""
         if not self.choice:
             return "Whether a correction helps on data not learned from cannot be told: the record is too short."
-        scale = self.scale()
+        scale = scale or self.scale()
         whole = self.table["all"]
         best = str(whole.drop(list(NEEDLESS), errors="ignore").idxmin())
         without = f"{scale.text(self.before)} without the temperature"
@@ -78,10 +99,7 @@ class Advice:
                 return f"{said}, against {without}."
             return f"{said} ({without}), and the same temperature moved in time does as well."
         said = f"Use the {self.variant} correction: on later stretches it leaves {scale.text(self.after)} rms, "
-        said += f"against {without}."
-        if np.isnan(self.copies_db):
-            said += " That it is this temperature cannot be shown: moved in time, it is much the same."
-        return said
+        return f"{said}against {without}.{self.unproven}"
 
     def __str__(self) -> str:
         if not self.choice:
@@ -95,9 +113,6 @@ class Advice:
     __repr__ = __str__
 
 
-NEEDLESS = (LEVEL, LATEST, DRIFT)
-
-
 def advise(variants: Mapping[str, Any], X: Any, y: Any) -> Advice:
     """Choose between variants of a model, and no correction by temperature at all.
 
@@ -107,47 +122,69 @@ def advise(variants: Mapping[str, Any], X: Any, y: Any) -> Advice:
 
     `variants` (mapping of str to fitted DynamicBiasRegressor): The simplest first. `X`, `y` (as for their `fit`).
     """
-    models = list(variants.values())
-    last = models[-1]
+    last = list(variants.values())[-1]
     record = _record(last, X, numeric_reading(y, X))
-    effects = {name: _effects(model, record) for name, model in variants.items()}
-    data = averaged(record, [effect for some in effects.values() for effect in some])
-    unit = last.reading_.unit
-    if len(data.reading) < FEWEST:
-        return Advice(choice="", variant="", table=pd.DataFrame(), copies_db=np.nan, unit=unit)
-    levels = _levels(last)
-    groups = np.searchsorted(levels, data.seconds, side="right")
-    made = iter(data.columns)
-    columns = {name: _level_free(np.column_stack([next(made) for _ in some]), groups) for name, some in effects.items()}
-    reading = _level_free(data.reading[:, None], groups)[:, 0]
-    known = _Stretches(reading, _hidden(reading, columns[list(columns)[-1]], data))
-    table = {LEVEL: known.errors(reading[:, None][:, :0])}
-    table[LATEST] = known.of_latest()
-    table[DRIFT] = known.errors(data.seconds[:, None] - data.seconds.mean())
-    needless = min(geometric_mean(errors) for errors in table.values())
-    table |= {name: known.errors(own) for name, own in columns.items()}
-    whole = {name: geometric_mean(errors) for name, errors in table.items()}
-    best = min(whole[name] for name in variants)
+    table = _errors(variants, record)
+    if table.empty:
+        return Advice(choice="", variant="", table=table, copies_db=np.nan, unit=last.reading_.unit)
+    whole = table["all"]
+    best = whole[list(variants)].min()
     chosen, copies = "", np.nan
-    if _db(needless, best) >= GAIN:
-        copies = _against_copies(record, max(model.degree for model in models), levels)
+    if reduction_db(best, whole[list(NEEDLESS)].min()) <= -GAIN:
+        copies = _against_copies(record, max(model.degree for model in variants.values()), _levels(last))
         if not copies < GAIN:
-            chosen = next(name for name in variants if _db(whole[name], best) < GAIN)
-    frame = pd.DataFrame({name: np.sqrt(errors) for name, errors in table.items()}).T
-    frame = frame.set_axis(range(1, frame.shape[1] + 1), axis=1)
-    dynamic = bool(chosen) and any(map(len, variants[chosen].thermometers_.values()))
+            chosen = next(name for name in variants if reduction_db(best, whole[name]) > -GAIN)
     return Advice(
-        choice=("dynamic" if dynamic else "static") if chosen else "none",
+        choice=_kind(variants[chosen]) if chosen else "none",
         variant=chosen,
-        table=frame.assign(all=[np.sqrt(whole[name]) for name in frame.index]),
+        table=table,
         copies_db=-copies,
-        unit=unit,
+        unit=last.reading_.unit,
     )
 
 
-def _db(worse: float, better: float) -> float:
-    """How much lower a mean square is than another one [dB]."""
-    return float(10 * np.log10(worse / better))
+def advise_refined(
+    advice: Advice, variants: Mapping[str, Any], refined: Any, moment: float | None, X: Any, y: Any
+) -> Advice:
+    """The advice with a refined model in the list, which is chosen if it is better by `GAIN` than what was advised.
+
+    `moment` (float, optional): Share of the readings before the last of its effects that has a date.
+    """
+    if not advice.choice:
+        return advice
+    models = {**variants, REFINED: refined}
+    table = _errors(models, _record(refined, X, numeric_reading(y, X)), moment)
+    whole = table["all"]
+    before = whole[advice.variant] if advice.variant else whole[list(NEEDLESS)].min()
+    if reduction_db(whole[REFINED], before) > -GAIN:
+        return replace(advice, table=table)
+    return replace(advice, choice=REFINED, variant=REFINED, table=table)
+
+
+def _errors(variants: Mapping[str, Any], record: Record, moment: float | None = None) -> pd.DataFrame:
+    """`Advice.table`; empty for too few readings. The last variant has the effects with dates and levels of all."""
+    last = list(variants.values())[-1]
+    effects = {name: _effects(model, record) for name, model in variants.items()}
+    data = averaged(record, [effect for some in effects.values() for effect in some])
+    if len(data.reading) < FEWEST:
+        return pd.DataFrame()
+    groups = np.searchsorted(_levels(last), data.seconds, side="right")
+    made = iter(data.columns)
+    columns = {name: _level_free(np.column_stack([next(made) for _ in some]), groups) for name, some in effects.items()}
+    reading = _level_free(data.reading[:, None], groups)[:, 0]
+    known = _Stretches(reading, _hidden(reading, columns[list(columns)[-1]], data), moment)
+    table = {LEVEL: known.errors(reading[:, None][:, :0])}
+    table[LATEST] = known.of_latest()
+    table[DRIFT] = known.errors(data.seconds[:, None] - data.seconds.mean())
+    table |= {name: known.errors(own) for name, own in columns.items()}
+    frame = pd.DataFrame({name: np.sqrt(errors) for name, errors in table.items()}).T
+    frame = frame.set_axis(range(1, frame.shape[1] + 1), axis=1)
+    return frame.assign(all=[np.sqrt(geometric_mean(errors)) for errors in table.values()])
+
+
+def _kind(model: Any) -> str:
+    """Whether a fitted variant has lags."""
+    return "dynamic" if any(map(len, model.thermometers_.values())) else "static"
 
 
 def _record(model: Any, X: Any, reading: np.ndarray) -> Record:
@@ -200,8 +237,8 @@ def _hidden(reading: np.ndarray, columns: np.ndarray, data: Averages) -> float:
 class _Stretches:
     """A reading, shape (n,), and mean square errors of laws of it on stretches that they were not learned from."""
 
-    def __init__(self, reading: np.ndarray, hidden: float = 0.0):
-        self.reading, self.hidden = reading, hidden
+    def __init__(self, reading: np.ndarray, hidden: float = 0.0, moment: float | None = None):
+        self.reading, self.hidden, self.moment = reading, hidden, moment
 
     def with_columns(self, columns: np.ndarray) -> OutOfSample:
         """A law of columns, shape (n, k), and a constant."""
@@ -209,14 +246,15 @@ class _Stretches:
 
     def errors(self, columns: np.ndarray) -> np.ndarray:
         """Errors of a law, shape (stretches,)."""
-        return self.with_columns(columns).errors()
+        return self.with_columns(columns).errors(self.moment)
 
     def of_latest(self) -> np.ndarray:
         """Errors of the mean of the last readings before each stretch."""
         edges = np.linspace(0, len(self.reading), PIECES + 1).astype(int)
         found = []
-        for learn, test in later_pieces(None):
-            level = self.reading[edges[learn.stop - 4] : edges[learn.stop]].mean()
+        begin = 0 if self.moment is None else int(np.ceil(self.moment * PIECES))
+        for learn, test in later_pieces(self.moment):
+            level = self.reading[edges[max(learn.stop - 4, begin)] : edges[learn.stop]].mean()
             found.append(np.mean((self.reading[edges[test.start] : edges[test.stop]] - level) ** 2))
         return np.maximum(found, 1e-300) + self.hidden
 
@@ -251,7 +289,7 @@ def _against_copies(record: Record, degree: int, levels: tuple[float, ...]) -> f
     least, falls = known.least(*own), []
     for copy in map(laws, moved(short, [short.temperature_name])):
         if _explained(np.column_stack(copy), own[0][:, 0]) <= SAME:
-            falls.append(_db(known.least(*copy), least))
+            falls.append(float(10 * np.log10(known.least(*copy) / least)))
     return min(falls, default=np.nan)
 
 

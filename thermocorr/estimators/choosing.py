@@ -33,11 +33,11 @@ from .time_constants.spectrum import POOL_SIZE
 MOST_ROWS = 20_000
 """Rows that are enough to decide on: longer records are averaged over short stretches. What products add is slow."""
 BLOCKS = 10
-"""Blocks of time that follow on a first one: those of the later half are foretold, from everything before them. From
-less, so many products foretell nonsense."""
+"""Blocks of time that follow on a first one: those of the later half are predicted, from everything before them. From
+less, so many products predict nonsense."""
 CLEARLY = 0.95
 """Errors with products over those without, of the later blocks on the average and of the fit, up to which they are
-taken: what is foretold better by chance is not fitted better."""
+taken: what is predicted better by chance is not fitted better."""
 EACH = 0.995
 """Errors on each later block, likewise. Chosen on simulated devices with a hidden effect, strengths 2 and 0.5 (seeds
 302 to 305): 24 of 24 that have products get them, and 10 of 552 others; on other seeds (330 to 333) 24 of 24, and 2 of
@@ -67,7 +67,7 @@ def with_products_or_without(plain: DiffusiveFeatures, X: Any, y: Any, settings:
 def products_help(
     plain: DiffusiveFeatures, X: Any, y: Any, found: TimeConstantChoice, settings: SearchSettings
 ) -> bool:
-    """Whether the lags that were found fit and foretell clearly better beside products, every later block of them."""
+    """Whether the lags that were found fit and predict clearly better beside products, every later block of them."""
     assert found.factored is not None
     whole, taus = found.factored.record, [found.time_constants, *found.further.values()]
     if not any(map(len, taus)):
@@ -97,7 +97,7 @@ def products_help(
 
 
 def _later_errors(factored: Factored, models: Sequence[Sequence[int]], alpha: float) -> np.ndarray:
-    """Rms error of models, lists of columns, on each block of the later half, foretold from what is before it."""
+    """Rms error of models, lists of columns, on each block of the later half, predicted from what is before it."""
     dead = factored.columns.dead(factored.record, factored.folds)
     sides = factored.folds.sides(factored.chunks, factored.layout.n_free)
     sides = [each for each in sides if each.fold >= len(factored.folds) // 2]

@@ -188,7 +188,7 @@ def _sampled(
 
 
 def _memory(seconds: np.ndarray, values: np.ndarray) -> float:
-    """Time in which values forget: from the distance at which half of their variance is still foretold [s]."""
+    """Time in which values forget: from the distance at which half of their variance is still predicted [s]."""
     variance, n = float(values @ values) / len(values), len(values)
     step = float(np.median(np.diff(seconds))) if n > 1 else 1.0
     apart, before = 1, (0.0, 1.0)
@@ -202,7 +202,7 @@ def _memory(seconds: np.ndarray, values: np.ndarray) -> float:
 
 
 FEWEST_ROWS = 50
-"""With fewer known rows nothing is foretold."""
+"""With fewer known rows nothing is predicted."""
 
 
 class FilledRows(NamedTuple):

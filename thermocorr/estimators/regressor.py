@@ -53,7 +53,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     products : {"auto", False, True, 2, 3}, default "auto"
         Add the products Psi_j Psi_k of eq. (21) and (T - T0) Psi_j: the square of an inner temperature needs both. 3
         adds those of three, for its cube: many columns, which want a long record. "auto" adds those of two to a law of
-        degree 2 where time constants are chosen and each later block is foretold better with them, by 5 % together.
+        degree 2 where time constants are chosen and each later block is predicted better with them, by 5 % together.
     alpha : float or "auto", default "auto"
         Ridge penalty on coefficients times their columns' standard deviation, eps of eq. (13). "auto" takes the
         search's (at most 1e-4 per reading), and 0 for given time constants.

@@ -65,6 +65,11 @@ class VariantComparison:
         """The fitted variant that is advised; None where no correction by temperature is."""
         return self.models.get(self.advice.variant)
 
+    @property
+    def begun(self) -> str:
+        """Name of the variant that what is missing is looked for in: the advised one, or else the richest."""
+        return self.advice.variant or list(self.models)[-1]
+
     def frame(self) -> pd.DataFrame:
         """The figures: one row per variant."""
         return self.table.copy()

@@ -25,7 +25,7 @@ from ..pictures.words import (
     when_text,
 )
 from ..records.errors import printable
-from ..records.numbers import scale_of, span_text
+from ..records.numbers import Scale, scale_of, span_text
 from ..records.types import kind_of
 from ..records.units import difference_unit, unit_of
 from .acts import MARKS, Add, Columns, Mark, Roles, guessed_run, guessed_time
@@ -220,7 +220,7 @@ def _judged(found: Fitted) -> dict[str, Any]:
         "floor": figure(judged.noise_floor, scale),
         "rms": figure(judged.residual_rms, scale),
         "explainable": f"{judged.explainable:.0%}",
-        "left": _left(judged, unit_text(unit)),
+        "left": _left(judged, Scale(scale.factor, unit_text(scale.unit))),
         "where": [_place(row, found) for row in each_row(judged.where.head(PLACES))],
         "shades": [[axis.at(low), axis.at(high)] for low, high in stretches(judged, found.timeline)],
         "suspects": [
@@ -244,9 +244,9 @@ def _judged(found: Fitted) -> dict[str, Any]:
     }
 
 
-def _left(judged: Diagnosis, unit: str) -> list[str]:
+def _left(judged: Diagnosis, scale: Scale) -> list[str]:
     """What no cause explains; that is what is left when the causes are added, and says so."""
-    said = [printable(words) for words in left_sentences(judged.left, unit, judged.verdict)]
+    said = [printable(words) for words in left_sentences(judged.left, scale, judged.verdict)]
     return [f"With what is named below added: {said[0][0].lower()}{said[0][1:]}", *said[1:]] if judged.causes else said
 
 

@@ -22,7 +22,7 @@ from ..files.result_files import write_corrected
 from ..files.writer import TEXT_MARK
 from ..firmware.export import export_c
 from ..foreign import HowToRead
-from ..pages import Findings
+from ..pages import Answer
 from ..pages.report import report_text
 from ..records import RecordError
 from ..records.errors import printable
@@ -359,13 +359,13 @@ def _has_index(bench: Bench) -> bool:
 
 
 def _report(bench: Bench, found: Fitted, path: Path) -> None:
-    findings = Findings(
+    answer = Answer(
         diagnosis=found.diagnosis,
         unjudged=found.said.get("diagnosis", "Not judged yet." if found.diagnosis is None else ""),
         source=bench.source.name,
         command="thermocorr workbench",
     )
-    write_file(path, report_text(found.model, found.data.X, found.data.y, findings))
+    write_file(path, report_text(found.model, found.data.X, found.data.y, answer))
 
 
 def _firmware(bench: Bench, found: Fitted, path: Path) -> None:

@@ -51,6 +51,8 @@ class Cause:
     term: Term
     effect: Effect
     worth: Worth
+    before: float
+    """Rms error on later stretches beside the other causes, and without it."""
     moment: float | None
     """Share of the record before the last moment at which it begins or ends; None for kinds without one."""
     evenly: bool
@@ -138,6 +140,7 @@ class _Offer:
             if min(worths[k].later - worths[best].later, worths[k].both - worths[best].both) > GAIN:
                 best = k
         (self.effect, self.columns), self.worth, self.plain = self.forms[best], worths[best], worths[0]
+        self.before = held.later_rms(self.moment)
         if not self.term.tried.proven and self.worth.both < CLEAR:
             return False
         spoilt = self.moment is None and self.worth.blocks < -GAIN
@@ -146,12 +149,22 @@ class _Offer:
     @property
     def cause(self) -> Cause:
         """It, where it is worth adding; as it was found is among what it cannot be told apart from."""
-        return Cause(term=self.term, effect=self.effect, worth=self.worth, moment=self.moment, evenly=self.evenly)
+        return self._as(self.effect, self.worth)
 
     @property
     def small(self) -> Cause:
         """It, as it was found."""
-        return Cause(term=self.term, effect=self.forms[0][0], worth=self.plain, moment=self.moment, evenly=self.evenly)
+        return self._as(self.forms[0][0], self.plain)
+
+    def _as(self, effect: Effect, worth: Worth) -> Cause:
+        return Cause(
+            term=self.term,
+            effect=effect,
+            worth=worth,
+            before=self.before,
+            moment=self.moment,
+            evenly=self.evenly,
+        )
 
 
 def _forms(pool: Pool, effect: Effect) -> list[Effect]:
@@ -346,6 +359,7 @@ def _cause(cause: Cause, when: tuple[tuple[Any, Any], ...]) -> FoundSuspect:
         later_db=cause.worth.later,
         p_value=term.tried.p_value,
         confusable_with=tuple(alike),
+        before=cause.before,
         each=cause.worth.each,
         moment=cause.moment,
         evenly=cause.evenly,
@@ -363,4 +377,6 @@ def _other(tried: Tried, search: Search) -> FoundSuspect:
         gain_db=worth.blocks,
         later_db=worth.later,
         p_value=tried.p_value,
+        before=search.pool.out_of_sample.later_rms(),
+        each=worth.each,
     )

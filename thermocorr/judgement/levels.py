@@ -113,7 +113,7 @@ LENGTHS = 1.25
 STRETCHES = 40
 """Tests that the search for a disturbance counts for, per row of the record. White noise asks for 4.0 to 5.3 (largest
 gain of 400 records of 2 500 and of 10 000 rows); noise that wanders has excursions that look like one: with 5, 6 of 450
-records of flicker and noise that remembers 30 or 100 rows had an error probability of .001 or less
+records of flicker and noise that remembers 30 or 100 rows had a p-value of .001 or less
 (`benchmarks/null_records.py --records 150 --first 70000 --kinds flicker "2 %" "30 rows"`)."""
 FAR = 8.0
 """Distance of a row from the median of five around it, in robust standard deviations of such distances, beyond which it
@@ -186,10 +186,10 @@ SPEAKS = -6.0
 # Decisions
 
 LEVEL = 0.001
-"""Error probability of the whole family below which a cause is proven."""
+"""P-value of the whole family below which a cause is proven."""
 LOOKS = 4.5
 """Factor on the number of tests: parameters are tuned beyond their list, and the noise is an estimate. Of 720 records
-of coloured noise 1.5 % have an error probability of .01 or less, 2.4 % with a factor of 3 (`benchmarks/null_records.py
+of coloured noise 1.5 % have a p-value of .01 or less, 2.4 % with a factor of 3 (`benchmarks/null_records.py
 --records 60 --kinds flicker "0.3 %" "3 rows" "2 %"`, `--first` 9400, 9900 and 10400)."""
 DIFFERENT = 12
 """Most tests that the candidates of one kind and column count for: neighbours on a grid say nearly the same."""
@@ -213,7 +213,7 @@ On simulated devices whose thermometers have noise of 0.05 or 0.1 K it is 1.0 to
 1.6, with steps of 0.0625 to 0.25 K 0.6 to 1.3 (`benchmarks/thermometer_noise.py --diagnose`)."""
 STRUCTURE = 12.0
 """Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: for eight
-parts, 12 has an error probability of 0.002."""
+parts, 12 has a p-value of 0.002."""
 ROUNDED_OFF = 1.5
 """What is left over the usual rounding error of the reading (its step over the root of 12), up to which it is that."""
 SEVERAL = 3

@@ -41,8 +41,15 @@ class Refinement(RefinementPage):
     """The final model, fitted."""
     diagnoses: tuple[Diagnosis, ...] = field(repr=False)
     """Diagnosis of the model after each step."""
+    added: tuple[tuple[FoundSuspect, ...], ...] = ()
+    """What each step added."""
     untried: bool = False
     """Whether what the last diagnosis names has not been tried: no step was left for it."""
+
+    @property
+    def moment(self) -> float | None:
+        """Share of the record before the last of the added effects that has a date; None for none."""
+        return _last_moment(self.added)
 
     def __str__(self) -> str:
         errors = ["rms", "held_out_rms", "later_rms"]
@@ -142,7 +149,7 @@ def refine(
                 diagnoses.append(found)
         except KeyboardInterrupt:
             say("stopped")
-    return Refinement(_steps(diagnoses, added), current, tuple(diagnoses), untried=untried)
+    return Refinement(_steps(diagnoses, added), current, tuple(diagnoses), tuple(map(tuple, added)), untried)
 
 
 def _at_step(number: int, say: Callable[[str], None]) -> Callable[[str], None]:
@@ -174,9 +181,13 @@ def _confirmed(
     return None
 
 
+def _last_moment(added: Sequence[Sequence[FoundSuspect]]) -> float | None:
+    return max((cause.moment for causes in added for cause in causes if cause.moment is not None), default=None)
+
+
 def _steps(diagnoses: Sequence[Diagnosis], added: Sequence[Sequence[FoundSuspect]]) -> pd.DataFrame:
     """The table: all errors on the same stretches."""
-    moment = max((cause.moment for causes in added for cause in causes if cause.moment is not None), default=None)
+    moment = _last_moment(added)
     rows = []
     for number, (causes, found) in enumerate(zip([[], *added], diagnoses, strict=True)):
         assert found.ahead is not None and diagnoses[0].ahead is not None

@@ -24,7 +24,7 @@ from ..pages import DiagnosisPage, PageData
 from ..pictures.words import each_row, effect_text, left_sentences, small_sentence, suspect_sentence, worst_sentence
 from ..records import Record, seconds_of
 from ..records.errors import printable
-from ..records.numbers import quantity_texts
+from ..records.numbers import quantity_texts, scale_of
 from ..records.screen import CLIPPED, FILLED_IN, REPEAT
 from .data import quiet_rows
 from .levels import (
@@ -288,12 +288,14 @@ def _period(wave: FoundSuspect) -> float:
 
 def _joined(found: Sequence[FoundSuspect], own: Sequence[FoundSuspect], one: FoundSuspect) -> list[FoundSuspect]:
     """The causes with some of them as one, in the place of the first."""
+    fall = sum(cause.later_db for cause in own)  # each was judged beside those before it
     together = replace(
         one,
         standing="proven",
+        before=float(own[-1].after * 10 ** (fall / 20)),
         share=min(sum(cause.share for cause in own), 1.0),
-        gain_db=sum(cause.gain_db for cause in own),  # each was judged beside those before it
-        later_db=sum(cause.later_db for cause in own),
+        gain_db=sum(cause.gain_db for cause in own),
+        later_db=fall,
         p_value=max(cause.p_value for cause in own),
         when=tuple(sorted(interval for cause in own for interval in cause.when)),
     )
@@ -385,9 +387,11 @@ class FoundSuspect:
     """Mean fall of the squared error on later stretches, each predicted from all before it [dB]; NaN for a jump at the
     end."""
     p_value: float
-    """Error probability, corrected for the number of candidates tried."""
+    """P-value, corrected for the number of candidates tried."""
     confusable_with: tuple[Effect, ...] = ()
     """Effects that this record cannot tell it apart from."""
+    before: float = np.nan
+    """Rms error on later stretches of the model with the other causes, and without this one, in the unit of y."""
     each: tuple[float, ...] = ()
     """Fall of the squared error on each later stretch [dB]."""
     moment: float | None = None
@@ -406,6 +410,11 @@ class FoundSuspect:
     def label(self) -> str:
         """Kind and column."""
         return effect_text(self.effect)
+
+    @property
+    def after(self) -> float:
+        """`before`, and with it."""
+        return float(self.before * 10 ** (-self.later_db / 20))
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -437,7 +446,7 @@ class Diagnosis(DiagnosisPage):
     """Rms error of the model on a block of time that is held out, in the unit of y: mean over blocks."""
     unit: str
     level: float = LEVEL
-    """Error probability of the whole family of suspects, below which one is named."""
+    """P-value of the whole family of suspects, below which one is named."""
     ahead: OutOfSample | None = field(default=None, compare=False)
     """The model's errors on data that it was not learned from, for `refine`; None in a pickled copy."""
     gather: Callable[[], PageData] | None = field(default=None, compare=False)
@@ -450,7 +459,7 @@ class Diagnosis(DiagnosisPage):
 
     @property
     def small(self) -> tuple[FoundSuspect, ...]:
-        """What is there, and worth too little to be added: later data would be foretold no better."""
+        """What is there, and worth too little to be added: later data would be predicted no better."""
         return self.suspects[self.n_causes : self.n_causes + self.n_small]
 
     @property
@@ -507,7 +516,7 @@ class Diagnosis(DiagnosisPage):
         word = "Cause" if self.causes else "Suspect"
         lines += [f"{word} {k}, {suspect_sentence(suspect)}" for k, suspect in enumerate(said, 1)]
         lines += [sentence for sentence in [small_sentence(self)] if sentence]
-        lines += left_sentences(self.left, self.unit, self.verdict)
+        lines += left_sentences(self.left, scale_of((self.residual_rms, self.noise_floor), self.unit), self.verdict)
         if self.best is not None and self.best.info is not None:
             lines.append(f"To confirm the first on the bench: {self.best.info.bench_check}")
             lines.append("To add it: better = model.with_effect(diagnosis.best).fit(X, y), or refine(model, X, y).")

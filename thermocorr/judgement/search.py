@@ -128,7 +128,7 @@ class Tried:
     tuning: float
     """What of that is the price of tuned parameters."""
     p_value: float
-    """Error probability, the whole family having been tried."""
+    """P-value, the whole family having been tried."""
     uneven: bool = False
     """Whether the likelihood alone would prove it, but a few stretches of time decide."""
     copied: bool = False
@@ -176,7 +176,7 @@ class Family:
             late: Key = (Delay.kind, None)
             self.sizes[late] = self.sizes.get(late, 0) + 2 * self.shifts.most  # and between rows
         self.tests = {key: max(self.n_tests, LOOKS * size) for key, size in self.sizes.items()}
-        """What the error probability of one test is multiplied with (Bonferroni), by kind and column."""
+        """What the p-value of one test is multiplied with (Bonferroni), by kind and column."""
 
     def add(self, explanations: Sequence[Explanation]) -> list[int]:
         """Further explanations; returns their numbers."""
@@ -234,7 +234,7 @@ class Family:
         return 1 + len(self.judged.causes)
 
     def p_value(self, gain: float, i: int, found: int | None = None) -> float:
-        """Error probability of an explanation, the whole family having been tried (Wilks 1938; Bonferroni).
+        """P-value of an explanation, the whole family having been tried (Wilks 1938; Bonferroni).
 
         It was tried beside each number of terms up to those `found`, all so far by default.
         """

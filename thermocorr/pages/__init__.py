@@ -1,6 +1,7 @@
 """A diagnosis, a refinement or a fitted model as one self-contained HTML page, and in short for notebooks."""
 
 from .data import PageData
-from .document import DiagnosisPage, Findings, RefinementPage, page
+from .answer import Answer
+from .document import DiagnosisPage, RefinementPage, page
 
-__all__ = ["DiagnosisPage", "Findings", "PageData", "RefinementPage", "page"]
+__all__ = ["Answer", "DiagnosisPage", "PageData", "RefinementPage", "page"]

@@ -18,7 +18,6 @@ from ..pictures.words import (
     RefinementLike,
     each_row,
     effect_text,
-    further_text,
     left_sentences,
     share_of_samples,
     small_sentence,
@@ -26,6 +25,7 @@ from ..pictures.words import (
 from ..records.errors import quoted
 from ..records.numbers import Scale, scale_of, span_text
 from ..records.units import difference_unit
+from .answer import Answer
 from .charts import still
 from .data import PageData
 from .figures import placed
@@ -97,47 +97,35 @@ SHOWN_PLACES = 8
 HELPS = "One effect lowers the error on data that it was not learned from; that it is the cause is not proven."
 
 
-def judged(
-    found: DiagnosisLike, data: PageData, noise: Markup, time: Markup, refined: RefinementLike | None = None
-) -> list[Section]:
-    """The four questions; `noise` and `time` are figures for the first two, `refined` what was made of the answers."""
-    since = Since.of(refined)
-    return [anything(found, noise, since), places(found, data, time), suspects(found, data), cure(found, since)]
+def which(answer: Answer, title: str) -> Section:
+    """The corrections, each with its error on later data as a bar, and what was or is missing."""
+    advice = answer.advised
+    errors = {} if advice is None or advice.table.empty else advice.table["all"].to_dict()
+    shown = answer.advised.variant if answer.advised is not None else ""
+    return section(
+        "which",
+        title,
+        rows=[(name, size, bool(shown) and name == shown) for name, size in errors.items()],
+        largest=max(errors.values(), default=1.0) or 1.0,
+        scale=answer.scale(),
+        causes=answer.causes,
+    )
 
 
-class Since(NamedTuple):
-    """What became of the model that the four questions are asked of."""
-
-    has: str = ""
-    """Effects of the model to use from here; empty where it is still the same."""
-    verdict: str = ""
-    """What is said of that one."""
-    calm: bool = True
-    """Whether nothing is missing there."""
-
-    @classmethod
-    def of(cls, refined: RefinementLike | None) -> Since:
-        """What a refinement did."""
-        if refined is None:
-            return cls()
-        verdict = refined.diagnoses[-1].verdict
-        return cls(further_text(refined), verdict, VERDICTS[verdict].calm)
-
-
-def anything(found: DiagnosisLike, figures: Markup, since: Since) -> Section:
-    """1: residual against noise floor."""
+def anything(found: DiagnosisLike, title: str, figures: Markup) -> Section:
+    """The residual against the noise floor."""
     named = "" if found.best is None else effect_text(found.best)
     helps = bool(named) and found.suspects[0].standing == "helps"
+    scale = scale_of((found.residual_rms, found.noise_floor), found.unit)
     return section(
         "anything",
-        "1 Is anything missing?",
+        title,
         found=found,
-        since=since,
         named=named,
         calm=VERDICTS[found.verdict].calm,
         said=HELPS if helps else VERDICTS[found.verdict].sentence,
-        left=with_signs(" ".join(left_sentences(found.left, found.unit, found.verdict))),
-        scale=scale_of((found.residual_rms, found.noise_floor), found.unit),
+        left=with_signs(" ".join(left_sentences(found.left, scale, found.verdict))),
+        scale=scale,
         largest=max(found.residual_rms, found.noise_floor) or 1.0,
         figures=figures,
     )
@@ -153,32 +141,32 @@ class WherePlace(NamedTuple):
     """Where it stands on the axis of time; None for what is no single stretch of it."""
 
 
-def places(found: DiagnosisLike, data: PageData, figures: Markup) -> Section:
-    """2: where the model fails; the worst place in words."""
-    where, calm = found.where, VERDICTS[found.verdict].calm
+def where(found: DiagnosisLike, title: str, data: PageData, figures: Markup) -> Section:
+    """Where the model fails; the worst place in words."""
+    table, calm = found.where, VERDICTS[found.verdict].calm
     shown = 0 if calm else SHOWN_PLACES
-    longest = float(max(where["share"].max(), 1e-300)) if len(where) else 1.0
+    longest = float(max(table["share"].max(), 1e-300)) if len(table) else 1.0
     rows = [
         WherePlace(row, longest, placed(data, row.low, row.high) if row.aspect == "time" else None)
-        for row in each_row(where)
+        for row in each_row(table)
     ]
     return section(
         "where",
-        "2 Where does it fail?",
+        title,
         worst=rows[0].row if rows else None,
         calm=calm,
         shown=rows[:shown],
         folded=rows[shown:],
-        scale=scale_of(where["rms"], found.unit),
+        scale=scale_of(table["rms"], found.unit),
         figures=figures,
     )
 
 
-def suspects(found: DiagnosisLike, data: PageData) -> Section:
-    """3: the causes, what lowers the error on later data most first, and the other suspects as they are ranked."""
+def what(found: DiagnosisLike, title: str, data: PageData) -> Section:
+    """The causes, what lowers the error on later data most first, and the other suspects as they are ranked."""
     return section(
         "what",
-        "3 What is missing?",
+        title,
         suspects=[(suspect, parameters_text(suspect.effect, data)) for suspect in found.suspects],
         physics=by_kind([suspect.effect for suspect in (found.causes or found.suspects)[:3]]),
         calm=VERDICTS[found.verdict].calm,
@@ -188,13 +176,12 @@ def suspects(found: DiagnosisLike, data: PageData) -> Section:
     )
 
 
-def cure(found: DiagnosisLike, since: Since) -> Section:
-    """4: the effect ready to be added, and the measurement that would confirm it or part rivals."""
+def cure(found: DiagnosisLike, title: str) -> Section:
+    """The effect ready to be added, and the measurement that would confirm it or part rivals."""
     rivals = () if found.best is None else (found.best, *(found.suspects[0].confusable_with if found.suspects else ()))
     return section(
         "cure",
-        "4 What to do?",
-        since=since,
+        title,
         code="" if found.best is None else repr(found.best),
         checks=by_kind(rivals),
         calm=VERDICTS[found.verdict].calm,

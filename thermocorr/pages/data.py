@@ -159,7 +159,7 @@ def _uncertainties(model: Any) -> tuple[tuple[str, float], ...]:
         return ()
     joint = model.joint_errors()
     parts = {
-        "noise that its past does not foretell": joint.noise.white,
+        "noise that its past does not predict": joint.noise.white,
         "noise that remembers": joint.noise.wander_variance,
         "the bias": joint.usual,
     }

@@ -81,16 +81,15 @@ def refined(first: PageData, last: PageData, floor: float) -> Chart:
     """Residual before and after refinement, on the scale of the one before."""
     axis = time_axis(last)
     rules = (2 * floor, -2 * floor)
-    after = Panel("after", last.unit, residual_lines(last, floor), rules=rules)
-    panels: tuple[Panel, ...] = (after,)
-    where: np.ndarray | str = axis.x
+    lines = [replace(line, values=("series", 1, i)) for i, line in enumerate(residual_lines(last, floor))]
+    panels: tuple[Panel, ...] = (Panel("after", last.unit, tuple(lines), rules=rules),)
     if np.array_equal(first.traces.seconds, last.traces.seconds):  # else the effects need columns with missing values
-        lines = [replace(line, values=("series", 1, i)) for i, line in enumerate(residual_lines(first, floor))]
-        where, panels = "series", (Panel("before", last.unit, tuple(lines), rules=rules), replace(after, scale_of=0))
+        before = Panel("before", last.unit, residual_lines(first, floor), rules=rules)
+        panels = (before, replace(panels[0], scale_of=0))
     return Chart(
         "refined",
         axis.label,
-        where,
+        "series",
         panels,
         caption="What the model leaves, before and after. Dashed: twice the noise floor.",
         x_unit=axis.unit,

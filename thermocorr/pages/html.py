@@ -170,7 +170,7 @@ def decibels(value: float) -> Markup:
 
 
 def probability(value: float) -> Markup:
-    """An error probability; below 1e-12 its size means nothing."""
+    """An p-value; below 1e-12 its size means nothing."""
     return number(value, shown="< 10⁻¹²" if value < 1e-12 else plain(value, 2))
 
 

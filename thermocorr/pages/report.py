@@ -9,7 +9,7 @@ from typing import Any
 from ..estimators import DynamicBiasRegressor, VariantComparison
 from ..files import write_file
 from ..pictures.words import DiagnosisLike, RefinementLike
-from . import Findings, PageData, page
+from . import Answer, PageData, page
 
 
 def write_report(
@@ -54,7 +54,9 @@ def write_report(
     OutputError
         An OSError and a RecordError: the file cannot be written, or must not be.
     """
-    findings = Findings(
+    answer = Answer.of(
+        X,
+        y,
         diagnosis=diagnosis,
         refinement=refinement,
         comparison=comparison,
@@ -62,11 +64,11 @@ def write_report(
         source=source,
         command=command,
     )
-    return write_file(path, report_text(model, X, y, findings), force=force)
+    return write_file(path, report_text(model, X, y, answer), force=force)
 
 
-def report_text(model: DynamicBiasRegressor, X: Any, y: Any, findings: Findings) -> str:
+def report_text(model: DynamicBiasRegressor, X: Any, y: Any, answer: Answer) -> str:
     """The page that `write_report` writes."""
-    kept = findings.last
+    kept = answer.last
     data = kept.data if kept is not None and kept.data is not None else PageData.of(model, X, y)
-    return page(data, findings)
+    return page(data, answer)

@@ -286,7 +286,7 @@ class SuspectsDisplay:
         only.barh(range(len(frame)), gains, color=[BLUE if sure else PALE for sure in certain], height=0.62)
         reach = max(float(gains.max()), LEAST_REACH)
         for row, suspect in enumerate(each_row(frame)):
-            text = f"error probability {probability_text(suspect.p_value)}"
+            text = f"p-value {probability_text(suspect.p_value)}"
             if suspect.standing == "helps":
                 text = "helps on later data, cause not proven"
             text += f", explains {suspect.share:.0%}"

@@ -12,12 +12,9 @@ import pandas as pd
 
 from ..effects import Disturbance
 from ..effects.wrap import as_effects
-from ..equations import reduction_db
-from ..estimators.advice import Advice
-from ..estimators.out_of_sample import GAIN
 from ..estimators.tables import VERDICTS
 from ..records.errors import printable
-from ..records.numbers import quantity_text, quantity_texts, span_text, span_texts
+from ..records.numbers import Scale, quantity_text, span_text, span_texts
 
 
 class DiagnosisLike(Protocol):
@@ -77,6 +74,15 @@ class RefinementLike(Protocol):
 
     @property
     def model_(self) -> Any: ...  # noqa: D102
+
+    @property
+    def added(self) -> tuple[Any, ...]: ...  # noqa: D102
+
+    @property
+    def moment(self) -> float | None: ...  # noqa: D102
+
+    @property
+    def untried(self) -> bool: ...  # noqa: D102
 
 
 MINUS = "\u2212"
@@ -146,8 +152,8 @@ def effect_text(effect: Any) -> str:
 
 
 def probability_text(p: float) -> str:
-    """An error probability; below 1e-12 it is no more than that."""
-    return f"{p:.2g}" if p > 1e-12 else "below 1e-12"
+    """A p-value; below 1e-12 it is no more than that."""
+    return f"{p:.2g}" if p > 1e-12 else "< 1e-12"
 
 
 def wrapped(name: str, width: int, lines: int = 3) -> str:
@@ -182,7 +188,7 @@ def suspect_sentence(suspect: Any) -> str:
     return (
         (
             f"{suspect.title or suspect.effect.title()}: {STANDINGS[suspect.standing]}; {worth_text(suspect)}, "
-            f"error probability {probability_text(suspect.p_value)}{tie}. {when_text(suspect)} {physics}"
+            f"p-value {probability_text(suspect.p_value)}{tie}. {when_text(suspect)} {physics}"
         )
         .replace(".  ", ". ")
         .strip()
@@ -239,21 +245,21 @@ _TO_LOG = (
 )
 
 
-def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
+def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
     """What no cause explains, what to log to learn more, and what this record could have shown.
 
-    `unit` is that of the reading, in the letters or in the signs of print.
+    `scale` has the unit of every size, in the letters or in the signs of print.
     """
     said = []
     if left.unjudged:
         said.append(
             f"{left.unjudged:.0%} of the readings are behind gaps or beside filled cells, and neither learned from "
-            f"nor judged: there the model leaves {quantity_text(left.unjudged_rms, unit)} rms. What it lacks may be "
+            f"nor judged: there the model leaves {scale.text(left.unjudged_rms)} rms. What it lacks may be "
             "what makes it feel gaps for so long."
         )
     if left.structured:
         said.append(
-            f"What is left wanders by {quantity_text(left.wandering, unit)} and remembers for about "
+            f"What is left wanders by {scale.text(left.wandering)} and remembers for about "
             f"{span_text(left.correlation_time)}."
         )
         if VERDICTS[verdict].in_doubt and not left.of_thermometers:
@@ -262,7 +268,7 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
     elif left.rounding:
         said.append(
             "What is left is no more than the rounding of the reading, in steps of "
-            f"{quantity_text(left.rounding, unit)}. That follows all that the reading does: error "
+            f"{scale.text(left.rounding)}. That follows all that the reading does: error "
             "probabilities prove nothing here. More digits would tell more."
         )
     elif left.filtered and not left.uneven and not left.absurd:
@@ -273,7 +279,7 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
     elif not left.uneven and not left.absurd:
         beside = "" if VERDICTS[verdict].calm or VERDICTS[verdict].unknown else "Beside these causes, w"
         said.append(f"{beside or 'W'}hat is left looks like white noise.")
-    said += thermometer_sentences(left, unit)
+    said += thermometer_sentences(left, scale)
     if left.uneven and VERDICTS[verdict].unknown:
         said.append(
             f"A few stretches of the record follow {', '.join(left.uneven[:3])}; the rest does not. A short "
@@ -304,7 +310,7 @@ def left_sentences(left: Any, unit: str, verdict: str) -> list[str]:
         )
     sizes = {"a drift": left.smallest_drift, "a step": left.smallest_step}
     known = {what: size for what, size in sizes.items() if np.isfinite(size)}
-    seen = [f"{what} of {text}" for what, text in zip(known, quantity_texts([*known.values()], unit, 2), strict=True)]
+    seen = [f"{what} of {scale.text(size, 2)}" for what, size in known.items()]
     if seen:
         said.append(f"This record could have shown {' or '.join(seen)}; smaller ones are beyond it.")
     if left.drift_hides and (VERDICTS[verdict].calm or VERDICTS[verdict].unknown):  # beside no cause
@@ -325,7 +331,7 @@ LEAST_ATTENUATION = 0.002
 """Relative error of a static gain that is worth a word."""
 
 
-def thermometer_sentences(left: Any, unit: str) -> list[str]:
+def thermometer_sentences(left: Any, scale: Scale) -> list[str]:
     """What the errors of the thermometers make of the reading, where that is all that wanders, and of the gain."""
     said = []
     for row in each_row(left.thermometers):
@@ -336,7 +342,7 @@ def thermometer_sentences(left: Any, unit: str) -> list[str]:
         whose = f"the {of_what} of the thermometer {str(printable(row.thermometer))!r}"
         if left.of_thermometers and row.wandering:
             said.append(
-                f"About as much, {quantity_text(row.wandering, unit)}, comes from {whose}. A finer "
+                f"About as much, {scale.text(row.wandering)}, comes from {whose}. A finer "
                 "thermometer, or the mean of several of its readings, would lower it."
             )
         if abs(row.gain_error) >= LEAST_ATTENUATION:
@@ -362,24 +368,6 @@ def further_text(refinement: RefinementLike) -> str:
     if len(refinement.steps) < 2:
         return ""
     return ", ".join(effect_text(effect) for _, effect in as_effects(refinement.model_.effects))
-
-
-def kept_sentence(refinement: RefinementLike, advice: Advice | None = None) -> str:
-    """Which model is to be used, and what it leaves on later blocks.
-
-    Empty where that is the given one, or where no correction is advised and the refined one is no better than none.
-    """
-    effects = further_text(refinement)
-    if not effects:
-        return ""
-    before, now = refinement.steps["later_rms"].iloc[[0, -1]].tolist()
-    if advice is not None and advice.choice == "none" and reduction_db(now, advice.before) > -GAIN:
-        return ""
-    said = f"{'Use the refined model, which' if now < before else 'The model to use from here'} has {effects}"
-    if not np.isfinite([now, before]).all():
-        return f"{said}."
-    left, instead = quantity_texts((now, before), refinement.diagnoses[0].unit)
-    return f"{said}: it misses later blocks by {left} rms, {f'not {instead}' if now < before else f'{instead} before'}."
 
 
 def worst_sentence(row: Any) -> str:

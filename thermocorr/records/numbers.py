@@ -282,9 +282,13 @@ class Scale(NamedTuple):
     """A number in the unit that it came in, times this, is a number in `unit`."""
     unit: str
 
+    def number(self, value: float, digits: int = 3) -> str:
+        """The number in this unit, without it: ``0.97``."""
+        return number_text(value * self.factor, digits)
+
     def text(self, value: float, digits: int = 3) -> str:
         """The number in this unit, which follows it: ``0.97 mohm``."""
-        number = number_text(value * self.factor, digits)
+        number = self.number(value, digits)
         return number if number == UNKNOWN else f"{number} {self.unit}".rstrip()
 
 

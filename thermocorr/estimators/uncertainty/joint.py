@@ -101,7 +101,7 @@ class NoiseModel:
     """
 
     white: float
-    """Variance of one reading that the readings before it do not foretell: white, or forgotten within `recent`."""
+    """Variance of one reading that the readings before it do not predict: white, or forgotten within `recent`."""
     recent: float
     """Correlation time of that part [s]; 0 for white noise."""
     wander: np.ndarray

@@ -144,7 +144,7 @@
       }, alike == null ? "Add" : `Add ${label}`);
       const alike = one.alike.length ? element("div", { class: "alike" }, element("span", { class: "fine" }, "cannot be told apart from "), one.alike.map((label, k) => add(k, label))) : null;
       const worth = (figure) => element("dd", { class: figure?.value < 0 ? "bad" : "" }, number(figure));
-      const figures = [element("dt", {}, "gain, held out"), worth(one.held_out), element("dt", {}, "gain, later"), worth(one.later), element("dt", {}, "error probability"), element("dd", {}, one.p)];
+      const figures = [element("dt", {}, "gain, held out"), worth(one.held_out), element("dt", {}, "gain, later"), worth(one.later), element("dt", {}, "p-value"), element("dd", {}, one.p)];
       return element("li", { class: one.cause ? "cause" : "", onmouseenter: () => act.preview(i, null, preview), onmouseleave: () => act.preview(null), onfocusout: () => act.preview(null) },
         element("div", { class: "head" }, element("strong", {}, one.label), one.standing ? element("span", { class: "standing" }, one.standing) : null, add(null, one.exactly)),
         one.parameters ? element("div", { class: "fine" }, one.parameters) : null,

@@ -1,0 +1,337 @@
+"""The answer to a record: which correction to use, what it is worth, and what is missing in it."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..estimators.advice import REFINED, Advice, advise_refined
+from ..estimators.tables import VERDICTS
+from ..estimators.variants import VariantComparison
+from ..pictures.words import (
+    DiagnosisLike,
+    RefinementLike,
+    effect_text,
+    further_text,
+    left_sentences,
+    probability_text,
+    small_sentence,
+)
+from ..records.errors import printable
+from ..records.numbers import UNKNOWN, Scale, scale_of
+
+LINES, WIDTH = 16, 100
+"""Lines of a printed answer, and characters of a line, at most."""
+GAP = "   "
+"""Between columns of a table."""
+CAUSES = 5
+"""Causes that are printed at most."""
+
+
+class Missing(NamedTuple):
+    """An effect that is, or was, missing in a model."""
+
+    suspect: Any
+    """As `Diagnosis.causes` has it."""
+    state: str
+    """ "missing"; "added", or "not confirmed", by a refinement."""
+
+    @property
+    def title(self) -> str:
+        """The effect in words."""
+        return str(printable(self.suspect.title or self.suspect.effect.title()))
+
+    @property
+    def better(self) -> str:
+        """In how many later stretches it lowers the error: "5 of 6"."""
+        each = self.suspect.each
+        return f"{sum(fall > 0 for fall in each)} of {len(each)}" if each else UNKNOWN
+
+    def to_dict(self) -> dict[str, Any]:
+        """It as JSON has it."""
+        effect, each = self.suspect.effect, self.suspect.each
+        return {
+            "effect": self.title,
+            "kind": effect.kind,
+            "column": next(iter(effect.inputs()), None),
+            "before": _or_null(self.suspect.before),
+            "after": _or_null(self.suspect.after),
+            "better_stretches": sum(fall > 0 for fall in each),
+            "stretches": len(each),
+            "p_value": self.suspect.p_value,
+            "confusable_with": [str(printable(other.title())) for other in self.suspect.confusable_with],
+            "to_confirm": "" if effect.info is None else effect.info.bench_check,
+            "state": self.state,
+        }
+
+
+def _or_null(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """What is told of a record, in a terminal, as JSON and on a page. Prints in at most 16 lines of 100 characters."""
+
+    diagnosis: DiagnosisLike | None = None
+    """Diagnosis of the model that a refinement began with; by default the refinement's first."""
+    refinement: RefinementLike | None = None
+    comparison: VariantComparison | None = None
+    advice: Advice | None = None
+    """Which correction to use; by default that of the comparison."""
+    asked: str = ""
+    """Variant that the user asked for, whatever is advised."""
+    unjudged: str = ""
+    """Why there is no diagnosis."""
+    source: str = ""
+    """File that the data came from."""
+    command: str = ""
+    """The command that asked."""
+    notes: tuple[str, ...] = ()
+    """How the data were understood, and what is odd about them."""
+    files: tuple[str, ...] = ()
+    """Files that were written."""
+
+    @classmethod
+    def of(cls, X: Any, y: Any, **known: Any) -> Answer:
+        """The answer to a record, the refined model among the corrections that are compared; `known`: the fields."""
+        answer = cls(**known)
+        comparison, refined, advice = answer.comparison, answer.refinement, answer.advised
+        if comparison is None or advice is None:
+            return answer
+        if answer.asked:
+            advice = advice.using(answer.asked, comparison.models)
+        if refined is not None and further_text(refined):
+            advice = advise_refined(advice, comparison.models, refined.model_, refined.moment, X, y)
+        return replace(answer, advice=advice)
+
+    @property
+    def advised(self) -> Advice | None:
+        """Which correction to use."""
+        return self.advice if self.advice is not None or self.comparison is None else self.comparison.advice
+
+    @property
+    def first(self) -> DiagnosisLike | None:
+        """Diagnosis of the first model."""
+        if self.diagnosis is None and self.refinement is not None:
+            return self.refinement.diagnoses[0]
+        return self.diagnosis
+
+    @property
+    def last(self) -> DiagnosisLike | None:
+        """Diagnosis of the model that is kept."""
+        return self.diagnosis if self.refinement is None else self.refinement.diagnoses[-1]
+
+    @property
+    def refined(self) -> bool:
+        """Whether the refined model is the one to use; without a comparison, whether there is one."""
+        if self.refinement is None or not further_text(self.refinement):
+            return False
+        return self.advised is None or self.advised.choice == REFINED
+
+    @property
+    def choice(self) -> str:
+        """ "none", "static", "dynamic", "refined"; "" where that cannot be told."""
+        if self.advised is None:
+            return REFINED if self.refined else ""
+        return self.advised.choice
+
+    @property
+    def model(self) -> str:
+        """The correction to use, in words; "" for none."""
+        if not self.refined or self.refinement is None:
+            return "" if self.advised is None else self.advised.variant
+        begun = self.asked or ("" if self.comparison is None else self.comparison.begun)
+        return f"{begun} with {further_text(self.refinement)}".strip()
+
+    @property
+    def causes(self) -> tuple[Missing, ...]:
+        """What was missing and is added, in this order; then what is missing, what is worth most first."""
+        if self.refinement is None:
+            return () if self.diagnosis is None else tuple(Missing(s, "missing") for s in self.diagnosis.causes)
+        added = [Missing(suspect, "added") for some in self.refinement.added for suspect in some]
+        state = "missing" if self.refinement.untried else "not confirmed"
+        return (*added, *(Missing(suspect, state) for suspect in self.refinement.diagnoses[-1].causes))
+
+    @property
+    def left(self) -> list[str]:
+        """What is left beside the causes, and what the record could have shown."""
+        found = self.last
+        return [self.unjudged] if found is None else left_sentences(found.left, self.scale(), found.verdict)
+
+    def scale(self) -> Scale:
+        """The unit of every error in the answer."""
+        sizes = [size for cause in self.causes for size in (cause.suspect.before, cause.suspect.after)]
+        unit = "" if self.last is None else self.last.unit
+        if self.advised is not None:
+            unit = self.advised.unit
+            sizes += [] if self.advised.table.empty else self.advised.table["all"].tolist()
+        elif self.last is not None:
+            sizes += [self.last.residual_rms, self.last.noise_floor]
+        return scale_of(sizes, str(printable(unit)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """What JSON has: errors in the unit of the reading, on stretches predicted from everything before them."""
+        advice, found = self.advised, self.last
+        known = advice is not None and not advice.table.empty
+        return {
+            "choice": self.choice or None,
+            "model": self.model,
+            "error": {
+                "before": _or_null(advice.before) if known and advice is not None else None,
+                "after": _or_null(advice.after) if known and advice is not None else None,
+                "after_range": list(map(_or_null, advice.range)) if known and advice is not None else None,
+                "unit": "" if advice is None else advice.unit,
+            },
+            "errors": advice.table["all"].to_dict() if known and advice is not None else {},
+            "verdict": None if found is None else found.verdict,
+            "causes": [cause.to_dict() for cause in self.causes],
+            "small": 0 if found is None else len(found.small),
+            "left": self.left,
+            "notes": list(self.notes),
+            "files": list(self.files),
+        }
+
+    def sentence(self) -> str:
+        """What to use, and what it is worth."""
+        advice, scale = self.advised, self.scale()
+        if advice is None:
+            return f"The refined model has {self.model.removeprefix('with ')}." if self.refined else ""
+        if not advice.variant:
+            return advice.sentence(scale)
+        said = f"Use the {f'refined correction, {self.model}' if self.refined else f'{self.model} correction'}"
+        said += " (you asked for it)" if self.asked else ""
+        said += f": it leaves {scale.text(advice.after)} rms on later data"
+        low, high = advice.range
+        said += f" ({scale.number(low)} to {scale.number(high)}), " if high > low else ", "
+        return f"{said}against {scale.text(advice.before)} without the temperature.{advice.unproven}"
+
+    def __str__(self) -> str:
+        return "\n".join(str(printable(line)) for line in self.lines())
+
+    def lines(self) -> list[str]:
+        """The printed answer; what matters least is left out where there is no room."""
+        parts = [
+            (0, _wrapped(self.sentence())),
+            (0, self._errors()),
+            (0, self._causes()),
+            (3, _wrapped("" if self.last is None else small_sentence(self.last))),
+            (1, _wrapped(self._verdict(), 3)),
+            (2, _wrapped(self._after(), 3)),
+        ]
+        end = _wrapped(self._written(), 3)
+        room = LINES - len(end) - 2 * bool(self.notes)
+        for least in (3, 2, 1):
+            if sum(len(lines) for _, lines in parts) > room:
+                parts = [(rank, lines) for rank, lines in parts if rank != least]
+        found = [line for _, lines in parts for line in lines]
+        return [*found, *self._noted(LINES - len(found) - len(end)), *end]
+
+    def _written(self) -> str:
+        """The files, each folder once."""
+        names: dict[str, list[str]] = {}
+        for path in map(Path, self.files):
+            names.setdefault(str(path.parent), []).append(path.name)
+        said = [", ".join(some) + ("" if folder == "." else f" in {folder}") for folder, some in names.items()]
+        return f"Written: {'; '.join(said)}" if said else ""
+
+    def _noted(self, room: int) -> list[str]:
+        """As many of the notes as there is room for."""
+        lines: list[str] = []
+        for number, note in enumerate(self.notes):
+            more = _wrapped(f"Data: {note}", 3)
+            if len(lines) + len(more) + (number < len(self.notes) - 1) > room:
+                return [*lines, f"{len(self.notes) - number} more on the data: --verbose"]
+            lines += more
+        return lines
+
+    def _errors(self) -> list[str]:
+        """One figure for no correction, the best static, the best dynamic one and the refined one."""
+        advice, scale = self.advised, self.scale()
+        if advice is None or advice.table.empty:
+            return []
+        known = advice.table["all"]
+        shown = {"no correction": advice.before}
+        for kind in ("static", "dynamic"):
+            of_kind = known[[str(name).startswith(kind) for name in known.index]]
+            if len(of_kind):
+                best = advice.variant if advice.variant in of_kind.index else str(of_kind.idxmin())
+                shown[best] = float(of_kind[best])
+        if REFINED in known.index:
+            shown[REFINED] = float(known[REFINED])
+        head = f"rms on later data{f' [{scale.unit}]' if scale.unit else ''}"
+        chosen = advice.variant or "no correction"
+        names = [f"{name} *" if name == chosen else name for name in shown]
+        return _columns([[head, *names], ["* is advised", *(scale.number(v) for v in shown.values())]])
+
+    def _causes(self) -> list[str]:
+        causes, scale = self.causes, self.scale()
+        if not causes:
+            return []
+        rows = [["Effect", "before", "after", "better in", "p-value", ""]]
+        for cause in causes[:CAUSES]:
+            suspect = cause.suspect
+            rows.append(
+                [
+                    cause.title,
+                    *(scale.number(size) for size in (suspect.before, suspect.after)),
+                    cause.better,
+                    probability_text(suspect.p_value),
+                    f"{cause.state}, not proven" if suspect.standing == "helps" else cause.state,
+                ]
+            )
+        more = len(causes) - CAUSES
+        return [*_columns(rows), *([f"and {more} more: --verbose"] if more > 0 else [])]
+
+    def _verdict(self) -> str:
+        """The verdict on the model that is kept, and what is left."""
+        found = self.last
+        if found is None:
+            return self.unjudged
+        of = "Verdict on the refined model" if self.refined else "Verdict"
+        likely = found.causes[0].confusable_with if found.causes else ()
+        tied = f" ({', '.join(effect_text(effect) for effect in likely[:3])})" if likely else ""
+        return f"{of}: {found.verdict}{tied}. {self.left[0]}"
+
+    def _after(self) -> str:
+        """What to do next."""
+        found = self.last
+        if found is None:
+            return ""
+        begin = next((cause for cause in self.causes if cause.state == "missing"), None)
+        if begin is not None:
+            add = "--refine adds what is missing, and measures whether the error falls."
+            return f"Next: {add}{self._check(begin.suspect)}"
+        if self.causes:
+            return self._check(self.causes[0].suspect).strip()
+        if VERDICTS[found.verdict].unknown:
+            more = self.left[1] if len(self.left) > 1 else ""
+            return more or "Next: record more of what may act on the instrument, or longer."
+        return ""
+
+    @staticmethod
+    def _check(suspect: Any) -> str:
+        info = suspect.effect.info
+        return "" if info is None else f" To confirm {effect_text(suspect.effect)}: {info.bench_check}"
+
+
+def _wrapped(text: str, most: int = 4) -> list[str]:
+    """Lines of a text, a few of them."""
+    text = str(printable(text))
+    return textwrap.wrap(text, WIDTH, max_lines=most, placeholder=" ...", subsequent_indent="  ") if text else []
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """A table: names from the left, shortened where they are long, all else from the right."""
+    widths = [max(len(row[k]) for row in rows) for k in range(1, len(rows[0]))]
+    room = WIDTH - sum(widths) - len(GAP) * len(widths)
+    names = [row[0] if len(row[0]) <= room else f"{row[0][: room - 3]}..." for row in rows]
+    longest = max(map(len, names))
+    cells = [[cell.rjust(width) for cell, width in zip(row[1:], widths, strict=True)] for row in rows]
+    return [GAP.join([name.ljust(longest), *row]).rstrip() for name, row in zip(names, cells, strict=True)]
+
