@@ -59,7 +59,7 @@ def test_nothing_is_added_to_lags_that_are_given_or_to_a_linear_law():
 
 
 def test_an_exact_record_gets_none():
-    """What is left of a law that the columns hold exactly is rounding, which has no blocks that are predicted better."""
+    """What is left of a law that the columns hold exactly is rounding, which no block is predicted better from."""
     T = 23.0 + np.sin(np.arange(6_000) / 150.0) + 0.3 * np.sin(np.arange(6_000) / 41.0)
     model = DynamicBiasRegressor("temperature", sampling_period=60.0)
     assert model.fit(pd.DataFrame({"temperature": T}), 10.0 + 2.0 * T + 0.1 * (T - 23.0) ** 2).products_ is False

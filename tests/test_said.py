@@ -288,7 +288,9 @@ def test_the_refined_model_is_the_first_thing_that_terminal_page_and_json_say(ca
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) <= 16 and max(map(len, lines)) <= 100
     first = " ".join(line.strip() for line in lines[:2])
-    assert first.startswith("Use the refined correction, dynamic linear with lagged covariate: humidity: it leaves 59.2 nV")
+    assert first.startswith(
+        "Use the refined correction, dynamic linear with lagged covariate: humidity: it leaves 59.2 nV"
+    )
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert re.findall(r'<p class="lead">(.*?)</p>', page, flags=re.S)[0] == with_signs(first)
     anything, cure = (re.search(rf'<section id="{name}">.*?</section>', page, re.S)[0] for name in ("anything", "cure"))

@@ -55,12 +55,12 @@ class Advice:
     @property
     def before(self) -> float:
         """Error of the best correction that needs no temperature."""
-        return float(self.table["all"].loc[[*NEEDLESS]].min())
+        return float(self.table.loc[[*NEEDLESS], "all"].to_numpy(float).min())
 
     @property
     def after(self) -> float:
         """Error of what is advised."""
-        return float(self.table["all"].loc[self.variant]) if self.variant else self.before
+        return float(self.table["all"].to_dict()[self.variant]) if self.variant else self.before
 
     @property
     def range(self) -> tuple[float, float]:

@@ -79,10 +79,17 @@ def doubts_of(model: Any, record: Record, solution: RidgeSolution, prior: LawPri
     (LawPrior, optional): What other devices told of this one.
     """
     said = [model.run_levels_.note] if model.run_levels_.note else []
+    if model.degree_ < model.degree:
+        low, high = model.degree_ + 1, model.degree
+        powers = f"(T - T0)^{low}" if low == high else f"(T - T0)^{low} to (T - T0)^{high}"
+        said.append(
+            f"The temperatures lie at too few levels to determine {powers} in the static law: left out. Rows between "
+            "them are flagged. Record at more levels, or ramp through them."
+        )
     if prior is not None:
         mean = record.moments(record.temperature_name).mean
         return [*said, *filter(None, [check_like(prior, mean, model.residual_std_)])]
     effects, taus = model.features_.effect_list(), model.time_constants_
     if model.search_ is None and len(taus):
-        said += unresolved(taus, record, solution, model.degree, model.residual_std_)
+        said += unresolved(taus, record, solution, model.degree_, model.residual_std_)
     return [*said, *flat_columns(record, effects), *cancelling(effects, solution, model.reading_)]

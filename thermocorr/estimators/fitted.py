@@ -14,7 +14,7 @@ from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from ..effects import LagProducts
+from ..effects import LagProducts, StaticPolynomial
 from ..effects.stream import Walked
 from ..effects.thermal import column_text
 from ..records import Block, Record, SegmentStart
@@ -121,6 +121,11 @@ class FittedModel:
     def residual_std_(self) -> float:
         """Standard deviation of the residuals of the fitted record, in the unit of y."""
         return float(self.pipeline_[1].residual_std_)
+
+    @property
+    def degree_(self) -> int:
+        """Highest power of T - T0 in the static law: at most `degree`, and no more than the temperatures determine."""
+        return next((e.degree for e in self.features_.effect_list() if isinstance(e, StaticPolynomial)), 0)
 
     @property
     def temperature_range_(self) -> tuple[float, float]:
@@ -402,9 +407,8 @@ class FittedModel:
     def block_flags(self, block: Block, reading: np.ndarray | None) -> Flags:
         """Flags of a block's rows, see `flags`."""
         T = block.temperature
-        low, high = self.reading_.temperature_range
         flags = Flags(len(block))
-        outside = (low > T) | (high < T)
+        outside = self.reading_.outside(T)
         for one in self.features_.filling_.stand_ins:
             outside |= (block[one.column] < one.range[0]) | (block[one.column] > one.range[1])
         if outside.any():

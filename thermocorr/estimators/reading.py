@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from sklearn.utils.validation import validate_data
 
 from ..records import Log, Record, RecordError
@@ -196,6 +197,9 @@ class Reading:
     mean: float
     std: float
     temperature_range: tuple[float, float]
+    temperature_gaps: tuple[tuple[float, float], ...] = ()
+    """Stretches of that range in which no row was, and the static law is not known, see
+    `thermocorr.estimators.coverage`."""
     unit_named: bool = True
     """Whether the record names the unit of its temperature; else its values were taken for degC or K by their size."""
 
@@ -223,10 +227,18 @@ class Reading:
             unit_named=bool(degrees),
         )
 
+    def outside(self, temperature: np.ndarray) -> NDArray[np.bool_]:
+        """Where temperatures are not among the fitted ones."""
+        low, high = self.temperature_range
+        found = (temperature < low) | (temperature > high)
+        for low, high in self.temperature_gaps:
+            found |= (temperature > low) & (temperature < high)
+        return np.asarray(found)
+
     def widened(self, temperatures: tuple[float, float]) -> Reading:
         """Names and ranges with a range of temperatures that takes in another one."""
         (low, high), (lowest, highest) = self.temperature_range, temperatures
-        return replace(self, temperature_range=(min(low, lowest), max(high, highest)))
+        return replace(self, temperature_range=(min(low, lowest), max(high, highest)), temperature_gaps=())
 
 
 def unit_by_size(low: float) -> str:

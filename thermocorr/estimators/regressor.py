@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from numbers import Real
 from typing import Any
 
@@ -17,6 +18,7 @@ from ..records import Block, Record
 from ..records.errors import warn
 from ..records.segments import Flags
 from .choosing import choose, choose_again, chosen_products, count_to_choose, penalty
+from .coverage import Coverage
 from .cutting import equal_edges
 from .doubts import doubts_of
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
@@ -95,6 +97,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         The ridge penalty used.
     residual_std_ : float
         Standard deviation of the residuals of the fitted record, in the unit of y.
+    degree_ : int
+        Highest power of T - T0 in the static law: no higher than the temperatures of the record determine.
     temperature_range_ : tuple of float
         Lowest and highest temperature of the fitted rows.
     washout_ : float
@@ -197,8 +201,15 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         with one_blas_thread():
             say("reading the record")
             self.learn_levels(X, y)
+            self._degree = self.degree
             self.search_ = choose(self, X, y, say)
             record, believed, prior = self._learn(X, y, say)
+            covered = Coverage.of(record, self.degree if prior is None else 0)
+            if prior is None and covered.degree < self.degree:
+                self._degree = covered.degree
+                self.search_ = choose(self, X, y, say)
+                record, believed, prior = self._learn(X, y, say)
+            self.reading_ = replace(self.reading_, temperature_gaps=covered.gaps)
             again = choose_again(self, X, record, believed, say)
             if again is not self.search_:
                 self.search_ = again
@@ -349,6 +360,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         """
         names = (set(DiffusiveFeatures._get_param_names()) & set(self._get_param_names())) - {"time_constants"}
         given = {name: getattr(self, name) for name in names} | {"products": chosen_products(self)}
+        given["degree"] = min(self.degree, getattr(self, "_degree", self.degree))
         features = DiffusiveFeatures(time_constants, **given)
         levels = getattr(self, "run_levels_", RunLevels()) if levels is None else levels
         if levels.times:

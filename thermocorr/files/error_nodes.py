@@ -107,25 +107,22 @@ def _motion(node: Any, where: str) -> Motion:
     return Motion(low, high, spread, farthest, rest, positive(node["step"], f"{where}.step"))
 
 
-_READING = tuple(name for name in Reading.__dataclass_fields__ if name != "unit_named")
+_READING = tuple(n for n in Reading.__dataclass_fields__ if n not in ("unit_named", "temperature_gaps"))
 
 
 def pack_reading(reading: Reading) -> dict[str, Any]:
     """Names, units and ranges; a unit that the record did not name is none."""
     unit = reading.temperature_unit if reading.unit_named else ""
     node = {**asdict(reading), "temperature_unit": unit, "temperature_range": list(reading.temperature_range)}
-    return {name: node[name] for name in _READING}
+    gaps = [list(gap) for gap in reading.temperature_gaps]
+    return {name: node[name] for name in _READING} | ({"temperature_gaps": gaps} if gaps else {})
 
 
 def unpack_reading(node: Any, where: str) -> Reading:
     """Names, units and ranges, checked."""
-    node = fields(node, where, _READING)
-    low, high = (
-        number(value, f"{where}.temperature_range[{i}]")
-        for i, value in enumerate(items(node["temperature_range"], f"{where}.temperature_range", 2))
-    )
-    if low > high:
-        raise unexpected(f"{where}.temperature_range", f"{low} above {high}", "the lower one first")
+    node = fields(node, where, _READING, ("temperature_gaps",))
+    low, high = _range(node["temperature_range"], f"{where}.temperature_range")
+    gaps = items(node.get("temperature_gaps", []), f"{where}.temperature_gaps")
     unit = text(node["temperature_unit"], f"{where}.temperature_unit")
     return Reading(
         name=text(node["name"], f"{where}.name"),
@@ -136,7 +133,15 @@ def unpack_reading(node: Any, where: str) -> Reading:
         mean=number(node["mean"], f"{where}.mean"),
         std=number(node["std"], f"{where}.std", 0.0),
         temperature_range=(low, high),
+        temperature_gaps=tuple(_range(gap, f"{where}.temperature_gaps[{i}]") for i, gap in enumerate(gaps)),
     )
+
+
+def _range(node: Any, where: str) -> tuple[float, float]:
+    low, high = (number(value, f"{where}[{i}]") for i, value in enumerate(items(node, where, 2)))
+    if low > high:
+        raise unexpected(where, f"{low} above {high}", "the lower one first")
+    return low, high
 
 
 def pack_gaps(gaps: Gaps) -> dict[str, Any]:

@@ -143,7 +143,9 @@ def export_to(
     )
     known = [motion for motion in motions if motion is not None]
     guard = Guard(program, known, float(model.residual_std_), float(model.washout_))
-    firmware = Firmware(program, clock, fitted_range(model), guard)
+    reading = getattr(model, "reading_", None)
+    gaps = () if reading is None else reading.temperature_gaps
+    firmware = Firmware(program, clock, fitted_range(model), guard, gaps)
     trial = _trial(model, firmware, parts)
     texts = language.files(firmware, provenance(model, target, effects), trial)
     paths = _write(folder, target.name, texts, outputs or Outputs())

@@ -127,9 +127,16 @@ FLAGS = (
 class Firmware:
     """A program that is ready to become text."""
 
-    def __init__(self, program: Program, clock: TimeCounter, limits: tuple[float, float], guard: Guard):
+    def __init__(
+        self,
+        program: Program,
+        clock: TimeCounter,
+        limits: tuple[float, float],
+        guard: Guard,
+        gaps: tuple[tuple[float, float], ...] = (),
+    ):
         self.program, self.clock, self.target, self.guard = program, clock, program.target, guard
-        self.limits = limits
+        self.limits, self.gaps = limits, gaps
         """Lowest and highest fitted temperature."""
         self.bias_constant = program.constant("bias_at_reference", program.bias_constant, "sum of all constant terms")
 

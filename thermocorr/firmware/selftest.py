@@ -192,7 +192,10 @@ def expected_flags(firmware: Firmware, given: Inputs, judged: Courses, apart: np
     bits = {name: bit for name, bit, _ in firmware.flags()}
     low, high = (firmware.target.held(value) for value in firmware.limits)
     T = judged.now[0]
-    flags = np.where((low > T) | (high < T), bits["OUTSIDE_RANGE"], 0)
+    outside = (low > T) | (high < T)
+    for low, high in firmware.gaps:
+        outside |= (firmware.target.held(low) < T) & (firmware.target.held(high) > T)
+    flags = np.where(outside, bits["OUTSIDE_RANGE"], 0)
     flags[list(MISSING)] |= bits["NO_TEMPERATURE"]
     if firmware.guard.motions:
         guard, times = firmware.guard, np.cumsum(given.steps)

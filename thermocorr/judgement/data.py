@@ -67,7 +67,7 @@ class ThermalBase:
         further = [clone(effect) for _, effect in model.features_.further_effects()]
         if model.products_:
             further += [clone(effect) for effect in model.features_.effect_list() if isinstance(effect, LagProducts)]
-        static = StaticPolynomial(model.degree, model.reference_temperature)
+        static = StaticPolynomial(model.degree_, model.reference_temperature)
         taus = np.unique(np.concatenate((grid, own[own <= slowest])))
         taus = taus[np.concatenate(([True], np.diff(np.log(taus)) > APART))]
         slow: list[Effect] = [ThermalLag([tau]) for tau in own[own > slowest]]

@@ -158,12 +158,7 @@ class _Offer:
 
     def _as(self, effect: Effect, worth: Worth) -> Cause:
         return Cause(
-            term=self.term,
-            effect=effect,
-            worth=worth,
-            before=self.before,
-            moment=self.moment,
-            evenly=self.evenly,
+            term=self.term, effect=effect, worth=worth, before=self.before, moment=self.moment, evenly=self.evenly
         )
 
 
@@ -256,10 +251,9 @@ def _conclude(
 ) -> Diagnosis:
     """Verdict, causes and other suspects, and what is left."""
     residual, rms = residuals_of(model, read, search.pool.record)
-    doubts = [[t for t in search.last if t.uneven], [t for t in search.last if t.copied]]
-    labels = [[effect_text(tried.explanation.effect) for tried in doubt] for doubt in doubts]
+    copied = [effect_text(tried.explanation.effect) for tried in search.last if tried.copied]
     share, apart = beyond_judgement(model, read)
-    rest = replace(what_is_left(search, residual, *labels), unjudged=share, unjudged_rms=apart, start_or=start_or)
+    rest = replace(what_is_left(search, residual, copied), unjudged=share, unjudged_rms=apart, start_or=start_or)
     named = [*causes, *small]
     rounded = rest.rounding and not named
     floor = rms if search.pool.rows.exact or rounded else min(max(rest.floor, rest.rounding / np.sqrt(12)), rms)

@@ -156,16 +156,6 @@ has taken it upon itself, so each explanation may also begin with hardly any."""
 TURNS = 3
 """Times that coefficients and noise are estimated in turn."""
 
-SUMS = 20
-"""Pieces of the record that evidence is summed over, to see how evenly it lies."""
-SCATTER = 2.0
-"""Variance of an explanation's evidence between twenty pieces of the record, over what even noise gives, up to which it
-counts in full; beyond, its gain is divided by the excess. Chance gives 2.3 once in a thousand. Effects planted on
-measured records have 0.08 to 2.2, half of them below 0.7, but up to 16 where the base does not hold the law;
-there, columns of other places that the likelihood alone would blame have 6 to 15 (the middle half)."""
-OF_PRODUCTS = 1.0
-"""Products with a recorded column are given no such allowance (`SCATTER`): there are more of them than of anything
-else, and lagged modulations were what was named of other places, with scatters around 7."""
 INFLATION = 1.5
 """What the copies gain, over what noise that is as it seems would give them, up to which evidence counts in full:
 chance gives more once in forty (chi-square, as many degrees of freedom as copies). Beside columns planted on measured

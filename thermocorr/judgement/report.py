@@ -76,8 +76,6 @@ class Left:
     """For how long that part remembers [s]; 0 where nothing wanders."""
     colour: float
     """Variance over innovation variance: 1 for white noise."""
-    uneven: tuple[str, ...]
-    """Labels of effects that a few stretches of the record follow, and the rest does not."""
     copied: tuple[str, ...]
     """Labels of effects of recorded columns that what is left follows hardly better than it follows copies of these
     columns moved in time: a few slow swings."""
@@ -126,13 +124,12 @@ class Left:
 
     @property
     def unknown(self) -> bool:
-        """Whether there is structure whose cause is not known; a few stretches of what rounding makes are none."""
-        uneven = bool(self.uneven) and not self.rounding
-        return (self.structured and not self.of_thermometers) or uneven or self.absurd
+        """Whether there is structure whose cause is not known."""
+        return (self.structured and not self.of_thermometers) or self.absurd
 
 
-def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (), copied: Sequence[str] = ()) -> Left:
-    """Describe the noise beside the last base, and the residual of each row; name what is `uneven`, or `copied`."""
+def what_is_left(search: Search, residual: np.ndarray, copied: Sequence[str] = ()) -> Left:
+    """Describe the noise beside the last base, and the residual of each row; name what is `copied`."""
     pool, judged = search.pool, search.judged
     loud = _loud(pool)
     theta, counts = judged.base.theta, float(np.median(pool.data.counts))
@@ -161,7 +158,6 @@ def what_is_left(search: Search, residual: np.ndarray, uneven: Sequence[str] = (
         wandering=wandering if structured else 0.0,
         correlation_time=float(np.exp(np.average(np.log(times), weights=theta[1:]))) if structured else 0.0,
         colour=total / innovation,
-        uneven=tuple(uneven),
         copied=tuple(copied),
         spikes=_spikes(pool),
         loud=loud,

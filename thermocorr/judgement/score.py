@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import cho_solve, lapack, solve_triangular
 
 from ..equations.noise import Bands, fitted_parts, whittle
-from .levels import ALIVE, BATCH, QUIET, ROUNDED, STRUCTURE, SUMS, TURNS, VISIBLE, WIDE
+from .levels import ALIVE, BATCH, QUIET, ROUNDED, STRUCTURE, TURNS, VISIBLE, WIDE
 
 
 def orthonormal(columns: np.ndarray, tolerance: float = ROUNDED) -> np.ndarray:
@@ -455,21 +455,6 @@ class Comparison:
         W = 1 / self.bands.each_row(self.S(theta))[:, None]
         held = cho_solve((self._half(theta), True), self.Q.T @ (W * rows))
         return np.asarray(np.sqrt(W) * (rows - self.Q @ held))
-
-    def scatter(self, i: int, theta: np.ndarray) -> float:
-        """Variance of the sums that an explanation's coefficient is made of, over what noise that is as it seems gives.
-
-        The sums are those over pieces of time (White, Econometrica 48, 1980; Liang & Zeger, Biometrika 73, 1986): more
-        than 1 where a few stretches, in which the noise is larger or the model wrong, decide.
-        """
-        found = self.explanations[i]
-        assert found is not None
-        coef = self._solved_one(i, theta)[0]
-        made = found.rows @ coef[self.Q.shape[1] :]
-        both = self._white_beside(theta, np.column_stack((made, self.z - made)))
-        beside, left = self.bands.back(both).T
-        sums = np.add.reduceat(beside * left, np.linspace(0, self.n, SUMS + 1).astype(int)[:-1])
-        return float(np.sum(sums**2) / max(float(np.sum(beside**2)), 1e-300))
 
     def unexplained(self, i: int | None = None) -> float:
         """Mean square that the base, with an explanation, leaves in plain least squares, in units of the start's."""

@@ -40,10 +40,8 @@ from .levels import (
     MOST,
     NEAR,
     NO_MORE,
-    OF_PRODUCTS,
     PAIRS,
     ROUNDED_OFF,
-    SCATTER,
     SHARES,
     SPEAKS,
     TIE,
@@ -122,15 +120,13 @@ class Tried:
     number: int
     """Among the explanations of the comparison."""
     gain: float
-    """Gain in log likelihood, less where few stretches of the record make it, or copies of its column gain as well."""
+    """Gain in log likelihood, less where copies of its column gain as well."""
     score: float
     """The gain less its price."""
     tuning: float
     """What of that is the price of tuned parameters."""
     p_value: float
     """P-value, the whole family having been tried."""
-    uneven: bool = False
-    """Whether the likelihood alone would prove it, but a few stretches of time decide."""
     copied: bool = False
     """Whether it would be proven, but copies of its column moved in time explain nearly as much."""
 
@@ -245,32 +241,15 @@ class Family:
 
     def weighed(self, i: int, fit: Fit) -> Tried:
         """An explanation with what speaks for it: its fit beside the base."""
-        full = fit.level - self.judged.base.level
-        gain = full / max(1.0, self._scatter(i, fit, full) / self.usual_scatter(i))
-        chance = self.p_value(gain, i)
+        gain = fit.level - self.judged.base.level
         return Tried(
             explanation=self.tried[i],
             number=i,
             gain=gain,
             score=gain - self.price(i),
             tuning=self.price_of_tuning(i),
-            p_value=chance,
-            uneven=chance > LEVEL >= self.p_value(full, i),
+            p_value=self.p_value(gain, i),
         )
-
-    def _scatter(self, i: int, fit: Fit, gain: float) -> float:
-        """How unevenly the evidence for an explanation lies over the record; 0 where it does not matter."""
-        if gain <= self.price(i) or self.tried[i].effect.of_time_alone:  # what lies in one stretch is decided there
-            return 0.0
-        return self.judged.scatter(i, fit.theta)
-
-    def usual_scatter(self, i: int) -> float:
-        """Scatter up to which evidence counts in full, the benefit of the doubt.
-
-        Products with a recorded column, of which there are most, have none.
-        """
-        explanation = self.tried[i]
-        return OF_PRODUCTS if explanation.effect.is_product and explanation.key[1] is not None else SCATTER
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -573,7 +552,7 @@ class Pair:
     """The plainer one."""
     second: int
     gain: float
-    """Log likelihood that they gain together, divided by how unevenly the evidence of products lies."""
+    """Log likelihood that they gain together."""
 
 
 def may_hide(explanation: Explanation) -> bool:
@@ -597,6 +576,5 @@ def pairs(judged: Comparison, explanations: Sequence[Explanation], which: Sequen
     found = []
     for k, fit in enumerate(together.refit(range(len(near)))):
         i, j = near[k]
-        uneven = 0.0 if explanations[i].effect.of_time_alone else together.scatter(k, fit.theta) / OF_PRODUCTS
-        found.append(Pair(first=i, second=j, gain=(fit.level - judged.base.level) / max(1.0, uneven)))
+        found.append(Pair(first=i, second=j, gain=fit.level - judged.base.level))
     return sorted(found, key=lambda pair: -pair.gain), len(every)

@@ -76,6 +76,7 @@ class Stream:
         ]
         self._edges = edges
         self._low, self._high = model.reading_.temperature_range
+        self._unknown = model.reading_.temperature_gaps
         self._washout, self._deviation = model.washout_, model.residual_std_
         self._max_gap = math.inf if history.max_gap is None else history.max_gap
         motions = {} if history.screen is None else {c: one.motion for c, one in history.screen.inputs.items()}
@@ -194,7 +195,7 @@ class Stream:
         mask = (0 if known else NO_READING) | (JUMPED if held else 0)
         if sample.key is None and elapsed < self._washout:
             mask |= WASHOUT
-        if not self._low <= T <= self._high:
+        if not self._low <= T <= self._high or any(low < T < high for low, high in self._unknown):
             mask |= OUTSIDE
         if math.hypot(doubt, error) > self._deviation:
             mask |= DOUBTFUL

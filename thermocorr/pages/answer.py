@@ -136,7 +136,7 @@ class Answer:
 
     @property
     def choice(self) -> str:
-        """ "none", "static", "dynamic", "refined"; "" where that cannot be told."""
+        """What to use, as `Advice.choice` has it: none, static, dynamic or refined; "" where that cannot be told."""
         if self.advised is None:
             return REFINED if self.refined else ""
         return self.advised.choice
@@ -334,4 +334,3 @@ def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
     longest = max(map(len, names))
     cells = [[cell.rjust(width) for cell, width in zip(row[1:], widths, strict=True)] for row in rows]
     return [GAP.join([name.ljust(longest), *row]).rstrip() for name, row in zip(names, cells, strict=True)]
-

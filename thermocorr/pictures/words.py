@@ -271,20 +271,15 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
             f"{scale.text(left.rounding)}. That follows all that the reading does: error "
             "probabilities prove nothing here. More digits would tell more."
         )
-    elif left.filtered and not left.uneven and not left.absurd:
+    elif left.filtered and not left.absurd:
         said.append(
             f"What is left remembers for about {span_text(left.filtered)}, a few samples, and looks like white noise "
             "beyond. An instrument that filters or averages makes that, or something unseen that changes as fast."
         )
-    elif not left.uneven and not left.absurd:
+    elif not left.absurd:
         beside = "" if VERDICTS[verdict].calm or VERDICTS[verdict].unknown else "Beside these causes, w"
         said.append(f"{beside or 'W'}hat is left looks like white noise.")
     said += thermometer_sentences(left, scale)
-    if left.uneven and VERDICTS[verdict].unknown:
-        said.append(
-            f"A few stretches of the record follow {', '.join(left.uneven[:3])}; the rest does not. A short "
-            "disturbance, or an effect that comes and goes: look at these stretches alone."
-        )
     if left.copied and not VERDICTS[verdict].calm:
         said.append(
             f"What is left goes with {', '.join(left.copied[:3])}, and nearly as well with copies of it moved in time: "

@@ -329,14 +329,19 @@ class Record:
 
     def _looked_at(self, column: Any, power: int) -> Moments:
         """Moments of a power of a column inside segments, in one pass."""
-        result, ends = Moments(), {segment.stop for segment in self.segments}
+        result = Moments()
+        for values in self.chunks(column):
+            result = result.merged(Moments.of(values if power == 1 else values**power))
+        return result
+
+    def chunks(self, column: Any) -> Iterator[Floats]:
+        """Numbers of a column, or of the readings, inside segments, some rows at a time."""
+        ends = {segment.stop for segment in self.segments}
         starts = [segment.start for segment in self.segments if segment.start not in ends]
         stops = sorted(ends - {segment.start for segment in self.segments})
         for first, stop in zip(sorted(starts), stops, strict=True):  # of segments that meet
             for start in range(first, stop, CHUNK):
-                values = np.asarray(column[self.kept(start, min(start + CHUNK, stop))], float)
-                result = result.merged(Moments.of(values if power == 1 else values**power))
-        return result
+                yield np.asarray(column[self.kept(start, min(start + CHUNK, stop))], float)
 
     def scanned(self, column: Any, usual: Usual) -> Scanned:
         """Codes and peaks of the readings, or of a column: rows in time order."""

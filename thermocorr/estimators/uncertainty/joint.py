@@ -580,8 +580,7 @@ class ErrorWalk:
         Fitted segment that the rows belong to.
         """
         joint, beyond = self.joint, self.joint.beyond
-        low, high = self.model.temperature_range_
-        outside = (temperature < low) | (temperature > high)
+        outside = self.model.reading_.outside(temperature)
         Z = np.empty((len(columns), 1 + columns.shape[1]), order="F")
         Z[:, 0], Z[:, 1:] = 1.0, columns
         Z[:, ~self.used] = 0.0
