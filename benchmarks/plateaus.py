@@ -1,4 +1,4 @@
-"""Two plateaus: is the law between them right, or flagged, and what is it worth to leave out what they do not determine?
+"""Two plateaus: is the law between them right, or flagged, and what is leaving out worth that they do not determine?
 
     python benchmarks/plateaus.py --records ../shared/records
 
@@ -86,8 +86,8 @@ def main() -> None:
                 error, other = (np.median([pair[k][1] for pair in found]) for k in (0, 1))
                 wrong, flagged = (sum(one[k] for one, _ in found) for k in (2, 3))
                 print(
-                    f"{background:9s} +-{width:4.2f} K, {'curved' if curve else 'straight':8s} left out in {degree:2d} of "
-                    f"{len(found)}, midway {error:6.3f} (kept: {other:6.3f}), wrong rows flagged {flagged} of {wrong}",
+                    f"{background:9s} +-{width:4.2f} K, {'curved' if curve else 'straight':8s} left out in {degree:2d} "
+                    f"of {len(found)}, midway {error:6.3f} (kept {other:6.3f}), flagged {flagged} of {wrong} wrong",
                     flush=True,
                 )
 

@@ -310,7 +310,7 @@ def test_the_command_says_what_it_left_out(clean, tmp_path, capsys):
     given = ["analyze", str(tmp_path / "log.csv"), "--time-constants", "5min,90min", "--quiet"]
     assert main([*given, "--out", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out
-    assert "Note: 2 readings left out as spikes: rows 120, 4711.\n" in said and said.count("left out as spike") == 1
+    assert "Data: 2 readings left out as spikes: rows 120, 4711.\n" in said and said.count("left out as spike") == 1
     corrected = pd.read_csv(tmp_path / "out" / "corrected.csv")
     assert corrected["flag"].iloc[[120, 300, 4000]].tolist() == ["spike", "sentinel", "sentinel"]
     model = str(tmp_path / "out" / "model.json")

@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 from benches import in_python, settled, shown, stretch
 
-from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr import DynamicBiasRegressor, compare_variants, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.interactive.acts import Roles, guessed
+from thermocorr.interactive.acts import ModelSettings, Roles, guessed
 from thermocorr.interactive.bench import Bench
 from thermocorr.interactive.snapshots import snapshot
 from thermocorr.interactive.source import opened
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.newest
 
 def test_numbers_on_the_screen_are_those_of_the_library(bench, bench_log):
     X, y = in_python(bench_log)
-    model = DynamicBiasRegressor("temperature", 6).fit(X, y)
+    model = DynamicBiasRegressor("temperature", 6, degree=1).fit(X, y)  # what is advised
     found = diagnose(model, X, y)
     state = snapshot(bench)
     first = state["history"][0]
@@ -40,10 +40,8 @@ def test_what_is_missing_is_added_the_error_falls_and_undo_returns_to_the_same_b
     bench.perform({"do": "add", "suspect": 0})
     state = snapshot(settled(bench))
     first, last = state["history"]
-    assert last["held_out"]["value"] < 0.7 * first["held_out"]["value"]
-    assert last["db"]["value"] == pytest.approx(
-        20 * np.log10(last["held_out"]["value"] / first["held_out"]["value"]), rel=1e-9
-    )
+    assert last["later"]["value"] < 0.7 * first["later"]["value"]
+    assert last["db"]["value"] == pytest.approx(20 * np.log10(last["later"]["value"] / first["later"]["value"]))
     assert last["verdict"] == "nothing missing"
     after = shown(bench)
     bench.perform({"do": "undo"})
@@ -54,6 +52,26 @@ def test_what_is_missing_is_added_the_error_falls_and_undo_returns_to_the_same_b
     bench.kept.clear()  # as if it had been forgotten: fitted again to the same bits
     bench.perform({"do": "undo"})
     np.testing.assert_array_equal(settled(bench).current.model.coef_, coefficients)
+
+
+def test_the_work_begins_with_what_is_advised_where_nobody_chose_settings(bench, bench_log, tmp_path):
+    X, y = in_python(bench_log)
+    advice = compare_variants(X, y, temperature="temperature", time_constants=6).advice
+    assert advice.variant == "dynamic linear" and snapshot(bench)["model"]["degree"] == 1
+    assert snapshot(bench)["advised"].startswith("Use the dynamic linear correction")
+    source = opened([bench_log])
+    chosen = Bench(source, Store(tmp_path), roles=guessed(source.frame), settings=ModelSettings(degree=3))
+    chosen.start()
+    assert snapshot(settled(chosen))["model"]["degree"] == 3
+    assert snapshot(chosen)["advised"].startswith("Use the dynamic linear correction")
+
+
+def test_errors_of_other_readings_are_not_compared_and_some_must_be_left(bench):
+    with pytest.raises(ValueError, match="all readings that are learned from"):
+        bench.perform({"do": "mark", "what": "left out", **stretch(bench, 0.0, 1.0)})
+    bench.perform({"do": "mark", "what": "left out", **stretch(bench, 0.2, 0.3)})
+    first, last = snapshot(settled(bench))["history"]
+    assert first["same"] and not last["same"] and last["later"] and not last["db"]["value"]
 
 
 def test_a_step_in_the_middle_is_removed_and_the_others_stand(bench):
@@ -72,7 +90,7 @@ def test_a_preview_says_what_the_fit_then_leaves(bench):
     seen = bench.perform({"do": "preview", "suspect": 0})
     found = bench.current
     taus, alpha = found.model.time_constants_.tolist(), found.model.alpha_
-    held = DynamicBiasRegressor("temperature", taus, alpha=alpha, time="time")
+    held = DynamicBiasRegressor("temperature", taus, degree=1, alpha=alpha, time="time")
     fitted = held.with_effect(found.diagnosis.suspects[0].effect).fit(found.data.X, found.data.learned)
     residual = fitted.evaluate(found.data.X, found.data.y)["residual"]
     assert seen["after"]["value"] == pytest.approx(np.sqrt(np.mean(residual**2)), rel=1e-12)

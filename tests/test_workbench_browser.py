@@ -86,14 +86,14 @@ def test_humidity_is_added_on_the_built_in_record_in_one_click_and_the_numbers_a
         assert "humidity" in last["history"][1]["text"] and last["judged"]["verdict"] == "nothing missing"
         record = load_voltage_reference(hidden="moisture")
         X, y = record.drop(columns="voltage"), record["voltage"]
-        model = DynamicBiasRegressor("temperature").fit(X, y)
+        model = DynamicBiasRegressor("temperature", degree=1).fit(X, y)  # what is advised
         found = diagnose(model, X, y)
         better = model.with_effect(found.best).fit(X, y)
         for row, one in zip(last["history"], (model, better), strict=True):
             assert row["held_out"]["value"] == pytest.approx(diagnose(one, X, y).held_out_rms, rel=1e-12)
         shown = person.js("[...document.querySelectorAll('ol.steps .error > data')].map(d => [d.value, d.textContent])")
-        assert [float(value) for value, _ in shown] == [row["held_out"]["value"] for row in last["history"]]
-        assert [text for _, text in shown] == [row["held_out"]["text"] for row in last["history"]]
+        assert [float(value) for value, _ in shown] == [row["later"]["value"] for row in last["history"]]
+        assert [text for _, text in shown] == [row["later"]["text"] for row in last["history"]]
         script = browser.execute_async_script(TAKEN, "script")
         space = {}
         exec(script.split("# How large")[0], space)
@@ -111,16 +111,17 @@ def test_humidity_is_added_on_the_built_in_record_in_one_click_and_the_numbers_a
 def test_a_suspect_under_the_pointer_is_previewed_on_the_residual(person):
     from selenium.webdriver import ActionChains
 
-    person.settled()
+    first = person.settled()["judged"]["suspects"][0]
     button = person.driver.find_element("css selector", "[data-at='add 0 ']")
     ActionChains(person.driver).move_to_element(button).perform()
     person.sees("document.querySelector('.preview').textContent.includes('instead of')")
-    person.sees("thermocorr.charts.series.spec.panels[1].lines.length >= 3")
+    person.sees("thermocorr.charts.series.spec.panels[2].lines.length === 3")
+    assert person.js("document.querySelector('.previewed data').value") == str(first["after"]["value"])
     before, after = (person.js(f"Number(document.querySelectorAll('.preview data')[{k}].value)") for k in (1, 0))
     assert after < 0.7 * before
     title = person.driver.find_element("css selector", "h1")
     ActionChains(person.driver).move_to_element(title).perform()
-    person.sees("thermocorr.charts.series.spec.panels[1].lines.length === 2")
+    person.sees("thermocorr.charts.series.spec.panels.length === 3")
     assert person.faults() == []
 
 
@@ -173,7 +174,7 @@ def test_a_stretch_is_selected_and_left_out(person):
     assert labels == ["after step 1", "after step 2"]
     cells = "[...document.querySelectorAll('table.compared thead + tbody tr:last-child data')]"
     values = person.js(f"{cells}.map(d => Number(d.value))")
-    assert values == [row["held_out"]["value"] for row in state["history"]]
+    assert values == [row["later"]["value"] for row in state["history"]]
     person.click("[data-at='compare 1']")
     person.sees("thermocorr.charts.series.spec.panels.filter(p => p.label === 'residual').length === 1")
     assert person.faults() == []
@@ -305,3 +306,53 @@ def consistent(person):
     assert steps == len(state["history"])
     if state["fitted"]:
         assert state["history"][-1]["key"] == state["fitted"]["key"]
+
+
+IN_VIEW = """
+(() => { const box = document.querySelector('[data-part=plot]').getBoundingClientRect();
+  return box.top >= -1 && box.top < innerHeight / 2 && box.bottom > box.top + 150; })()
+"""
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
+def test_the_plot_stays_in_view_while_a_suspect_is_previewed_and_added(person, size):
+    resize(person.driver, *size)
+    person.settled()
+    scale = person.js("thermocorr.charts.series.panels[1].scales.y.max")
+    person.js("document.querySelectorAll('details').forEach(d => { d.open = true })")
+    for last in (True, False):  # the farthest suspect, then the first
+        person.js(
+            "[...document.querySelectorAll('.suspects button')].at(arguments[0]).scrollIntoView({block: 'end'})", -last
+        )
+        person.js(
+            "[...document.querySelectorAll('.suspects button')].at(arguments[0]).focus({preventScroll: true})", -last
+        )
+        person.sees("document.querySelector('.preview:not(:empty)')")
+        assert person.js(IN_VIEW)
+    person.js("document.querySelector(\"[data-at='add 0 ']\").click()")
+    person.sees("thermocorr.bench.state.history.length === 2")
+    person.settled()
+    assert person.js(IN_VIEW)
+    person.sees("thermocorr.charts.series.spec.panels.some(p => p.lines.some(l => l.label === 'before'))")
+    assert person.js("thermocorr.charts.series.panels[1].scales.y.max") == pytest.approx(scale, rel=0.3)
+    assert person.faults() == []
+
+
+def test_roles_that_are_refused_stay_and_the_log_is_drawn_before_there_are_any(browser, tmp_path):
+    record = make_record(1000, seed=3).rename(columns={"reading": "alpha"})
+    record.to_csv(tmp_path / "log.csv")
+    with running(tmp_path / "log.csv") as (_, port, token):
+        person = Person(browser, port, token)
+        person.sees("document.querySelectorAll('.raw path').length === 6")
+        assert person.js("document.querySelector(\"[data-at='role temperature']\").value") == "temperature"
+        role = "document.querySelector(\"[data-at='role humidity']\")"
+        person.js(f"{role}.value = 'temperature'")
+        person.click("[data-at=columns]")
+        person.sees("document.querySelector('[data-at=refused]').textContent.startsWith('Several columns')")
+        assert person.js(f"{role}.value") == "temperature"
+        person.js(f"{role}.value = 'suspect'")
+        person.js("document.querySelector(\"[data-at='role alpha']\").value = 'reading'")
+        person.click("[data-at=columns]")
+        person.settled()
+        assert person.faults() == []
+        browser.get("about:blank")

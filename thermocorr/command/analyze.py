@@ -140,6 +140,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         notes=(*noted, *_read_as(loaded, comparison)),
     )
     best = _chosen(answer, comparison, judged)
+    answer = replace(answer, notes=tuple(filter(None, (added_noise(best, X, y), *answer.notes))))
     files: list[str] = []
     if folder is not None and answer.choice != "none":
         evaluated, more = _evaluated(best, X, read)
@@ -158,7 +159,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
     if folder is not None and answer.choice == "none":
         say("No correction is written, as none is advised. To write one all the same: --variant dynamic-linear")
     if options.verbose:
-        say(_everything(answer, judged, best, X, y))
+        say(_everything(answer, judged, best))
 
 
 def _read_as(loaded: Loaded, comparison: VariantComparison) -> list[str]:
@@ -170,7 +171,7 @@ def _read_as(loaded: Loaded, comparison: VariantComparison) -> list[str]:
     return [
         f"{model.reading_.n_readings} readings of {loaded.reading!r}, {named} ({unit}{by_size}), a row every "
         f"{span_text(model.features_.history_.usual_step)}",
-        *loaded.understood,
+        *([f"Read as: {', '.join(loaded.understood)}."] if loaded.understood else []),
     ]
 
 
@@ -181,13 +182,13 @@ def _chosen(answer: Answer, comparison: VariantComparison, judged: Judged) -> Dy
     return comparison.models[answer.asked or comparison.begun]
 
 
-def _everything(answer: Answer, judged: Judged, best: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series) -> str:
+def _everything(answer: Answer, judged: Judged, best: DynamicBiasRegressor) -> str:
     """What the answer leaves out."""
     said = ["", *(f"Data: {note}" for note in answer.notes), str(answer.comparison), str(answer.advised)]
     for name, taus in best.thermometers_.items():
         of_which = f", {name}" if len(best.thermometers_) > 1 else ""
         said.append(f"Time constants{of_which}: {', '.join(map(span_text, taus)) or 'none'}")
-    return "\n\n".join(filter(None, [*said, judged.said, added_noise(best, X, y)]))
+    return "\n\n".join([*said, judged.said])
 
 
 def _evaluated(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series) -> tuple[pd.DataFrame, list[str]]:

@@ -39,7 +39,8 @@ Gaussian noise reaches it once in 1e11 rows; at 4, the tails of ordinary noise w
 
 DECADES = 1.0
 """Decades beyond the largest expected peak of the whole record, out to which the tail of its peaks is predicted. Of 40
-records of Student's t with three degrees, 20 000 rows each, 6 lose a row; at 0 27 do, at 2 one, but of spikes of 12 standard deviations in white noise 15 % are kept then."""
+records of Student's t with three degrees, 20 000 rows each, 6 lose a row; at 0 27 do, at 2 one, but of spikes of 12
+standard deviations in white noise 15 % are kept then."""
 
 
 SHARES = (3e-3, 1e-2, 3e-2)

@@ -55,18 +55,21 @@ class Advice:
     @property
     def before(self) -> float:
         """Error of the best correction that needs no temperature."""
-        return float(self.table.loc[[*NEEDLESS], "all"].to_numpy(float).min())
+        return min(map(self._of, NEEDLESS))
+
+    def _of(self, name: str) -> float:
+        return float(self.table["all"].to_numpy(float)[list(self.table.index).index(name)])
 
     @property
     def after(self) -> float:
         """Error of what is advised."""
-        return float(self.table["all"].to_dict()[self.variant]) if self.variant else self.before
+        return self._of(self.variant) if self.variant else self.before
 
     @property
     def range(self) -> tuple[float, float]:
         """Least and greatest error of what is advised on a later stretch."""
-        name = self.variant or str(self.table["all"].loc[[*NEEDLESS]].idxmin())
-        each = self.table.loc[name].drop("all")
+        name = self.variant or min(NEEDLESS, key=self._of)
+        each = self.table.drop(columns="all").to_numpy(float)[list(self.table.index).index(name)]
         return float(each.min()), float(each.max())
 
     def scale(self) -> Scale:
@@ -82,7 +85,7 @@ class Advice:
 
     def using(self, name: str, models: Mapping[str, Any]) -> Advice:
         """The advice as if a variant were advised that the user asked for."""
-        return replace(self, choice=_kind(models[name]), variant=name)
+        return replace(self, choice=_kind(models[name]) if self.choice else "", variant=name)
 
     def sentence(self, scale: Scale | None = None) -> str:
         """What to do, and what it is worth; `scale` is the unit of its errors."""

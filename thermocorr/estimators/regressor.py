@@ -22,7 +22,7 @@ from .coverage import Coverage
 from .cutting import equal_edges
 from .doubts import doubts_of
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
-from .fitting import MergedRidge, learned_readings, require_rows, sweep_effects
+from .fitting import MergedRidge, learned_readings, require_rows, standard_errors, sweep_effects
 from .input_errors import readings_left_out
 from .prior import LawPrior, known_before
 from .progress import one_blas_thread, printed
@@ -32,6 +32,10 @@ from .uncertainty.assessed import SignedModel
 
 WASHOUT_TIME_CONSTANTS = 3.0
 """An unknown start is felt for this many of the longest time constant: 5 % of it is left then."""
+
+
+CLEARLY = 3.0
+"""Standard errors from zero at which a power stays in the law though the temperatures hardly determine it."""
 
 
 class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseEstimator):
@@ -205,18 +209,23 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             self.search_ = choose(self, X, y, say)
             record, believed, prior = self._learn(X, y, say)
             covered = Coverage.of(record, self.degree if prior is None else 0)
-            if prior is None and covered.degree < self.degree:
+            if prior is None and covered.degree < self.degree and not self._knows_highest_power():
                 self._degree = covered.degree
                 self.search_ = choose(self, X, y, say)
                 record, believed, prior = self._learn(X, y, say)
-            self.reading_ = replace(self.reading_, temperature_gaps=covered.gaps)
             again = choose_again(self, X, record, believed, say)
             if again is not self.search_:
                 self.search_ = again
                 record, believed, prior = self._learn(X, y, say)
+        self.reading_ = replace(self.reading_, temperature_gaps=covered.gaps)
         self._conclude(record, believed, prior)
         self.washout_ = WASHOUT_TIME_CONSTANTS * self.features_.memory()
         return self
+
+    def _knows_highest_power(self) -> bool:
+        """Whether the coefficient of (T - T0)^degree, the last column of the static law, is clearly not zero."""
+        errors = standard_errors(self._swept, self._solution, self.alpha_)
+        return bool(abs(self._solution.coef[self.degree - 1]) > CLEARLY * errors[self.degree])
 
     def _learn(self, X: Any, y: Any, say: Callable[[str], None]) -> tuple[Record, Record, LawPrior | None]:
         """Learn the coefficients; returns the record, the same without spoilt readings, and what was known before."""

@@ -192,12 +192,7 @@ def compare_variants(
     products = dynamic.products if products is None else products
     window = check_int("compare_variants", "window", window, 1)
     n_blocks = check_int("compare_variants", "n_blocks", n_blocks, 2)
-    variants = {
-        "static linear": clone(dynamic).set_params(time_constants=(), degree=1, products=False),
-        "static nonlinear": clone(dynamic).set_params(time_constants=(), degree=degree, products=False),
-        "dynamic linear": clone(dynamic).set_params(degree=1, products=False),
-        "dynamic nonlinear": clone(dynamic).set_params(degree=degree, products=False),
-    }
+    variants = variants_of(dynamic, degree)
     if products == "auto" and count_to_choose(dynamic.time_constants) != 0:
         tried = clone(dynamic).set_params(degree=degree, products=products)
         products = tried.settled().fit(X, y).products_
@@ -235,6 +230,16 @@ def compare_variants(
         advice=advice,
         record=record,
     )
+
+
+def variants_of(model: DynamicBiasRegressor, degree: int) -> dict[str, DynamicBiasRegressor]:
+    """Unfitted copies of a model, static and dynamic, linear and nonlinear, without products; the simplest first."""
+    return {
+        "static linear": clone(model).set_params(time_constants=(), degree=1, products=False),
+        "static nonlinear": clone(model).set_params(time_constants=(), degree=degree, products=False),
+        "dynamic linear": clone(model).set_params(degree=1, products=False),
+        "dynamic nonlinear": clone(model).set_params(degree=degree, products=False),
+    }
 
 
 def _tell(say: Callable[[str], None], name: str, text: str) -> None:

@@ -77,6 +77,22 @@ def guessed(
 
     `frame` (DataFrame). `temperature`, `reading`, `time`, `run` (str, optional): Columns whose role the user knows.
     """
+    found = guessed_parts(frame, temperature=temperature, reading=reading, time=time, run=run)
+    temperature, reading = found["temperature"], found["reading"]
+    if temperature is None or reading is None:
+        return None
+    return Roles(temperature=temperature, reading=reading, time=found["time"], run=found["run"])
+
+
+def guessed_parts(
+    frame: pd.DataFrame,
+    *,
+    temperature: str | None = None,
+    reading: str | None = None,
+    time: str | None = None,
+    run: str | None = None,
+) -> dict[str, str | None]:
+    """What `guessed` finds, by role; None for what a person must choose."""
     time = guessed_time(frame, (temperature, reading, run)) if time is None else time
     run = guessed_run(frame, reading) if run is None else run
     numbers = [str(c) for c in frame.columns if kind_of(frame[c]) == "number" and str(c) not in (time, run)]
@@ -84,9 +100,7 @@ def guessed(
         temperature = _temperature([name for name in numbers if name != reading], frame)
     if reading is None:
         reading = _reading([name for name in numbers if name != temperature], frame)
-    if temperature is None or reading is None:
-        return None
-    return Roles(temperature=temperature, reading=reading, time=time, run=run)
+    return {"temperature": temperature, "reading": reading, "time": time, "run": run}
 
 
 def guessed_time(frame: pd.DataFrame, taken: Collection[str | None] = ()) -> str | None:
@@ -144,6 +158,11 @@ class ModelSettings:
     sampling_period: float | str | None = None
     max_gap: float | str | None = None
 
+    @property
+    def open(self) -> bool:
+        """Whether nobody has chosen lags, degree or products, so that the work begins with what is advised."""
+        return self.time_constants in ("auto", 6) and self.degree == 2 and self.products is False
+
 
 class AddedEffect(NamedTuple):
     """An effect in a form that can be compared and written: JSON of its kind and parameters."""
@@ -177,6 +196,10 @@ class Arrangement:
     def key(self) -> str:
         """A name that only equal arrangements share."""
         return hashlib.sha256(json.dumps(asdict(self), sort_keys=True, default=list).encode()).hexdigest()[:24]
+
+    def learned(self) -> tuple[Any, ...]:
+        """What decides which readings are learned from: errors of others are not to be compared."""
+        return (self.roles and self.roles.reading, self.left_out, self.spikes)
 
     def with_effect(self, effect: AddedEffect) -> Arrangement:
         """The arrangement with one effect more; lags of one column are one effect with several time constants."""
@@ -246,7 +269,7 @@ class Shape:
     def sentence(self) -> str:
         """Sentence that describes this step."""
         count = self.time_constants
-        lags = f"{count} time constants" if isinstance(count, int) else f"time constants {count}"
+        lags = f"{count} time constants" if isinstance(count, int) else f"time constants {count or 'none'}"
         return f"{lags}, degree {self.degree}{PRODUCTS.get(int(self.products), '')}"
 
     def node(self) -> dict[str, Any]:

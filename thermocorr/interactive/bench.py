@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -12,6 +13,8 @@ import numpy as np
 from ..effects import ThermalLag
 from ..effects.protocol import Effect
 from ..estimators import DynamicBiasRegressor
+from ..estimators.advice import Advice, advise
+from ..estimators.variants import variants_of
 from ..files.codec import fields, integer, number, text
 from ..files.effect_nodes import EffectCodec, import_path
 from ..judgement import diagnose
@@ -36,7 +39,7 @@ from .acts import (
     roles_of,
     shape_of,
 )
-from .learning import Fitted, axis_of, chosen_lags, fitted, moment_words, preview_of, quietly, sentence
+from .learning import Fitted, axis_of, chosen_lags, fitted, moment_words, preview_of, quietly, sentence, unfitted
 from .source import ReadLog
 from .tiles import Store
 
@@ -80,6 +83,8 @@ class Bench:
         """Curves in the store that are another's, and stay."""
         self.problem = ""
         """Why there is no model."""
+        self.advised: dict[str, Advice | None] = {}
+        """Which correction is advised, by the key of the arrangement that was asked about; None where that failed."""
         self.kept: OrderedDict[str, Fitted] = OrderedDict()
         """Fitted arrangements by their keys, the one that was looked at last behind the others."""
         self._known: dict[str, dict[str, Any]] = {}
@@ -215,6 +220,8 @@ class Bench:
         where = moment_words(found, ends, self.store.get(found.curves["seconds"])[ends])
         if what == "spikes":
             where = f"{len(places)} {'reading' if len(places) == 1 else 'readings'}, {where}"
+        if what == "left out" and not np.isfinite(np.delete(found.data.learned.to_numpy(float), rows)).any():
+            raise ValueError("This stretch holds all readings that are learned from: leave a part of them in.")
         moments = self._changes(found, inside) if what == "change" else ()
         self._become((*self.acts, Mark(what, _stretches(rows), where, moments)))
 
@@ -302,11 +309,32 @@ class Bench:
         if found is None:
             return None
         chores: list[Chore | None] = [
+            None if len(self.acts) > 1 or found.arrangement.key() in self.advised else
+            ("which correction to use", lambda: self._advise(found)),
             None if found.diagnosis or "diagnosis" in found.said else
             ("looking for what is missing", lambda: self._diagnose(found)),
             None if found.charts is not None else ("drawing", lambda: self._draw(found)),
         ]  # fmt: skip
         return next(filter(None, chores), None) or self._missing_errors()
+
+    def _advise(self, found: Fitted) -> None:
+        """Which correction to use; where nobody has chosen settings or gone further, the work begins with it."""
+        X, y, model = (
+            found.data.X,
+            found.data.learned,
+            unfitted(found.arrangement, self.codec, self.base or DynamicBiasRegressor()),
+        )
+        variants = variants_of(model, max(model.degree, 2))
+        try:
+            advice = quietly(lambda: advise({name: each.fit(X, y) for name, each in variants.items()}, X, y))
+        except Exception:  # effects of the user's own raise whatever they like
+            self.advised[found.arrangement.key()] = None
+            return
+        if self.base is None and self.settings.open and advice.variant:
+            lags = () if advice.choice == "static" else self.settings.time_constants
+            self.settings = replace(self.settings, time_constants=lags, degree=variants[advice.variant].degree)
+            self.fit()
+        self.advised[self.arrangement().key()] = advice
 
     def _missing_errors(self) -> Chore | None:
         """Errors of earlier steps that were never on the bench as they stand, after one between them was removed."""

@@ -36,6 +36,8 @@ from .tiles import Store
 
 RUNS = "run (workbench)"
 """Column of the labels of runs, where stretches were made runs of their own."""
+LESS_LEVEL = " less level"
+"""End of the names of curves without the level of each run."""
 EFFECT, COLUMN = "effect ", "column "
 """Beginnings of the names of curves: contributions of effects, and recorded columns."""
 
@@ -168,6 +170,7 @@ def curves_of(model: DynamicBiasRegressor, data: Data, store: Store) -> tuple[di
     walked = Walk(model, data.X, data.y)
     line = walked.timeline
     labels = walked.labels()
+    levels = next((k for k, effect in enumerate(model.features_.effect_list()) if _is_level(effect, model)), None)
     found: dict[str, list[np.ndarray]] = {}
     begins, count, last = [], 0, -1
     for part in walked.parts():
@@ -183,6 +186,9 @@ def curves_of(model: DynamicBiasRegressor, data: Data, store: Store) -> tuple[di
             "residual": part.measured - modelled,
         }
         values |= {f"{EFFECT}{label}": part.contributions[:, k] for k, label in enumerate(labels)}
+        if levels is not None:
+            level = part.contributions[:, levels]
+            values |= {f"{name}{LESS_LEVEL}": values[name] - level for name in ("reading", "model", "corrected")}
         for name in data.X.columns:
             if kind_of(data.X[name]) in ("number", "switch") and name != Thermometers.of(model.temperature).ambient:
                 values[f"{COLUMN}{name}"] = recorded(data.X, name, part.rows)
@@ -195,6 +201,12 @@ def curves_of(model: DynamicBiasRegressor, data: Data, store: Store) -> tuple[di
     arrays["begins"] = np.array(begins, float)
     arrays |= _conditions(model, walked.record, arrays["seconds"], line)
     return {name: store.put(array) for name, array in arrays.items()}, line
+
+
+def _is_level(effect: Effect, model: DynamicBiasRegressor) -> bool:
+    """Whether an effect is the level of each run."""
+    times = model.run_levels_.times
+    return bool(times) and isinstance(effect, SeveralSteps) and tuple(effect.times) == times
 
 
 def _conditions(
@@ -239,10 +251,12 @@ def moment_words(found: Fitted, places: np.ndarray, seconds: np.ndarray) -> str:
 
 
 def chosen_lags(given: str) -> Any:
-    """How many time constants to choose, "auto", or which: as a person types it."""
+    """How many time constants to choose, "auto", "none", or which: as a person types it."""
     words = given.strip()
     if words == "auto":
         return words
+    if words == "none":
+        return []
     return int(words) if words.isascii() and words.isdigit() and len(words) < 4 else spans(words)
 
 
@@ -268,7 +282,7 @@ def spans(given: str) -> list[float | str]:
             raise ValueError(f"{part!r} is no time constant. Write such as 60, 15min, 2h.")
         found.append(seconds)
     if not found:
-        raise ValueError("Say how many time constants to choose (6), auto, or which: 60, 15min, 2h.")
+        raise ValueError("Say how many time constants to choose (6), auto, none, or which: 60, 15min, 2h.")
     return found
 
 

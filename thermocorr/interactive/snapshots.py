@@ -12,10 +12,11 @@ from ..estimators.tables import VERDICTS
 from ..judgement import Diagnosis
 from ..judgement.where import largest_lag
 from ..pages.chapters import HELPS, Scales, parameters_text
-from ..pages.html import unit_text, units_of_axis
+from ..pages.html import unit_text, units_of_axis, with_signs
 from ..pictures.axes import stretches
 from ..pictures.words import (
     aspect_text,
+    better_text,
     each_row,
     effect_text,
     interval_text,
@@ -25,12 +26,12 @@ from ..pictures.words import (
     when_text,
 )
 from ..records.errors import printable
-from ..records.numbers import Scale, scale_of, span_text
+from ..records.numbers import Scale, number_text, scale_of, span_text
 from ..records.types import kind_of
 from ..records.units import difference_unit, unit_of
-from .acts import MARKS, Add, Columns, Mark, Roles, guessed_run, guessed_time
+from .acts import MARKS, Add, Columns, Mark, Roles, guessed_parts
 from .bench import Bench
-from .learning import COLUMN, EFFECT, Fitted, axis_of, fall, figure, gain, share
+from .learning import COLUMN, EFFECT, LESS_LEVEL, Fitted, axis_of, fall, figure, gain, share
 from .source import SAMPLES
 from .takeaway import KINDS
 from .tiles import Store
@@ -38,6 +39,8 @@ from .tiles import Store
 PLACES = 12
 """Places of failure that are listed."""
 NOTED = 12
+DRAWN, COLUMNS = 600, 12
+"""Rows and columns of a log that are drawn before there is a model."""
 
 
 def snapshot(bench: Bench) -> dict[str, Any]:
@@ -64,13 +67,15 @@ def snapshot(bench: Bench) -> dict[str, Any]:
         "marks": MARKS,
         "take": {name: kind.what for name, kind in KINDS.items()},
         "decided": roles is not None,
+        "raw": [] if found is not None else _raw(frame),
         "model": {
             "time_constants": shape.time_constants if isinstance(shape.time_constants, int | str)
-            else ", ".join(map(str, shape.time_constants)),
+            else ", ".join(map(str, shape.time_constants)) or "none",
             "degree": shape.degree,
             "products": shape.products,
         },
         "problem": bench.problem,
+        "advised": _advised(bench),
         "history": _history(bench, found),
         "can_undo": bench.past.at > 0,
         "can_redo": bench.past.at < len(bench.past.versions) - 1,
@@ -80,11 +85,27 @@ def snapshot(bench: Bench) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _raw(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """Columns of numbers in some of the rows, to be drawn before there is a model."""
+    rows = np.linspace(0, len(frame) - 1, min(len(frame), DRAWN)).astype(int)
+    shown = []
+    for name in [name for name in frame.columns if kind_of(frame[name]) == "number"][:COLUMNS]:
+        values = frame[name].to_numpy(float)
+        known = values[np.isfinite(values)]
+        if len(known):
+            low, high = number_text(known.min(), 4), number_text(known.max(), 4)
+            drawn = [float(v) if np.isfinite(v) else None for v in values[rows]]
+            unit = unit_text(unit_of(name, frame))
+            shown.append({"shown": printable(name), "unit": unit, "low": low, "high": high, "values": drawn})
+    return shown
+
+
 def _role(name: str, roles: Roles | None, frame: pd.DataFrame) -> str:
     """The role of a column; where not all is known, what could be guessed."""
     if roles is not None:
         return roles.of(name)
-    return "time" if name == guessed_time(frame) else "run" if name == guessed_run(frame) else "suspect"
+    known = guessed_parts(frame)
+    return next((role for role, column in known.items() if column == name), "suspect")
 
 
 def _is_joined(name: str, found: Fitted) -> bool:
@@ -112,18 +133,29 @@ def _said(bench: Bench, found: Fitted | None) -> list[str]:
     return [printable(words) for words in said]
 
 
+def _advised(bench: Bench) -> str:
+    """Which correction to use, in a sentence; "" where that is not known."""
+    advice = bench.advised.get(bench.arrangement(1).key())
+    later = bench.known(bench.arrangement(1).key()).get("later")
+    if advice is None:
+        return ""
+    return with_signs(printable(advice.sentence(None if later is None else scale_of([later], advice.unit))))
+
+
 def _history(bench: Bench, found: Fitted | None) -> list[dict[str, Any]]:
-    """The steps with their errors, each against the first that has one."""
+    """The steps with their errors, each against the first that has one and learns from the same readings."""
     errors = [bench.known(bench.arrangement(number).key()) for number in range(1, len(bench.acts) + 1)]
     sizes = [known.get(name) for known in errors for name in ("rms", "held_out", "later")]
     scale = scale_of([size for size in sizes if size is not None], found.model.reading_.unit if found else "")
     rows: list[dict[str, Any]] = []
-    first: float | None = None
+    firsts: dict[Any, float] = {}
     for number, act in enumerate(bench.acts, 1):
-        key = bench.arrangement(number).key()
+        arrangement = bench.arrangement(number)
+        key, learned = arrangement.key(), arrangement.learned()
         known = bench.known(key)
-        held_out = known.get("held_out")
-        first = held_out if first is None else first
+        later = known.get("later")
+        if later is not None:
+            firsts.setdefault(learned, later)
         rows.append(
             {
                 "step": number,
@@ -131,9 +163,10 @@ def _history(bench: Bench, found: Fitted | None) -> list[dict[str, Any]]:
                 "text": printable(act.sentence()),
                 "kind": {Columns: "columns", Add: "add", Mark: "mark"}.get(type(act), "shape"),
                 "rms": figure(known.get("rms"), scale),
-                "held_out": figure(held_out, scale),
-                "later": figure(known.get("later"), scale),
-                "db": fall(held_out, first) if number > 1 else None,
+                "held_out": figure(known.get("held_out"), scale),
+                "later": figure(later, scale),
+                "db": fall(later, firsts.get(learned)) if number > 1 else None,
+                "same": learned == bench.arrangement(1).learned(),
                 "verdict": known.get("verdict", ""),
             }
         )
@@ -197,6 +230,7 @@ def _fitted(found: Fitted) -> dict[str, Any]:
             {**curve, "unit": unit_text(unit_), "units": units_of_axis(unit_)}
             for curve, unit_ in ((curve, str(curve["unit"])) for curve in curves)
         ],
+        "levels": f"reading{LESS_LEVEL}" in found.curves,
         "time_constants": ", ".join(map(span_text, model.time_constants_)),
         "without_times": found.timeline.samples,
         "equation": printable(model.equation(), "\n"),
@@ -209,7 +243,8 @@ def _judged(found: Fitted) -> dict[str, Any]:
     judged = found.diagnosis
     assert judged is not None
     unit, axis = judged.unit, axis_of(found)
-    scale = scale_of((judged.residual_rms, judged.noise_floor), unit)
+    sizes = [size for suspect in judged.causes for size in (suspect.before, suspect.after)]
+    scale = scale_of((judged.residual_rms, judged.noise_floor, *sizes), unit)
     helps = judged.best is not None and judged.suspects[0].standing == "helps"
     start = found.timeline.zero if found.timeline.dates else None
     scales = Scales(start, found.model.reading_.temperature_unit)
@@ -230,9 +265,10 @@ def _judged(found: Fitted) -> dict[str, Any]:
                 "exactly": printable(suspect.effect.label()),
                 "cause": number < judged.n_causes,
                 "standing": suspect.standing,
-                "share": share(suspect.share),
-                "held_out": gain(suspect.gain_db),
-                "later": gain(suspect.later_db),
+                "before": figure(suspect.before, scale),
+                "after": figure(suspect.after, scale),
+                "later": gain(-suspect.later_db),
+                "stretches": better_text(suspect),
                 "p": probability_text(suspect.p_value),
                 "alike": [printable(effect.title()) for effect in suspect.confusable_with],
                 "when": printable(when_text(suspect)),

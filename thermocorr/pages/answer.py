@@ -16,6 +16,7 @@ from ..estimators.variants import VariantComparison
 from ..pictures.words import (
     DiagnosisLike,
     RefinementLike,
+    better_text,
     effect_text,
     further_text,
     left_sentences,
@@ -23,7 +24,7 @@ from ..pictures.words import (
     small_sentence,
 )
 from ..records.errors import printable
-from ..records.numbers import UNKNOWN, Scale, scale_of
+from ..records.numbers import Scale, scale_of
 
 LINES, WIDTH = 16, 100
 """Lines of a printed answer, and characters of a line, at most."""
@@ -45,12 +46,6 @@ class Missing(NamedTuple):
     def title(self) -> str:
         """The effect in words."""
         return str(printable(self.suspect.title or self.suspect.effect.title()))
-
-    @property
-    def better(self) -> str:
-        """In how many later stretches it lowers the error: "5 of 6"."""
-        each = self.suspect.each
-        return f"{sum(fall > 0 for fall in each)} of {len(each)}" if each else UNKNOWN
 
     def to_dict(self) -> dict[str, Any]:
         """It as JSON has it."""
@@ -202,7 +197,7 @@ class Answer:
         advice, scale = self.advised, self.scale()
         if advice is None:
             return f"The refined model has {self.model.removeprefix('with ')}." if self.refined else ""
-        if not advice.variant:
+        if not advice.variant or advice.table.empty:
             return advice.sentence(scale)
         said = f"Use the {f'refined correction, {self.model}' if self.refined else f'{self.model} correction'}"
         said += " (you asked for it)" if self.asked else ""
@@ -244,7 +239,7 @@ class Answer:
         """As many of the notes as there is room for."""
         lines: list[str] = []
         for number, note in enumerate(self.notes):
-            more = _wrapped(f"Data: {note}", 3)
+            more = _wrapped(note if note.startswith("Read as: ") else f"Data: {note}", 3)
             if len(lines) + len(more) + (number < len(self.notes) - 1) > room:
                 return [*lines, f"{len(self.notes) - number} more on the data: --verbose"]
             lines += more
@@ -280,7 +275,7 @@ class Answer:
                 [
                     cause.title,
                     *(scale.number(size) for size in (suspect.before, suspect.after)),
-                    cause.better,
+                    better_text(suspect),
                     probability_text(suspect.p_value),
                     f"{cause.state}, not proven" if suspect.standing == "helps" else cause.state,
                 ]

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from ..pictures.words import MINUS, aspect_text, effect_text, interval_text, place_text
+from ..pictures.words import MINUS, aspect_text, better_text, effect_text, interval_text, place_text
 from ..records.errors import printable
 from ..records.numbers import Scale, prefix_and_unit, prefixed, scale_of, span_text
 from ..records.units import without_unit
@@ -60,8 +60,8 @@ def _environment() -> Any:
         lstrip_blocks=True,
     )
     said = (
-        condition_text, decibels, effect_text, failing_text, interval_text, number, percent, probability, span_text,
-        unit_text, width, with_unit,
+        better_text, condition_text, decibels, effect_text, failing_text, interval_text, number, percent, probability,
+        span_text, unit_text, width, with_unit,
     )  # fmt: skip
     environment.filters.update({function.__name__: function for function in said})
     environment.globals.update(dash=DASH)

@@ -14,7 +14,7 @@ from ..effects import Disturbance
 from ..effects.wrap import as_effects
 from ..estimators.tables import VERDICTS
 from ..records.errors import printable
-from ..records.numbers import Scale, quantity_text, span_text, span_texts
+from ..records.numbers import UNKNOWN, Scale, quantity_text, span_text, span_texts
 
 
 class DiagnosisLike(Protocol):
@@ -154,6 +154,12 @@ def effect_text(effect: Any) -> str:
 def probability_text(p: float) -> str:
     """A p-value; below 1e-12 it is no more than that."""
     return f"{p:.2g}" if p > 1e-12 else "< 1e-12"
+
+
+def better_text(suspect: Any) -> str:
+    """In how many later stretches a suspect lowers the error: "5 of 6"; "-" where none are later."""
+    falls = suspect.each
+    return f"{sum(fall > 0 for fall in falls)} of {len(falls)}" if falls else UNKNOWN
 
 
 def wrapped(name: str, width: int, lines: int = 3) -> str:

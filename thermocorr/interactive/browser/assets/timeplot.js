@@ -14,6 +14,8 @@
       this.extra = new Set(); // names of curves below the temperature
       this.preview = null; // {label, before, after}
       this.pair = []; // two steps to compare: {key, text}
+      this.ghost = null; // key of the step before, whose residual stays as a ghost
+      this.less = ""; // what the names of curves of the reading end with
       this.range = null; // what is shown; null for the whole record
       this.asked = 0;
     }
@@ -23,6 +25,9 @@
       this.judged = state.judged;
       if (!this.fitted) { this.clear(); return; }
       const axis = this.fitted.axis;
+      if (state.history.length < 2) this.ghost = null;
+      else if (before && before.key !== this.fitted.key) this.ghost = before.axis.low === axis.low && before.axis.high === axis.high && before.reading === this.fitted.reading ? before.key : null;
+      if (!this.fitted.levels) this.less = "";
       if (before && (before.axis.low !== axis.low || before.axis.high !== axis.high)) this.range = null;
       const names = new Set(this.fitted.curves.map((curve) => curve.name));
       for (const name of this.extra) if (!names.has(name)) this.extra.delete(name);
@@ -38,17 +43,19 @@
       const floor = judged?.floor ? [2 * judged.floor.value, -2 * judged.floor.value] : [];
       const averaged = this.shown ? this.shown.averaged : true, mean = (name) => (averaged ? `mean ${name}` : name);
       const lines = (label) => [line("residual", label, "residual"), ...(averaged ? [line("mean residual", "mean of stretches", "average")] : [])];
-      const residual = lines(this.preview ? "residual now" : "residual");
-      if (this.preview) residual.push(line(mean(AFTER), `${averaged ? "mean " : ""}with ${this.preview.label}`, "other"), line(mean(TAKEN), "what it takes away", "model", { dash: true }));
-      const panels = [{ label: fitted.reading, unit, units, height: 150, lines: [line("reading", "measured", "reading"), line("model", "modelled", "model"), line("corrected", "corrected", "corrected")] }];
+      const small = this.place.clientWidth < 560, tall = small ? 84 : 150, low = small ? 60 : 96; // a telephone
+      const residual = lines("residual"), less = this.less;
+      if (this.ghost && !this.preview) residual.unshift(line("residual", "before", "ghost", { key: this.ghost }));
+      const panels = small && this.preview ? [] : [{ label: fitted.reading, unit, units, height: tall, lines: [line(`reading${less}`, "measured", "reading"), line(`model${less}`, "modelled", "model"), line(`corrected${less}`, "corrected", "corrected")] }];
       if (this.pair.length === 2) {
-        this.pair.forEach((step, i) => panels.push({ label: "residual", unit, units, height: 150, rules: floor, like: i ? 1 : null, key: step.key, lines: lines(step.text) }));
-      } else panels.push({ label: "residual", unit, units, height: 150, rules: floor, lines: residual });
+        this.pair.forEach((step, i) => panels.push({ label: "residual", unit, units, height: tall, rules: floor, like: i ? panels.length - 1 : null, key: step.key, lines: lines(step.text) }));
+      } else panels.push({ label: "residual", unit, units, height: tall, rules: floor, lines: residual });
+      if (this.preview) panels.push({ label: averaged ? "mean of stretches" : "residual", unit, units, height: tall, lines: [line(mean("residual"), "now", "average"), line(mean(AFTER), `with ${this.preview.label}`, "other"), line(mean(TAKEN), "what it takes away", "model", { dash: true })] });
       const known = new Map(fitted.curves.map((curve) => [curve.name, curve]));
-      panels.push({ label: fitted.temperature, unit: known.get("temperature").unit, height: 96, dense: true, lines: [line("temperature", fitted.temperature, "temperature")] });
+      if (!small) panels.push({ label: fitted.temperature, unit: known.get("temperature").unit, height: low, dense: true, lines: [line("temperature", fitted.temperature, "temperature")] });
       for (const name of this.extra) {
         const curve = known.get(name);
-        if (curve) panels.push({ label: curve.label, unit: curve.unit, units: curve.units, height: 96, dense: true, lines: [line(name, curve.label, "other")] });
+        if (curve) panels.push({ label: curve.label, unit: curve.unit, units: curve.units, height: low, dense: true, lines: [line(name, curve.label, "other")] });
       }
       return panels.map((panel) => ({ log: false, like: null, rules: [], key: fitted.key, ...panel }));
     }
@@ -60,22 +67,30 @@
       const { scale, zero } = this.fitted.axis, wanted = this.wanted(), found = new Map();
       this.running?.abort();
       this.running = new AbortController();
-      for (const key of new Set(panels.map((panel) => panel.key))) {
-        const names = new Set(panels.filter((panel) => panel.key === key).flatMap((panel) => panel.lines.map((l) => l.curve)));
-        found.set(key, await this.wire.piece({ key, curves: JSON.stringify([...names]), scale, zero, ...wanted }, this.running.signal));
+      const asked = panels.flatMap((panel) => panel.lines.map((l) => ({ key: l.key ?? panel.key, curve: l.curve })));
+      for (const key of new Set(asked.map((one) => one.key))) {
+        const names = new Set(asked.filter((one) => one.key === key).map((one) => one.curve));
+        try {
+          found.set(key, await this.wire.piece({ key, curves: JSON.stringify([...names]), scale, zero, ...wanted }, this.running.signal));
+        } catch (error) {
+          if (key !== this.ghost || error.name === "AbortError") throw error;
+          this.ghost = null; // its curves are no longer kept
+        }
       }
       return found;
     }
     async refresh() {
-      const number = ++this.asked, panels = this.panels();
+      const number = ++this.asked;
+      let panels = this.panels();
       let found;
       try { found = await this.fetched(panels); } catch (error) {
         if (error.name !== "AbortError" && number === this.asked) this.troubled(error);
         return;
       }
       if (number !== this.asked) return; // something newer is under way
+      panels = panels.map((panel) => ({ ...panel, lines: panel.lines.filter((l) => found.has(l.key ?? panel.key)) }));
       const main = found.get(this.fitted.key), x = places(main.x);
-      const columns = panels.map((panel) => panel.lines.map((l) => this.beside(x, found.get(panel.key), l.curve, main)));
+      const columns = panels.map((panel) => panel.lines.map((l) => this.beside(x, found.get(l.key ?? panel.key), l.curve, main)));
       const shades = this.judged ? this.judged.shades : [], out = this.fitted.left_out;
       const signature = JSON.stringify([panels, this.fitted.axis, shades, out]);
       if (signature !== this.signature) this.build(panels, x, columns, shades, signature);
@@ -141,6 +156,10 @@
     }
     previewed(preview) {
       this.preview = preview;
+      if (this.fitted) this.refresh();
+    }
+    levelled(on) {
+      this.less = on ? " less level" : "";
       if (this.fitted) this.refresh();
     }
     compared(pair) { // two steps, or none

@@ -11,13 +11,14 @@
       this.state = null;
       this.busy = 0;
       this.chosen = []; // keys of steps that are compared
+      this.promised = null; // the error that the suspect under the pointer would leave
       const at = (name) => root.querySelector(`[data-part="${name}"]`);
       this.at = at;
       this.wire = makeWire((kind, content) => this.hear(kind, content));
       this.plot = new TimePlot(at("plot"), this.wire, (error) => this.failed(error));
       this.views = new Views(at("views"), this.wire, (error) => this.failed(error));
       const act = {
-        do: (asked) => this.do(asked), trouble: (text) => { this.trouble(text); this.again(); }, go: (place) => this.go(place),
+        do: (asked, complain) => this.do(asked, complain), go: (place) => this.go(place),
         preview: (...given) => this.preview(...given), compare: (row) => this.compare(row),
         curve: (name, on) => this.plot.toggle(name, on),
       };
@@ -26,7 +27,8 @@
         [part("columns", (s) => panels.columns(s, act)), (s) => ({ columns: s.columns, decided: s.decided, source: s.source, times: s.fitted?.without_times })],
         [part("model", (s) => panels.model(s, act)), (s) => ({ model: s.model, fitted: s.fitted && { time_constants: s.fitted.time_constants, equation: s.fitted.equation } })],
         [part("history", (s) => panels.history(s, act, this.chosen)), (s) => ({ history: s.history, judged: s.judged && { floor: s.judged.floor }, can_undo: s.can_undo, can_redo: s.can_redo, chosen: this.chosen })],
-        [part("summary", (s) => panels.summary(s)), (s) => ({ history: s.history, judged: s.judged && { floor: s.judged.floor }, fitted: Boolean(s.fitted) })],
+        [part("summary", (s) => panels.summary(s, this.promised)), (s) => ({ history: s.history, judged: s.judged && { floor: s.judged.floor }, fitted: Boolean(s.fitted), advised: s.advised, promised: this.promised })],
+        [part("raw", (s) => panels.raw(s)), (s) => ({ raw: s.raw, fitted: Boolean(s.fitted) })],
         [part("verdict", (s) => panels.verdict(s, act)), (s) => ({ judged: s.judged, lacking: s.lacking, fitted: s.fitted && { notes: s.fitted.notes } })],
         [part("where", (s) => panels.where(s, act)), (s) => ({ judged: s.judged })],
         [part("suspects", (s) => panels.suspects(s, act)), (s) => ({ judged: s.judged, key: s.fitted?.key })],
@@ -40,11 +42,14 @@
       this.mode = element("button", { type: "button", "aria-pressed": "false", onclick: () => this.select(this.mode.getAttribute("aria-pressed") !== "true") }, "Select a stretch");
       const zoom = { "Whole record": () => this.plot.chart?.zoom(), "+": step(0.25, 0.75), "−": step(-0.5, 1.5), "◀": step(-0.5, 0.5), "▶": step(0.5, 1.5) };
       const names = { "+": "zoom in", "−": "zoom out", "◀": "earlier", "▶": "later" };
-      this.at("zoom").replaceChildren(...Object.entries(zoom).map(([name, run]) => element("button", { type: "button", "aria-label": names[name] || name, onclick: run }, name)), this.mode);
+      this.level = element("button", { type: "button", "aria-pressed": "false", hidden: true, "data-at": "level", onclick: () => { const on = this.level.getAttribute("aria-pressed") !== "true"; this.level.setAttribute("aria-pressed", String(on)); this.plot.levelled(on); } }, "Runs less their level");
+      this.at("zoom").replaceChildren(...Object.entries(zoom).map(([name, run]) => element("button", { type: "button", "aria-label": names[name] || name, onclick: run }, name)), this.mode, this.level);
       this.marks = element("div", { class: "marks", hidden: true });
       this.at("marks").replaceChildren(this.marks);
       this.at("cancel")?.addEventListener("click", () => this.wire.cancel());
       this.at("dismiss").addEventListener("click", () => this.trouble(""));
+      const menu = this.at("take").closest("details");
+      this.root.addEventListener("click", (event) => { if (menu && !event.target.closest("summary")) menu.open = false; });
       const samples = this.at("samples");
       samples?.addEventListener("change", () => { if (samples.value) this.open({ sample: samples.value }); samples.value = ""; });
       const file = this.at("open");
@@ -54,8 +59,9 @@
       this.root.addEventListener("drop", (event) => { event.preventDefault(); if (event.dataTransfer.files.length) this.open(event.dataTransfer.files[0]); });
     }
     keys() {
-      this.root.addEventListener("keydown", (event) => {
-        if (event.target.matches?.("input, select, textarea")) return;
+      const place = this.root.parentElement === document.body ? document : this.root;
+      place.addEventListener("keydown", (event) => {
+        if (event.target.matches?.("input[type=text], input[type=number], textarea")) return;
         if ((event.ctrlKey || event.metaKey) && event.key === "z") { event.preventDefault(); if (this.state?.can_undo) this.do({ do: "undo" }); }
         else if ((event.ctrlKey || event.metaKey) && event.key === "y") { event.preventDefault(); if (this.state?.can_redo) this.do({ do: "redo" }); }
         else if (event.key === "Escape") { this.select(false); this.preview(null); }
@@ -77,9 +83,10 @@
       this.problem = problem;
       const there = new Set(state.history.map((row) => row.key));
       if (this.chosen.some((key) => !there.has(key))) this.chosen = this.plot.pair = [];
-      if (state.fitted?.key !== this.plot.fitted?.key) this.plot.preview = null;
+      if (state.fitted?.key !== this.plot.fitted?.key) this.plot.preview = this.promised = null;
       for (const [part, content] of this.parts) part.show({ ...content(state) }, state);
       if (state.fitted) delete this.root.dataset.empty; else this.root.dataset.empty = "1";
+      this.level.hidden = !state.fitted?.levels;
       this.plot.show(state);
       this.views.show(state);
       this.root.dataset.judged = state.judged && state.fitted ? state.fitted.key : "";
@@ -107,7 +114,7 @@
       this.at("trouble").textContent = text || "";
       this.at("alert").hidden = !text;
     }
-    async do(asked) {
+    async do(asked, complain = (text) => this.trouble(text)) {
       if (this.busy) return null;
       clearTimeout(this.hover);
       this.hovered = null;
@@ -117,8 +124,8 @@
       try {
         return await this.wire.ask(asked, this.state?.revision);
       } catch (error) {
-        this.trouble(error.message);
-        if (asked.do === "columns" || asked.do === "shape") this.again();
+        complain(error.message);
+        if (asked.do === "shape") this.again();
         return null;
       } finally {
         this.busy -= 1;
@@ -131,7 +138,7 @@
       if (wanted === this.hovered) return;
       this.hover = setTimeout(async () => {
         this.hovered = wanted;
-        if (wanted == null) { if (this.plot.preview) this.plot.previewed(null); return; }
+        if (wanted == null) { if (this.plot.preview) this.plot.previewed(null); this.promise(null); return; }
         const key = this.state.fitted?.key;
         if (!this.state.judged || place >= this.state.judged.suspects.length) return;
         let found;
@@ -140,7 +147,12 @@
         shown.textContent = "";
         shown.append("In sample it would leave ", number(found.after), " instead of ", number(found.before), ".");
         this.plot.previewed(found);
+        this.promise(alike == null ? this.state.judged.suspects[place].after : null);
       }, place == null ? 2 * HOVER : HOVER);
+    }
+    promise(error) {
+      this.promised = error;
+      this.show(this.state);
     }
     go(place) {
       if (place.from_to) this.plot.go(...place.from_to);
